@@ -242,13 +242,18 @@ def show_table(table: Table, *, err: bool = False) -> None:
     from rich.table import Table as RichTable
 
     shown = RichTable(title=table.caption or None, title_justify="left", box=None, pad_edge=False)
+    rows = table.texts()
     for index, column in enumerate(table.columns):
-        shown.add_column(column, justify="right" if table.numeric(index) else "left")
-    for row in table.texts():
+        wide = max((len(row[index]) for row in rows), default=0)
+        if table.numeric(index):  # a narrow terminal folds heads and sentences, and cuts nothing
+            shown.add_column(column, justify="right", min_width=wide, overflow="fold")
+        else:
+            shown.add_column(column, no_wrap=wide <= 20, overflow="fold")
+    for row in rows:
         shown.add_row(*row)
     place = sys.stderr if err else sys.stdout
     wide = None if place.isatty() else 200
-    Console(file=place, width=wide, highlight=False, markup=False).print(shown)
+    Console(file=place, width=wide, highlight=False, markup=False).print(shown, crop=False)
 
 
 existing = regular_file

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 import time
 from pathlib import Path
@@ -10,7 +11,9 @@ import numpy as np
 import pytest
 
 from patagium.cli.main import run
-from patagium.robot import load_robot, write_template
+from patagium.cli.words import show_table
+from patagium.report import Table
+from patagium.robot import load_robot, preset_names, write_template
 
 SIX = (
     "simulate aerobat",
@@ -41,6 +44,31 @@ def test_six_commands_work_at_the_first_try(
         assert time.monotonic() - began < 60.0, words  # 15 s warm, and the compiler when cold
         assert said.splitlines()[-1].startswith("Next: "), said
         assert file is None or (tmp_path / file).stat().st_size > 1_000
+
+
+class _Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("columns", [60, 80])
+def test_a_narrow_terminal_cuts_no_number_and_no_name(
+    columns: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heads = ["output", *(f"mean square error {k} [1]" for k in range(4))]
+    rows = [[f"left_mediolateral_{k}", 1.23e-9, 4.56e-10, 0.789, None] for k in range(2)]
+    shown = _Terminal()
+    monkeypatch.setenv("COLUMNS", str(columns))
+    monkeypatch.setenv("TERM", "dumb")
+    monkeypatch.setattr("sys.stdout", shown)
+    show_table(Table(heads, rows))
+    with pytest.raises(SystemExit):
+        run(["robots"])
+    said = shown.getvalue()
+    assert "…" not in said
+    for word in ("left_mediolateral_0", "1.23×10⁻⁹", "4.56×10⁻¹⁰", "0.789", *preset_names()):
+        assert re.search(rf"(^|\s){word}(\s|$)", said, re.MULTILINE), word
+    assert columns == 60 or max(map(len, said.splitlines()[:-1])) <= 80
 
 
 def test_every_command_that_comes_next_is_one_of_those_that_work(
