@@ -34,6 +34,7 @@ from patagium.aerodynamics import (
     register_polar,
     section_history,
 )
+from patagium.errors import suggest_names
 
 __all__ = [
     "AddedMass",
@@ -66,3 +67,4 @@ __all__ = [
     "register_polar",
     "section_history",
 ]
+suggest_names(__name__)

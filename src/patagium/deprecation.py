@@ -90,8 +90,6 @@ _MOVED = {
         momentum_force motor_forces save_sensor_log""",
 }
 """Names that stood at the top of the package, by their home."""
-_SPLIT = ("patagium.learning", "patagium.live", "patagium.sensing")
-"""Packages that `patagium.identification` was split into."""
 _DEFAULT = "the default, which errs less"
 _REMOVED = {
     **dict.fromkeys(("FlowNetwork", "HiddenFlowNetwork"), f"LinearStripNetwork, {_DEFAULT}"),
@@ -104,13 +102,10 @@ _REMOVED = {
 
 
 @functools.cache
-def former_names(module: str) -> dict[str, str]:
-    """New dotted name of each former name of the top, or of `patagium.identification`."""
-    if module == "patagium":
-        homes = {home: names.split() for home, names in _MOVED.items()}
-        return {name: f"{home}.{name}" for home, names in homes.items() for name in names}
-    found = {name: f"{home}.{name}" for home in _SPLIT for name in import_module(home).__all__}
-    return found | {"Table": "patagium.sensing.LogTable"}
+def former_names() -> dict[str, str]:
+    """New dotted name of each name that stood at the top of the package."""
+    homes = {home: names.split() for home, names in _MOVED.items()}
+    return {name: f"{home}.{name}" for home, names in homes.items() for name in names}
 
 
 def refuse_removed(where: str, name: object) -> None:
@@ -140,7 +135,7 @@ def former_name(module: str, name: str, present: Iterable[str]) -> Any:
         ParameterError: If what it names was removed.
     """
     refuse_removed(module, name)
-    former = former_names(module)
+    former = former_names()
     if name in former:
         home, _, attribute = former[name].rpartition(".")
         found = getattr(import_module(home), attribute)

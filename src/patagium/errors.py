@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import errno
 import os
+import sys
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from enum import IntEnum
@@ -116,6 +117,21 @@ def similar(word: object, known: Iterable[str]) -> str:
     names = {name.lower(): name for name in today}
     near = get_close_matches(word.lower()[:SHOWN], names, 1) if isinstance(word, str) else []
     return f"; did you mean {today[names[near[0]]]}?" if near else ""
+
+
+def suggest_names(module: str) -> None:
+    """Let a module answer an unknown name with a similar one of its public names.
+
+    Args:
+        module: Dotted name of the module, which has `__all__`.
+    """
+    names = vars(sys.modules[module])
+
+    def absent(name: str) -> Any:
+        said = f"module {module!r} has no attribute {name!r}"
+        raise AttributeError(said + similar(name, names["__all__"]))
+
+    names["__getattr__"] = absent  # not declared, so that type checkers know what is absent
 
 
 def problem_lines(
@@ -350,3 +366,6 @@ def positive(name: str, value: Any, expected: str = "a positive number") -> floa
     if not (isinstance(value, Real) and isfinite(value) and float(value) > 0):
         raise ParameterError(name, expected, value)
     return float(value)
+
+
+suggest_names(__name__)

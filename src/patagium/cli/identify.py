@@ -207,25 +207,15 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
         as_json: Whether a program reads them.
     """
     from patagium.cli.words import say_json, show_table
-    from patagium.learning.page import forecast_tables, summary
+    from patagium.learning.page import forecast_tables, score_table, summary
     from patagium.learning.parameter_paths import parameter_table
-    from patagium.report import Table
 
     if as_json:
         say_json(dict(scores))
         return
     for name, text in scores.get("chosen", {}).items():
         typer.echo(f"{name}: {text}")
-    columns = {
-        "NMSE": scores.get("nmse", {}),
-        "second half": scores.get("nmse_second_half", {}),
-        "held sample, second half": scores.get("persistence_second_half", {}),
-        "in the 95 % interval": scores.get("coverage_by_output", {}),
-    }
-    names = [name for name in columns["NMSE"] if name not in scores["silent"]]
-    rows = [[name, *(column.get(name) for column in columns.values())] for name in names]
-    show_table(Table(["output", *columns], rows))
-    for table in forecast_tables(scores):
+    for table in (score_table(scores), *forecast_tables(scores)):
         show_table(table)
     parameters = parameter_table(scores)
     if parameters is not None:

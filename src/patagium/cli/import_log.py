@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
-from patagium.cli.words import OUTPUT
-
-if TYPE_CHECKING:
-    from patagium.sensing.logs.importing.import_log import Imported
+from patagium.cli.words import OUTPUT, FilesArgument
 
 NAME = "import"
 EXAMPLES = (
@@ -21,12 +19,7 @@ EXAMPLES = (
 
 
 def import_log(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            help="A CSV, Parquet, MAT, ULog, ArduPilot or MCAP file, a ROS bag, or parts of one."
-        ),
-    ],
+    files: FilesArgument,
     mapping: Annotated[
         Path, typer.Option("--map", "--mapping", help="Meaning of its columns or fields (YAML).")
     ],
@@ -42,7 +35,7 @@ def import_log(
     The result is written whole or not at all. `docs/logs.md` has a mapping for each kind of file.
     """
     from patagium.cli.inspect import show_findings
-    from patagium.cli.words import existing, progress_bar, say_json
+    from patagium.cli.words import existing, progress_bar, say_json, say_next
     from patagium.sensing.logs.importing.import_log import import_log as bring
 
     target = out if out is not None else Path(f"{files[0].name.partition('.')[0]}.nc")
@@ -62,7 +55,7 @@ def import_log(
         )
         raise typer.Exit(130) from None
     if as_json:
-        say_json(_facts(found))
+        say_json({**asdict(found), "path": str(found.path)})
         return
     typer.echo(f"{found.samples} samples over {found.duration:.6g} s: {found.time_base}.")
     if found.left_out:
@@ -80,9 +73,5 @@ def import_log(
                 f"({spread}) m/s^2; the change itself is ({moved}) m/s^2 rms."
             )
     typer.echo(f"The log is in {found.path}")
-
-
-def _facts(found: Imported) -> dict[str, Any]:
-    from dataclasses import asdict
-
-    return {**asdict(found), "path": str(found.path)}
+    verbs = ["stream"] if found.path.suffix == ".csv" else ["identify", "motion --robot ROBOT"]
+    say_next(*(f"patagium {verb} {found.path}" for verb in verbs))

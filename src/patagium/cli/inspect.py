@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from patagium.cli.words import FilesArgument
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,12 +22,7 @@ EXAMPLES = (
 
 
 def inspect(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            help="A CSV, Parquet, MAT, ULog, ArduPilot or MCAP file, a ROS bag, or parts of one."
-        ),
-    ],
+    files: FilesArgument,
     topic: Annotated[
         list[str] | None, typer.Option(help="Topic whose numbers are shown; may be repeated.")
     ] = None,
@@ -41,7 +37,7 @@ def inspect(
     Topics and fields are named as a mapping for `patagium import` names them. What is not read
     is listed with the reason.
     """
-    from patagium.cli.words import progress_bar, say_json
+    from patagium.cli.words import progress_bar, say_json, say_next
     from patagium.errors import LogError
     from patagium.sensing.logs.importing.inspection import inspect_log
 
@@ -62,6 +58,8 @@ def inspect(
         typer.echo(f"Note: {note}")
     if len(names) > 1 and not topic:
         typer.echo("Numbers of a topic: --topic NAME; of all: --json")
+    brought = f"patagium import {' '.join(map(str, files))} --mapping map.yaml"
+    say_next(f"say in map.yaml what these fields mean (docs/logs.md shows how), then {brought}")
 
 
 def show_findings(findings: Sequence[Finding], *, err: bool = False) -> None:

@@ -290,8 +290,8 @@ class Prepared:
             f"climb {climb:.3g} m/s, {1 / orbit.period:.3g} Hz",
             f"Controller: {plan.controller.type}, commands {commands}"
             + learns * plan.controller.learn,
-            f"Truth: masses {100 * truth.masses:g} % off "
-            f"(seed {plan.seed}), {truth.air} air of {truth.density:g} kg/m^3, "
+            f"Truth: masses and inertias off by {100 * truth.masses:g} % "
+            f"(std; seed {plan.seed}), {truth.air} air of {truth.density:g} kg/m^3, "
             f"the model's {plan.trim.air} of {plan.trim.density:g}",
             f"Known: {told}",
             f"Flight of {self.duration:.3g} s; events: {events}",
@@ -343,11 +343,11 @@ def prepared(plan: Plan) -> Prepared:
         raise PatagiumError(repr(orbit))
     named = plan.controller.commands or tuple(robot.actuators)
     if not named:
-        expected = f"commands of {robot.name}, each with a range in `actuators` of its file"
+        expected = "`actuators` in the robot's file, such as {frequency: {range: [2 Hz, 5 Hz]}}"
         raise ParameterError("controller: commands", expected, None)
     controller = _controller(plan.controller, orbit, named)
     duration = BEATS * orbit.period if plan.duration is None else plan.duration
-    positive("duration", duration)
+    positive("duration", duration, "a positive number of seconds")
     events: tuple[Event, ...] = (_default_gust(orbit, duration),)
     if plan.events is not None:
         events = tuple(one.event() for one in plan.events)

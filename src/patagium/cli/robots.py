@@ -28,9 +28,7 @@ def robots(
     ] = None,
     new: Annotated[
         str | None,
-        typer.Option(
-            help="Name of a robot to be written as NAME.yaml, a commented file to change."
-        ),
+        typer.Option(help="Name of a robot, written as NAME.yaml: a commented file to change."),
     ] = None,
     gallery: Annotated[
         Path | None,
@@ -78,5 +76,6 @@ def robots(
     if as_json:
         say_json(found)
     else:
-        heads = list(found[0])
+        heads = ["robot", "joints", "wings", "strips", "mass [kg]", "span [m]", "wing area [m^2]"]
         show_table(Table(heads, [[facts[head] for head in heads] for facts in found]))
+        say_next("patagium robots aerobat --draw aerobat.png", "patagium simulate aerobat")

@@ -336,7 +336,7 @@ def flight_facts(flight: Any) -> dict[str, Any]:
     told = {name: flight.attrs[name] for name in _TOLD if name in flight.attrs}
     told |= {"duration [s]": float(time[-1] - time[0]), "samples": int(time.size)}
     audits = {name: flight.attrs[name] for name in _AUDITS if name in flight.attrs}
-    return told | flight_summary(flight) | audits
+    return flight_summary(flight) | told | audits
 
 
 def flight_table(facts: dict[str, Any]) -> dict[str, Any]:
@@ -350,7 +350,8 @@ def flight_table(facts: dict[str, Any]) -> dict[str, Any]:
     rows = {}
     for name, value in facts.items():
         if name in ("roll", "pitch", "yaw"):
-            value = " to ".join(f"{round(degrees(one), 1) + 0.0:.1f}" for one in value)  # noqa: PLW2901
+            ends = (f"{round(degrees(one), 1) + 0.0:.1f}" for one in value)
+            value = " to ".join(ends).replace("-", "−")  # noqa: PLW2901
         if name != "warnings":
             rows[_LABELS.get(name, name)] = value
     return rows

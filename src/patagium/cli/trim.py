@@ -80,7 +80,7 @@ def trim(
     from patagium.simulation import gaits, save_flight
 
     if along is None and figure is not None:
-        raise ParameterError("--figure", "--along with the branch of the picture", None)
+        raise ParameterError("--figure", "a branch to draw, such as --along speed=2:6", None)
     machine = load_robot(robot)
     gait = gaits.cruise(machine)
     chosen = tuple(free) if free else control.free_parameters(machine, gait)

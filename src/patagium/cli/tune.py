@@ -174,7 +174,7 @@ def _show(found: Tuned) -> None:
         scores += [one.nmse_second_half, one.coverage_second_half]
         rows.append([*scores, *map(_cell, [*values.values(), list(trial.hidden)])])
     names = [name.replace("_", " ") for name in found.trials[0].values]
-    scored = ["CRPS", "left out: NMSE", "coverage", "known: NMSE", "coverage"]
+    scored = ["CRPS [std]", "left out: NMSE [1]", "coverage [1]", "known: NMSE [1]", "coverage [1]"]
     show_table(Table([*scored, *names, "hidden"], rows))
     best, search = found.trials[0].prediction, found.best.search
     typer.echo(

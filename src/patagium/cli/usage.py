@@ -23,9 +23,10 @@ def usage_sentence(error: Any, words: Sequence[str]) -> str:
         error: A `UsageError`.
         words: Words after the program's name.
     """
-    if error.ctx is None:  # the last word is an option without its value
-        verb = " ".join(words[: 2 if words[0] == "study" else 1])
-        return f"{error.option_name}: expected a value, found nothing; see patagium {verb} --help"
+    verb = " ".join(("patagium", *words[: 2 if words[0] == "study" else 1]))
+    if error.ctx is None:  # a flag with `=`, or the last word is an option without its value
+        given = "no value, found one" if "not take" in error.message else "a value, found nothing"
+        return f"{error.option_name}: expected {given}; see {verb} --help"
     verb, command = error.ctx.command_path, error.ctx.command
     if hasattr(error, "option_name") and hasattr(error, "possibilities"):
         options = [name for one in command.params for name in one.opts]
@@ -39,7 +40,12 @@ def usage_sentence(error: Any, words: Sequence[str]) -> str:
         return f"expected one of the verbs that {verb} --help lists, found {found}"
     parameter = getattr(error, "param", None)
     if parameter is None:
-        return str(error.format_message())
+        beyond = error.message.rpartition("(")[2].removesuffix(")")
+        place = max(i for i, word in enumerate(words) if f"{beyond} ".startswith(f"{word} "))
+        former, found = words[place - 1], f"found {words[place]!r}; see {verb} --help"
+        flag = former.startswith("-")
+        told = f"{former}: expected no value" if flag else f"expected nothing after {former!r}"
+        return f"{told}, {found}"
     option = parameter.opts[0] if parameter.opts[0].startswith("-") else parameter.name
     if hasattr(error, "param_type"):
         example = next(iter(re.findall(r"patagium .*", command.epilog or "")), f"{verb} --help")

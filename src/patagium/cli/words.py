@@ -71,6 +71,8 @@ def quantity(unit: str, noun: str) -> Callable[[str], float]:
 _TURN = 2 * 3.14159265358979
 OUTPUT = ("--output", "--out", "-o")
 """Words of the option for the file that a verb writes."""
+_FILES = "A CSV, Parquet, MAT, ULog, ArduPilot or MCAP file, a ROS bag, or parts of one."
+FilesArgument = Annotated[list[Path], typer.Argument(help=_FILES)]
 MappingOption = Annotated[
     Path | None,
     typer.Option("--mapping", "--map", help="Meaning of the columns or fields of a log (YAML)."),
@@ -148,7 +150,8 @@ def named_quantities(
     for word in words:
         name, equals, value = (part.strip() for part in word.partition("="))
         if not (name and equals and value):
-            raise ParameterError(option, f"NAME=VALUE with {noun}", word)
+            expected = f"NAME=VALUE with {noun}, such as {name or 'plunge'}=0.5"
+            raise ParameterError(option, expected, word)
         if name in values:
             raise ParameterError(option, f"{name} once", word)
         try:
@@ -239,13 +242,18 @@ def show_table(table: Table, *, err: bool = False) -> None:
     from rich.table import Table as RichTable
 
     shown = RichTable(title=table.caption or None, title_justify="left", box=None, pad_edge=False)
+    rows = table.texts()
     for index, column in enumerate(table.columns):
-        shown.add_column(column, justify="right" if table.numeric(index) else "left")
-    for row in table.texts():
+        wide = max((len(row[index]) for row in rows), default=0)
+        if table.numeric(index):  # a narrow terminal folds heads and sentences, and cuts nothing
+            shown.add_column(column, justify="right", min_width=wide, overflow="fold")
+        else:
+            shown.add_column(column, no_wrap=wide <= 20, overflow="fold")
+    for row in rows:
         shown.add_row(*row)
     place = sys.stderr if err else sys.stdout
     wide = None if place.isatty() else 200
-    Console(file=place, width=wide, highlight=False, markup=False).print(shown)
+    Console(file=place, width=wide, highlight=False, markup=False).print(shown, crop=False)
 
 
 existing = regular_file

@@ -23,6 +23,7 @@ from patagium.control.predictive import PredictiveController, RealTimeIteration
 from patagium.control.quadratic_program import ProgramStatus, QuadraticProgram
 from patagium.control.trimming import free_parameters, trim
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
+from patagium.errors import suggest_names
 
 __all__ = [
     "AdaptiveController",
@@ -64,3 +65,4 @@ __all__ = [
     "power_front",
     "trim",
 ]
+suggest_names(__name__)

@@ -18,13 +18,7 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics import Aerodynamics, QuasiSteady
 from patagium.control.gait_family import GaitFamily, fourier_series, gait_family
-from patagium.control.gait_program import (
-    IN_PLANE,
-    GaitProgram,
-    Goal,
-    Optimum,
-    lateral_states,
-)
+from patagium.control.gait_program import IN_PLANE, GaitProgram, Goal, Optimum, lateral_states
 from patagium.control.orbit import NoOrbit, Orbit
 from patagium.control.trimming import Conditions, OrbitSearch, TrimOptions, orbit_of, trim
 from patagium.control.wingbeat import FlightMap
@@ -289,7 +283,8 @@ def _optimal(
         search.point(found.nodes[:-1], found.values, conditions), conditions
     )
     if trouble:
-        return _not_found(family.names, replace(found, status="stalled"))
+        found = replace(found, status="stalled", residual=at.residual)
+        return _not_found(family.names, found)
     return OptimalGait(
         orbit_of(search, at, added_mass),
         goal,
@@ -323,6 +318,7 @@ def _not_found(names: Sequence[str], found: Optimum) -> NoOrbit:
 
 
 _REASONS = {
+    "stalled": "a gait was found, but its beats repeat less closely than those of an orbit",
     "Infeasible_Problem_Detected": "no gait within the limits fulfils the conditions near by",
     "Maximum_Iterations_Exceeded": "the search was not done in time",
     "Restoration_Failed": "no step from here leads nearer to the conditions",

@@ -96,9 +96,11 @@ class _Package(ModuleType):
     def __getattr__(self, name: str) -> Any:
         if name not in _HOMES:
             from patagium.deprecation import refuse_removed
+            from patagium.errors import similar
 
             refuse_removed(__name__, name)
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+            unknown = f"module {__name__!r} has no attribute {name!r}"
+            raise AttributeError(unknown + similar(name, __all__))
         value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
         super().__setattr__(name, value)
         return value

@@ -52,7 +52,7 @@ def write_identification(
     """
     address = replay.address if isinstance(replay, Picture) else replay
     moving = [Link("The flight in three dimensions", address)] if address else []
-    tables = [_score_table(scores), *forecast_tables(scores)]
+    tables = [score_table(scores), *forecast_tables(scores)]
     sections = [
         PageSection("Scores", [*moving, summary(scores), *tables, *_remarks(scores)]),
         *_parameters(scores, record),
@@ -171,21 +171,20 @@ def forecast_tables(scores: Mapping[str, Any]) -> list[Table]:
     return tables
 
 
-def _score_table(scores: Mapping[str, Any]) -> Table:
+def score_table(scores: Mapping[str, Any]) -> Table:
+    """Errors and coverage of each output that is not silent.
+
+    Args:
+        scores: Of an `Identification`.
+    """
     columns = {
-        "NMSE, whole run": "nmse",
-        "second half": "nmse_second_half",
-        "held sample, second half": "persistence_second_half",
+        "NMSE, whole run [1]": "nmse",
+        "second half [1]": "nmse_second_half",
+        "held sample, second half [1]": "persistence_second_half",
+        "in the 95 % interval [1]": "coverage_by_output",
     }
-    for key in scores:
-        if key.startswith("horizon_") and key.endswith("_nmse_second_half"):
-            label = key.removeprefix("horizon_").removesuffix("_nmse_second_half")
-            columns[f"weights kept for {label}"] = key  # files of the release before
-            columns[f"held for {label}"] = f"horizon_{label}_persistence_second_half"
-    if "coverage_by_output" in scores:
-        columns["in the 95 % interval"] = "coverage_by_output"
     present = {head: scores[key] for head, key in columns.items() if key in scores}
-    names = list(next(iter(present.values()), {}))
+    names = [name for name in next(iter(present.values()), {}) if name not in scores["silent"]]
     rows = [[name, *(column[name] for column in present.values())] for name in names]
     return Table(
         ["output", *present],

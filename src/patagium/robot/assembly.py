@@ -162,9 +162,12 @@ def _actuator(robot: Robot, name: str, part: ActuatorPart) -> Actuator:
     kind, joints = robot.command(name)
     path = f"actuators.{name}"
     if not joints or name == "amplitude":
-        known = ", ".join(robot.dof_names[i] for i in robot.actuated)
+        known = [robot.dof_names[i] for i in robot.actuated]
         kinds = ", ".join(f"<joint>_{one}" for one in COMMANDS)
-        raise AssemblyError((path, f"frequency, {kinds} of an actuated joint ({known})", name))
+        every = [f"{one}_{kind}" for one in known for kind in COMMANDS]
+        near = similar(name, ["frequency", *every, *(one.removeprefix("left_") for one in every)])
+        expected = f"frequency, {kinds} of an actuated joint ({', '.join(known)})"
+        raise AssemblyError((path, expected, name + near))
     unit = "rad" if kind == "phase" else robot.dof_units[robot.index(joints[0])]
     unit = "Hz" if kind == "frequency" else unit
 

@@ -1,5 +1,6 @@
 """Sensors, logs, clocks, motion, and the aerodynamic force from measurements."""
 
+from patagium.errors import suggest_names
 from patagium.sensing import sensors
 from patagium.sensing.force.air_force import training_data
 from patagium.sensing.force.measured_force import (
@@ -53,3 +54,4 @@ __all__ = [
     "sensors",
     "training_data",
 ]
+suggest_names(__name__)

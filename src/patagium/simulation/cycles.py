@@ -70,7 +70,7 @@ def cycle_statistics(
     if count < 1:
         raise FlightError(
             f"flight: expected {skip + 1} wingbeats of {beat:.6g} s at least, "
-            f"found {time[-1] - time[0]:.6g} s"
+            f"found {time[-1] - time[0]:.6g} s; fly longer, or skip fewer"
         )
     robot = robot_of(flight)
     phase = np.arange(phases) / phases

@@ -495,7 +495,7 @@ def load_flight(path: str | Path) -> xr.Dataset:
             read by `load_log`.
     """
     path = Path(path)
-    flight = loaded_dataset(path, FlightError, "a netCDF4 file")
+    flight = loaded_dataset(path, FlightError, "a flight such as patagium simulate writes")
     if str(flight.attrs.get("format", "")).startswith("patagium log"):
         raise FlightError(f"{path}: expected a simulated flight, found an imported log, which "
                           "`pt.load_log` reads")  # fmt: skip

@@ -8,14 +8,13 @@ an exact coordinate name addresses that one. Neglected: actuator dynamics, start
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
-from patagium.errors import ParameterError, finite, of_kind, positive
+from patagium.errors import ParameterError, finite, of_kind, positive, suggest_names
 from patagium.robot import Robot
 from patagium.robot.linkage import Linkage
 from patagium.simulation.arm import carried_gait
@@ -46,14 +45,7 @@ __all__ = [
     "superposed",
     "to_csv",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    if name == "Motion":
-        text = "patagium.gaits.Motion is now patagium.gaits.PrescribedMotion"
-        warnings.warn(text, DeprecationWarning, stacklevel=2)
-        return PrescribedMotion
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+suggest_names(__name__)
 
 
 AnyGait = TypeVar("AnyGait", bound=Gait)
@@ -257,7 +249,8 @@ def cruise(robot: Robot, frequency: float | None = None) -> FourierGait:
     """
     own = robot.cruise
     if own is None:
-        raise ParameterError("robot", "a file with a section cruise", robot.name)
+        expected = "a robot whose file has a section cruise, as patagium robots --new writes it"
+        raise ParameterError("robot", expected, robot.name)
     frequency = own.frequency if frequency is None else frequency
     if frequency is None:
         return still(robot, **own.offset)

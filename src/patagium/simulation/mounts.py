@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.errors import ParameterError, of_kind
+from patagium.errors import ParameterError, of_kind, suggest_names
 from patagium.robot import Body, Joint, Robot
 from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import CAPACITIES, FLOATING_COORDINATES, Axis, axis_of, finite_triple
@@ -28,6 +28,7 @@ from patagium.simulation.arm import ArmPlan, plan_arm
 from patagium.simulation.paths import Path, check_path
 
 __all__ = ["carried", "fixed", "free", "load_cell", "on_arm"]
+suggest_names(__name__)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.errors import LogError, ParameterError, ShapeError, finite, positive
+from patagium.errors import LogError, ParameterError, ShapeError, finite, positive, suggest_names
 from patagium.robot.model import FLOATING_COORDINATES, finite_triple
 from patagium.simulation.gait_models import (
     Array,
@@ -32,6 +32,7 @@ from patagium.simulation.gait_models import (
 )
 
 __all__ = ["circle", "figure_of_eight", "from_csv", "line", "sinusoid", "superposed", "waypoints"]
+suggest_names(__name__)
 
 Path: TypeAlias = Gait
 """What a mount asks of a path: a gait of the six coordinates of a floating base."""

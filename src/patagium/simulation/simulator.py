@@ -81,7 +81,9 @@ def whole_steps(duration: float, time_step: float, name: str = "duration") -> in
         raise ParameterError(name, expected, f"{duration:g} s")
     steps = round(duration / time_step)
     if steps < 1 or abs(duration / time_step - steps) > 1e-6 * steps:
-        raise ParameterError(name, f"a whole number of time steps of {time_step} s", duration)
+        near = f"{max(steps, 1) * time_step:.6g}"
+        expected = f"a whole number of time steps of {time_step} s, such as {near}"
+        raise ParameterError(name, expected, duration)
     return steps
 
 

@@ -502,7 +502,7 @@ def still(
 
     Args:
         flight: The flight.
-        time: When [s]; None: in the middle of the flight.
+        time: When [s]; None: at the greatest force of the wingbeat in the middle of the flight.
         predicted: A learner or model, or the identification of this flight; see `replay`.
         seen_from: Direction from the robot to the eye, world axes, (3,) [-].
 
@@ -521,4 +521,8 @@ def still(
     if not np.hypot(*seen_from[:2]) > 0:
         raise ParameterError("seen_from", "a direction that is not straight up", seen_from)
     shown = replay_content(flight, predicted)
-    return draw_still(shown, int(np.abs(shown.time - when).argmin()), seen_from=seen_from)
+    away = np.abs(shown.time - when)
+    if time is None and shown.arrows is not None:
+        near = away <= max(away.min(), (shown.period or 0.0) / 2)
+        away = np.where(near, -np.linalg.norm(shown.arrows.total, axis=1), np.inf)
+    return draw_still(shown, int(away.argmin()), seen_from=seen_from)

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -100,23 +101,16 @@ def test_names_of_a_name_space_resolve(space: str) -> None:
     assert [name for name in module.__all__ if getattr(module, name, None) is None] == []
 
 
-@pytest.mark.parametrize(
-    ("module", "name", "place"),
-    [
-        (module, *item)
-        for module in ("patagium", "patagium.identification")
-        for item in former_names(module).items()
-    ],
-)
-def test_a_former_name_works_and_says_its_place(module: str, name: str, place: str) -> None:
+@pytest.mark.parametrize(("name", "place"), former_names().items())
+def test_a_former_name_works_and_says_its_place(name: str, place: str) -> None:
     home, _, attribute = place.rpartition(".")
-    with pytest.warns(DeprecationWarning, match=rf"^{module}\.{name} is now {place}$"):
-        found = getattr(importlib.import_module(module), name)
+    with pytest.warns(DeprecationWarning, match=rf"^patagium\.{name} is now {place}$"):
+        found = getattr(patagium, name)
     new = importlib.import_module(home)
     assert found is getattr(new, attribute) and attribute in new.__all__
 
 
-@pytest.mark.parametrize("module", ["patagium", "patagium.learning", "patagium.identification"])
+@pytest.mark.parametrize("module", ["patagium", "patagium.learning"])
 @pytest.mark.parametrize(
     ("name", "instead"),
     [
@@ -153,6 +147,20 @@ def test_an_unknown_name_is_refused_with_a_suggestion(typed: str, meant: str) ->
     said = rf"^module 'patagium' has no attribute '{typed}'; did you mean {meant}\?$"
     with pytest.raises(AttributeError, match=said):
         getattr(patagium, typed)
+
+
+@pytest.mark.parametrize(
+    "module", [one for one in patagium.__all__ if isinstance(getattr(patagium, one), ModuleType)]
+)
+def test_every_public_module_suggests_its_own_names(module: str) -> None:
+    found = getattr(patagium, module)
+    for name in found.__all__:
+        said = (
+            rf"^module '{found.__name__}' has no attribute '{name}_'; did you mean (?i:{name})\?$"
+        )
+        with pytest.raises(AttributeError, match=said):
+            getattr(found, f"{name}_")
+    assert not hasattr(found, "xyzzy")
 
 
 def test_a_name_like_no_other_is_refused_without_a_suggestion() -> None:

@@ -129,6 +129,10 @@ optimize aerobat --goal powr
 optimize aerobat --harmonics 0
 optimize hawk
 simulate aerobat --ground low
+simulate aerobat --inflow 3
+simulate aerobat --inflow=3
+simulate aerobat hawk
+cache --clear now
 simulate command.yaml
 simulate rate.yaml
 simulate range.yaml
@@ -153,6 +157,15 @@ PACKAGE = """
 pt.Quasisteady
 pt.gait
 pt.loadrobot
+pt.air.Drydengust
+pt.control.Predictive_Controller
+pt.errors.Parametererror
+pt.learning.load_setings
+pt.sensing.Momentumobserver
+pt.gaits.sinusoid
+pt.mounts.onarm
+pt.paths.figureofeight
+pt.sensors.IMU
 pt.load_robot("aerobt")
 pt.load_flight("model.json")
 pt.load_model("flight.nc")

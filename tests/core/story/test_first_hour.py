@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import re
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from patagium.cli.main import run
-from patagium.robot import load_robot, write_template
+from patagium.cli.words import show_table
+from patagium.report import Table
+from patagium.robot import load_robot, preset_names, write_template
 
 SIX = (
     "simulate aerobat",
@@ -42,6 +46,31 @@ def test_six_commands_work_at_the_first_try(
         assert file is None or (tmp_path / file).stat().st_size > 1_000
 
 
+class _Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("columns", [60, 80])
+def test_a_narrow_terminal_cuts_no_number_and_no_name(
+    columns: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heads = ["output", *(f"mean square error {k} [1]" for k in range(4))]
+    rows = [[f"left_mediolateral_{k}", 1.23e-9, 4.56e-10, 0.789, None] for k in range(2)]
+    shown = _Terminal()
+    monkeypatch.setenv("COLUMNS", str(columns))
+    monkeypatch.setenv("TERM", "dumb")
+    monkeypatch.setattr("sys.stdout", shown)
+    show_table(Table(heads, rows))
+    with pytest.raises(SystemExit):
+        run(["robots"])
+    said = shown.getvalue()
+    assert "…" not in said
+    for word in ("left_mediolateral_0", "1.23×10⁻⁹", "4.56×10⁻¹⁰", "0.789", *preset_names()):
+        assert re.search(rf"(^|\s){word}(\s|$)", said, re.MULTILINE), word
+    assert columns == 60 or max(map(len, said.splitlines()[:-1])) <= 80
+
+
 def test_every_command_that_comes_next_is_one_of_those_that_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -52,6 +81,24 @@ def test_every_command_that_comes_next_is_one_of_those_that_work(
     assert "lifting lines" in _said("check own.yaml", capsys)
     assert "COMPLETED" in _said(fly, capsys)
     assert "Intervals about right" in _said("identify flight.nc", capsys)
+
+
+def test_a_log_is_brought_to_a_model_by_what_comes_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    time = np.arange(0.0, 4.0, 0.01)
+    columns = np.column_stack([time, np.sin(5 * time), 0.2 * np.sin(5 * time) ** 3])
+    np.savetxt("log.csv", columns, delimiter=",", header="t [s],angle [rad],lift [N]", comments="")
+    last = _said("inspect log.csv", capsys).splitlines()[-1]
+    assert last.startswith("Next: say in map.yaml what these fields mean")
+    Path("map.yaml").write_text(
+        "time: {column: t, unit: s}\ninputs: [{column: angle, unit: rad}]\n"
+        "outputs: [{column: lift, unit: N}]\n"
+    )
+    said = _said(last.partition("then patagium ")[2], capsys)
+    (learn, _) = re.findall(r"patagium ([^,\n]+)", said.splitlines()[-1])
+    assert learn == "identify log.nc" and "NMSE" in _said(learn, capsys)
 
 
 def test_the_file_of_a_new_robot_flies_and_is_never_written_over(

@@ -50,6 +50,20 @@ def test_pictures_of_the_gallery_are_made_by_the_program(tmp_path: Path) -> None
     assert (dots.max(axis=2) < 60).mean() > 1e-3  # arrows of true forces
 
 
+def test_a_picture_without_a_time_is_of_the_greatest_force_in_the_middle_beat(
+    tmp_path: Path,
+) -> None:
+    flight = gallery_flight("aerobat", 0.6)
+    beat = 1.0 / pt.load_robot("aerobat").cruise.frequency  # type: ignore[union-attr, operator]
+    total = flight["strip_force"].sum("strip").sel(time=slice(0.3 - beat / 2, 0.3 + beat / 2))
+    strongest = float((total**2).sum("axis").idxmax())
+    pictures = [tmp_path / name for name in ("own.png", "told.png", "middle.png")]
+    for time, file in zip((None, strongest, 0.3), pictures, strict=True):
+        still(flight, time).savefig(file)
+    own, told, middle = (file.read_bytes() for file in pictures)
+    assert own == told != middle
+
+
 def test_the_page_shows_every_robot_that_is_not_a_slip() -> None:
     shown = re.findall(r"!\[([\w-]+)\]\(gallery/([\w-]+)\.png\)", PAGE)
     assert sorted(a for a, _ in shown) == sorted({*preset_names()} - {"aerobat-published"})

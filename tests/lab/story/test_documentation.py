@@ -173,7 +173,7 @@ NAME_SPACES = ("air", "errors", "learning", "sensing")
 def _top_names() -> set[str]:
     """Names of `pt`, and those that stood there before the name spaces."""
     names = {*pt.__all__} - {"__version__", *NAME_SPACES}
-    return names | {place.removeprefix("patagium.") for place in former_names("patagium").values()}
+    return names | {place.removeprefix("patagium.") for place in former_names().values()}
 
 
 def _public_names() -> set[str]:

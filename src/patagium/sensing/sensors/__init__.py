@@ -1,5 +1,6 @@
 """Sensors of a flight, presets of real parts, and the log they leave."""
 
+from patagium.errors import suggest_names
 from patagium.sensing.sensors import presets
 from patagium.sensing.sensors.imu import Imu
 from patagium.sensing.sensors.joints import Encoder, MotorCurrent
@@ -31,3 +32,4 @@ __all__ = [
     "sense",
     "stepped",
 ]
+suggest_names(__name__)
