@@ -121,9 +121,17 @@ def __getattr__(name: str) -> Any:
     if name in _NAME_SPACES:
         return import_module(f"{__name__}.{name}")
     if name not in _HOME_OF:
-        from patagium.deprecation import former_name
+        from patagium.deprecation import refuse_removed
+        from patagium.errors import similar
 
-        return former_name(__name__, name, __all__)
+        refuse_removed(__name__, name)
+        known = dict[str, str]()
+        for space in _NAME_SPACES:
+            words = import_module(f"{__name__}.{space}").__all__
+            known |= {word: f"{__name__}.{space}.{word}" for word in words}
+        known |= {word: word for word in __all__}
+        unknown = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(unknown + similar(name, known))
     value = getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
     globals()[name] = value
     return value

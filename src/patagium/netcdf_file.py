@@ -138,7 +138,9 @@ def _compression(one: xr.Variable) -> dict[str, Any]:
     """
     rows, *columns = one.shape
     apart = one.dims[1:] == ("dof",) and rows > _PIECE and bool(one.values.any())
-    pieces = (min(_COLUMN, rows), 1) if apart else (min(_PIECE, rows), *columns)
+    pieces = (min(_PIECE, rows), *columns)
+    if apart:
+        pieces = (min(_COLUMN, rows), 1)
     return {"zlib": True, "complevel": 1, "shuffle": True, "chunksizes": pieces}
 
 

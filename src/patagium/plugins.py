@@ -15,8 +15,6 @@ AIR_MODELS = "patagium.air_models"
 """Functions `(robot, air, description) -> Aerodynamics` by the model's name."""
 STEPPINGS = "patagium.steppings"
 """Functions that fly a robot another way than `simulate`, by name."""
-OLD_NAMES = "patagium.old_names"
-"""Former names of `patagium` that live in another package now."""
 
 
 def plugins(group: str) -> dict[str, EntryPoint]:

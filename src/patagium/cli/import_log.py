@@ -73,5 +73,7 @@ def import_log(
                 f"({spread}) m/s^2; the change itself is ({moved}) m/s^2 rms."
             )
     typer.echo(f"The log is in {found.path}")
-    verbs = ["stream"] if found.path.suffix == ".csv" else ["identify", "motion --robot ROBOT"]
+    verbs = ["identify", "motion --robot ROBOT"]
+    if found.path.suffix == ".csv":
+        verbs = ["stream"]
     say_next(*(f"patagium {verb} {found.path}" for verb in verbs))

@@ -20,7 +20,6 @@ from patagium.cli.words import Numbers, WholeNumbers, existing, numbers, whole_n
 from patagium.deprecation import refuse_removed
 from patagium.errors import ParameterError
 from patagium.learning.settings import (
-    OLD_NAMES,
     RECORDS,
     Meaning,
     checked_structure,
@@ -214,14 +213,10 @@ def _options(several: bool, file: str) -> Iterator[inspect.Parameter]:
     seed = typer.Option(help="Seed of the initial weights; 0 by default.", **shown)
     yield _parameter("seed", int, seed)
     for word, path, one in setting_options():
-        yield _setting(word, path, one, several, hidden=False)
-        for old in (old for old, new in OLD_NAMES.items() if new == one.name):
-            yield _setting(old.replace("_", "-"), path, one, several, hidden=True)
+        yield _setting(word, path, one, several)
 
 
-def _setting(
-    word: str, path: str, one: Field[Any], several: bool, *, hidden: bool
-) -> inspect.Parameter:
+def _setting(word: str, path: str, one: Field[Any], several: bool) -> inspect.Parameter:
     """Parameter of a verb for a setting; only settings outside of groups may be repeated."""
     meaning: Meaning = one.metadata["meaning"]
     group = path.rpartition(".")[0]
@@ -238,7 +233,7 @@ def _setting(
     elif meaning.found:
         words.append(f"by default {meaning.found}")
     text = "; ".join(words) + "."
-    option = typer.Option(f"--{word}", help=text, hidden=hidden, rich_help_panel=PANEL, **reading)
+    option = typer.Option(f"--{word}", help=text, rich_help_panel=PANEL, **reading)
     many: Any = list[plain] if several and not group else plain  # type: ignore[valid-type]
     return _parameter(word.replace("-", "_"), many, option)
 
@@ -273,13 +268,8 @@ def _chosen(found: dict[str, Any]) -> LearnerChoice:
     words = {"activation": "activation", "learner": "kind"}
     shape |= {new: str(given[old]) for old, new in words.items() if old in given}
     settings = {}
-    for word, dotted, one in setting_options():
+    for word, dotted, _ in setting_options():
         value = given.get(word.replace("-", "_"))
-        for old in (old for old, new in OLD_NAMES.items() if new == one.name and old in given):
-            old_word = f"--{old.replace('_', '-')}"
-            message = f"{old_word} is called --{word}; the old name goes with 0.3"
-            typer.echo(f"patagium: {message}", err=True)
-            value = given[old] if value is None else value
         if value is not None:
             settings[dotted] = [_plain(v) for v in value] if type(value) is list else _plain(value)
     given_one = bool(shape or settings or path)

@@ -25,7 +25,9 @@ def usage_sentence(error: Any, words: Sequence[str]) -> str:
     """
     verb = " ".join(("patagium", *words[: 2 if words[0] == "study" else 1]))
     if error.ctx is None:  # a flag with `=`, or the last word is an option without its value
-        given = "no value, found one" if "not take" in error.message else "a value, found nothing"
+        given = "a value, found nothing"
+        if "not take" in error.message:
+            given = "no value, found one"
         return f"{error.option_name}: expected {given}; see {verb} --help"
     verb, command = error.ctx.command_path, error.ctx.command
     if hasattr(error, "option_name") and hasattr(error, "possibilities"):
@@ -44,7 +46,9 @@ def usage_sentence(error: Any, words: Sequence[str]) -> str:
         place = max(i for i, word in enumerate(words) if f"{beyond} ".startswith(f"{word} "))
         former, found = words[place - 1], f"found {words[place]!r}; see {verb} --help"
         flag = former.startswith("-")
-        told = f"{former}: expected no value" if flag else f"expected nothing after {former!r}"
+        told = f"expected nothing after {former!r}"
+        if flag:
+            told = f"{former}: expected no value"
         return f"{told}, {found}"
     option = parameter.opts[0] if parameter.opts[0].startswith("-") else parameter.name
     if hasattr(error, "param_type"):

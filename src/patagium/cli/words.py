@@ -252,8 +252,8 @@ def show_table(table: Table, *, err: bool = False) -> None:
     for row in rows:
         shown.add_row(*row)
     place = sys.stderr if err else sys.stdout
-    wide = None if place.isatty() else 200
-    Console(file=place, width=wide, highlight=False, markup=False).print(shown, crop=False)
+    width = None if place.isatty() else 200
+    Console(file=place, width=width, highlight=False, markup=False).print(shown, crop=False)
 
 
 existing = regular_file

@@ -423,7 +423,8 @@ class Forecaster:
         beat = held
         if period is not None:
             beat = self._outputs.beat_before(last, float(self._ahead[-1]), period)
-        guess, miss = model.predict(self._time[last] + self._ahead, x), self._miss(last, period)
+        guess = model.predict(self._time[last] + self._ahead, x)
+        miss = self._miss(last, period)
         ways = [guess, guess + miss]
         if self._motion is not self._inputs:
             repeated = self._inputs.path(last, self._ahead, model)

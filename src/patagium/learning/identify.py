@@ -213,7 +213,8 @@ def _unseen_scores(
     model: Trained, checks: Sequence[Check], heard: NDArray[np.bool_]
 ) -> dict[str, Any]:
     """Share of the checks in flow that was not learned; nothing of models without `misfit`."""
-    usual, error = getattr(model, "usual_std", None), getattr(model, "measurement_std", None)
+    usual = getattr(model, "usual_std", None)
+    error = getattr(model, "measurement_std", None)
     if usual is None or error is None or not checks:
         return {}
     stated = np.array([one.std for one in checks]) ** 2

@@ -36,8 +36,6 @@ from patagium.whole_file import write_whole
 Array = NDArray[np.float64]
 
 FORMAT = "patagium model 2"
-_FORMER_NOISE = ("measurement_deviation",)  # keys of earlier releases
-_FIRST_FORMAT = "patagium model 1"  # the covariance is one lower triangle
 
 
 @runtime_checkable
@@ -178,7 +176,7 @@ def load_model(path: str | Path) -> Model:
         raise LogError(f"{file}: expected {expected}, found a flight or log (.nc)")
     words = json_object(text_of(file, free_memory() // 8), str(file))
     found = words.get("format")
-    if found not in (FORMAT, _FIRST_FORMAT):
+    if found != FORMAT:
         raise LogError(f"{file}: expected a file of format {FORMAT!r}, found {found!r}")
     with made_again(f"{file}: the model"):
         return _model(words)
@@ -203,8 +201,8 @@ def _words(model: Model) -> dict[str, Any]:
 
 def _model(words: Mapping[str, Any]) -> Model:
     inputs, covariance, usual = words["inputs"], words["covariance"], words.get("usual_std")
-    noise = words[next((key for key in _FORMER_NOISE if key in words), "measurement_std")]
     network = network_from_description(words["network"])
+    noise = words["measurement_std"]
     return Model(
         network,
         np.array(words["weights"], float),
@@ -236,9 +234,8 @@ def _packed(covariance: BlockCovariance) -> dict[str, str]:
     return {"kind": kind, **words}
 
 
-def _unpacked(network: Network, words: Mapping[str, str] | str) -> BlockCovariance:
-    """The covariance of a file; one text is the lower triangle of the whole matrix."""
-    texts = {"kind": "full", "lower": words} if isinstance(words, str) else dict(words)
+def _unpacked(network: Network, words: Mapping[str, str]) -> BlockCovariance:
+    texts = dict(words)
     kind = texts.pop("kind")
     arrays = {
         name: np.frombuffer(base64.b64decode(text, validate=True), "<f8").astype(float)

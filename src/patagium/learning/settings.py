@@ -14,7 +14,7 @@ from math import inf, isfinite
 from textwrap import fill
 from typing import Any, Literal, NamedTuple, TypeAlias
 
-from patagium.deprecation import refuse_removed, renamed_fields, with_new_names
+from patagium.deprecation import refuse_removed
 from patagium.errors import ParameterError, ShapeError
 
 FILTERS = ("cubature", "extended")
@@ -167,16 +167,6 @@ Structure: TypeAlias = Literal["full", "layer", "node"]
 Numbers: TypeAlias = float | tuple[float, ...]
 
 
-OLD_NAMES = {
-    "prior_deviation": "prior_std",
-    "measurement_deviation": "measurement_std",
-    "process_deviation": "process_std",
-    "outlier_deviation": "outlier_std",
-}
-"""Names of settings before this release, which files may still hold, and those of today."""
-
-
-@renamed_fields(outlier_deviation="outlier_std")
 @dataclass(frozen=True)
 class Screening:
     """Settings of the screening of samples.
@@ -487,13 +477,13 @@ class FilterSettings:
             ParameterError: If a name is unknown or a value out of range.
         """
         known = {one.name: one for one in fields(cls)}
-        values = renamed(description)
-        for name in values:
+        for name in description:
             if name not in known:
                 raise ParameterError(
                     "settings", f"names among {', '.join(known)}", name, list(known)
                 )
-        return cls(**{name: _made(known[name], value) for name, value in values.items()})
+        made = {name: _made(known[name], value) for name, value in description.items()}
+        return cls(**made)
 
 
 def _same_as_filters(name: str) -> Any:
@@ -589,18 +579,6 @@ def leaves(record: type = FilterSettings, path: str = "") -> Iterator[tuple[str,
             yield f"{path}{one.name}", one
 
 
-def renamed(description: Mapping[str, Any]) -> dict[str, Any]:
-    """Plain values by the names of today, from a file that may hold older names.
-
-    Args:
-        description: Plain values by name, nested where a group of settings is.
-    """
-    return {
-        OLD_NAMES.get(name, name): renamed(value) if isinstance(value, Mapping) else value
-        for name, value in description.items()
-    }
-
-
 def settings_of(learner: str) -> list[Field[Any]]:
     """Fields of the settings that a learner has.
 
@@ -622,12 +600,12 @@ def settings_from(learner: str, values: Mapping[str, Any]) -> Any:
         ParameterError: If the learner has no such setting, or a value is out of its range.
     """
     known = {one.name: one for one in settings_of(learner)}
-    found = renamed(values)
-    for name, value in found.items():
+    for name, value in values.items():
         if name not in known:
             inner = next(iter(value), name) if isinstance(value, Mapping) else name
             raise ParameterError(inner, f"nothing: the {learner} learner has none", value)
-    return RECORDS[learner](**{name: _made(known[name], value) for name, value in found.items()})
+    made = {name: _made(known[name], value) for name, value in values.items()}
+    return RECORDS[learner](**made)
 
 
 def chosen_settings(learner: str, settings: Any, given: Mapping[str, Any]) -> Any:
@@ -636,18 +614,18 @@ def chosen_settings(learner: str, settings: Any, given: Mapping[str, Any]) -> An
     Args:
         learner: Kind of the learner, a key of `RECORDS`.
         settings: The record; None: the defaults.
-        given: Values by name of the setting, older names too.
+        given: Values by name of the setting.
 
     Raises:
         ParameterError: If a name is unknown to the learner or a value out of range.
     """
-    values, known = with_new_names(given, OLD_NAMES, 4), [one.name for one in settings_of(learner)]
-    for name in values:
+    known = [one.name for one in settings_of(learner)]
+    for name in given:
         if name not in known:
             raise ParameterError(
                 f"{learner} learner", f"settings among {', '.join(known)}", name, list(known)
             )
-    return replace(RECORDS[learner]() if settings is None else settings, **values)
+    return replace(RECORDS[learner]() if settings is None else settings, **given)
 
 
 def learner_signature(learner: str) -> Signature:

@@ -20,7 +20,6 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.arrays import real_array
-from patagium.deprecation import renamed_arguments
 from patagium.errors import FilterDiverged, LogError, Outcome, ParameterError, ShapeError
 from patagium.learning.forecast import Forecaster, ForecastSums, Horizons, Motion, named_horizons
 from patagium.learning.learners.filter_learner import FilterLearner
@@ -451,7 +450,6 @@ class StreamOptions(TypedDict, total=False):
     progress: Progress | None
 
 
-@renamed_arguments(deviation="std")
 def stream(
     learner: Learner,
     time: ArrayLike,

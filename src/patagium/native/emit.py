@@ -233,11 +233,7 @@ def emit_batch(function: ca.Function) -> list[str]:
     name, graph = function.name(), _dense_graph(function)
     shared = [k.endswith(SHARED_SUFFIX) for k in function.name_in()]
     sizes = [function.size1_in(k) * function.size2_in(k) for k in range(function.n_in())]
-    tiles = [
-        f"  double x{k}[{max(size, 1)} * LANES]; gather(a{k}, {size}, k, count, x{k});"
-        for k, size in enumerate(sizes)
-        if not shared[k]
-    ]
+    tiles = _tiles(sizes, shared)
 
     def angle_block(group: list[int], number: int) -> list[str]:
         block = []
@@ -256,7 +252,8 @@ def emit_batch(function: ca.Function) -> list[str]:
         return f"  lanes_store(r{result} + {entry} * stride + k, {value});"
 
     dialect = _Dialect("lanes", "lanes_", load, store, angle_block, "{0}{1}_{2}")
-    statements, heads, parts = _Writer(graph, dialect).statements(), list[str](), list[str]()
+    statements = _Writer(graph, dialect).statements()
+    heads, parts = list[str](), list[str]()
     if len(statements) > LONG_BODY and not graph.callees:
         given = [f"  const double *const x{k} = tile[{k}]; (void)x{k};" for k in range(len(sizes))]
         heads, parts, statements = _in_parts(name, [*_pointers(function), *given], statements)
@@ -273,10 +270,23 @@ def emit_batch(function: ca.Function) -> list[str]:
         "  for (long k = 0; k < count; k += LANES) {",
         *tiles,
         *statements,
+        "  }",
+        "}",
     ]
-    groups = [parts[k::UNITS] for k in range(min(UNITS, len(parts)))]
-    units = [[*_header(function), *_includes(graph), *group, ""] for group in groups]
-    return ["\n".join(unit) for unit in ([*lines, "  }", "}", ""], *units)]
+    head = [*_header(function), *_includes(graph)]
+    groups = (parts[k::UNITS] for k in range(min(UNITS, len(parts))))
+    units = [lines, *([*head, *group] for group in groups)]
+    return ["\n".join([*unit, ""]) for unit in units]
+
+
+def _tiles(sizes: list[int], shared: list[bool]) -> list[str]:
+    """Statements that gather the arguments of some states, entry by entry."""
+    lines = []
+    for k, size in enumerate(sizes):
+        if not shared[k]:
+            tile = f"x{k}[{max(size, 1)} * LANES]"
+            lines.append(f"  double {tile}; gather(a{k}, {size}, k, count, x{k});")
+    return lines
 
 
 def _in_parts(

@@ -161,7 +161,9 @@ def _expression(functions: Callable[[], dict[str, ca.Function]], name: str) -> c
 def _code(functions: dict[str, ca.Function], many_only: Collection[str]) -> Code:
     units = dict[str, str]()
     for name, function in functions.items():
-        many = name in many_only
-        for k, text in enumerate(emit_batch(function) if many else [emit(function)]):
-            units[f"{name}{'_batch' if many else ''}{k or ''}.c"] = text
+        if name not in many_only:
+            units[f"{name}.c"] = emit(function)
+            continue
+        for k, text in enumerate(emit_batch(function)):
+            units[f"{name}_batch{k or ''}.c"] = text
     return Code(units, [astuple(_signature(function)) for function in functions.values()])

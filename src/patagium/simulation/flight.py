@@ -448,7 +448,8 @@ def carrier_of(flight: xr.Dataset) -> Carrier | None:
         words = told["arm"]
         arm = load_robot_text(words["source"], words["name"])
         tool = Tool(arm, words["at"], tuple(words["position"]), tuple(words["orientation"]))
-        time, start = np.asarray(flight["time"].values, float), np.array(words["start"], float)
+        time = np.asarray(flight["time"].values, float)
+        start = np.array(words["start"], float)
         q = track_tool(tool, time, _placed(flight), start, _KNOTS)
         return Carrier(arm, words["at"], np.array(words["position"], float), q)
 

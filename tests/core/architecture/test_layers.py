@@ -15,7 +15,6 @@ from types import ModuleType
 import pytest
 
 import patagium
-from patagium.deprecation import former_names
 from patagium.errors import ParameterError
 
 ROOT = Path(__file__).parents[3]
@@ -101,13 +100,14 @@ def test_names_of_a_name_space_resolve(space: str) -> None:
     assert [name for name in module.__all__ if getattr(module, name, None) is None] == []
 
 
-@pytest.mark.parametrize(("name", "place"), former_names().items())
-def test_a_former_name_works_and_says_its_place(name: str, place: str) -> None:
-    home, _, attribute = place.rpartition(".")
-    with pytest.warns(DeprecationWarning, match=rf"^patagium\.{name} is now {place}$"):
-        found = getattr(patagium, name)
-    new = importlib.import_module(home)
-    assert found is getattr(new, attribute) and attribute in new.__all__
+@pytest.mark.parametrize("space", NAME_SPACES)
+def test_a_name_of_a_name_space_is_found_from_the_top(space: str) -> None:
+    names = set(getattr(patagium, space).__all__) - {*patagium.__all__}
+    assert names
+    for name in names:
+        meant = rf"has no attribute '{name}'; did you mean patagium\.\w+\.(?i:{name})\?$"
+        with pytest.raises(AttributeError, match=meant):
+            getattr(patagium, name)
 
 
 @pytest.mark.parametrize("module", ["patagium", "patagium.learning"])
@@ -125,13 +125,6 @@ def test_a_removed_name_says_what_takes_its_place(module: str, name: str, instea
         importlib.import_module(module).__getattr__(name)
     with pytest.raises(ParameterError, match=said):
         exec(f"from {module} import {name}")
-
-
-@pytest.mark.parametrize("name", ["Published", "simulate_published"])
-def test_former_names_of_the_laboratory_come_from_it(name: str) -> None:
-    pytest.importorskip("patagium_lab")
-    with pytest.warns(DeprecationWarning, match=rf"^patagium\.{name} is now patagium_lab\."):
-        assert getattr(patagium, name).__module__.startswith("patagium_lab.")
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import inspect
 import json
 import runpy
 import shutil
@@ -11,13 +10,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 import patagium
-from patagium.cli.learner_options import LearnerChoice, setting_options, with_learner_options
-from patagium.cli.main import run
-from patagium.cli.words import Numbers
-from patagium.learning.settings import OLD_NAMES, leaves
+from patagium.cli.learner_options import setting_options
+from patagium.learning.settings import leaves
 
 SOURCE = Path(patagium.__file__).parent
 DOCS = Path(__file__).parents[3] / "docs"
@@ -108,7 +103,7 @@ def options_of(path: Path) -> set[str]:
 
 
 def test_no_verb_declares_an_option_of_a_setting() -> None:
-    names = {word.replace("-", "_") for word, _, _ in setting_options()} | {*OLD_NAMES}
+    names = {word.replace("-", "_") for word, _, _ in setting_options()}
     assert {"prior_std", "noise_memory", "learning_rate"} < names
     for path in (SOURCE / "cli").glob("*.py"):
         assert options_of(path) & names == set(), path.name
@@ -133,28 +128,3 @@ def test_the_page_of_settings_is_the_table_of_the_record() -> None:
     page = (DOCS / "settings.md").read_text("utf-8")
     table = runpy.run_path(str(DOCS / "settings_table.py"))["settings_table"]()
     assert table in page, "write what docs/settings_table.py prints into docs/settings.md"
-
-
-@pytest.mark.parametrize("old", OLD_NAMES)
-def test_an_old_option_works_is_hidden_and_warns(
-    old: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    word = f"--{old.replace('_', '-')}"
-    with pytest.raises(SystemExit):
-        run(["identify", "--help"])
-    assert word not in capsys.readouterr().out
-    with pytest.raises(SystemExit):
-        run(["identify", str(tmp_path / "none.nc"), word, "3.0"])
-    assert f"{word} is called --{OLD_NAMES[old].replace('_', '-')}" in capsys.readouterr().err
-
-
-def test_an_old_option_gives_its_value_to_the_setting() -> None:
-    found = {}
-
-    @with_learner_options()
-    def verb(choice: LearnerChoice) -> None:
-        found.update(choice.settings or {})
-
-    empty = {one: None for one in inspect.signature(verb).parameters}
-    verb(**empty | {"outlier_deviation": 6.0, "prior_deviation": Numbers([0.3])})
-    assert found == {"screening.outlier_std": 6.0, "prior_std": 0.3}

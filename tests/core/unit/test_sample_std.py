@@ -106,14 +106,9 @@ def test_a_stream_hands_it_on(rng) -> None:
         stream(one, time, x, y, every=2, std=extra[:, :1])
 
 
-def test_the_former_name_of_the_option_works_and_what_is_no_option_is_refused(rng) -> None:
+def test_what_is_no_option_is_refused(rng) -> None:
     network = pt.DenseNetwork(2, (), 1)
     x, y, time = rng.normal(size=(20, 2)), rng.normal(size=(20, 1)), np.arange(20.0)
     told = {"prior_std": 1.0, "measurement_std": 0.1}
-    noise = np.full((20, 1), 0.5)
-    new = stream(pt.CubatureLearner(network, **told), time, x, y, every=1, std=noise)
-    with pytest.warns(DeprecationWarning, match="std"):
-        old = stream(pt.CubatureLearner(network, **told), time, x, y, every=1, deviation=noise)
-    np.testing.assert_array_equal(old.learner.weights, new.learner.weights)
     with pytest.raises(TypeError, match="unexpected keyword argument 'horizon'"):
         stream(pt.CubatureLearner(network, **told), time, x, y, every=1, horizon={})

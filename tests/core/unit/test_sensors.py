@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
-import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
@@ -240,47 +238,6 @@ def test_a_log_comes_back_from_its_file_without_the_truth(
     (tmp_path / "bad.nc").write_text("no log")
     with pytest.raises(LogError, match="expected a sensor log"):
         pt.sensing.load_sensor_log(tmp_path / "bad.nc")
-
-
-OLD_KEYS = {
-    "deviation": "std",
-    "zero_deviation": "zero_std",
-    "offset_deviation": "offset_std",
-    "torque_constant_deviation": "torque_constant_std",
-    "force_deviation": "force_std",
-    "moment_deviation": "moment_std",
-    "position_deviation": "position_std",
-    "attitude_deviation": "attitude_std",
-}
-"""Keys of stored sensors before standard deviations were called std, and those of today."""
-
-
-def test_a_log_with_the_old_keys_of_its_sensors_still_loads(
-    flight: xr.Dataset, tmp_path: Path
-) -> None:
-    sensors = [
-        S.Encoder(rate=500, std=1e-3, zero_std=2e-3),
-        S.LoadCell(rate=500, body="body", force_std=(0.1, 0.2, 0.3), moment_std=0.4),
-        S.MotionCapture(rate=200, body="body", position_std=1e-4, attitude_std=2e-3),
-        P.ina226(torque_constant=2e-3),
-    ]
-    log = pt.sense(flight, sensors)
-    path = pt.sensing.save_sensor_log(log, tmp_path / "flight.nc")
-    with netCDF4.Dataset(path, "a") as file:
-        for group in file.groups.values():
-            words = json.loads(group.sensor)
-            old = {new: key for key, new in OLD_KEYS.items()}
-            group.sensor = json.dumps({old.get(key, key): value for key, value in words.items()})
-            assert "std" not in group.sensor and "deviation" in group.sensor
-    assert pt.sensing.load_sensor_log(path).sensors == log.sensors
-
-
-def test_the_old_names_of_standard_deviations_warn() -> None:
-    with pytest.warns(DeprecationWarning, match="deviation is called std"):
-        sensor = S.Encoder(rate=500, deviation=1e-3)  # type: ignore[call-arg]
-    assert sensor == S.Encoder(rate=500, std=1e-3)
-    with pytest.warns(DeprecationWarning, match="force_deviation is called force_std"):
-        S.LoadCell(rate=500, force_deviation=0.1)  # type: ignore[call-arg]
 
 
 @pytest.mark.parametrize(

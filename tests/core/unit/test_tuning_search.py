@@ -301,18 +301,6 @@ def test_broken_settings_are_refused_with_their_place(
     assert str(refused.value).startswith(f"{path}: ") and said in str(refused.value)
 
 
-def test_settings_of_the_release_before_are_taken(tmp_path: Path) -> None:
-    path = tmp_path / "s.yaml"
-    old = SETTINGS.replace("prior_std", "prior_deviation")
-    old = old.replace("measurement_std", "measurement_deviation")
-    screening = "screening: {outlier_deviation: 6.0}, "
-    path.write_text(old.replace("prior_d", screening + "prior_d") + "foresight: {samples: 3}\n")
-    settings = load_settings(path)
-    assert settings.learner.values["measurement_std"] == [0.1, 0.2]
-    assert settings.made(DenseNetwork(2, (3,), 2)).settings.screening.outlier_std == 6.0
-    assert settings.prediction == {"samples": 3}
-
-
 def test_settings_that_are_not_there_are_named(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"none\.yaml: .*found no such file"):
         load_settings(tmp_path / "none.yaml")

@@ -20,7 +20,6 @@ import pytest
 
 import patagium as pt
 from patagium.cli.main import run
-from patagium.deprecation import former_names
 from patagium.sensing.logs.files import opening
 
 ROOT = Path(__file__).parents[3]
@@ -168,12 +167,24 @@ def _object(name: str) -> Any:
 
 
 NAME_SPACES = ("air", "errors", "learning", "sensing")
+IN_NAME_SPACES = {
+    "air": """DrydenGust Indicial OneMinusCosineGust RampGust Section StallDelay TablePolar
+        TravelingGust measured_section""",
+    "errors": """CompilerError FilterDiverged FlightError LogError Outcome ParameterError PathError
+        RobotFileError RobotFileWarning ShapeError SimulationFailed""",
+    "learning": "ChangeDetection HiddenStripNetwork NoiseEstimation Screening",
+    "sensing": """ForceSamples Kalman MomentumObserver MotionTracker SavitzkyGolay SensorLog Spline
+        cell_wrench estimate_shifts inspect_log load_cell_force load_sensor_log
+        momentum_force motor_forces save_sensor_log""",
+}
+"""Names of the name spaces that a user meets first."""
 
 
 def _top_names() -> set[str]:
-    """Names of `pt`, and those that stood there before the name spaces."""
+    """Names of `pt`, and those of its name spaces that a user meets first."""
     names = {*pt.__all__} - {"__version__", *NAME_SPACES}
-    return names | {place.removeprefix("patagium.") for place in former_names().values()}
+    spaces = IN_NAME_SPACES.items()
+    return names | {f"{space}.{name}" for space, words in spaces for name in words.split()}
 
 
 def _public_names() -> set[str]:

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.arrays import real_array
-from patagium.deprecation import renamed_arguments
 from patagium.errors import Outcome, ParameterError, ShapeError
 from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.kernel_memory import Compiled
@@ -160,7 +159,6 @@ class FilterLearner(OnlineLearner):
         """P_yy of the last sample learned, before it was used or doubted, (n_y, n_y)."""
         return self._innovation_covariance
 
-    @renamed_arguments(deviation="std")
     def predict(
         self, x: ArrayLike, std: ArrayLike | None = None, time: float | None = None
     ) -> tuple[Array, Array]:
@@ -210,7 +208,6 @@ class FilterLearner(OnlineLearner):
         misfit, shape = self._screen.misfit, (len(times), self._network.outputs)
         return np.broadcast_to(misfit.at(times), shape) if misfit.floor else np.zeros(shape)
 
-    @renamed_arguments(deviation="std")
     def update(
         self,
         x: ArrayLike,

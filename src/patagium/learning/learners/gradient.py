@@ -156,7 +156,8 @@ class GradientLearner(OnlineLearner):
         network, count = self._network, len(state["replay_x"])
         n, outputs = network.size, network.outputs
         weights, mean, square = (vector(state, k, n) for k in ("weights", "mean", "square"))
-        power, scatter = vector(state, "power", outputs), vector(state, "scatter", outputs, outputs)
+        power = vector(state, "power", outputs)
+        scatter = vector(state, "scatter", outputs, outputs)
         seen = vector(state, "replay_x", count, network.inputs)
         measured = vector(state, "replay_y", count, outputs)
         self._draw.bit_generator.state = state["draw"]

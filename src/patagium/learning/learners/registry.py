@@ -21,7 +21,7 @@ from patagium.learning.learners.linear import LinearLearner
 from patagium.learning.learners.state_file import read_state
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.registry import network_from_description
-from patagium.learning.settings import FilterSettings, renamed, settings_from
+from patagium.learning.settings import FilterSettings, settings_from
 from patagium.reading import made_again
 
 FILTER_LEARNERS: dict[str, type[FilterLearner]] = {
@@ -68,9 +68,9 @@ def learner_from_description(description: Mapping[str, Any]) -> OnlineLearner:
         ParameterError: If the kind or a setting is unknown, or a number out of its range.
         TypeError: If an argument is missing or unknown.
     """
-    values = {
-        name: value for name, value in renamed(description).items() if name not in ("kind", "found")
-    }
+    values = dict(description)
+    for name in ("kind", "found"):
+        values.pop(name, None)
     kind, network = description.get("kind"), values.pop("network")
     if kind == "linear":
         base = {k: v for k, v in network.items() if k not in ("features", "seed")}

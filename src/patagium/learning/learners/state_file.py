@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import LogError, ParameterError
-from patagium.learning.settings import renamed
 from patagium.limits import free_memory
 from patagium.reading import bytes_of, json_object, made_again
 from patagium.version import __version__
@@ -62,7 +61,7 @@ def write_state(path: str | Path, description: Mapping[str, Any], state: Mapping
 
 
 def read_state(path: str | Path) -> LearnerState:
-    """Description and state from a file; older names of settings become those of today.
+    """Description and state from a file.
 
     Args:
         path: File.
@@ -74,7 +73,7 @@ def read_state(path: str | Path) -> LearnerState:
     sound = _sound(file, bytes_of(file, free_memory() // 4))
     with made_again(f"{file}: the learner"):
         header, arrays = _parts_of(sound)
-        return LearnerState(renamed(header["learner"]), {**header["state"], **arrays})
+        return LearnerState(header["learner"], {**header["state"], **arrays})
 
 
 def _bytes_of(description: Mapping[str, Any], state: Mapping[str, Any]) -> bytes:

@@ -102,7 +102,8 @@ class StripNetwork(WingNetwork):
         self._parameters = np.array([*self.air.wind, pressure, *robot.parameters])
         matrix = "" if self._matrix is None else repr(self._matrix.tolist())
         options = f"{self._names} {matrix} {chord_fraction} {rotation}"
-        key, label = f"strip network {options} {robot.structure}", f"strip network of {robot.name}"
+        key = f"strip network {options} {robot.structure}"
+        label = f"strip network of {robot.name}"
         self._encode = load_functions(key, lambda: [self._function()], label=label)["encode"]
 
     @property

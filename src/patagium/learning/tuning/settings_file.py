@@ -12,7 +12,6 @@ from typing import Annotated, Any, Literal
 
 import yaml
 from pydantic import (
-    AliasChoices,
     BaseModel,
     ConfigDict,
     Field,
@@ -26,7 +25,7 @@ from patagium.deprecation import refuse_removed
 from patagium.errors import ParameterError
 from patagium.learning.learners.registry import make_learner
 from patagium.learning.models.network import Network
-from patagium.learning.settings import renamed, settings_from, settings_of
+from patagium.learning.settings import settings_from, settings_of
 from patagium.limits import YAML_TEXT
 from patagium.reading import parsed_yaml, refused, text_of
 from patagium.whole_file import write_whole
@@ -73,11 +72,6 @@ class LearnerSettings(BaseModel):
     kind: Literal["cubature", "extended"] = "cubature"
     seed: int = 0
 
-    @model_validator(mode="before")
-    @classmethod
-    def _with_new_names(cls, values: Any) -> Any:
-        return renamed(values) if isinstance(values, dict) else values
-
     @model_validator(mode="after")
     def _known(self) -> LearnerSettings:
         known = {one.name: one.metadata["meaning"] for one in settings_of(self.kind)}
@@ -114,10 +108,7 @@ class Settings(BaseModel):
     every: PositiveInt
     network: NetworkSettings
     learner: LearnerSettings
-    prediction: Annotated[
-        dict[str, Any],
-        Field(default_factory=dict, validation_alias=AliasChoices("prediction", "foresight")),
-    ]
+    prediction: Annotated[dict[str, Any], Field(default_factory=dict)]
     search: Annotated[dict[str, Any], Field(default_factory=dict)]
     trials: Annotated[list[dict[str, Any]], Field(default_factory=list)]
 

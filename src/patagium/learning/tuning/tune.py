@@ -428,7 +428,8 @@ def _used(flight: Flight, network: Network, every: int, source: str) -> tuple[Fl
         time, x, y, gaps, name = flight.time, flight.x, flight.y, flight.gaps, flight.source
     else:
         time, x, y, _ = samples(flight, network)
-        gaps, name = np.zeros(0, int), f"a flight of {flight.attrs.get('robot_name', 'a robot')}"
+        gaps = np.zeros(0, int)
+        name = f"a flight of {flight.attrs.get('robot_name', 'a robot')}"
     seen, sees = x.shape[1], measured_inputs(network)
     if y.shape[1] != network.outputs or seen != sees:
         raise ShapeError(

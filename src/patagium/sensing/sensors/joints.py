@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from patagium.deprecation import renamed_fields
 from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
@@ -24,7 +23,6 @@ from patagium.sensing.sensors.sensor import (
 )
 
 
-@renamed_fields(deviation="std", zero_deviation="zero_std")
 @dataclass(frozen=True, kw_only=True)
 class Encoder(Sensor):
     """Encoder of the coordinates of joints.
@@ -79,11 +77,6 @@ class Encoder(Sensor):
         )
 
 
-@renamed_fields(
-    deviation="std",
-    offset_deviation="offset_std",
-    torque_constant_deviation="torque_constant_std",
-)
 @dataclass(frozen=True, kw_only=True)
 class MotorCurrent(Sensor):
     """Sensor of motor currents, i = u1 / (ratio k), from which the joint torques follow.

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from patagium.deprecation import renamed_fields
 from patagium.errors import FlightError, ParameterError, ShapeError, positive
 from patagium.sensing.sensors.scene import Scene, low_pass
 from patagium.sensing.sensors.sensor import (
@@ -35,7 +34,6 @@ _STEPS = ("force_step", "moment_step")
 _RANGES = ("force_range", "moment_range")
 
 
-@renamed_fields(force_deviation="force_std", moment_deviation="moment_std")
 @dataclass(frozen=True, kw_only=True)
 class LoadCell(Sensor):
     """Sensor of the force and moment of the mount on the robot.

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from patagium.deprecation import renamed_fields
 from patagium.errors import ParameterError, finite
 from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
@@ -33,7 +32,6 @@ QUATERNION = ("w", "x", "y", "z")
 """Order of a quaternion's components."""
 
 
-@renamed_fields(position_deviation="position_std", attitude_deviation="attitude_std")
 @dataclass(frozen=True, kw_only=True)
 class MotionCapture(Sensor):
     """Camera system that measures position and attitude of a frame on a body.

@@ -188,9 +188,8 @@ def sensor_from(text: str) -> Sensor:
     known = json_object(text, "sensor")
     kind = _KINDS[known.pop("kind")]
     accepted = {entry.name for entry in fields(kind)}
-    # files of the release before call a standard deviation "deviation"
-    named = {name.replace("deviation", "std"): _frozen(value) for name, value in known.items()}
-    return kind(**{name: value for name, value in named.items() if name in accepted})
+    given = {name: value for name, value in known.items() if name in accepted}
+    return kind(**{name: _frozen(value) for name, value in given.items()})
 
 
 def _frozen(value: Any) -> Any:
