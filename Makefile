@@ -76,6 +76,7 @@ attack: $(STAMP)
 pages: $(STAMP)
 	@mkdir -p $(OUT)
 	@$(BIN)/python docs/draw_architecture.py
+	@$(BIN)/python -m patagium_lab.exhibits docs/gallery
 	@$(BIN)/patagium study validate -o docs/validation.md
 	@$(BIN)/patagium study bench -o docs/benchmarks.md --json $(OUT)/bench.json
 	@$(BIN)/patagium study reproduce --out $(OUT)/demo --full --page docs/results.md

@@ -15,7 +15,6 @@ EXAMPLES = (
     "patagium robots aerobat --draw aerobat.png",
     "patagium robots my-robot.yaml --json",
     "patagium robots --new my_robot",
-    "patagium robots --gallery gallery",
 )
 
 
@@ -30,10 +29,6 @@ def robots(
         str | None,
         typer.Option(help="Name of a robot, written as NAME.yaml: a commented file to change."),
     ] = None,
-    gallery: Annotated[
-        Path | None,
-        typer.Option(help="Fly all presets, and draw a moment of each in this folder."),
-    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """List the robots that come along, describe and draw one, or write the file of a new one."""
@@ -44,19 +39,11 @@ def robots(
     from patagium.robot.drawing import describe_robot, draw_robot
 
     if new is not None:
-        if robot or draw or gallery:
-            raise ParameterError("--new", "no other option with it", str(robot or draw or gallery))
+        if robot or draw:
+            raise ParameterError("--new", "no other option with it", str(robot or draw))
         file = write_template(new)
         typer.echo(f"Written: {file}, a robot of two wings and a tail that flies; change it")
         say_next(f"patagium robots {file} --draw {file.stem}.png", f"patagium simulate {file}")
-        return
-    if gallery is not None:
-        from patagium.viewer.gallery import draw_gallery
-
-        if robot is not None:
-            raise ParameterError("--gallery", "no robot with it", robot)
-        for picture in draw_gallery(gallery):
-            typer.echo(f"Drawn in {picture}", err=True)
         return
     if robot is not None:
         machine, outputs = load_robot(robot), Outputs()

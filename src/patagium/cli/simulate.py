@@ -73,7 +73,7 @@ EXAMPLES = (
 )
 PANELS = {
     "Gait": "gait plunge elbow feather amplitude phase offset",
-    "Air and start": "aero added_mass density wind ground pitch attitude",
+    "Air and start": "aero inflow added_mass density wind ground pitch attitude",
     "Mount": "mount load_cell arm arm_at arm_turn arm_shift",
     "Path of the mount": "path path_center path_size path_speed path_frequency path_along "
     "path_across path_attitude path_amplitude",

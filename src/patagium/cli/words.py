@@ -244,11 +244,11 @@ def show_table(table: Table, *, err: bool = False) -> None:
     shown = RichTable(title=table.caption or None, title_justify="left", box=None, pad_edge=False)
     rows = table.texts()
     for index, column in enumerate(table.columns):
-        wide = max((len(row[index]) for row in rows), default=0)
+        longest = max((len(row[index]) for row in rows), default=0)
         if table.numeric(index):  # a narrow terminal folds heads and sentences, and cuts nothing
-            shown.add_column(column, justify="right", min_width=wide, overflow="fold")
+            shown.add_column(column, justify="right", min_width=longest, overflow="fold")
         else:
-            shown.add_column(column, no_wrap=wide <= 20, overflow="fold")
+            shown.add_column(column, no_wrap=longest <= 20, overflow="fold")
     for row in rows:
         shown.add_row(*row)
     place = sys.stderr if err else sys.stdout

@@ -4,7 +4,7 @@ A flight is an `xarray.Dataset`; its attributes hold the robot, the air and the 
 it was flown with, and from them these are made again. The audits compare what energy and
 momentum did with the works and impulses that should explain it. Files are netCDF4, written
 whole or not at all, checked when read, and compressed: a flight of 1 s at 1e-4 s takes about
-7 MB. Flow at the strips is stored in single precision, all else in double.
+6 MB. Flow at the strips is stored in single precision, all else in double.
 Neglected: sensors; all values are the true ones.
 """
 

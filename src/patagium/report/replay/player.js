@@ -260,7 +260,7 @@ class Player {
     const words = [`t = ${this.time.toFixed(4)} s`];
     if (flight.period) words.push(`beat ${((this.time - flight.begin) / flight.period).toFixed(2)}`);
     const speed = flight.mix(flight.speed, 1, 0, 1, at, one)[0];
-    if (speed > 1e-9) words.push(`${numberText(speed)} m/s`, `z ${origin[2].toFixed(3).replace("-", "−")} m`);
+    if (speed > 1e-9) words.push(`${numberText(speed)} m/s`, `z ${(Math.round(1e3 * origin[2]) / 1e3 || 0).toFixed(3).replace("-", "−")} m`);
     const past = flight.events.filter(([t]) => t <= this.time);
     if (past.length) words.push(past.at(-1)[1]);
     return words.join("   ");

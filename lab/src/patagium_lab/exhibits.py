@@ -1,11 +1,12 @@
 """The gallery: every robot that comes along, in a flight of its own, and its picture.
 
-Each flies its cruise, as its file has it.
+Each flies its cruise, as its file has it. `python -m patagium_lab.exhibits docs/gallery` draws it.
 """
 
 from __future__ import annotations
 
 import io
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -98,3 +99,8 @@ def save_picture(picture: Figure, folder: Path, name: str) -> Path:
     with Image.open(content) as image, whole_file(path) as draft:
         image.convert("RGB").quantize(96).save(draft, format="PNG", optimize=True)
     return path
+
+
+if __name__ == "__main__":
+    for drawn in draw_gallery(Path(sys.argv[1])):
+        print(drawn)

@@ -14,7 +14,7 @@ import patagium as pt
 from patagium.report.style import SCENE
 from patagium.robot import preset_names
 from patagium.viewer import still
-from patagium.viewer.gallery import EXHIBITS, gallery_flight, save_picture
+from patagium_lab.exhibits import EXHIBITS, gallery_flight, save_picture
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "gallery.md").read_text("utf-8")
