@@ -20,6 +20,7 @@ from patagium.aerodynamics import Aerodynamics, QuasiSteady
 from patagium.control.gait_family import GaitFamily, fourier_series, gait_family
 from patagium.control.gait_program import (
     IN_PLANE,
+    TOLERANCE,
     GaitProgram,
     Goal,
     Optimum,
@@ -69,8 +70,8 @@ class OptimalGait:
         harmonics: Order of the Fourier series.
         power: Mean mechanical power of the joints [W].
         power_before: That of the orbit it began from [W].
-        sinusoid: The best gait of one harmonic at the same conditions; None if it is that, or the
-            search began from an orbit that was given.
+        sinusoid: The best gait of one harmonic at the same conditions; None if it is that, if none
+            was found, or if the search began from an orbit that was given.
         residual: Largest residual of the conditions of Karush, Kuhn and Tucker, scaled [1].
         iterations: Iterations of IPOPT.
         held: Limits that hold the gait back, in words.
@@ -185,8 +186,8 @@ def optimize(
     if free is not None or options.get("start") is not None or harmonics == 1:
         return _optimal(start, conditions, goal, harmonics, free)
     sinusoid = _optimal(start, conditions, goal, 1, None)
-    if not isinstance(sinusoid, OptimalGait):
-        return sinusoid
+    if not isinstance(sinusoid, OptimalGait):  # limits that no sinusoid keeps, harmonics may
+        return _optimal(start, conditions, goal, harmonics, None)
     best = _optimal(sinusoid.orbit, conditions, goal, harmonics, None)
     if not isinstance(best, OptimalGait):
         return best
@@ -284,12 +285,13 @@ def _optimal(
     program = GaitProgram(flight, family, start.steps, goal, conditions, nodes)
     found = program.solve()
     if not found.solved:
-        return _not_found(family.names, found)
+        return _not_found(family.names, found, program.overloads)
     at, trouble = search.newton(
         search.point(found.nodes[:-1], found.values, conditions), conditions
     )
-    if trouble:
-        return _not_found(family.names, replace(found, status="stalled"))
+    if trouble and not at.residual <= TOLERANCE:
+        open_beat = f"the beat of the best gait does not close: a misfit of {at.residual:.2g}"
+        return _not_found(family.names, replace(found, status=open_beat), ())
     return OptimalGait(
         orbit_of(search, at, added_mass),
         goal,
@@ -313,11 +315,16 @@ def _in_plane(flight: FlightMap, family: GaitFamily, start: Orbit) -> GaitFamily
     return replace(family, names=chosen, directions=family.directions[kept])
 
 
-def _not_found(names: Sequence[str], found: Optimum) -> NoOrbit:
+def _not_found(names: Sequence[str], found: Optimum, overloads: Sequence[str]) -> NoOrbit:
     """Failure of a program in words."""
-    reason = _REASONS.get(found.status, f"IPOPT ended with {found.status}")
-    told = f"{reason}; residual {found.residual:.2g} after {found.iterations} iterations"
+    parts = [_REASONS.get(found.status, found.status.replace("_", " ").lower())]
+    if overloads:
+        parts.append(f"the gait it began from takes {', '.join(overloads)}")
+    if not found.solved:
+        parts.append(f"residual {found.residual:.2g} after {found.iterations} iterations")
+    told = "; ".join(parts)
     remedy = "begin from an orbit nearby (start=, gait=), or free other parameters (free=)"
+    remedy += ", or raise that limit" if overloads else ""
     nearest = dict(zip(names, map(float, found.values), strict=True))
     return NoOrbit(told, remedy, {}, found.residual, found.iterations, nearest)
 
@@ -327,5 +334,7 @@ _REASONS = {
     "Maximum_Iterations_Exceeded": "the search was not done in time",
     "Restoration_Failed": "no step from here leads nearer to the conditions",
     "Invalid_Number_Detected": "the flight breaks",
+    "Solved_To_Acceptable_Level": "the search came near to a gait, but not near enough",
+    "Search_Direction_Becomes_Too_Small": "no step from here leads nearer to the conditions",
     "Diverging_Iterates": "the goal has no bound: a limit of joints or actuators is missing",
 }
