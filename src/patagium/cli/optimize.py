@@ -137,8 +137,8 @@ def _front(found: list[tuple[float, Any]], figure: Path | None, as_json: bool) -
     gaits = [(speed, gait) for speed, gait in found if gait.found]
     heads = ("speed [m/s]", "power [W]", "best sinusoid [W]", "saved [%]", "frequency [Hz]")
     rows = [
-        (speed, one.power, one.sinusoid.power, 100 * (1 - one.power / one.sinusoid.power),
-         one.orbit.gait.frequency)
+        (speed, one.power, sine := one.sinusoid.power if one.sinusoid else float("nan"),
+         100 * (1 - one.power / sine), one.orbit.gait.frequency)
         for speed, one in gaits
     ]  # fmt: skip
     if as_json:
@@ -165,7 +165,7 @@ def _picture(gaits: list[tuple[float, OptimalGait]]) -> Figure:
         speeds = [speed for speed, _ in gaits]
         kinds = {
             f"{gaits[0][1].harmonics} harmonics": [one.power for _, one in gaits],
-            "best sinusoid": [one.sinusoid.power for _, one in gaits if one.sinusoid],
+            "best sinusoid": [one.sinusoid and one.sinusoid.power for _, one in gaits],
         }
         for k, (name, powers) in enumerate(kinds.items()):
             panel.plot(speeds, powers, "o", label=name, color=color(k), linestyle=dash(k))

@@ -370,6 +370,7 @@ _LABELS = {
     "yaw": "yaw [deg]",
     "force_over_weight": "mean vertical force of the air over weight [1]",
     "joint_power": "mean power of the joints [W]",
+    "held_samples": "samples at which the last command was held",
     "energy_audit": "energy audit [1]",
     "fluid_energy_audit": "fluid energy audit [1]",
     "momentum_audit": "momentum audit [1]",

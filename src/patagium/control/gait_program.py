@@ -2,14 +2,14 @@
 
 Unknowns, all scaled: states at both ends of each segment of the beat, the work of the joints, the
 parameters of the gait, and the top and bottom of whatever of a joint's motion is limited. Motions
-keep their limits at samples of the beat; what goes beyond between them is taken off the limits and
-the program solved again.
+keep their limits at samples of the beat, torques and powers theirs where segments begin; what goes
+beyond in between is taken off the limits and the program solved again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import casadi as ca
@@ -20,6 +20,7 @@ from patagium.control.gait_family import GaitFamily
 from patagium.control.orbit import Frame
 from patagium.control.trimming import Conditions, parameter_sizes, state_sizes
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
+from patagium.robot import Robot
 
 Array = NDArray[np.float64]
 Goal = Literal["power", "range", "speed"]
@@ -35,7 +36,7 @@ _BETWEEN = 2001  # samples by which a gait is judged, as everywhere
 _CLOSE = 1e-6  # inside a limit [1]
 _STEP = 1e-6  # of differences of exact derivatives, in scaled unknowns
 _STEEPEST = 1.5  # pitch: Euler angles are singular at a right angle [rad]
-_AGAIN = 3  # solutions at most, with what samples miss taken off the limits
+_AGAIN = 5  # solutions at most, with what samples miss taken off the limits
 _ITERATIONS = 200
 _OPTIONS = {
     "no_nlp_grad": True,
@@ -192,6 +193,46 @@ def _frequency_and_means(family: GaitFamily) -> _Ranges:
     return _Ranges(table[:, :-2], table[:, -2], table[:, -1], tuple(found.values()))
 
 
+@dataclass(frozen=True)
+class _Loads:
+    """Limited forces, torques and powers of joints.
+
+    Attributes:
+        columns: Their columns of `FlightMap.loads`, (l,).
+        limits: Greatest size of each, (l,) [N, N m, W].
+        names: Limits in words.
+    """
+
+    columns: NDArray[np.int64]
+    limits: Array
+    names: tuple[str, ...]
+
+
+def _loaded(robot: Robot, in_plane: bool) -> _Loads:
+    """Loads that actuators limit; of a mirrored pair one, where the flight is mirrored too."""
+    found: list[tuple[int, float, str]] = []
+    for first, limits in ((0, robot.effort_limit), (len(robot.actuated), robot.power_limit)):
+        for k, i in enumerate(robot.actuated if limits else ()):
+            name, turning = robot.dof_names[i], robot.dof_units[i] == "rad"
+            twin = name.replace("right_", "left_", 1)
+            mirrored = in_plane and name.startswith("right_") and twin in robot.dof_names
+            if np.isinf(limits[i]) or (mirrored and limits[robot.index(twin)] <= limits[i]):
+                continue
+            what = "power" if first else "torque" if turning else "force"
+            unit = "W" if first else "N m" if turning else "N"
+            found.append((first + k, limits[i], f"{limits[i]:g} {unit} of {what} of {name}"))
+    columns, most, names = zip(*found, strict=True) if found else ((), (), ())
+    return _Loads(np.array(columns, np.int64), np.array(most, float), tuple(names))
+
+
+def _phases(chosen: NDArray[np.bool_]) -> str:
+    """Phases of a beat at whose samples something is so, in words."""
+    edges = np.flatnonzero(np.diff(np.r_[False, chosen, False])).reshape(-1, 2)
+    spans = [(first / len(chosen), (last - 1) / len(chosen)) for first, last in edges]
+    words = [f"{a:.3g}" if a == b else f"{a:.3g} to {b:.3g}" for a, b in spans]
+    return "phase " + ", ".join(words)
+
+
 def lateral_states(names: Sequence[str]) -> list[int]:
     """Places of the states that stay zero in a flight in the plane of symmetry.
 
@@ -285,6 +326,7 @@ class GaitProgram:
         motion = rows.table[self._samples][:, self._swings.columns]
         self._peaks = motion.argmax(axis=0), motion.argmin(axis=0)
         self._beyond = np.full((2, len(self._swings.columns)), _CLOSE)
+        self._loads = _Loads(np.zeros(0, np.int64), np.zeros(0), ())
         flown = self._fly(nodes, rows)
         work = float(flown.ends[:, -1].sum())
         self.power_before = work * family.base.frequency
@@ -317,6 +359,8 @@ class GaitProgram:
         moved = np.abs(flown.by_parameter[:, lateral]).max()
         turns = conditions.turn_rate or max(apart, moved) > IN_PLANE
         self.lateral = [] if turns else lateral
+        self._loads = _loaded(flight.robot, not turns)
+        self._over = np.full(len(self._loads.names), _CLOSE)
         self._rows, self._row_scale = self._constraint_rows()
         self._weight = 1.0
         self._weight /= max(abs(self.cost(self.begin)), 1e-9)
@@ -327,14 +371,15 @@ class GaitProgram:
         ends = self._cost.size_out(2)[0]
         held = _SAMPLES * count
         ranges = len(self._ranges.ways)
-        counts = m * n, 1, ends, held, held, count, count, ranges
+        loads = m * len(self._loads.names)
+        counts = m * n, 1, ends, held, held, count, count, ranges, loads
         at = np.cumsum([0, *counts])
         scales = (
             np.tile(self._sizes, m),
             self.scale[self._work],
             np.ones(ends),
             np.tile(self._swings.sizes, 2 * _SAMPLES + 2),
-            np.ones(ranges),
+            np.ones(ranges + loads),
         )
         return [*map(slice, at, at[1:])], np.concatenate(scales)
 
@@ -357,7 +402,17 @@ class GaitProgram:
         return self.family.rows(values, self.steps, air)
 
     def _fly(self, nodes: Array, rows: PrescribedRows) -> Segments:
-        return self.flight.fly(np.pad(nodes[:-1], ((0, 0), (0, 1))), rows)
+        """Ends of the segments, work, and loads at their beginning over the limits, (m, n+1+l)."""
+        begin, limits = np.pad(nodes[:-1], ((0, 0), (0, 1))), self._loads.limits[:, None]
+        flown = self.flight.fly(begin, rows)
+        if not len(limits):
+            return flown
+        loads, of = self.flight.loads(begin, rows), self._loads.columns
+        ends = np.hstack([flown.ends, loads.ends[:, of] / limits[:, 0]])
+        by_state = np.hstack([flown.by_state, loads.by_state[:, of] / limits])
+        return Segments(
+            ends, by_state, np.hstack([flown.by_parameter, loads.by_parameter[:, of] / limits])
+        )
 
     def cost(self, z: Array) -> float:
         """Cost over that at the beginning.
@@ -378,7 +433,7 @@ class GaitProgram:
         return np.asarray(self._weight * found * self.scale)
 
     def constraints(self, z: Array) -> Array:
-        """Defects, work, conditions, samples below top and above bottom, swings, ranges.
+        """Defects, work, conditions, samples below top and above bottom, swings, ranges, loads.
 
         Args:
             z: Scaled unknowns.
@@ -391,14 +446,15 @@ class GaitProgram:
         high, low = self._peaks
         each = np.arange(motion.shape[1])
         parts = [
-            flown.ends[:, :-1] - nodes[1:],
-            flown.ends[:, -1].sum() - w[self._work],
+            flown.ends[:, : len(self.names)] - nodes[1:],
+            flown.ends[:, len(self.names)].sum() - w[self._work],
             np.array(self._cost(w[self._outer])[2]),
             top - motion,
             motion - bottom,
             top - bottom,
             motion[high, each] - motion[low, each],
             self._ranges.ways @ w[self._values],
+            flown.ends[:, len(self.names) + 1 :],
         ]
         return np.concatenate([np.ravel(part) for part in parts]) / self._row_scale
 
@@ -409,9 +465,9 @@ class GaitProgram:
             z: Scaled unknowns, or None.
         """
         n, m, p = len(self.names), self.parts, len(self.family.names)
-        count = len(self._swings.columns)
+        count, size = len(self._swings.columns), n + 1 + len(self._loads.names)
         if z is None:
-            a, b = np.ones((m, n + 1, n + 1)), np.ones((m, n + 1, p))
+            a, b = np.ones((m, size, n + 1)), np.ones((m, size, p))
             outer, motion = 1.0, np.ones((_SAMPLES, count, p))
         else:
             rows, flown = self._flown(z)
@@ -419,15 +475,17 @@ class GaitProgram:
             outer = self._cost(self._outside(z))[3]
             motion = rows.slopes[self._samples]
             motion = motion[:, :, self._swings.columns].transpose(0, 2, 1)
-        defects, work, ends, under, over, swings, least, ranges = self._rows
-        values = self._values
+        defects, work, ends, under, over, swings, least, ranges, loads = self._rows
+        values, loaded = self._values, np.arange(loads.start, loads.stop).reshape(m, -1)
         found = np.zeros((len(self._row_scale), len(self.scale)))
         for k in range(m):
             own = slice(k * n, (k + 1) * n)
             after = slice((k + 1) * n, (k + 2) * n)
             found[own, own] = a[k, :n, :n]
             found[own, after] = -np.eye(n)
+            found[loaded[k], own] = a[k, n + 1 :, :n]
         found[defects, values] = b[:, :n].reshape(m * n, p)
+        found[loads, values] = b[:, n + 1 :].reshape(-1, p)
         found[work, : m * n] = a[:, n, :n].ravel()
         found[work, values] = b[:, n].sum(axis=0)
         found[work, self._work] = -1.0
@@ -457,8 +515,8 @@ class GaitProgram:
         """
         n, m, w = len(self.names), self.parts, z * self.scale
         own = multipliers / self._row_scale
-        defects, work, ends, under, over, _, least, _ = self._rows
-        parts = own[defects].reshape(m, n), np.full((m, 1), own[work])
+        defects, work, ends, under, over, _, least, _, loads = self._rows
+        parts = own[defects].reshape(m, n), np.full((m, 1), own[work]), own[loads].reshape(m, -1)
         of_ends, count = np.hstack(parts), len(self._swings.columns)
         of_motion = (own[over] - own[under]).reshape(_SAMPLES, count)
         for peak, side in zip(self._peaks, (1.0, -1.0), strict=True):
@@ -500,11 +558,28 @@ class GaitProgram:
         begin: dict[str, Any] = {"x0": self.begin}
         for _ in range(_AGAIN):
             begin, found = self._solved(begin)
-            beyond = self._beyond_limits(found.values)
-            if not found.solved or not beyond.any():
+            if not found.solved:
+                break
+            beyond, over = self._beyond_limits(found.values), self._overloads(found)
+            if not (beyond.any() or over.any()):
                 break
             self._beyond += beyond
+            self._over += over
         return found
+
+    def _overloads(self, found: Optimum) -> Array:
+        """Excess of loads at any time step over their limits, (l,) [1]."""
+        if not self._loads.names:
+            return np.zeros(0)
+        rows, states = self._prescribed(found.values), np.zeros((self.steps, self.flight.size))
+        states[0, :-1] = found.nodes[0]
+        for k in range(self.steps - 1):
+            at = slice(2 * k, 2 * k + 3)
+            row = replace(rows, table=rows.table[at], slopes=rows.slopes[at])
+            states[k + 1] = self.flight.fly(states[k : k + 1], row).ends[0]
+        loads = self.flight.loads(states, rows).ends[:, self._loads.columns]
+        over = np.abs(loads).max(axis=0) / self._loads.limits - 1.0
+        return np.where(over > 0.0, over + _CLOSE, 0.0)
 
     def _beyond_limits(self, values: Array) -> Array:
         """Excess of motions between samples beyond their limits, above and below, (2, l) [SI]."""
@@ -533,7 +608,9 @@ class GaitProgram:
         low[self._bottom] = swings.low + self._beyond[1]
         least = np.zeros(len(self._row_scale))
         most = least.copy()
-        _, _, ends, under, over, swing, wide, ranges = self._rows
+        _, _, ends, under, over, swing, wide, ranges, loads = self._rows
+        most[loads] = np.tile(1.0 - self._over, m)
+        least[loads] = -most[loads]
         most[under] = most[over] = most[wide] = np.inf
         most[swing] = 2.0 * swings.most - self._beyond.sum(axis=0)
         least[wide] = np.where(swings.least > 0.0, 2.0 * swings.least, -np.inf)
@@ -644,6 +721,16 @@ class GaitProgram:
             self._held(of, on),
         )
 
+    @property
+    def overloads(self) -> tuple[str, ...]:
+        """Loads of the beginning that are beyond their limits, in words."""
+        loads = np.abs(self.constraints(self.begin)[self._rows[8]].reshape(self.parts, -1))
+        return tuple(
+            f"{own.max():.3g} times the limit of {name} at phase {own.argmax() / self.parts:.3g}"
+            for name, own in zip(self._loads.names, loads.T, strict=True)
+            if own.max() > 1.0
+        )
+
     def _residual(self, z: Array, on: Array, of: Array) -> float:
         """Largest residual of the conditions of Karush, Kuhn and Tucker, scaled unknowns [1].
 
@@ -678,6 +765,10 @@ class GaitProgram:
         for multiplier, name in zip(on[self._rows[7]], self._ranges.names, strict=True):
             if abs(multiplier) > _ACTIVE:
                 found.append(f"{name} at its {'greatest' if multiplier > 0 else 'least'}")
+        active = np.abs(on[self._rows[8]].reshape(self.parts, -1)) > _ACTIVE
+        for chosen, name in zip(active.T, self._loads.names, strict=True):
+            if chosen.any():
+                found.append(f"limit of {name} at {_phases(chosen)}")
         return tuple(found)
 
 

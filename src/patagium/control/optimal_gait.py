@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics import Aerodynamics, QuasiSteady
 from patagium.control.gait_family import GaitFamily, fourier_series, gait_family
-from patagium.control.gait_program import IN_PLANE, GaitProgram, Goal, Optimum, lateral_states
+from patagium.control.gait_program import (
+    IN_PLANE,
+    TOLERANCE,
+    GaitProgram,
+    Goal,
+    Optimum,
+    lateral_states,
+)
 from patagium.control.orbit import NoOrbit, Orbit
 from patagium.control.trimming import Conditions, OrbitSearch, TrimOptions, orbit_of, trim
 from patagium.control.wingbeat import FlightMap
@@ -63,8 +70,8 @@ class OptimalGait:
         harmonics: Order of the Fourier series.
         power: Mean mechanical power of the joints [W].
         power_before: That of the orbit it began from [W].
-        sinusoid: The best gait of one harmonic at the same conditions; None if it is that, or the
-            search began from an orbit that was given.
+        sinusoid: The best gait of one harmonic at the same conditions; None if it is that, if none
+            was found, or if the search began from an orbit that was given.
         residual: Largest residual of the conditions of Karush, Kuhn and Tucker, scaled [1].
         iterations: Iterations of IPOPT.
         held: Limits that hold the gait back, in words.
@@ -179,8 +186,8 @@ def optimize(
     if free is not None or options.get("start") is not None or harmonics == 1:
         return _optimal(start, conditions, goal, harmonics, free)
     sinusoid = _optimal(start, conditions, goal, 1, None)
-    if not isinstance(sinusoid, OptimalGait):
-        return sinusoid
+    if not isinstance(sinusoid, OptimalGait):  # limits that no sinusoid keeps, harmonics may
+        return _optimal(start, conditions, goal, harmonics, None)
     best = _optimal(sinusoid.orbit, conditions, goal, harmonics, None)
     if not isinstance(best, OptimalGait):
         return best
@@ -278,13 +285,13 @@ def _optimal(
     program = GaitProgram(flight, family, start.steps, goal, conditions, nodes)
     found = program.solve()
     if not found.solved:
-        return _not_found(family.names, found)
+        return _not_found(family.names, found, program.overloads)
     at, trouble = search.newton(
         search.point(found.nodes[:-1], found.values, conditions), conditions
     )
-    if trouble:
-        found = replace(found, status="stalled", residual=at.residual)
-        return _not_found(family.names, found)
+    if trouble and not at.residual <= TOLERANCE:
+        open_beat = f"the beat of the best gait does not close: a misfit of {at.residual:.2g}"
+        return _not_found(family.names, replace(found, status=open_beat), ())
     return OptimalGait(
         orbit_of(search, at, added_mass),
         goal,
@@ -308,20 +315,26 @@ def _in_plane(flight: FlightMap, family: GaitFamily, start: Orbit) -> GaitFamily
     return replace(family, names=chosen, directions=family.directions[kept])
 
 
-def _not_found(names: Sequence[str], found: Optimum) -> NoOrbit:
+def _not_found(names: Sequence[str], found: Optimum, overloads: Sequence[str]) -> NoOrbit:
     """Failure of a program in words."""
-    reason = _REASONS.get(found.status, f"IPOPT ended with {found.status}")
-    told = f"{reason}; residual {found.residual:.2g} after {found.iterations} iterations"
+    parts = [_REASONS.get(found.status, found.status.replace("_", " ").lower())]
+    if overloads:
+        parts.append(f"the gait it began from takes {', '.join(overloads)}")
+    if not found.solved:
+        parts.append(f"residual {found.residual:.2g} after {found.iterations} iterations")
+    told = "; ".join(parts)
     remedy = "begin from an orbit nearby (start=, gait=), or free other parameters (free=)"
+    remedy += ", or raise that limit" if overloads else ""
     nearest = dict(zip(names, map(float, found.values), strict=True))
     return NoOrbit(told, remedy, {}, found.residual, found.iterations, nearest)
 
 
 _REASONS = {
-    "stalled": "a gait was found, but its beats repeat less closely than those of an orbit",
     "Infeasible_Problem_Detected": "no gait within the limits fulfils the conditions near by",
     "Maximum_Iterations_Exceeded": "the search was not done in time",
     "Restoration_Failed": "no step from here leads nearer to the conditions",
     "Invalid_Number_Detected": "the flight breaks",
+    "Solved_To_Acceptable_Level": "the search came near to a gait, but not near enough",
+    "Search_Direction_Becomes_Too_Small": "no step from here leads nearer to the conditions",
     "Diverging_Iterates": "the goal has no bound: a limit of joints or actuators is missing",
 }

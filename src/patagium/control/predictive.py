@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Protocol
@@ -469,7 +470,8 @@ class OrbitController:
     """Controller that flies along a periodic orbit, but for its law.
 
     A sample that is missing, late, or not finite, and an answer that is none, leave the last
-    command in force; `held` counts them by their cause.
+    command in force; `held` counts them by their cause. A time before the last one begins another
+    flight, and the controller starts anew.
 
     Args:
         orbit: The orbit, and the model of robot and air that it was found with.
@@ -511,6 +513,26 @@ class OrbitController:
         self.state_cost, self.input_cost = np.diag(self.weights), np.diag(costs / half**2)
         self.costs, self.gains = self._law(model)
         self.held: Counter[str] = Counter()
+        self._time = 0.0
+        self._followed = False
+
+    def restart(self) -> None:
+        """Start anew, as at the beginning of a flight.
+
+        Raises:
+            ParameterError: If another orbit was learned, on which no flight begins.
+        """
+        if self._followed:
+            expected = "a new one for each flight in which it learns"
+            found = "one that has learned another orbit in the flight before"
+            raise ParameterError("controller", expected, found)
+        steered = SteeredGait(
+            self.model.robot,
+            self.model.steered.gait,
+        )
+        self.model = copy(self.model)
+        self.model.steered = steered
+        self.held = Counter()
 
     def _law(self, model: OrbitModel) -> tuple[Array, Array]:
         """Costs to go and gains of a model."""
@@ -543,6 +565,7 @@ class OrbitController:
         gap = former - np.mean([model.along(k) for k in beat], axis=0)
         places = [model.names.index(name) for name in ("x", "y", "z")]
         model.origin[places] = gap[places]
+        self._followed = True
         self.model, self.costs, self.gains = model, costs, gains
 
     @property
@@ -571,7 +594,13 @@ class OrbitController:
 
         Returns:
             Commands by name; none where the last ones are held.
+
+        Raises:
+            ParameterError: If it cannot start anew (`restart`).
         """
+        if time < self._time:
+            self.restart()
+        self._time = time
         model, period = self.model, self.model.period
         if state is None:
             return self._hold("missing")
@@ -670,16 +699,30 @@ class PredictiveController(OrbitController):
         limits: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
         super().__init__(orbit, commands, parts, tolerable)
+        self._limits = {self._state(k): v for k, v in (limits or {}).items()}
+        self._horizon = horizon
+        self._begin()
+
+    def restart(self) -> None:
+        """Start anew, without a prediction; see `OrbitController.restart`."""
+        super().restart()
+        self._begin()
+
+    def _begin(self) -> None:
         model = self.model
-        self.iteration = RealTimeIteration(model.predict, horizon, self.state_cost, self.input_cost)
+        self.iteration = RealTimeIteration(
+            model.predict,
+            self._horizon,
+            self.state_cost,
+            self.input_cost,
+        )
         program = self.iteration.program
         self._place_ranges()
         program["rise"][...] = [rate * model.period for _, _, rate in self.ends]
         program["fall"][...] = -program["rise"]
-        self._limits = {self._state(k): v for k, v in (limits or {}).items()}
         for place in self._limits:
             program["weight"][:, place] = SOFT * max(self.weights[place], 1.0)
-        self._before = np.zeros(len(commands))
+        self._before = np.zeros(len(model.commands))
         self._last: int | None = None
 
     def follow(self, orbit: Reference, parameters: Mapping[str, float], first: int) -> None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -184,9 +185,33 @@ class FlightMap:
         with np.errstate(all="ignore"):
             return _rate_and_slope(self._slopes, np.asarray(states, float), rows, ways, given)
 
+    def loads(self, states: Array, rows: PrescribedRows) -> Segments:
+        """Forces or torques, then powers, of the actuated joints as segments begin, (m, 2 n_a).
 
-def _compiled_slopes(flight: FlightMap) -> _Slopes:
-    """Compiled rate of the state and its Jacobian; the same code for all values of parameters."""
+        Args:
+            states: State at the beginning of each, (m, n) [SI].
+            rows: Prescribed rows of all segments, as `fly` takes them.
+
+        Returns:
+            The loads as `ends` [N, N m, W], and their derivatives.
+        """
+        at = 2 * (rows.steps // len(states)) * np.arange(len(states))
+        given = rows.slopes[at]
+        ways = np.tile(np.eye(self.size, self.size + given.shape[1]), (len(states), 1, 1))
+        with np.errstate(all="ignore"):
+            found, slope = _rate_and_slope(self._loads, states, rows.table[at], ways, given)
+        return Segments(found, slope[:, :, : self.size], slope[:, :, self.size :])
+
+    @cached_property
+    def _loads(self) -> _Slopes:
+        return _compiled_slopes(self, loads=True)
+
+
+def _compiled_slopes(flight: FlightMap, loads: bool = False) -> _Slopes:
+    """Compiled rate of the state and its Jacobian; the same code for all values of parameters.
+
+    With `loads` those of the actuated joints in the place of the rate.
+    """
     robot, aero, added_mass = flight.robot, flight.aero, flight.added_mass
     others = () if added_mass is None else added_mass.parameters
     known = (*robot.parameter_names, *aero.parameter_names)
@@ -195,9 +220,10 @@ def _compiled_slopes(flight: FlightMap) -> _Slopes:
             raise ParameterError("parameters", "parameters of the robot or of its air", name)
     places = tuple(known.index(name) for name in flight.parameters)
     kind = (" with added mass" if added_mass else "") + (" with work" if flight.work else "")
+    places, what = ((), "loads") if loads else (places, "slopes")
     functions = load_functions(
-        f"slopes{kind} {aero.structure} {places} {robot.structure}",
-        lambda: _slope_functions(flight, places),
+        f"{what}{kind} {aero.structure} {places} {robot.structure}",
+        lambda: _slope_functions(flight, places, loads),
         label=f"derivatives of a flight of {robot.name}",
         many_only=["slope"],
     )
@@ -208,24 +234,32 @@ def _compiled_slopes(flight: FlightMap) -> _Slopes:
     return _Slopes(functions["slope"], entries[0], entries[1], constants)
 
 
-def _slope_functions(flight: FlightMap, places: tuple[int, ...]) -> Sequence[ca.Function]:
+def _slope_functions(
+    flight: FlightMap, places: tuple[int, ...], loads: bool
+) -> Sequence[ca.Function]:
     """CasADi functions of rate and Jacobian, and of where its nonzeros are.
 
-    Where the air's equations call kernels, whose Jacobian is long, the function takes a seed
-    too and gives rate and derivative along it.
+    Of loads, and where the air's equations call kernels, whose Jacobian is long, the function takes
+    a seed too and gives rate and derivative along it.
     """
     robot, aero, added_mass = flight.robot, flight.aero, flight.added_mass
     layout = state_layout(robot, aero, mount_of(robot, None), added_mass)
-    whole = flight_functions(robot, aero, mount_of(robot, None), added_mass)[0]
+    whole = flight_functions(robot, aero, mount_of(robot, None), added_mass)[loads]
     size, names = flight.size, [*whole.name_in()]
     given = list(whole.sx_in())
     state, row = ca.SX.sym("state", size), given[1]
     rest = ca.SX.zeros(layout.size - size, 1)
-    rate = whole.call([ca.vertcat(state, rest), *given[1:]], True, False)[0][:size]
+    outputs = whole.call([ca.vertcat(state, rest), *given[1:]], True, False)
+    if loads:
+        effort, v = (outputs[whole.name_out().index(name)] for name in ("u1", "v"))
+        own = list(robot.actuated)
+        rate = ca.vertcat(effort[own], (effort * v)[own])
+    else:
+        rate = outputs[0][:size]
     parameters = ca.vertcat(*given[2:])
     variables = ca.vertcat(state, row[: layout.row_size - 3], parameters[list(places)])
     inputs = [state, *given[1:]]
-    if whole.find_functions():
+    if loads or whole.find_functions():
         seed = ca.SX.sym("seed", variables.shape[0])
         found = ca.vertcat(rate, ca.jtimes(rate, variables, seed))
         return [ca.Function("slope", [*inputs, seed], [found], [*names, "seed"], ["found"])]
@@ -320,8 +354,8 @@ def _rate_and_slope(
         along = seeds.transpose(0, 2, 1).reshape(count * directions, -1)
         repeated = [np.repeat(part, directions, axis=0) for part in (x, row)]
         found = slopes.function.batch(*repeated, *slopes.constants, along)
-        found = found.reshape(count, directions, 2 * size)
-        return found[:, 0, :size].copy(), found[:, :, size:].transpose(0, 2, 1).copy()
+        found = found.reshape(count, directions, 2, -1)
+        return found[:, 0, 0].copy(), found[:, :, 1].transpose(0, 2, 1).copy()
     found = slopes.function.batch(x, row, *slopes.constants)
     jacobian = np.zeros((count, size, seeds.shape[1]))
     jacobian[:, slopes.rows, slopes.columns] = found[:, size:]

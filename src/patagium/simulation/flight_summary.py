@@ -61,7 +61,8 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
         `force_over_weight`: mean vertical force of the air on the strips over the weight [1];
         `joint_power`: mean power of the joints [W]; where a body floats also `speed`: mean
         speed along the nose [m/s], `climb_rate` [m/s], `height_change` [m], and `roll`, `pitch`,
-        `yaw`: least and greatest angle [rad]; `warnings`: sentences.
+        `yaw`: least and greatest angle [rad]; of a closed loop `held_samples`: samples at which
+        the last command was held; `warnings`: sentences.
 
     Raises:
         FlightError: If the flight does not carry its robot.
@@ -77,10 +78,15 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
         "joint_power": float((work[-1] - work[0]) / span) if span else 0.0,
     }
     facts |= _of_body(robot, flight, chosen)
-    warnings = []
+    warnings, held = [], json.loads(flight.attrs.get("held", "null"))
+    if held is not None:
+        facts["held_samples"] = sum(held.values())
     if "speed" in facts:
         free = flight.attrs.get("mount") == "free"
         warnings = _warnings(facts, free) + _hover(flight, facts, chosen)
+    if held:
+        causes = ", ".join(f"{count} {cause}" for cause, count in sorted(held.items()))
+        warnings.append(f"Its last command was held at {facts['held_samples']} samples: {causes}.")
     whole = chosen if beat and beat <= 1.01 * span else None  # to a sample
     facts["warnings"] = warnings + _overloads(robot, flight) + air_findings(robot, flight, whole)
     return FlightSummary(facts, flight)

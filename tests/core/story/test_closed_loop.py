@@ -21,6 +21,7 @@ from patagium.control import (
     off_nominal,
 )
 from patagium.errors import ParameterError, SimulationFailed
+from patagium.simulation.flight_summary import flight_summary
 from patagium.simulation.simulator import FlightState
 
 COMMANDS = ("frequency", "plunge_amplitude", "elevation_offset", "rudder_offset")
@@ -109,11 +110,34 @@ def test_samples_that_are_missing_late_or_wrong_hold_the_last_command(orbit, kin
     assert set(held) == {"missing", "not finite", "late"}
     assert sum(held.values()) == sum(k % 5 in (1, 2, 3) for k in range(count))
     assert "held" in flight.attrs["controller"]
+    summary = flight_summary(flight)
+    assert summary["held_samples"] == sum(held.values())
+    assert any(f"{held['late']} late" in one for one in summary["warnings"])
     commands = flight["command"].values
     assert np.isfinite(commands).all()
     changes = np.flatnonzero(np.abs(np.diff(commands, axis=0)).max(axis=1) > 0)
     period = flight["control_time"].values[1] / flight.attrs["time_step"]
     assert {round(k / period) % 5 for k in changes[1:]} == {0, 4}
+
+
+@pytest.mark.parametrize("kind", [PredictiveController, LinearRegulator])
+def test_a_controller_starts_anew_with_each_flight(orbit, kind):
+    given = {"sensors": NoisyState({"z": 0.002}, missing=0.2), "duration": 0.3}
+    controller = kind(orbit, COMMANDS)
+    first = flown(orbit, controller, **given)
+    flown(orbit, controller, seed=1, **given)
+    again = flown(orbit, controller, **given)
+    for name in ("q", "command", "estimate"):
+        assert np.array_equal(again[name].values, first[name].values, equal_nan=True)
+    assert again.attrs["held"] == first.attrs["held"] != "{}"
+
+
+def test_a_controller_that_learned_another_orbit_refuses_another_flight(orbit):
+    controller = LinearRegulator(orbit, COMMANDS)
+    flown(orbit, controller, duration=0.1)
+    controller.follow(orbit, {}, 4)
+    with pytest.raises(ParameterError, match="a new one for each flight"):
+        flown(orbit, controller, duration=0.1)
 
 
 def test_delay_and_loss_of_samples_are_those_asked_for(orbit):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,9 +12,10 @@ from patagium.cli.main import run
 from patagium.control.gait_family import gait_family
 from patagium.control.gait_program import TOLERANCE, GaitProgram
 from patagium.control.optimal_gait import coefficients
-from patagium.control.trimming import Conditions
+from patagium.control.trimming import Conditions, OrbitSearch, Point
 from patagium.control.wingbeat import FlightMap
 from patagium.errors import ParameterError
+from patagium.simulation.flight_summary import flight_summary
 
 
 def say(capsys, *words):
@@ -74,11 +77,12 @@ def test_the_orbit_is_one_like_those_of_a_trim(best):
 
 
 def test_derivatives_of_the_program_are_those_of_differences(ornithopter):
-    orbit = pt.trim(ornithopter, free=("frequency", "elevation_offset"), speed=5.0)
+    robot = limited(ornithopter, torque=9.0, power=200.0)
+    orbit = pt.trim(robot, free=("frequency", "elevation_offset"), speed=5.0)
     names = ("frequency", "plunge_phase", "plunge_sine_2", "elevation_offset", "elevation_cosine_1")
     program = GaitProgram(
-        FlightMap(ornithopter, orbit.aero, work=True),
-        gait_family(ornithopter, orbit.gait, names),
+        FlightMap(robot, orbit.aero, work=True),
+        gait_family(robot, orbit.gait, names),
         orbit.steps,
         "range",
         Conditions(0.0, 0.0, None),
@@ -176,3 +180,53 @@ def test_refusals(ornithopter, best):
         pt.control.optimize(pt.load_robot("aerobat"), start=best.orbit)
     with pytest.raises(TypeError, match="mass"):
         pt.control.optimize(ornithopter, mass=1.0)
+
+
+def limited(robot, torque=np.inf, power=np.inf):
+    """Robot whose wings' motors have a greatest torque [N m] and power [W]."""
+    limits = [np.full(robot.dof, np.inf) for _ in range(2)]
+    for most, value in zip(limits, (torque, power), strict=True):
+        most[[robot.index("left_plunge"), robot.index("right_plunge")]] = value
+    return replace(robot, effort_limit=tuple(limits[0]), power_limit=tuple(limits[1]))
+
+
+@pytest.mark.parametrize(("torque", "power", "word"), [(10, np.inf, "N m"), (np.inf, 180, "W")])
+def test_torque_and_power_stay_within_what_the_motors_have(ornithopter, torque, power, word):
+    robot = limited(ornithopter, torque, power)
+    start = pt.trim(robot, speed=4.0)
+    found = pt.control.optimize(robot, start.aero, speed=4.0, start=start)
+    assert found.found and found.residual <= TOLERANCE
+    flight, place = found.orbit.flight(beats=1), robot.index("left_plunge")
+    effort, v = flight["u1"].values[:, place], flight["v"].values[:, place]
+    before = start.flight(beats=1)["u1"].values[:, place]
+    share = max(np.abs(effort).max() / torque, np.abs(effort * v).max() / power)
+    # what segments hide is taken off again until a solution gains no more than this
+    assert 0.999 < share <= 1 + 1e-5
+    assert torque == np.inf or np.abs(before).max() > torque
+    told = [one for one in found.held if f"{min(torque, power)} {word}" in one]
+    assert len(told) == 1 and "left_plunge at phase" in told[0]
+    assert not any("of torque" in one or "of power" in one for one in flight_warnings(found))
+
+
+def flight_warnings(found):
+    return flight_summary(found.orbit.flight(beats=1))["warnings"]
+
+
+def test_a_torque_that_is_too_small_is_told_with_its_limit(ornithopter):
+    robot = limited(ornithopter, torque=3.0)
+    start = pt.trim(robot, speed=4.0)
+    failed = pt.control.optimize(robot, start.aero, speed=4.0, harmonics=1, start=start)
+    assert not failed.found
+    assert "3.63 times the limit of 3 N m of torque of left_plunge" in failed.reason
+    assert "raise that limit" in failed.remedy
+
+
+def test_a_beat_that_closes_within_the_tolerance_is_converged(ornithopter, monkeypatch):
+    newton, free = OrbitSearch.newton, ("frequency", "plunge_amplitude", "elevation_offset")
+    start = pt.trim(ornithopter, speed=4.0)
+    given = {"speed": 4.0, "free": (*free, "plunge_offset"), "start": start}
+    monkeypatch.setattr(OrbitSearch, "newton", lambda *given: (newton(*given)[0], "stalled"))
+    assert pt.control.optimize(ornithopter, **given).found
+    monkeypatch.setattr(Point, "residual", 1e-3)
+    failed = pt.control.optimize(ornithopter, **given)
+    assert "does not close: a misfit of 0.001" in failed.reason
