@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -59,7 +61,38 @@ def inspect(
     if len(names) > 1 and not topic:
         typer.echo("Numbers of a topic: --topic NAME; of all: --json")
     brought = f"patagium import {' '.join(map(str, files))} --mapping map.yaml"
-    say_next(f"say in map.yaml what these fields mean (docs/logs.md shows how), then {brought}")
+    for line in _begun(found):
+        typer.echo(line)
+    say_next(f"say in map.yaml what the fields mean, as above or in docs/logs.md, then {brought}")
+
+
+def _begun(found: Inspection) -> list[str]:
+    """Lines of a mapping to begin from, of the first topic that has numbers: the last is learned.
+
+    Args:
+        found: Content of the log.
+    """
+    first = next((one for one in found.topics if len(one.channels) > 1), None)
+    if first is None:
+        return []
+    place = f'topic: "{first.name}", field' if first.name else "column"
+    entries = {
+        one.name: f"{{{place}: {json.dumps(_UNIT.sub('', one.name))}, unit: {one.unit or _NONE}}}"
+        for one in first.channels
+    }
+    time = "{rate: 100 Hz}" if first.name else entries.pop(first.stamps, "{rate: 100 Hz}")
+    *inputs, output = entries.values()
+    shown = [f"  - {one}" for one in inputs[:_SHOWN]]
+    begin = ["A map.yaml to begin from:", f"time: {time}", "inputs:", *shown]
+    return [*begin, "outputs:", f"  - {output}"]
+
+
+_SHOWN = 4
+"""Inputs of a mapping to begin from."""
+_UNIT = re.compile(r"\s*\[[^\]]*\]$")
+"""Unit in the head of a column."""
+_NONE = '"1"'
+"""Unit of a plain number, in a mapping."""
 
 
 def show_findings(findings: Sequence[Finding], *, err: bool = False) -> None:
