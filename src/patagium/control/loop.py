@@ -127,10 +127,10 @@ def fly(
     loop = _Loop(robot, aero, controller, orbit, tuple(events), duration, options)
     seed: Any = options.get("seed", 0)
     if not (isinstance(seed, int | np.integer) and seed >= 0):
-        raise ParameterError("seed", "an int >= 0", seed)
+        raise ParameterError("seed", "int >= 0", seed)
     known = NoisyState() if sensors is None else sensors
     of_kind("sensors", known, NoisyState | TrackedState, "NoisyState()")
-    estimator = options.get("estimator") or known.estimator(orbit, loop.duration, seed)
+    estimator = options.get("estimator") or known.estimator(orbit, loop.duration, int(seed))
     own = controller if isinstance(controller, Learner) else None
     learner = options.get("learner") or own
     of_kind("learner", learner, Learner | None, "AdaptiveController()")
@@ -254,8 +254,8 @@ class _Loop:
         if isinstance(model := getattr(self.controller, "model", None), OrbitModel):
             along = model.along(round(time / self.controller.period))
             self.followed.append(dict(zip(model.names, map(float, along), strict=True)))
-        answered = (commands or {}).items()
-        taken = {name: value for name, value in answered if name not in self.stuck}
+        given = (commands or {}).items()
+        taken = {name: value for name, value in given if name not in self.stuck}
         if taken:
             self.simulator.command(taken)
 

@@ -1,4 +1,4 @@
-"""What `pt.fly` is given by mistake is refused by one sentence, and commands that are no numbers."""
+"""Wrong arguments of `pt.fly`, and commands that are no numbers, are refused by one sentence."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, PatagiumError
 from patagium.simulation.steered_gait import SteeredGait
 
 ROBOT = pt.load_robot("ornithopter")
@@ -40,5 +40,5 @@ def test_a_name_that_is_no_command_is_refused(name: Any) -> None:
 )
 def test_an_event_of_hostile_numbers_is_refused(event: Any, words: str) -> None:
     aero = pt.QuasiSteady(ROBOT, pt.Air())
-    with pytest.raises(ParameterError, match=words):
+    with pytest.raises(PatagiumError, match=words):
         event.changed(ROBOT, aero)
