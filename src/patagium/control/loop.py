@@ -133,7 +133,7 @@ def fly(
     estimator = options.get("estimator") or known.estimator(orbit, loop.duration, int(seed))
     own = controller if isinstance(controller, Learner) else None
     learner = options.get("learner") or own
-    of_kind("learner", learner, Learner | None, "AdaptiveController()")
+    of_kind("learner", learner, Learner | None, "None")
     loop.run(estimator, learner)
     flight = loop.flight()
     flight.attrs |= {"seed": seed, "sensors": repr(sensors), "learner": repr(learner)}
@@ -173,9 +173,9 @@ class _Loop:
     def __post_init__(self) -> None:
         period = positive("period of the controller", self.controller.period)
         longest = positive("time_step", self.options.get("time_step", TIME_STEP))
-        self.period = ceil(period / longest * (1 - 1e-9))
+        self.period = ceil(min(period / longest, 1e12) * (1 - 1e-9))
         step = period / self.period
-        steps = max(1, round(positive("duration", self.duration) / step))
+        steps = max(1, round(min(positive("duration", self.duration) / step, 1e15)))
         self.duration = steps * step
         self._check_events(self.duration)
         aero, added = with_gusts(self.aero, self.events), self.options.get("added_mass")
@@ -282,7 +282,8 @@ class _Loop:
             estimate=(dims, estimates, units | {"long_name": "state that the controller knew"}),
             reference=(dims, wanted, units | {"long_name": "state on the orbit"}),
         )
-        flight.attrs["events"] = json.dumps([one.describe() for one in self.events])
+        told = [one.describe() for one in self.events]
+        flight.attrs["events"] = json.dumps(told, default=float)
         if hasattr(self.controller, "report"):
             flight.attrs["controller"] = self.controller.report()
         if hasattr(self.controller, "held"):
