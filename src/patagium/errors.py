@@ -74,20 +74,21 @@ class ParameterError(PatagiumError, ValueError):
         self.name, self.expected, self.found = name, expected, found
 
 
-def of_kind(name: str, value: object, kind: type, example: str) -> None:
+def of_kind(name: str, value: object, kind: Any, example: str) -> None:
     """Refuse an argument of another kind.
 
     Args:
         name: The argument.
         value: What was given.
-        kind: What it has to be.
+        kind: Type that it has to be of, or a union of types.
         example: Expression that gives such a thing.
 
     Raises:
         ParameterError: If it is of another kind.
     """
     if not isinstance(value, kind):
-        raise ParameterError(name, f"a {kind.__name__} such as {example}", value)
+        found = getattr(kind, "__name__", "value")
+        raise ParameterError(name, f"a {found} such as {example}", value)
 
 
 def shown(value: object, most: int = SHOWN) -> str:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics import Aerodynamics, OneMinusCosineGust, RampGust, aero_from_description
 from patagium.aerodynamics.description import innermost
-from patagium.aerodynamics.gusts import Gust
-from patagium.errors import ParameterError, finite, positive
+from patagium.aerodynamics.gusts import Gust, triple
+from patagium.errors import ParameterError, finite, of_kind, positive
 from patagium.robot import Robot
 from patagium.robot.model import Body, Strip
 
@@ -146,7 +146,7 @@ class PayloadEvent(Event):
         body = robot.bodies[robot.body_index(self.body)]
         mass = positive("mass", self.mass)
         where = body.center_of_mass if self.position is None else self.position
-        point = _with_point(body, mass, np.array(where, float))
+        point = _with_point(body, mass, np.array(triple("position", where)))
         return _around(_with_known(robot, point), aero)
 
 
@@ -197,13 +197,10 @@ class PolarEvent(Event):
     def changed(self, robot: Robot, aero: Aerodynamics) -> Machine:
         """Machine, and the air with the other numbers.
 
-        Args:
-            robot: The machine before.
-            aero: Model of the air before.
-
         Raises:
             ParameterError: If the model has no such number.
         """
+        of_kind("factors", self.factors, Mapping, "{'lift_amplitude': 0.8}")
         described = aero.describe()
         inner = innermost(described)
         numbers = inner.get("polar") or inner.get("section") or inner
@@ -371,10 +368,8 @@ _TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 def _tensor(body: Body) -> Array:
     """Inertia of a body about its centre of mass, (3, 3) [kg m^2]."""
-    found = np.zeros((3, 3))
-    for (i, j), value in zip(_TENSOR, body.inertia, strict=True):
-        found[i, j] = found[j, i] = value
-    return found
+    xx, yy, zz, xy, xz, yz = body.inertia
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], float)
 
 
 def _with_point(body: Body, mass: float, center: Array) -> dict[str, float]:

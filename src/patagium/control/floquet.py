@@ -19,8 +19,6 @@ from patagium.control.wingbeat import FlightMap
 
 Array = NDArray[np.float64]
 
-NEUTRAL_WITHIN = 1e-9
-"""Distance from 1 of a multiplier that is neutral."""
 GONE = 1e-12
 """Size of a multiplier whose rate is rounding's: nothing is left of the mode after a beat."""
 FAILS = 0.2

@@ -12,7 +12,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import ceil
-from typing import Any, Protocol, TypedDict, Unpack, cast
+from typing import Any, Protocol, TypedDict, Unpack, runtime_checkable
 
 import numpy as np
 import xarray as xr
@@ -31,7 +31,7 @@ from patagium.control.orbit import Orbit
 from patagium.control.predictive import OrbitModel
 from patagium.errors import Outcome, ParameterError, SimulationFailed, of_kind, positive
 from patagium.robot import Robot
-from patagium.simulation.simulator import FlightState, Simulator, check_keywords
+from patagium.simulation.simulator import FlightState, Simulator, check_keywords, check_robots
 from patagium.simulation.steered_gait import SteeredGait
 
 Array = NDArray[np.float64]
@@ -40,6 +40,7 @@ TIME_STEP = 1e-4
 """Longest time step of the truth where none is given [s]."""
 
 
+@runtime_checkable
 class LoopController(Protocol):
     """Controller of a closed loop; `report()` and `held` of `OrbitController` are told too."""
 
@@ -51,6 +52,7 @@ class LoopController(Protocol):
         """Commands by name from an estimate of the state, None where no sample came."""
 
 
+@runtime_checkable
 class Learner(Protocol):
     """Learner in the loop, or a controller that learns; `period`, if any, is its interval."""
 
@@ -121,14 +123,21 @@ def fly(
         SimulationFailed: If the flight broke and `throw` is set; it carries the flight.
     """
     check_keywords(options, LoopOptions)
+    check_robots(robot, aero)
     of_kind("orbit", orbit, Orbit, "pt.trim(robot)")
+    of_kind("controller", controller, LoopController, "LinearRegulator()")
+    of_kind("events", events, Sequence, "[]")
     loop = _Loop(robot, aero, controller, orbit, tuple(events), duration, options)
-    seed = options.get("seed", 0)
+    seed: Any = options.get("seed", 0)
+    if not (isinstance(seed, int | np.integer) and seed >= 0):
+        raise ParameterError("seed", "int >= 0", seed)
     known = NoisyState() if sensors is None else sensors
-    estimator = options.get("estimator") or known.estimator(orbit, loop.duration, seed)
-    own = controller if hasattr(controller, "learn") else None
-    learner = cast("Learner | None", options.get("learner") or own)
-    loop.run(estimator, learner, options.get("progress"))
+    of_kind("sensors", known, NoisyState | TrackedState, "NoisyState()")
+    estimator = options.get("estimator") or known.estimator(orbit, loop.duration, int(seed))
+    own = controller if isinstance(controller, Learner) else None
+    learner = options.get("learner") or own
+    of_kind("learner", learner, Learner | None, "None")
+    loop.run(estimator, learner)
     flight = loop.flight()
     flight.attrs |= {"seed": seed, "sensors": repr(sensors), "learner": repr(learner)}
     outcome = loop.simulator.outcome
@@ -167,9 +176,9 @@ class _Loop:
     def __post_init__(self) -> None:
         period = positive("period of the controller", self.controller.period)
         longest = positive("time_step", self.options.get("time_step", TIME_STEP))
-        self.period = ceil(period / longest * (1 - 1e-9))
+        self.period = ceil(min(period / longest, 1e12) * (1 - 1e-9))
         step = period / self.period
-        steps = max(1, round(positive("duration", self.duration) / step))
+        steps = max(1, round(min(positive("duration", self.duration) / step, 1e15)))
         self.duration = steps * step
         self._check_events(self.duration)
         aero, added = with_gusts(self.aero, self.events), self.options.get("added_mass")
@@ -229,14 +238,9 @@ class _Loop:
             if isinstance(event, StuckEvent):
                 gait.commanded(event.command)
 
-    def run(
-        self,
-        estimator: Estimator,
-        learner: Learner | None,
-        progress: Callable[[int, int], None] | None,
-    ) -> None:
+    def run(self, estimator: Estimator, learner: Learner | None) -> None:
         """Fly to the end, or up to where the flight breaks."""
-        simulator, done = self.simulator, 0
+        simulator, done, progress = self.simulator, 0, self.options.get("progress")
         rate = getattr(learner, "period", self.controller.period)
         every = max(1, round(rate / simulator.time_step))
         while done < simulator.steps and simulator.outcome is Outcome.COMPLETED:
@@ -267,9 +271,10 @@ class _Loop:
             self.simulator.change(robot, aero)
 
     def _estimate(self, estimator: Estimator) -> Estimate | None:
-        samples = self.simulator.run.samples
-        q, v, a = (samples[name] for name in ("q", "v", "a"))
-        return estimator(Truth(self.robot, self.simulator.time_step, q, v, a))
+        parts = (self.simulator.run.samples[name] for name in ("q", "v", "a"))
+        found = estimator(Truth(self.robot, self.simulator.time_step, *parts))
+        of_kind("estimate", found, Estimate | None, "Estimate()")
+        return found
 
     def _control(self, estimate: Estimate | None) -> None:
         """Have the controller answer an estimate."""
@@ -279,11 +284,13 @@ class _Loop:
             known = np.concatenate([estimate.state.q, estimate.state.v])
         self.estimates.append(known)
         time = self.simulator.time
-        commands = self.controller(time, None if estimate is None else estimate.state) or {}
+        commands = self.controller(time, None if estimate is None else estimate.state)
+        of_kind("commands", commands, Mapping | None, "{}")
         if isinstance(model := getattr(self.controller, "model", None), OrbitModel):
             along = model.along(round(time / self.controller.period))
             self.followed.append(dict(zip(model.names, map(float, along), strict=True)))
-        taken = {name: value for name, value in commands.items() if name not in self.stuck}
+        given = (commands or {}).items()
+        taken = {name: value for name, value in given if name not in self.stuck}
         self._check_same(round(time / self.simulator.time_step), taken)
         if taken:
             self.simulator.command(taken)
@@ -311,10 +318,10 @@ class _Loop:
             estimate=(dims, estimates, units | {"long_name": "state that the controller knew"}),
             reference=(dims, wanted, units | {"long_name": "state on the orbit"}),
         )
-        told: dict[str, Any] = {"events": json.dumps([one.describe() for one in self.events])}
+        told = [one.describe() for one in self.events]
+        flight.attrs["events"] = json.dumps(told, default=float)
         if hasattr(self.controller, "report"):
-            told["controller"] = self.controller.report()
+            flight.attrs["controller"] = self.controller.report()
         if hasattr(self.controller, "held"):
-            told["held"] = json.dumps(dict(self.controller.held))
-        flight.attrs |= told
+            flight.attrs["held"] = json.dumps(dict(self.controller.held))
         return flight

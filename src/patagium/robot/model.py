@@ -469,7 +469,7 @@ class Robot:
         Returns:
             `frequency` or one of `COMMANDS`, and actuated joints, none where nobody answers.
         """
-        joint, _, kind = name.rpartition("_")
+        joint, _, kind = str(name).rpartition("_")
         if name in ("frequency", "amplitude"):
             return name, tuple(self.dof_names[i] for i in self.actuated)
         return kind, self.joints_named(joint) if kind in COMMANDS else ()

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, finite
 from patagium.robot import Robot
 from patagium.robot.model import COMMANDS, Actuator
 from patagium.simulation.gait_models import Gait, PrescribedMotion
@@ -36,6 +36,10 @@ STILL_RESPONSE = 0.05
 """Response time of an offset of a gait that stands still, where none is given [s]."""
 _SAMPLES = 2000  # of a period, for mean and extremes
 _ROUNDING = 1e-8  # of a command, which a controller's program keeps to this
+_LOWEST = {
+    "frequency": (1e-9, "a positive number"),
+    "amplitude": (0.0, "zero or more"),
+}
 _MARGIN = 1e-5  # of the end of a range, since extremes are sampled
 
 
@@ -191,10 +195,9 @@ class SteeredGait:
         target = self._target.copy()
         for name, value in commands.items():
             kind, places = self._commanded_places(name)
-            lowest = {"frequency": 1e-9, "amplitude": 0.0}.get(kind, -np.inf)
-            if not (np.isfinite(value) and value >= lowest):
-                wanted = {"frequency": "a positive number", "amplitude": "zero or more"}
-                raise ParameterError(f"command {name}", wanted.get(kind, "a finite number"), value)
+            lowest, wanted = _LOWEST.get(kind, (-np.inf, ""))
+            if finite(f"command {name}", value) < lowest:
+                raise ParameterError(f"command {name}", wanted, value)
             target[places] = value * self._scale(kind)
         self._since, self._target = time, self._within_limits(target)
         while self._starts[-1] > time:

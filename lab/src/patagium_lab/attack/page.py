@@ -34,6 +34,8 @@ _HOSTILE_WORDS = {
     "predicts as the learner that was saved)",
     "packets": "sessions of datagrams with strangers, losses, doubles and late ones between them, "
     "and texts with hostile lines or in pieces; no packet that was not sent, none twice",
+    "loops": "`pt.fly` with hostile commands, periods, events, sensors, learners and start, and "
+    "plans, flown for 20 ms; states of a flight that completed are finite",
     "options": "one to four hostile options of a verb; a traceback, a death or an end later than "
     f"{LIMIT:g} s after Ctrl-C is a finding",
     "signals": "INT, TERM, HUP or KILL at a random time of a verb; each output is the former file "
@@ -143,7 +145,8 @@ def _hostile(results: AttackResults) -> list[Block]:
         Table(["area", "what is done, and what is asked for"], words, "Areas of hostile cases."),
         area_table(results),
         table_of({"area": "area", "target": "name", **_COLUMNS}, targets, "The same by target."),
-        "Not attacked: the verbs of the laboratory, plugins, power that is lost, and a stranger "
+        "Not attacked: the verbs of the laboratory, plugins, arguments of `pt.trim` and "
+        "`pt.optimize` but for those of their verbs, power that is lost, and a stranger "
         "who can write as the user. Times include what other programs on the machine took.",
     ]
     if findings:

@@ -17,6 +17,7 @@ from patagium_lab.attack.campaign import FAULT_NAMES, campaign
 from patagium_lab.attack.damage import damage_row, learner_names
 from patagium_lab.attack.endurance import single_precision, steady_glide
 from patagium_lab.attack.files import file_targets
+from patagium_lab.attack.loops import loop_targets
 from patagium_lab.attack.motion_capture import capture_rows, summary
 from patagium_lab.attack.oracle import Target
 from patagium_lab.attack.packets import packet_targets
@@ -88,6 +89,7 @@ def targets() -> Iterator[Target]:
     """All targets of hostile cases."""
     yield from file_targets()
     yield from packet_targets()
+    yield from loop_targets()
     yield from program_targets()
 
 

@@ -186,14 +186,7 @@ def _whole_unpacked(numbers: FilterNumbers, state: Mapping[str, Array]) -> Seque
     return [symmetric(part) for part in unpacked(lower, sizes)]
 
 
-def _whole_variances(numbers: FilterNumbers, parts: Sequence[Array]) -> Array:
-    found = np.empty(numbers.network.size)
-    for block, part in zip(blocks_in(numbers), parts, strict=True):
-        found[block] = np.diagonal(part)
-    return found
-
-
-WHOLE = Structure(
+WHOLE: Structure = Structure(
     start=lambda numbers, std: [np.diag(std[block] ** 2) for block in blocks_in(numbers)],
     drifted=_whole_drifted,
     moments=_whole_moments,
@@ -201,7 +194,7 @@ WHOLE = Structure(
     covariance=lambda numbers, parts: block_covariance(
         numbers.network, str(numbers.structure), [part.copy() for part in parts]
     ),
-    variances=_whole_variances,
+    variances=lambda numbers, parts: WHOLE.covariance(numbers, parts).variances(),
     packed=lambda numbers, parts: {"covariance": packed(parts)},
     unpacked=_whole_unpacked,
 )

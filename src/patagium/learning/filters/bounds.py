@@ -30,7 +30,7 @@ from patagium.native.structs import header_numbers
 Array = NDArray[np.float64]
 
 _C = header_numbers("bounds.h")
-_LAST, _USUAL, _MISSED = range(3)  # of `clock`
+_LAST, _USUAL, _MISSED = range(3)
 _VALUES = ("low", "high", "before", "step", "odd", "odd_low", "odd_high")
 _COUNTS = ("taken", "odd_run")
 MEMORY = (*(f"bound_{name}" for name in (*_VALUES, *_COUNTS)), "bound_clock")
@@ -140,8 +140,7 @@ class Bounds:
         np.copyto(high, np.where(first, value, raised), where=kept)
         np.copyto(low, np.where(first, value, lowered), where=kept)
         moving = kept & (moved > 0)
-        slow = _C.SLOW * np.maximum(_C.MANY / np.maximum(taken, 1), 1.0)
-        rate = np.where(known, slow, _C.FAST)
+        rate = np.where(known, _C.SLOW * np.maximum(_C.MANY / np.maximum(taken, 1), 1.0), _C.FAST)
         after = step + step * np.where(moved > step, rate, -rate)
         np.copyto(step, np.where(step > 0, after, moved), where=moving)
         np.copyto(before, value, where=kept)

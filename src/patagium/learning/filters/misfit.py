@@ -49,8 +49,8 @@ from patagium.native.structs import header_numbers
 Array = NDArray[np.float64]
 
 _C = header_numbers("misfit.h")
-_FAR = 10.0  # times its usual variance: flow that was not seen
-_LAST, _MEAN_STEP = range(2)  # of `clock`
+_FAR = 10.0  # usual variances: new flow
+_LAST, _MEAN_STEP = range(2)
 PARTS = (
     *("level", "change", "before", "residual", "recent", "usual", "interval"),
     *("left", "carried", "lagged", "power", "alone", "width", "center"),

@@ -39,12 +39,12 @@ def lower_factor(matrix: Array) -> Array:
 
 
 def inverse_root(matrix: Array) -> Array:
-    """G with G G' = matrix^-1, upper triangular, (m, m).
+    """G with G G' = matrix^-1, upper triangular, (m, m); by `dtrtri`, for `dtrtrs` starts threads.
 
     Raises:
         MatrixLost: If the matrix is not finite or not positive definite.
     """
-    inverse, _ = dtrtri(lower_factor(matrix), lower=True)  # trtrs starts threads for two rows
+    inverse, _ = dtrtri(lower_factor(matrix), lower=True)
     return np.asarray(inverse.T)
 
 

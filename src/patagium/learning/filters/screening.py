@@ -51,8 +51,6 @@ REFUSALS = {
 _C = header_numbers("screening.h")
 RELATIVE_NOISE = 0.1
 """Standard deviation of the noise to start from, over the scale of the output [1]."""
-FIRST_SAMPLES = int(_C.FIRST_SAMPLES)
-"""Samples of an output whose noise is a share of its scale; it is estimated from then on."""
 _STAMP, _LAST_STAMP, _LATE_STAMP, _RECENT, _BEFORE = range(5)  # of `numbers`
 _LATE_RUN, _FILLED, _PLACE, _ALARM, _LEARNED = range(5)  # of `whole`
 _PARTS = (
@@ -465,13 +463,13 @@ class Screen:
         scale = float(max(parts["scale"][k], _C.LEAST_SCALE * parts["load"][k]))
         growth = scale / parts["largest"][k]
         parts["smallest"][k] = _C.LEAST_NOISE * (scale if scale > 0 else parts["largest"][k]) / 2
-        if seen[k] <= FIRST_SAMPLES:
+        if seen[k] <= _C.FIRST_SAMPLES:
             self._start_noise(k, scale)
         elif growth > 1:
             parts["largest"][k] = scale
             parts["steady"][k] *= growth
             parts["loaded"][k] *= growth
-        return bool(seen[k] > FIRST_SAMPLES)
+        return bool(seen[k] > _C.FIRST_SAMPLES)
 
     def _learn_noise(
         self, measured: Array, gain: Array, inverse: Array, kept: NDArray[np.bool_]

@@ -69,7 +69,8 @@ class BlockCovariance:
         """
         if len(self.parts) == 1:
             return self.parts[0].copy()
-        _check_size(self.size, most)
+        if self.size > most:
+            raise ParameterError("weights", f"at most {most} for one matrix", self.size)
         return scattered(self.parts, self.blocks)
 
     def variances(self) -> Array:
@@ -137,8 +138,3 @@ def covariance_from(weights: Layered, kind: str, arrays: Mapping[str, Array]) ->
     sizes = [len(block) for block in blocks_of(weights, kind)]
     parts = [symmetric(lower) for lower in unpacked(arrays["lower"], sizes)]
     return block_covariance(weights, kind, parts)
-
-
-def _check_size(size: int, most: int) -> None:
-    if size > most:
-        raise ParameterError("covariance", f"at most {most} weights to give it as one matrix", size)
