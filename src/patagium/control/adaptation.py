@@ -142,21 +142,18 @@ class Disturbance:
     taken to be high, and the design model to be right. Neglected: gusts that last longer than
     `DISTURBANCE_BEATS`.
 
-    Args:
-        count: Beats that are taken as known to begin with: one without error, or less than zero
-            where a change of the robot is learned at once, the disturbance not yet.
-
     Attributes:
         alike: Beats that are alike, by velocity, (velocities,) [1]; one at first.
         variance: Of the mean of a beat, (velocities,) [(m/s)^2, (rad/s)^2]; zero at first.
     """
 
-    def __init__(self, count: int = 1) -> None:
+    def __init__(self) -> None:
         none = np.zeros(1)
-        self._count = count
+        self._count = 1  # one without error
         self.alike = np.ones(1)
         self.variance = none
         self._mean = none
+        self._left = none
         self._before = none
         self._square = none
         self._lagged = none
@@ -164,22 +161,25 @@ class Disturbance:
     @property
     def stays(self) -> bool:
         """Whether the constant part is more than the mean of what varies."""
-        if self._count <= 0:
-            return True
         error = self.variance / min(self._count, DISTURBANCE_BEATS)
         large = self._mean**2 > 0
         squares = self._mean[large] ** 2 / np.maximum(error, 1e-300)[large]
         return bool(squares.sum() > chdtri(len(self._mean), UNLIKELY))
 
-    def take(self, missed: Array) -> None:
-        """Take what the design model misses of the mean of a beat, (velocities,) [m/s, rad/s]."""
+    def take(self, missed: Array, left: Array) -> None:
+        """Take what is missed of the mean of a beat.
+
+        Args:
+            missed: By the design model, (velocities,) [m/s, rad/s].
+            left: By the weights, before they learn from it, (velocities,) [m/s, rad/s]: what the
+                design model misses varies with the flight too, where the robot is another.
+        """
         self._count += 1
-        if self._count <= 0:
-            return
         share = 1.0 / min(self._count, DISTURBANCE_BEATS)
-        apart = missed - self._mean
-        self._mean = self._mean + share * apart
-        self._square = self._square + share * (apart * (missed - self._mean) - self._square)
+        apart = left - self._left
+        self._mean = self._mean + share * (missed - self._mean)
+        self._left = self._left + share * apart
+        self._square = self._square + share * (apart * (left - self._left) - self._square)
         self._lagged = self._lagged + share * (apart * self._before - self._lagged)
         self._before = apart
         known = self._square > 0
@@ -255,6 +255,7 @@ class AdaptiveController:
         self.learner, self.learning = AirWeights(self.weights, stds, memory), True
         self._samples: dict[int, Array] = {}
         self._ripple: Array | None = None
+        self._repeats = memory * model.parts
         self._disturbance = Disturbance()
         self.counts: Counter[str] = Counter()
 
@@ -305,7 +306,7 @@ class AdaptiveController:
         Args:
             air: Model of the air around the robot as it is now, without weights.
         """
-        self._air, self._surprised, self._disturbance = air, False, Disturbance(-SETTLED)
+        self._air, self._surprised, self._disturbance = air, False, Disturbance()
         self._samples.clear()
         self.learner.forget(FORGOTTEN)
 
@@ -361,13 +362,17 @@ class AdaptiveController:
         wanted = self._wanted()
         if np.array_equal(wanted, self.weights) and self.orbit.robot is self._air.robot:
             self.counts["kept"] += 1
-        else:
-            self.use(wanted, first)
+        elif self.use(wanted, first) and wanted is self.learner.prior:
+            self.counts["without weights"] += 1
 
     def _wanted(self) -> Array:
-        """Weights to follow: those learned where they predict better and are others."""
+        """Weights to follow: those learned where they predict better and are others.
+
+        What a robot misses whose wing was cut is no gust alone: share and masses are estimates.
+        """
         learner = self.learner
-        if not (learner.better and self._disturbance.stays):
+        stays = self._disturbance.stays or self._air is not self._design.aero
+        if not (learner.better and stays):
             return learner.prior
         if not learner.differ(self.weights):
             return self.weights
@@ -402,7 +407,7 @@ class AdaptiveController:
         least, air = min(found, key=lambda one: one[0])
         if not least <= max(SURPRISE, surprise / 4):
             return False
-        self._air, self._disturbance = air, Disturbance(-SETTLED)
+        self._air, self._disturbance = air, Disturbance()
         self.learner.forget(FORGOTTEN)
         self.counts["cut of a wing found"] += 1
         return True
@@ -466,16 +471,18 @@ class AdaptiveController:
         """H and y of a beat over their noise: its mean, and what differs from that.
 
         What models of the air differ in within a beat repeats and is no white noise: its size is
-        taken from the beats. The mean, which moves the flight, has the noise of its samples and
-        that of the disturbance.
+        taken from the beats, and those of a memory tell no more than one, else they would set
+        the weights, and these the mean. The mean, which moves the flight, has the noise of its
+        samples and that of the disturbance.
         """
         noise, ripple = self._noise(beat), self._missed(beat).var(axis=0)
         slopes, measured = beat.slopes.mean(axis=0), beat.measured.mean(axis=0)
         within, apart = beat.slopes - slopes, beat.measured - measured
         former = ripple if self._ripple is None else self._ripple
         self._ripple = former + (np.minimum(ripple, 2.0 * former) - former) / RIPPLE_BEATS
-        self._disturbance.take(measured - slopes @ self.learner.prior)
-        std = np.sqrt(noise**2 + self._ripple)
+        missed, left = (measured - slopes @ w for w in (self.learner.prior, self.learner.weights))
+        self._disturbance.take(missed, left)
+        std = np.sqrt(self._repeats * (noise**2 + self._ripple))
         of_mean = np.sqrt(noise**2 / len(apart) + self._disturbance.variance)
         whole = np.vstack([slopes[None] / of_mean[:, None], within / std[:, None]])
         told = np.vstack([measured / of_mean, apart / std])
