@@ -148,15 +148,9 @@ class Disturbance:
     """
 
     def __init__(self) -> None:
-        none = np.zeros(1)
         self._count = 1  # one without error
-        self.alike = np.ones(1)
-        self.variance = none
-        self._mean = none
-        self._left = none
-        self._before = none
-        self._square = none
-        self._lagged = none
+        self.alike, self.variance = np.ones(1), np.zeros(1)
+        self._mean, self._before, self._square, self._lagged = np.zeros((4, 1))
 
     @property
     def stays(self) -> bool:
@@ -166,20 +160,13 @@ class Disturbance:
         squares = self._mean[large] ** 2 / np.maximum(error, 1e-300)[large]
         return bool(squares.sum() > chdtri(len(self._mean), UNLIKELY))
 
-    def take(self, missed: Array, left: Array) -> None:
-        """Take what is missed of the mean of a beat.
-
-        Args:
-            missed: By the design model, (velocities,) [m/s, rad/s].
-            left: By the weights, before they learn from it, (velocities,) [m/s, rad/s]: what the
-                design model misses varies with the flight too, where the robot is another.
-        """
+    def take(self, missed: Array) -> None:
+        """Take what the design model misses of the mean of a beat, (velocities,) [m/s, rad/s]."""
         self._count += 1
         share = 1.0 / min(self._count, DISTURBANCE_BEATS)
-        apart = left - self._left
-        self._mean = self._mean + share * (missed - self._mean)
-        self._left = self._left + share * apart
-        self._square = self._square + share * (apart * (left - self._left) - self._square)
+        apart = missed - self._mean
+        self._mean = self._mean + share * apart
+        self._square = self._square + share * (apart * (missed - self._mean) - self._square)
         self._lagged = self._lagged + share * (apart * self._before - self._lagged)
         self._before = apart
         known = self._square > 0
@@ -366,13 +353,10 @@ class AdaptiveController:
             self.counts["without weights"] += 1
 
     def _wanted(self) -> Array:
-        """Weights to follow: those learned where they predict better and are others.
-
-        What a robot misses whose wing was cut is no gust alone: share and masses are estimates.
-        """
+        """Weights to follow: those learned where they predict better and are others."""
         learner = self.learner
-        stays = self._disturbance.stays or self._air is not self._design.aero
-        if not (learner.better and stays):
+        cut = self._air is not self._design.aero  # a share and masses that are estimates: it errs
+        if not (learner.better and (cut or self._disturbance.stays)):
             return learner.prior
         if not learner.differ(self.weights):
             return self.weights
@@ -480,8 +464,7 @@ class AdaptiveController:
         within, apart = beat.slopes - slopes, beat.measured - measured
         former = ripple if self._ripple is None else self._ripple
         self._ripple = former + (np.minimum(ripple, 2.0 * former) - former) / RIPPLE_BEATS
-        missed, left = (measured - slopes @ w for w in (self.learner.prior, self.learner.weights))
-        self._disturbance.take(missed, left)
+        self._disturbance.take(measured - slopes @ self.learner.prior)
         std = np.sqrt(self._repeats * (noise**2 + self._ripple))
         of_mean = np.sqrt(noise**2 / len(apart) + self._disturbance.variance)
         whole = np.vstack([slopes[None] / of_mean[:, None], within / std[:, None]])

