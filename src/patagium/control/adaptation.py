@@ -148,9 +148,14 @@ class Disturbance:
     """
 
     def __init__(self) -> None:
+        none = np.zeros(1)
         self._count = 1  # one without error
-        self.alike, self.variance = np.ones(1), np.zeros(1)
-        self._mean, self._before, self._square, self._lagged = np.zeros((4, 1))
+        self.alike = np.ones(1)
+        self.variance = none
+        self._mean = none
+        self._before = none
+        self._square = none
+        self._lagged = none
 
     @property
     def stays(self) -> bool:
@@ -293,7 +298,9 @@ class AdaptiveController:
         Args:
             air: Model of the air around the robot as it is now, without weights.
         """
-        self._air, self._surprised, self._disturbance = air, False, Disturbance()
+        self._air = air
+        self._surprised = False
+        self._disturbance = Disturbance()
         self._samples.clear()
         self.learner.forget(FORGOTTEN)
 
@@ -355,8 +362,10 @@ class AdaptiveController:
     def _wanted(self) -> Array:
         """Weights to follow: those learned where they predict better and are others."""
         learner = self.learner
-        cut = self._air is not self._design.aero  # a share and masses that are estimates: it errs
-        if not (learner.better and (cut or self._disturbance.stays)):
+        whole = self._air is self._design.aero
+        if whole and not self._disturbance.stays:
+            return learner.prior
+        if not learner.better:
             return learner.prior
         if not learner.differ(self.weights):
             return self.weights
@@ -391,7 +400,8 @@ class AdaptiveController:
         least, air = min(found, key=lambda one: one[0])
         if not least <= max(SURPRISE, surprise / 4):
             return False
-        self._air, self._disturbance = air, Disturbance()
+        self._air = air
+        self._disturbance = Disturbance()
         self.learner.forget(FORGOTTEN)
         self.counts["cut of a wing found"] += 1
         return True
