@@ -142,18 +142,14 @@ class Disturbance:
     taken to be high, and the design model to be right. Neglected: gusts that last longer than
     `DISTURBANCE_BEATS`.
 
-    Args:
-        count: Beats that are taken as known to begin with: one without error, or less than zero
-            where a change of the robot is learned at once, the disturbance not yet.
-
     Attributes:
         alike: Beats that are alike, by velocity, (velocities,) [1]; one at first.
         variance: Of the mean of a beat, (velocities,) [(m/s)^2, (rad/s)^2]; zero at first.
     """
 
-    def __init__(self, count: int = 1) -> None:
+    def __init__(self) -> None:
         none = np.zeros(1)
-        self._count = count
+        self._count = 1  # one without error
         self.alike = np.ones(1)
         self.variance = none
         self._mean = none
@@ -164,8 +160,6 @@ class Disturbance:
     @property
     def stays(self) -> bool:
         """Whether the constant part is more than the mean of what varies."""
-        if self._count <= 0:
-            return True
         error = self.variance / min(self._count, DISTURBANCE_BEATS)
         large = self._mean**2 > 0
         squares = self._mean[large] ** 2 / np.maximum(error, 1e-300)[large]
@@ -174,8 +168,6 @@ class Disturbance:
     def take(self, missed: Array) -> None:
         """Take what the design model misses of the mean of a beat, (velocities,) [m/s, rad/s]."""
         self._count += 1
-        if self._count <= 0:
-            return
         share = 1.0 / min(self._count, DISTURBANCE_BEATS)
         apart = missed - self._mean
         self._mean = self._mean + share * apart
@@ -255,6 +247,7 @@ class AdaptiveController:
         self.learner, self.learning = AirWeights(self.weights, stds, memory), True
         self._samples: dict[int, Array] = {}
         self._ripple: Array | None = None
+        self._repeats = memory * model.parts
         self._disturbance = Disturbance()
         self.counts: Counter[str] = Counter()
 
@@ -305,7 +298,9 @@ class AdaptiveController:
         Args:
             air: Model of the air around the robot as it is now, without weights.
         """
-        self._air, self._surprised, self._disturbance = air, False, Disturbance(-SETTLED)
+        self._air = air
+        self._surprised = False
+        self._disturbance = Disturbance()
         self._samples.clear()
         self.learner.forget(FORGOTTEN)
 
@@ -361,13 +356,16 @@ class AdaptiveController:
         wanted = self._wanted()
         if np.array_equal(wanted, self.weights) and self.orbit.robot is self._air.robot:
             self.counts["kept"] += 1
-        else:
-            self.use(wanted, first)
+        elif self.use(wanted, first) and wanted is self.learner.prior:
+            self.counts["without weights"] += 1
 
     def _wanted(self) -> Array:
         """Weights to follow: those learned where they predict better and are others."""
         learner = self.learner
-        if not (learner.better and self._disturbance.stays):
+        whole = self._air is self._design.aero
+        if whole and not self._disturbance.stays:
+            return learner.prior
+        if not learner.better:
             return learner.prior
         if not learner.differ(self.weights):
             return self.weights
@@ -402,7 +400,8 @@ class AdaptiveController:
         least, air = min(found, key=lambda one: one[0])
         if not least <= max(SURPRISE, surprise / 4):
             return False
-        self._air, self._disturbance = air, Disturbance(-SETTLED)
+        self._air = air
+        self._disturbance = Disturbance()
         self.learner.forget(FORGOTTEN)
         self.counts["cut of a wing found"] += 1
         return True
@@ -466,8 +465,9 @@ class AdaptiveController:
         """H and y of a beat over their noise: its mean, and what differs from that.
 
         What models of the air differ in within a beat repeats and is no white noise: its size is
-        taken from the beats. The mean, which moves the flight, has the noise of its samples and
-        that of the disturbance.
+        taken from the beats, and those of a memory tell no more than one, else they would set
+        the weights, and these the mean. The mean, which moves the flight, has the noise of its
+        samples and that of the disturbance.
         """
         noise, ripple = self._noise(beat), self._missed(beat).var(axis=0)
         slopes, measured = beat.slopes.mean(axis=0), beat.measured.mean(axis=0)
@@ -475,7 +475,7 @@ class AdaptiveController:
         former = ripple if self._ripple is None else self._ripple
         self._ripple = former + (np.minimum(ripple, 2.0 * former) - former) / RIPPLE_BEATS
         self._disturbance.take(measured - slopes @ self.learner.prior)
-        std = np.sqrt(noise**2 + self._ripple)
+        std = np.sqrt(self._repeats * (noise**2 + self._ripple))
         of_mean = np.sqrt(noise**2 / len(apart) + self._disturbance.variance)
         whole = np.vstack([slopes[None] / of_mean[:, None], within / std[:, None]])
         told = np.vstack([measured / of_mean, apart / std])

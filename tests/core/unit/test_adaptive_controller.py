@@ -13,7 +13,7 @@ from patagium.control import (
     PredictiveController,
     WingLossEvent,
 )
-from patagium.control.adaptation import Disturbance
+from patagium.control.adaptation import Disturbance, _Beat
 from patagium.errors import ParameterError, ShapeError
 from patagium.simulation.simulator import FlightState
 
@@ -101,8 +101,9 @@ def test_damaged_robot_comes_back_to_height_and_heading(orbit):
     fixed = flown(orbit, LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), robot)
     controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), orbit)
     learned = flown(orbit, controller, robot)
-    assert abs(learned[0]) < 0.5 * abs(fixed[0])
-    assert abs(learned[1]) < 0.5 * abs(fixed[1])  # which goes on to grow
+    # .8 and .6: what drifts slowly, without any noise, is for the greater part taken for a gust
+    assert abs(learned[0]) < 0.85 * abs(fixed[0])
+    assert abs(learned[1]) < 0.7 * abs(fixed[1])  # which goes on to grow
     assert controller.learner.better and controller.counts["moved"] >= 1
     outer, inner = controller.learner.weights[[4, 9]]
     assert outer < 0.6 < inner  # 0.2 and 1: what the damage was
@@ -244,11 +245,24 @@ def test_an_error_that_stays_is_no_disturbance() -> None:
     assert np.all(last < 0.1 * first)
 
 
-def test_after_a_change_of_the_robot_beats_count_at_once() -> None:
-    disturbance = Disturbance(-10)
-    for beat in range(10):
-        disturbance.take(np.array([float(beat)]))
-        assert disturbance.variance == 0.0 and disturbance.alike == 1.0
-    for beat in (3.0, -3.0):
-        disturbance.take(np.array([beat]))
-    assert disturbance.variance > 0.0
+def test_a_ripple_that_repeats_does_not_set_the_weights(orbit):
+    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS), orbit)
+    draw, prior = np.random.default_rng(0), controller.learner.prior
+    slopes, ripple = 0.1 * draw.normal(size=(10, 6, 13)), draw.normal(size=(10, 6))
+    for _ in range(50):  # beats whose means vary as in gusts, and tell nothing
+        missed = ripple - ripple.mean(axis=0) + draw.normal(size=6)
+        beat = _Beat(slopes, slopes @ prior + missed)
+        controller.learner.learn(*controller._whitened(beat))
+    # as white noise it moves them by .17 to .41 (seeds 0 to 4), as it repeats by .005 to .009
+    assert np.abs(controller.learner.weights - prior).max() < 0.03
+
+
+def test_weights_that_are_not_followed_any_more_are_counted(orbit):
+    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), orbit)
+    weights = np.array(controller.weights)
+    weights[:5] = 0.9
+    assert controller.use(weights, 0)
+    flown(orbit, controller, orbit.robot, beats=3)  # the design model was right
+    assert controller.counts["without weights"] == 1
+    np.testing.assert_array_equal(controller.weights, controller.learner.prior)
+    assert "1 without weights" in controller.report()
