@@ -45,7 +45,14 @@ def test_a_plan_is_flown_as_it_says(tmp_path, capsys):
         capsys, "fly", tmp_path / "plan.yaml", "-o", tmp_path / "f.nc", "--seed", 4
     )
     assert code == 0 and "completed" in out
-    for words in ("6 m/s", "regulator", "masses and inertias off by 2 %", "seed 4", "payload of 5 g", "missing"):
+    for words in (
+        "6 m/s",
+        "regulator",
+        "masses and inertias off by 2 %",
+        "seed 4",
+        "payload of 5 g",
+        "missing",
+    ):
         assert words in err
     flight = pt.load_flight(tmp_path / "f.nc")
     kinds = [one["kind"] for one in json.loads(flight.attrs["events"])]
