@@ -59,6 +59,10 @@ DISTURBANCE_BEATS, SETTLED, LASTING = 50, 10, 0.95
 to the next, at most and before it is known."""
 RIPPLE_BEATS = 5.0
 """Beats over which the size of what differs within a beat is averaged."""
+HARM, TRIAL = 2.0, 5
+"""Mean square departure from the orbit that is followed, over that without weights, from which on
+weights do harm; beats after which that is judged, and which first pass until they are tried again.
+"""
 LARGEST_CUT, LEAST_CUT = 0.6, 4
 """Largest share of a wing's span that is sought as lost; intervals of the cut wing, at least."""
 
@@ -182,6 +186,44 @@ class Disturbance:
         self.variance = self._square * self.alike
 
 
+class Departures:
+    """Departures of the flight from its orbit, with learned weights and without.
+
+    A gust that lasts may be predicted well, one beat after the other, by weights on whose orbit the
+    robot flies badly. Only the flight tells. Weights that do harm are left for some beats, for
+    twice as many each time. Neglected: that gusts may be stronger while weights are followed.
+
+    Attributes:
+        pause: Beats for which weights are not followed.
+    """
+
+    def __init__(self) -> None:
+        self.pause, self._pauses = 0, 2 * TRIAL
+        self._without, self._with = [0.0, 0], [0.0, 0]  # mean square [1], beats
+
+    def take(self, square: float, followed: bool) -> bool:
+        """Take a beat, and say whether the weights do harm.
+
+        Args:
+            square: Square of the mean departure, over what is tolerable [1].
+            followed: Whether learned weights were followed.
+        """
+        mean, memory = self._without, DISTURBANCE_BEATS
+        if followed:
+            mean, memory = self._with, TRIAL
+        else:
+            self.pause = max(0, self.pause - 1)
+            self._with = [0.0, 0]
+        mean[1] += 1
+        mean[0] += (square - mean[0]) / min(mean[1], memory)
+        known = min(self._with[1], self._without[1]) >= TRIAL
+        if not (known and self._with[0] > HARM * self._without[0]):
+            return False
+        self._pauses *= 2
+        self.pause = self._pauses
+        return True
+
+
 class _Beat(NamedTuple):
     """Samples of a beat for the weights, y = H w, interval by interval.
 
@@ -203,7 +245,8 @@ class AdaptiveController:
     itself more than any weights explain (`SURPRISE`) teaches nothing; each wing is cut in the model
     then, of air and masses alike, as far and from that interval on as explains it best. Where no
     cut does, nothing is learned until beats are explained again, and from the second such beat on
-    the orbit is that without weights.
+    the orbit is that without weights. So it is, too, where the flight departs from the orbit of the
+    weights by more than it did without them (`Departures`).
 
     Args:
         controller: Controller along the orbit.
@@ -249,6 +292,7 @@ class AdaptiveController:
         self._ripple: Array | None = None
         self._repeats = memory * model.parts
         self._disturbance = Disturbance()
+        self._departures = Departures()
         self.counts: Counter[str] = Counter()
 
     @property
@@ -301,6 +345,7 @@ class AdaptiveController:
         self._air = air
         self._surprised = False
         self._disturbance = Disturbance()
+        self._departures = Departures()
         self._samples.clear()
         self.learner.forget(FORGOTTEN)
 
@@ -342,7 +387,11 @@ class AdaptiveController:
             self.counts["without samples"] += 1
             return
         surprise = self._surprise(self._missed(beat), beat)
+        followed = not np.array_equal(self.weights, self.learner.prior)
+        if self._departures.take(self._departed(first), followed):
+            self.counts["weights did harm"] += 1
         if surprise > SURPRISE:
+            self._departures = Departures()
             again, self._surprised = self._surprised, True
             if self._cut(first, beat, surprise):
                 self.use(self._wanted(), first)
@@ -362,6 +411,8 @@ class AdaptiveController:
     def _wanted(self) -> Array:
         """Weights to follow: those learned where they predict better and are others."""
         learner = self.learner
+        if self._departures.pause:
+            return learner.prior
         whole = self._air is self._design.aero
         if whole and not self._disturbance.stays:
             return learner.prior
@@ -405,6 +456,14 @@ class AdaptiveController:
         self.learner.forget(FORGOTTEN)
         self.counts["cut of a wing found"] += 1
         return True
+
+    def _departed(self, first: int) -> float:
+        """Square of the mean departure from the orbit in the beat before an interval [1]."""
+        model, samples = self.controller.model, self._samples
+        beat = range(first - model.parts, first)
+        apart = np.mean([samples[k] - model.along(k) for k in beat if k in samples], axis=0)
+        kept = apart[model.kept]
+        return float(self.controller.weights[: len(kept)] @ kept**2)
 
     def _missed(self, beat: _Beat) -> Array:
         """Misfit of each interval that the weights leave, (m, velocities) [m/s, rad/s]."""

@@ -13,7 +13,7 @@ from patagium.control import (
     PredictiveController,
     WingLossEvent,
 )
-from patagium.control.adaptation import Disturbance, _Beat
+from patagium.control.adaptation import TRIAL, Departures, Disturbance, _Beat
 from patagium.errors import ParameterError, ShapeError
 from patagium.simulation.simulator import FlightState
 
@@ -22,6 +22,11 @@ COMMANDS = (
     *("left_feather_offset", "right_feather_offset", "feather_amplitude"),
 )
 TOLERABLE = {"yaw": 0.4, "roll": 0.3, "pitch": 0.3, "velocity of y": 1.0}
+FIRM = {
+    **{"z": 0.1, "roll": 0.1, "pitch": 0.3, "yaw": 0.1},
+    **{"velocity of x": 0.25, "velocity of y": 1.0, "velocity of z": 1.0},
+    **{f"velocity of {name}": 10.0 for name in ("roll", "pitch", "yaw")},
+}
 BEATS = 40
 
 
@@ -97,13 +102,12 @@ def damaged(robot):
 
 
 def test_damaged_robot_comes_back_to_height_and_heading(orbit):
-    robot = damaged(orbit.robot)
-    fixed = flown(orbit, LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), robot)
-    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), orbit)
-    learned = flown(orbit, controller, robot)
-    # .8 and .6: what drifts slowly, without any noise, is for the greater part taken for a gust
-    assert abs(learned[0]) < 0.85 * abs(fixed[0])
-    assert abs(learned[1]) < 0.7 * abs(fixed[1])  # which goes on to grow
+    robot, beats = damaged(orbit.robot), 60
+    fixed = flown(orbit, LinearRegulator(orbit, COMMANDS, tolerable=FIRM), robot, beats)
+    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=FIRM), orbit)
+    learned = flown(orbit, controller, robot, beats)
+    assert abs(learned[0]) < 0.02 and abs(fixed[0]) < 0.02  # m: the regulator alone does that
+    assert abs(learned[1]) < 0.5 * abs(fixed[1])  # .04 and .17 rad
     assert controller.learner.better and controller.counts["moved"] >= 1
     outer, inner = controller.learner.weights[[4, 9]]
     assert outer < 0.6 < inner  # 0.2 and 1: what the damage was
@@ -266,3 +270,20 @@ def test_weights_that_are_not_followed_any_more_are_counted(orbit):
     assert controller.counts["without weights"] == 1
     np.testing.assert_array_equal(controller.weights, controller.learner.prior)
     assert "1 without weights" in controller.report()
+
+
+def test_weights_that_do_harm_are_left_for_longer_each_time() -> None:
+    tracking, pauses = Departures(), list[int]()
+    for _ in range(20):
+        assert not tracking.take(1.0, followed=False)
+    for _ in range(3):
+        told = [tracking.take(2.1, followed=True) for _ in range(TRIAL)]
+        assert told == [False] * (TRIAL - 1) + [True]  # one bad beat is not enough
+        pauses.append(tracking.pause)
+        for _ in range(tracking.pause):
+            assert not tracking.take(1.0, followed=False)
+        assert tracking.pause == 0
+    assert pauses == [4 * TRIAL, 8 * TRIAL, 16 * TRIAL]
+    better = Departures()
+    flown = [better.take(1.9 if followed else 1.0, followed) for followed in [False, True] * 30]
+    assert not any(flown)
