@@ -70,7 +70,7 @@ class BlockCovariance:
         if len(self.parts) == 1:
             return self.parts[0].copy()
         if self.size > most:
-            raise ParameterError("weights", f"at most {most} for one matrix", self.size)
+            raise ParameterError("covariance", f"at most {most} weights for one matrix", self.size)
         return scattered(self.parts, self.blocks)
 
     def variances(self) -> Array:
