@@ -121,17 +121,15 @@ def __getattr__(name: str) -> Any:
     if name in _NAME_SPACES:
         return import_module(f"{__name__}.{name}")
     if name not in _HOME_OF:
-        from patagium.deprecation import refuse_removed
-        from patagium.errors import similar
+        from patagium.errors import unknown_name
+        from patagium.removed import refuse_removed
 
         refuse_removed(__name__, name)
         known = dict[str, str]()
-        for space in _NAME_SPACES:
+        for space in _NAME_SPACES if not name.startswith("_") else ():  # importers ask for those
             words = import_module(f"{__name__}.{space}").__all__
             known |= {word: f"{__name__}.{space}.{word}" for word in words}
-        known |= {word: word for word in __all__}
-        unknown = f"module {__name__!r} has no attribute {name!r}"
-        raise AttributeError(unknown + similar(name, known))
+        raise unknown_name(__name__, name, known | {word: word for word in __all__})
     value = getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
     globals()[name] = value
     return value

@@ -120,6 +120,18 @@ def similar(word: object, known: Iterable[str]) -> str:
     return f"; did you mean {today[names[near[0]]]}?" if near else ""
 
 
+def unknown_name(module: str, name: str, known: Iterable[str]) -> AttributeError:
+    """Error of a name that a module does not have, with a similar one that it has.
+
+    Args:
+        module: Dotted name of the module.
+        name: What was asked for.
+        known: Its public names, or a mapping from these to what to write today.
+    """
+    said = f"module {module!r} has no attribute {name!r}"
+    return AttributeError(said + similar(name, known))
+
+
 def suggest_names(module: str) -> None:
     """Let a module answer an unknown name with a similar one of its public names.
 
@@ -129,8 +141,7 @@ def suggest_names(module: str) -> None:
     names = vars(sys.modules[module])
 
     def absent(name: str) -> Any:
-        said = f"module {module!r} has no attribute {name!r}"
-        raise AttributeError(said + similar(name, names["__all__"]))
+        raise unknown_name(module, name, names["__all__"])
 
     names["__getattr__"] = absent  # not declared, so that type checkers know what is absent
 

@@ -37,7 +37,7 @@ EXHIBITS = {
 
 
 def gallery_flight(name: str, duration: float) -> xr.Dataset:
-    """Cruise of a robot of the gallery; one that does not float stands in the wind.
+    """Cruise flight of a preset; on a fixed mount, the cruise speed is that of the wind.
 
     Args:
         name: One of `EXHIBITS`.
@@ -59,7 +59,7 @@ def gallery_flight(name: str, duration: float) -> xr.Dataset:
 
 
 def arm_flight(duration: float) -> xr.Dataset:
-    """The aerobat, carried by the gallery's arm.
+    """Flight of the Aerobat that a robot arm, the preset ur5e, carries along a path.
 
     Args:
         duration: How long [s].

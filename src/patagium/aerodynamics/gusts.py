@@ -486,7 +486,8 @@ def gust_from_description(description: Mapping[str, Any]) -> Gust:
     known = {"name", "profile", "direction", "speed", "origin"}
     check_keys("gust traveling", description, known)
     profile = profile_from_description(description["profile"])
-    direction, origin = tuple(description["direction"]), tuple(description["origin"])
+    direction = tuple(description["direction"])
+    origin = tuple(description["origin"])
     return TravelingGust(profile, direction, description["speed"], origin)
 
 

@@ -138,7 +138,8 @@ def _basis(reduced_frequency: ArrayLike, rate: ArrayLike) -> ComplexArray:
 
 def _amplitudes(k: Array, transfer: ComplexArray, rate: Array, total: float | None) -> Array:
     basis, wanted = _basis(k, rate), 1.0 - transfer
-    matrix, right = np.vstack([basis.real, basis.imag]), np.append(wanted.real, wanted.imag)
+    matrix = np.vstack([basis.real, basis.imag])
+    right = np.append(wanted.real, wanted.imag)
     if total is None:
         return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0])
     # the sum is held exactly: the last amplitude is what the others leave of it

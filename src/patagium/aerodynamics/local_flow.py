@@ -65,7 +65,8 @@ def body_airflows(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[Twist]:
         v: Generalized velocities, (n,) [m/s, rad/s].
         wind: Velocity of the air, world axes, (3,) [m/s].
     """
-    twists, winds = body_velocities(robot, q, v), in_body_axes(robot, q, wind)
+    twists = body_velocities(robot, q, v)
+    winds = in_body_axes(robot, q, wind)
     return [
         Twist(twist.linear - wind, twist.angular) for twist, wind in zip(twists, winds, strict=True)
     ]

@@ -28,9 +28,6 @@ def fly(
     output: Annotated[Path, typer.Option(*OUTPUT, help="File for the flight (netCDF).")] = Path(
         "flown.nc"
     ),
-    resume: Annotated[
-        Path | None, typer.Option(help="Shorter flight (.nc) of the same plan, to go on from.")
-    ] = None,
     figure: DrawingOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
@@ -43,7 +40,6 @@ def fly(
     from patagium.cli.plan import load_plan, prepared
     from patagium.cli.simulate import check_outputs, keep
     from patagium.cli.words import progress_bar
-    from patagium.simulation import load_flight
 
     check_outputs(output, figure)
     given = {"duration": duration, "seed": seed}
@@ -52,9 +48,8 @@ def fly(
     if not as_json:
         for sentence in ready.words:
             typer.echo(sentence, err=True)
-    before = None if resume is None else load_flight(resume)
     with progress_bar("Flying") as progress:
-        flight = ready.fly(progress, before)
+        flight = ready.fly(progress)
     if not as_json:
         typer.echo(str(flight.attrs["controller"]), err=True)
     keep(flight, output, figure, as_json)

@@ -28,7 +28,7 @@ from patagium.cli.learner_options import (
 )
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import MappingOption
-from patagium.deprecation import refuse_removed
+from patagium.removed import refuse_removed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -116,20 +116,8 @@ def _show_topics(found: Inspection) -> None:
     from patagium.cli.words import show_table
     from patagium.report import Table
 
-    columns = [
-        "topic",
-        "type",
-        "rows",
-        "stamps",
-        "begin [s]",
-        "duration [s]",
-        "rate [Hz]",
-        "gaps",
-        "longest step [s]",
-        "duplicate",
-        "backward",
-        "numbers",
-    ]
+    columns = ["topic", "type", "rows", "stamps", "begin [s]", "duration [s]", "rate [Hz]",
+               "gaps", "longest step [s]", "duplicate", "backward", "numbers"]  # fmt: skip
     rows: list[list[str | float | bool | None]] = [
         [
             one.name or "table",

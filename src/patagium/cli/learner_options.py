@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from patagium.cli.words import Numbers, WholeNumbers, existing, numbers, whole_numbers
-from patagium.deprecation import refuse_removed
 from patagium.errors import ParameterError
 from patagium.learning.settings import (
     RECORDS,
@@ -27,6 +26,7 @@ from patagium.learning.settings import (
     settings_from,
     settings_of,
 )
+from patagium.removed import refuse_removed
 
 if TYPE_CHECKING:
     import numpy as np

@@ -84,26 +84,9 @@ def _command(verb: ModuleType) -> type[TyperCommand]:
 
 
 for _verb in (
-    simulate,
-    trim,
-    optimize,
-    fly,
-    cycles,
-    figures,
-    view,
-    export,
-    inspect,
-    import_log,
-    motion,
-    identify,
-    tune,
-    evaluate,
-    stream,
-    send,
-    robots,
-    check,
-    cache,
-):
+    simulate, trim, optimize, fly, cycles, figures, view, export, inspect, import_log, motion,
+    identify, tune, evaluate, stream, send, robots, check, cache,
+):  # fmt: skip
     _add(_verb)
 _study = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown")
 for _point in plugins(VERBS).values():

@@ -297,16 +297,11 @@ class Prepared:
             f"Flight of {self.duration:.3g} s; events: {events}",
         )
 
-    def fly(
-        self,
-        progress: Callable[[int, int], None] | None = None,
-        resume: xr.Dataset | None = None,
-    ) -> xr.Dataset:
+    def fly(self, progress: Callable[[int, int], None] | None = None) -> xr.Dataset:
         """Flight of the plan, up to where it breaks.
 
         Args:
             progress: Function that takes the steps done and to do.
-            resume: Shorter flight of the plan, to go on from.
 
         Raises:
             ParameterError: If a name or number of the plan is not possible.
@@ -323,7 +318,6 @@ class Prepared:
             sensors=self.sensors, events=self.events,
             added_mass=None if added is None else AddedMass(robot, air, factor=added),
             seed=plan.seed, time_step=plan.time_step, throw=False, progress=progress,
-            resume=resume,
         )  # fmt: skip
 
 

@@ -59,7 +59,7 @@ DISTURBANCE_BEATS, SETTLED, LASTING = 50, 10, 0.95
 to the next, at most and before it is known."""
 RIPPLE_BEATS = 5.0
 """Beats over which the size of what differs within a beat is averaged."""
-HARM, TRIAL = 2.0, 5
+HARM, TRIAL, FIRST_PAUSE = 2.0, 5, 20
 """Mean square departure from the orbit that is followed, over that without weights, from which on
 weights do harm; beats after which that is judged, and which first pass until they are tried again.
 """
@@ -198,7 +198,7 @@ class Departures:
     """
 
     def __init__(self) -> None:
-        self.pause, self._pauses = 0, 2 * TRIAL
+        self.pause, self._next = 0, FIRST_PAUSE
         self._without, self._with = [0.0, 0], [0.0, 0]  # mean square [1], beats
 
     def take(self, square: float, followed: bool) -> bool:
@@ -219,8 +219,7 @@ class Departures:
         known = min(self._with[1], self._without[1]) >= TRIAL
         if not (known and self._with[0] > HARM * self._without[0]):
             return False
-        self._pauses *= 2
-        self.pause = self._pauses
+        self.pause, self._next = self._next, 2 * self._next
         return True
 
 
@@ -529,7 +528,8 @@ class AdaptiveController:
         samples and that of the disturbance.
         """
         noise, ripple = self._noise(beat), self._missed(beat).var(axis=0)
-        slopes, measured = beat.slopes.mean(axis=0), beat.measured.mean(axis=0)
+        slopes = beat.slopes.mean(axis=0)
+        measured = beat.measured.mean(axis=0)
         within, apart = beat.slopes - slopes, beat.measured - measured
         former = ripple if self._ripple is None else self._ripple
         self._ripple = former + (np.minimum(ripple, 2.0 * former) - former) / RIPPLE_BEATS

@@ -402,7 +402,7 @@ class GaitProgram:
         return self.family.rows(values, self.steps, air)
 
     def _fly(self, nodes: Array, rows: PrescribedRows) -> Segments:
-        """Ends of the segments, work, and loads at their beginning over the limits, (m, n+1+l)."""
+        """Final states and work of segments, loads at their start over limits, (m, n+1+l)."""
         begin, limits = np.pad(nodes[:-1], ((0, 0), (0, 1))), self._loads.limits[:, None]
         flown = self.flight.fly(begin, rows)
         if not len(limits):
@@ -560,7 +560,8 @@ class GaitProgram:
             begin, found = self._solved(begin)
             if not found.solved:
                 break
-            beyond, over = self._beyond_limits(found.values), self._overloads(found)
+            beyond = self._beyond_limits(found.values)
+            over = self._overloads(found)
             if not (beyond.any() or over.any()):
                 break
             self._beyond += beyond

@@ -74,8 +74,6 @@ class LoopOptions(TypedDict, total=False):
         added_mass: Inertia of the air of the truth, in the same air as its model.
         throw: Whether a flight that breaks raises; True where not given.
         progress: Function that takes the steps done and to do.
-        resume: Flight that this one begins with, shorter and flown with the same arguments: the
-            truth is taken from it, and all else is as it was when that is played back.
     """
 
     learner: Learner | None
@@ -87,7 +85,6 @@ class LoopOptions(TypedDict, total=False):
     added_mass: AddedMass | None
     throw: bool
     progress: Callable[[int, int], None] | None
-    resume: xr.Dataset | None
 
 
 def fly(
@@ -181,7 +178,8 @@ class _Loop:
         steps = max(1, round(min(positive("duration", self.duration) / step, 1e15)))
         self.duration = steps * step
         self._check_events(self.duration)
-        aero, added = with_gusts(self.aero, self.events), self.options.get("added_mass")
+        aero = with_gusts(self.aero, self.events)
+        added = self.options.get("added_mass")
         start = self.orbit.start()
         lags = start.pop("aero_state")
         self.simulator = Simulator(
@@ -195,38 +193,6 @@ class _Loop:
         for event in sorted(self.events, key=lambda one: one.time):
             machine, aero = event.changed(machine, aero)
             self.due.append((ceil(event.time / step - 1e-9), event, machine, aero))
-        self._resume(self.options.get("resume"))
-
-    def _resume(self, flight: xr.Dataset | None) -> None:
-        """Begin with a flight."""
-        self._before = flight
-        if flight is None:
-            return
-        step, last = self.simulator.time_step, flight.sizes["time"] - 1
-        own = flight.attrs["robot_name"], flight.attrs["time_step"], flight.attrs["outcome"]
-        if own != (self.robot.name, step, "COMPLETED") or "estimate" not in flight:
-            expected = f"a whole closed loop of {self.robot.name} in steps of {step:g} s"
-            raise ParameterError("resume", expected, f"{own[2].lower()}, {own[0]}, {own[1]:g} s")
-        if last > self.simulator.steps:
-            raise ParameterError("resume", "a flight that is shorter", f"{last * step:g} s")
-        self.simulator.recall(flight)
-
-    def _check_same(self, done: int, commands: Mapping[str, float]) -> None:
-        """Refuse to go on from a flight that went otherwise."""
-        before, k = self._before, len(self.estimates) - 1
-        if before is None or done >= before.sizes["time"] - 1:
-            return
-        same = np.array_equal(before["estimate"].values[k], self.estimates[k], equal_nan=True)
-        for name, value in commands.items():
-            names = list(before["command_name"].values) if "command" in before else []
-            same &= name in names and before["command"].values[done, names.index(name)] == value
-        if not same:
-            time = f"one that differs at {self.simulator.time:.4g} s"
-            expected = (
-                "a flight with the same controller, sensors, events and seed, and with sensors "
-                "of data sheets one that was begun for the same duration"
-            )
-            raise ParameterError("resume", expected, time)
 
     def _check_events(self, duration: float) -> None:
         gait = SteeredGait(self.robot, self.orbit.gait)
@@ -291,7 +257,6 @@ class _Loop:
             self.followed.append(dict(zip(model.names, map(float, along), strict=True)))
         given = (commands or {}).items()
         taken = {name: value for name, value in given if name not in self.stuck}
-        self._check_same(round(time / self.simulator.time_step), taken)
         if taken:
             self.simulator.command(taken)
 

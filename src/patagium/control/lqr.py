@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 class LinearRegulator(OrbitController):
-    """Linear-quadratic regulator that flies along a periodic orbit.
+    """Linear-quadratic regulator (LQR) about a periodic orbit.
 
     Args:
         orbit: The orbit, and the model of robot and air that it was found with.

@@ -510,7 +510,8 @@ class OrbitController:
         half = np.array([(high - low) / 2 for low, high, _ in self.ends])
         costs = np.array([model.robot.actuators[k].cost if k in model.robot.actuators else 1.0
                           for k in commands])  # fmt: skip
-        self.state_cost, self.input_cost = np.diag(self.weights), np.diag(costs / half**2)
+        self.state_cost = np.diag(self.weights)
+        self.input_cost = np.diag(costs / half**2)
         self.costs, self.gains = self._law(model)
         self.held: Counter[str] = Counter()
         self._time = 0.0

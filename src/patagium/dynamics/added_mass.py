@@ -78,7 +78,8 @@ class CompositeAddedMass:
 
     def turn(self, turned: Turn) -> None:
         """Turn the blocks to the axes before a turn."""
-        self.a, self.c = turned.inward_inertia(self.a), turned.inward_inertia(self.c)
+        self.a = turned.inward_inertia(self.a)
+        self.c = turned.inward_inertia(self.c)
         self.b = turned.matrix @ self.b @ turned.matrix.T
 
     def turn_fixed(self, matrix: ca.SX) -> None:
@@ -179,7 +180,8 @@ def fluid_energy(robot: Robot, q: ca.SX, v: ca.SX, added: BodyAddedMass) -> ca.S
     if added.wind.shape[1] == 1:
         energy = ca.dot(added.wind, fluid_momentum(robot, q, v, added))
     else:
-        winds, carried = added.winds(robot, q), _momenta(robot, q, v, added)
+        winds = added.winds(robot, q)
+        carried = _momenta(robot, q, v, added)
         energy = sum((ca.dot(winds[body], linear) for body, linear, *_ in carried), ca.SX(0))
     for _, linear, angular, velocity, spin in _momenta(robot, q, v, added):
         energy = energy + (ca.dot(linear, velocity) + ca.dot(angular, spin)) / 2

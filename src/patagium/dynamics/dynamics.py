@@ -24,7 +24,8 @@ def _build(robot: Robot) -> list[ca.Function]:
     q = ca.SX.sym("q", robot.coordinate_count)
     v, a, f = (ca.SX.sym(name, n) for name in ("v", "a", "f"))
     a_a = ca.SX.sym("a_actuated", n_a)
-    mass, bias = equations.mass_matrix(machine, q), equations.bias(machine, q, v)
+    mass = equations.mass_matrix(machine, q)
+    bias = equations.bias(machine, q, v)
     a_all, u = equations.forward_prescribed(machine, q, v, a_a, f)
     u1 = u[list(robot.actuated)] if n_a else ca.SX(0, 1)
     named: dict[str, tuple[dict[str, ca.SX], dict[str, ca.SX]]] = {

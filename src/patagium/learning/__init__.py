@@ -95,12 +95,11 @@ class _Package(ModuleType):
 
     def __getattr__(self, name: str) -> Any:
         if name not in _HOMES:
-            from patagium.deprecation import refuse_removed
-            from patagium.errors import similar
+            from patagium.errors import unknown_name
+            from patagium.removed import refuse_removed
 
             refuse_removed(__name__, name)
-            unknown = f"module {__name__!r} has no attribute {name!r}"
-            raise AttributeError(unknown + similar(name, __all__))
+            raise unknown_name(__name__, name, __all__)
         value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
         super().__setattr__(name, value)
         return value

@@ -225,7 +225,8 @@ class InnovationSums:
         self.totals += [len(values), (values / counts).sum(), inside]
         scaled = np.vstack([self.last, innovation / np.where(std > 0, std, np.nan)])
         pairs = np.isfinite(scaled[1:]) & np.isfinite(scaled[:-1])
-        before, after = np.where(pairs, scaled[:-1], 0.0), np.where(pairs, scaled[1:], 0.0)
+        before = np.where(pairs, scaled[:-1], 0.0)
+        after = np.where(pairs, scaled[1:], 0.0)
         self.products += [(before * after).sum(0), (before**2).sum(0), (after**2).sum(0)]
         self.last = scaled[-1]
 
@@ -497,7 +498,8 @@ def json_ready(value: Any) -> Any:
 
 
 def _errors(measurement: ArrayLike, prediction: ArrayLike) -> ErrorSums:
-    truth, guess = _table("measurement", measurement), _table("prediction", prediction)
+    truth = _table("measurement", measurement)
+    guess = _table("prediction", prediction)
     if truth.shape != guess.shape:
         raise ShapeError("prediction", truth.shape, guess.shape)
     sums = ErrorSums(truth.shape[1])

@@ -93,7 +93,8 @@ class NativeFunction:
         elif compiled is not None:
             function = compiled.function
             self.address = ctypes.cast(function, ctypes.c_void_p).value
-            arguments, results = _pointers(self._inputs), _pointers(self._outputs)
+            arguments = _pointers(self._inputs)
+            results = _pointers(self._outputs)
             self._run = lambda: function(arguments, results)
         else:
             self._start_virtual_machine(call=False)

@@ -32,7 +32,7 @@ _FUNCTIONS = {
 
 
 def header_numbers(name: str) -> SimpleNamespace:
-    """Numbers that a header of `kernels/` defines, by name.
+    """Numeric constants (`#define`) of a C header in `kernels/`, by name.
 
     Args:
         name: File of the header.

@@ -220,7 +220,8 @@ def solid_faces(kind: str, center: Sequence[float], axis: Sequence[float], size:
         polar = np.linspace(0.0, np.pi / 2, 5)
         cap = np.stack([radius * np.cos(polar), length / 2 + radius * np.sin(polar)], axis=1)
     else:
-        fillet, polar = min(0.18 * radius, 0.2 * length), np.linspace(0.0, np.pi / 2, 5)
+        fillet = min(0.18 * radius, 0.2 * length)
+        polar = np.linspace(0.0, np.pi / 2, 5)
         rim = np.stack([np.cos(polar), np.sin(polar)], axis=1) * fillet
         cap = np.vstack([rim + [radius - fillet, length / 2 - fillet], [0.0, length / 2]])
     side = np.column_stack([np.full(9, cap[0, 0]), np.linspace(-cap[0, 1], cap[0, 1], 9)])

@@ -68,7 +68,8 @@ def _hinges(robot: Robot, q: Array) -> dict[str, Hinge]:
             limits = (robot.lower[joint.dof], robot.upper[joint.dof])
             sweep, ways = np.zeros((0, 3)), "no limits"
             if np.isfinite(limits).all():
-                sweep, ways = _sweep(robot, q, index, far, joint.dof), _way(joint, limits)
+                sweep = _sweep(robot, q, index, far, joint.dof)
+                ways = _way(joint, limits)
             words = "" if index in images else f"{joint.name}: about {_letter(axis)}, {ways}"
             if joint.kind == "prismatic":
                 words = words.replace("about", "along")

@@ -56,7 +56,8 @@ def _motions(robot: Robot, body: Body, q: Array) -> Iterator[tuple[Array, Array]
             for axis, angle in zip(unit[::-1], attitude[::-1], strict=True):
                 yield _turn(axis, angle), still
     for joint in body.joints:
-        axis, value = np.array(joint.axis), float(q[robot.coordinate_indices[joint.dof]])
+        axis = np.array(joint.axis)
+        value = float(q[robot.coordinate_indices[joint.dof]])
         turns = joint.kind == "revolute"
         yield (_turn(axis, value), still) if turns else (unit, axis * value)
 

@@ -96,7 +96,8 @@ def _met(pieces: CubicPieces, times: Array, delays: Array) -> Array:
         met = gusts_at_strips(pieces, times, delays.swapaxes(1, 2))
         return met.swapaxes(1, 2).reshape(count, -1)
     found = np.empty((count, GUST_COMPONENTS * strips))
-    cubics, at = np.ascontiguousarray(pieces.coefficients), np.ascontiguousarray(times)
+    cubics = np.ascontiguousarray(pieces.coefficients)
+    at = np.ascontiguousarray(times)
     library.met_by_strips(
         ctypes.c_long(count),
         ctypes.c_long(len(pieces.knots)),
@@ -198,18 +199,6 @@ class Integration:
         self._outcome, self._which = Outcome.COMPLETED, -1
         self.steps, self.done = steps, 0
         self._recorded = False
-        self._known = np.empty((0, self._state.size))
-
-    def recall(self, states: Array) -> None:
-        """Take known states, (K + 1, size), in the place of the first K steps."""
-        self._known = states
-
-    def shift(self, change: Array) -> None:
-        """Change the last entries of the states that are known from here on, [SI]."""
-        if self.done < len(self._known):
-            last = slice(-len(change), None)
-            self._known[self.done :, last] += change
-            self._state[last] += change
 
     @property
     def outcome(self) -> Outcome:
@@ -251,8 +240,7 @@ class Integration:
         """
         last = min(self.steps, self.done + steps)
         while self._outcome is Outcome.COMPLETED and self.done < last:
-            known = len(self._known) - 1 - self.done
-            self._chunk(min(CHUNK, last - self.done, known if known > 0 else CHUNK))
+            self._chunk(min(CHUNK, last - self.done))
             if progress is not None:
                 progress(self.done, self.steps)
         return self._outcome
@@ -266,12 +254,8 @@ class Integration:
         if field is not None:
             pieces = field.gust_pieces(self._state[None], table[:1], times[0], times[-1])
         stretch = Stretch(count, self._time_step, times, table, pieces)
-        if count and self.done + count < len(self._known):
-            taken, states = count, self._known[self.done : self.done + count + 1]
-            self._state[...] = states[-1]
-        else:
-            with np.errstate(all="ignore"):  # a state that breaks is an outcome, not a warning
-                self._outcome, taken, self._which = self._advance(stretch, self._state, states)
+        with np.errstate(all="ignore"):  # a state that breaks is an outcome, not a warning
+            self._outcome, taken, self._which = self._advance(stretch, self._state, states)
         flown, states = slice(0, 2 * taken + 1, 2), states[: taken + 1]
         rows = table[flown]
         if field is not None and pieces is not None:

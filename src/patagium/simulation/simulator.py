@@ -423,22 +423,7 @@ class Simulator:
             now - then for now, then in zip(_energy_and_momentum(self.run), before, strict=True)
         )
         self._changes.append((self._integration.done, float(energy), momentum))
-        self._integration.shift(-momentum)
         self._robot, self._aero, self._layout = robot, aero, layout
-
-    def recall(self, flight: xr.Dataset) -> None:
-        """Have the first steps go as they went in a flight, which were flown the same.
-
-        Args:
-            flight: The flight, of the same robot, air, step and start.
-        """
-        samples = {name: flight[name].to_numpy() for name in ("q", "v", "aero_state")}
-        samples["works"] = np.column_stack([flight[name] for name in self._layout.works])
-        change = (flight["momentum"] - flight["momentum"][0]).to_numpy()
-        samples["impulse"] = change - flight["momentum_residual"].to_numpy()
-        count = flight.sizes["time"]
-        states = [self._layout.state_of_sample(samples, k) for k in range(count)]
-        self._integration.recall(np.array(states))
 
     def fly(
         self, controller: Controller | None = None, progress: Progress | None = None

@@ -141,7 +141,8 @@ class StateLayout:
             row: Row of the table, (row_size,).
         """
         machine = self.machine
-        n_u, n_p = len(self.passive_coordinates), len(self.prescribed_coordinates)
+        n_u = len(self.passive_coordinates)
+        n_p = len(self.prescribed_coordinates)
         q, v = ca.SX.zeros(machine.coordinate_count, 1), ca.SX.zeros(machine.dof, 1)
         for k, i in enumerate(self.passive_coordinates):
             q[i] = state[k]

@@ -211,7 +211,8 @@ class LivePlots:
         return _plot(gui, self._title(name), names)
 
     def _lines(self, name: str) -> tuple[Array, ...]:
-        k, m = self._subject.outputs.index(name), len(self._subject.outputs)
+        k = self._subject.outputs.index(name)
+        m = len(self._subject.outputs)
         time = self._trace[:, 0]
         truth, guess, std = (self._trace[:, 1 + part * m + k] for part in range(len(FORCES)))
         if self._subject.network is None:

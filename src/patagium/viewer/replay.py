@@ -244,7 +244,8 @@ def replay_content(
     arms = 0 if carrier is None else len(carrier.arm.bodies) + 1
     frames = _frames(span, time, period, _bytes_per_frame(robot, arms, predicted is not None))
     prediction = None if predicted is None else predict_flight(flight, robot, predicted, frames)
-    shown, arm = flight.isel(time=frames), carrying_arm(robot, carrier, frames)
+    shown = flight.isel(time=frames)
+    arm = carrying_arm(robot, carrier, frames)
     q = np.asarray(flight["q"].values, float)[span]
     position, rotation = poses_at(robot, q)
     inside = frames - span[0]

@@ -9,7 +9,6 @@ import pytest
 
 import patagium as pt
 from patagium.control import (
-    AdaptiveController,
     Estimate,
     GustEvent,
     LinearRegulator,
@@ -139,49 +138,6 @@ def test_a_controller_that_learned_another_orbit_refuses_another_flight(orbit):
     controller.follow(orbit, {}, 4)
     with pytest.raises(ParameterError, match="a new one for each flight"):
         flown(orbit, controller, duration=0.1)
-
-
-EVENTS = [
-    PayloadEvent(time=0.15, body="body", mass=0.01),
-    GustEvent(time=0.2, velocity=(0.0, 0.0, 1.0), length_time=0.2),
-    WingLossEvent(time=0.4, wing="left_wing", share=0.05),
-]
-
-
-PARTS = pt.sensors.presets
-SENSORS = TrackedState(
-    [PARTS.icm_42688_p("body"), PARTS.as5600(rate=200.0), PARTS.prime_x_13("body")]
-)
-
-
-@pytest.mark.parametrize(
-    ("learns", "sensors"),
-    [(False, NoisyState(NOISE.std, missing=0.05)), (True, NOISE), (False, SENSORS)],
-    ids=["noise", "learner", "tracker"],
-)
-def test_a_resumed_flight_is_the_unbroken_one(orbit, tmp_path, learns, sensors):
-    def controller():
-        law = PredictiveController(orbit, COMMANDS)
-        return AdaptiveController(law, orbit) if learns else law
-
-    given = {"sensors": sensors, "events": EVENTS}
-    whole = flown(orbit, controller(), duration=0.6, **given)
-    part = whole.isel(time=slice(0, 601))
-    pt.save_flight(part, tmp_path / "part.nc")
-    part = pt.load_flight(tmp_path / "part.nc")
-    resumed = flown(orbit, controller(), duration=0.6, resume=part, **given)
-    for name in sorted({*whole} - {"momentum_residual"}):
-        assert np.array_equal(whole[name].values, resumed[name].values, equal_nan=True), name
-    # the impulse, which moves nothing, is a difference of what was recorded
-    apart = whole["momentum_residual"].values - resumed["momentum_residual"].values
-    assert np.abs(apart).max() < 1e-12
-    assert whole.attrs["held"] == resumed.attrs["held"]
-    with pytest.raises(ParameterError, match="same controller, sensors, events and seed"):
-        flown(orbit, controller(), duration=0.6, resume=part, seed=1, **given)
-    with pytest.raises(ParameterError, match="same controller, sensors, events and seed"):
-        flown(orbit, controller(), duration=0.6, resume=part.assign(q=part.q + 1e-9), **given)
-    with pytest.raises(ParameterError, match="a flight that is shorter"):
-        flown(orbit, controller(), duration=0.1, resume=part, sensors=given["sensors"])
 
 
 def test_delay_and_loss_of_samples_are_those_asked_for(orbit):

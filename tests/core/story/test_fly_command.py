@@ -67,27 +67,6 @@ def test_a_plan_is_flown_as_it_says(tmp_path, capsys):
     assert (rudder[flight["time"].values > 0.61] == 0.0).all()
 
 
-def test_a_flight_goes_on_from_a_shorter_one(tmp_path, capsys):
-    known = "{std: {z: 0.002}, missing: 0.05}"
-    text = f"robot: ornithopter\nsensors: {known}\nevents: []\ntime_step: 0.5 ms\n"
-    (tmp_path / "plan.yaml").write_text(text)
-    words = ("fly", tmp_path / "plan.yaml", "-o")
-    for name, *more in (
-        ("whole.nc", "--duration", "0.4 s"),
-        ("part.nc", "--duration", "0.2 s"),
-        ("on.nc", "--duration", "0.4 s", "--resume", tmp_path / "part.nc"),
-    ):
-        code, _, err = said(capsys, *words, tmp_path / name, *more)
-        assert code == 0, err
-    whole, on = (pt.load_flight(tmp_path / name) for name in ("whole.nc", "on.nc"))
-    for name in ("q", "v", "a", "command", "estimate", "reference", "joint_work"):
-        assert np.array_equal(whole[name].values, on[name].values, equal_nan=True), name
-    code, _, err = said(
-        capsys, *words, tmp_path / "f.nc", "--resume", tmp_path / "on.nc", "--seed", 1
-    )
-    assert code == 2 and "one that differs at" in err
-
-
 def test_a_name_alone_flies_and_says_what_was_chosen(tmp_path, capsys):
     words = ("--duration", "0.6 s", "-o", tmp_path / "f.nc", "--json")
     code, out, err = said(capsys, "fly", "aerobat", *words)

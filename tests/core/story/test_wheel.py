@@ -20,7 +20,7 @@ LINK = re.compile(r"\]\(([^)]+)\)")
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with the content of the wheel."""
+    """Folder of the unpacked files of the wheel."""
     from hatchling.builders.wheel import WheelBuilder
 
     folder = tmp_path_factory.mktemp("wheel")

@@ -283,7 +283,7 @@ def test_weights_that_do_harm_are_left_for_longer_each_time() -> None:
         for _ in range(tracking.pause):
             assert not tracking.take(1.0, followed=False)
         assert tracking.pause == 0
-    assert pauses == [4 * TRIAL, 8 * TRIAL, 16 * TRIAL]
+    assert pauses == [20, 40, 80]
     better = Departures()
     flown = [better.take(1.9 if followed else 1.0, followed) for followed in [False, True] * 30]
     assert not any(flown)

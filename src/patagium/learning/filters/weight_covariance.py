@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.deprecation import refuse_removed
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning.filters.state import packed, symmetric, unpacked
 from patagium.learning.models.structure import Indices, Layered, blocks_of
 from patagium.learning.settings import BLOCKS, OWN_BLOCKS
+from patagium.removed import refuse_removed
 
 Array = NDArray[np.float64]
 

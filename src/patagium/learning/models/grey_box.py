@@ -27,7 +27,6 @@ from patagium.aerodynamics.added_mass import AddedMass, added_mass_from_descript
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.indicial import Relaxation, lag_step
 from patagium.aerodynamics.model import Aerodynamics
-from patagium.deprecation import refuse_removed
 from patagium.dynamics.equations import inverse, kirchhoff_force
 from patagium.errors import ParameterError
 from patagium.learning.models.dense import described
@@ -50,6 +49,7 @@ from patagium.learning.models.physical import (
 )
 from patagium.learning.models.structure import stacked
 from patagium.native import NativeFunction, load_functions
+from patagium.removed import refuse_removed
 from patagium.robot.files import load_robot_text
 
 Array = NDArray[np.float64]

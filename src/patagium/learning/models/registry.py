@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
-from patagium.deprecation import refuse_removed
 from patagium.errors import ParameterError
 from patagium.learning.models.dense import DenseNetwork, LinearNetwork
 from patagium.learning.models.grey_box import GreyBox
@@ -13,6 +12,7 @@ from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
+from patagium.removed import refuse_removed
 
 _KINDS: dict[str, Any] = {
     network.kind: network

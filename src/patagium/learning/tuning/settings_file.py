@@ -21,13 +21,13 @@ from pydantic import (
     model_validator,
 )
 
-from patagium.deprecation import refuse_removed
 from patagium.errors import ParameterError
 from patagium.learning.learners.registry import make_learner
 from patagium.learning.models.network import Network
 from patagium.learning.settings import settings_from, settings_of
 from patagium.limits import YAML_TEXT
 from patagium.reading import parsed_yaml, refused, text_of
+from patagium.removed import refuse_removed
 from patagium.whole_file import write_whole
 
 _HEAD = """\

@@ -325,7 +325,8 @@ class _Problem:
             best = min(_as_good_as(best, tried), key=lambda trial: trial.prediction.moved)
             tried = [best, *(trial for trial in tried if trial is not best)]
         network, exam = self.networks[best.hidden], self.exams[best.hidden]
-        described, outputs = network.describe(), np.array(network.output_names)
+        described = network.describe()
+        outputs = np.array(network.output_names)
         scores = {name: _short(one) for name, one in best.prediction.describe().items()}
         settings = Settings(
             flight=name,

@@ -314,7 +314,8 @@ class MotionFit:
         middles = begin + self.knots.step * (np.arange(self.knots.spans) + 0.5)
         count = max(1, int((end - begin) / max(_SHORTEST_WINDOW, 8 * self.knots.step)))
         self.window = np.minimum((middles - begin) / (end - begin) * count, count - 1).astype(int)
-        self.open, self.bridging = np.zeros(self.knots.spans, bool), np.zeros(self.knots.spans)
+        self.open = np.zeros(self.knots.spans, bool)
+        self.bridging = np.zeros(self.knots.spans)
         for first, last in self.gaps:
             inside = (middles > first) & (middles < last)
             near = 3 * self.knots.step

@@ -80,7 +80,8 @@ class MotionSpline:
 
     def at(self, times: Array) -> SplinePoint:
         """Motion at given times, (N,) [s]."""
-        span, weights = self.knots.span_of(times), self.knots.weights(times)
+        span = self.knots.span_of(times)
+        weights = self.knots.weights(times)
         seen = span[:, None] + np.arange(SEEN)
         levels = np.einsum("nlj,njc->nlc", weights, self.points[seen])
         if self.turn is None or self.turns is None:

@@ -317,7 +317,8 @@ def common_times(streams: Sequence[Stream]) -> Array:
     Raises:
         LogError: If the sensors have no time in common.
     """
-    begin, end = max(s.time[0] for s in streams), min(s.time[-1] for s in streams)
+    begin = max(s.time[0] for s in streams)
+    end = min(s.time[-1] for s in streams)
     fastest = min(streams, key=lambda s: float(np.median(np.diff(s.time))))
     chosen = fastest.time[(fastest.time >= begin - 1e-9) & (fastest.time <= end + 1e-9)]
     if len(chosen) < 2:

@@ -175,7 +175,8 @@ class LoadCell(Sensor):
 
     def _in_own_axes(self, scene: Scene, world: Array, times: Array) -> Array:
         if self.body is None:
-            rotation, origin = np.asarray(self.orientation), np.asarray(self.position)
+            rotation = np.asarray(self.orientation)
+            origin = np.asarray(self.position)
         else:
             motion = scene.frame(
                 self.body, np.asarray(self.position), np.asarray(self.orientation), times

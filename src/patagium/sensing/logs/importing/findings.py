@@ -159,7 +159,8 @@ class ValueSurvey:
     def __init__(self, channels: int) -> None:
         self.count = np.zeros(channels, np.int64)
         self.missing = np.zeros(channels, np.int64)
-        self.low, self.high = np.full(channels, np.inf), np.full(channels, -np.inf)
+        self.low = np.full(channels, np.inf)
+        self.high = np.full(channels, -np.inf)
         self._sum, self._square = np.zeros(channels), np.zeros(channels)
 
     def add(self, values: Array) -> None:
