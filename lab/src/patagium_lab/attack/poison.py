@@ -305,20 +305,6 @@ LEARNERS: tuple[dict[str, Any], ...] = (
 has the default network and the default filter."""
 
 
-def sample_count(options: dict[str, Any], noise: str, most: int) -> int:
-    """Number of samples of a learner: all with the default model of the noise, else a tenth.
-
-    The extended filter by neuron is in NumPy, forty times as slow: it has a tenth as well.
-
-    Args:
-        options: Its settings, one of `LEARNERS`.
-        noise: How it finds its noise, one of `NOISE_MODELS`.
-        most: Number of samples of a learner.
-    """
-    slow = options["learner"] == "extended" and options["covariance"] == "node"
-    return max(3000, most // (10 if slow else 1) // (1 if noise == "Misfit" else 10))
-
-
 def poison_row(options: dict[str, Any], noise: str, seed: int, count: int) -> dict[str, Any]:
     """JSON-able result of a screened learner that is poisoned.
 
