@@ -83,7 +83,8 @@ def _kernel_for(numbers: FilterNumbers) -> BlockKernel | None:
 
 def _of_whole_layers(numbers: FilterNumbers) -> bool:
     """Whether blocks are layers, one or more, in the order of the weights, as in `points.h`."""
-    blocks, layers = blocks_in(numbers), blocks_of(numbers.network, "layer")
+    blocks = blocks_in(numbers)
+    layers = blocks_of(numbers.network, "layer")
     ends = {int(layer[-1]) for layer in layers}
     ordered = bool(np.all(np.diff(np.concatenate(blocks)) == 1))
     return ordered and ends >= {int(block[-1]) for block in blocks}
