@@ -63,6 +63,19 @@ static inline void weighted_rows(int stride, int count, const double *scale, int
   }
 }
 
+/* Rows of H' of the weights of one output, from its seeds: sum over the items of x times seed.
+ * ROWS weights at once, the last of them again where their number is no multiple. */
+static void weight_rows(const panel_filter *f, int in, int out, const double *x,
+                        const double *seed, double *rows) {
+  const int stride = f->stride, items = f->items, apart = out * stride;
+  if (in < ROWS)
+    for (int j = 0; j < in; j++) weighted_rows(stride, items, x + j, in, seed, apart, rows + j * stride);
+  for (int done = 0; in >= ROWS && done < in; done += ROWS) {
+    const int j = done + ROWS > in ? in - ROWS : done;
+    multiply_rows(0, stride, items, x + j, 1, in, seed, apart, rows + j * stride, stride);
+  }
+}
+
 /* Rows of H' of the mlp's weights, layer by layer from the last; gives dy / d features. */
 static const double *perceptron_slopes(extended_filter *e) {
   panel_filter *f = &e->filter;
@@ -80,8 +93,7 @@ static const double *perceptron_slopes(extended_filter *e) {
     rows -= (ptrdiff_t)out * (in + 1) * stride;
     for (int o = 0; o < out; o++) {
       const double *seed = seeds + o * stride;
-      for (int j = 0; j < in; j++)
-        weighted_rows(stride, items, x + j, in, seed, out * stride, rows + (o * in + j) * stride);
+      weight_rows(f, in, out, x, seed, rows + o * in * stride);
       weighted_rows(stride, items, ones, 1, seed, out * stride, rows + (out * in + o) * stride);
     }
     if (l == 0 && !own) break;
@@ -138,11 +150,9 @@ static void visit(extended_filter *e) {
   for (int r = 0; r < count; r++)
     for (int k = 0; k < m; k++) f->weighting[r * stride + k] = f->readout[r * m + k];
   const double *center = sums_of(f, f->layers - 1);
-  for (int k = 0; k < m; k++) {
-    double y = f->offset[k];
-    for (int r = 0; r < count; r++) y += f->readout[r * m + k] * center[r];
-    f->predicted[k] = y;
-  }
+  double y[stride];
+  combine(count, stride, center, f->weighting, y);
+  for (int k = 0; k < m; k++) f->predicted[k] = f->offset[k] + y[k];
   const double *through = perceptron_slopes(e);
   if (own) lag_slopes(e, through);
 }
