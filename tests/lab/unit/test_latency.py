@@ -56,7 +56,7 @@ def test_python_is_not_timed(monkeypatch, rng):
 
 def test_all_cases_are_there():
     found = measure_latency(100, LOADS, (False,))
-    assert len(found) == 4 * len(LOADS)
+    assert len(found) == 5 * len(LOADS)
     for one in found:
         times = list(one.duration.values())
         assert times == sorted(times) and times[0] > 0
