@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
+from scipy.special import fdtri
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.aerodynamics.learned_air import WRENCH, LearnedAir
@@ -122,6 +122,9 @@ class AirWeights:
         """
         self._information += share * (self._own - self._information)
         self._vector += share * (self._own @ self.prior - self._vector)
+        self._errors *= 1 - share
+        self._count *= 1 - share
+        self.weights = np.asarray(np.linalg.solve(self._information, self._vector), float)
 
     def differ(self, others: Array) -> bool:
         """Whether the weights differ from others by more than a standard deviation.
@@ -164,10 +167,11 @@ class Disturbance:
     @property
     def stays(self) -> bool:
         """Whether the constant part is more than the mean of what varies."""
-        error = self.variance / min(self._count, DISTURBANCE_BEATS)
+        beats = min(self._count, DISTURBANCE_BEATS)
         large = self._mean**2 > 0
-        squares = self._mean[large] ** 2 / np.maximum(error, 1e-300)[large]
-        return bool(squares.sum() > chdtri(len(self._mean), UNLIKELY))
+        squares = self._mean[large] ** 2 / np.maximum(self.variance / beats, 1e-300)[large]
+        size, told = len(self._mean), beats / float(np.mean(self.alike))
+        return bool(squares.sum() > size * fdtri(size, told, 1 - UNLIKELY))
 
     def take(self, missed: Array) -> None:
         """Take what the design model misses of the mean of a beat, (velocities,) [m/s, rad/s]."""
@@ -448,7 +452,7 @@ class AdaptiveController:
 
             minimize_scalar(without, bounds=(0.0, LARGEST_CUT), options={"xatol": 0.005})
         least, air = min(found, key=lambda one: one[0])
-        if not least <= max(SURPRISE, surprise / 4):
+        if not least <= min(SURPRISE, surprise / 4):
             return False
         self._air = air
         self._disturbance = Disturbance()
