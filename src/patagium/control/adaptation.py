@@ -414,12 +414,7 @@ class AdaptiveController:
     def _wanted(self) -> Array:
         """Weights to follow: those learned where they predict better and are others."""
         learner = self.learner
-        if self._departures.pause:
-            return learner.prior
-        whole = self._air is self._design.aero
-        if whole and not self._disturbance.stays:
-            return learner.prior
-        if not learner.better:
+        if self._departures.pause or not (self._disturbance.stays and learner.better):
             return learner.prior
         if not learner.differ(self.weights):
             return self.weights
