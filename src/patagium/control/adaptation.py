@@ -163,15 +163,19 @@ class Disturbance:
     @property
     def stays(self) -> bool:
         """Whether the constant part is more than the mean of what varies."""
-        beats, large = max(1, len(self._missed)), self._mean**2 > 0
-        squares = self._mean[large] ** 2 / np.maximum(self.variance / beats, 1e-300)[large]
-        size, told = len(self._mean), beats / float(np.mean(self.alike))
+        beats = max(1, len(self._missed))
+        error = np.maximum(self.variance / beats, 1e-300)
+        large = self._mean**2 > 0
+        squares = self._mean[large] ** 2 / error[large]
+        size = len(self._mean)
+        told = beats / float(np.mean(self.alike))
         return bool(squares.sum() > size * fdtri(size, told, 1 - UNLIKELY))
 
     def take(self, missed: Array) -> None:
         """Take what the design model misses of the mean of a beat, (velocities,) [m/s, rad/s]."""
         self._missed.extend([missed] if self._missed else [0 * missed, missed])
-        beats, self._mean = len(self._missed), np.mean(self._missed, axis=0)
+        beats = len(self._missed)
+        self._mean = np.mean(self._missed, axis=0)
         apart = np.array(self._missed) - self._mean
         square = (apart**2).mean(axis=0)
         lagged = (apart[1:] * apart[:-1]).sum(axis=0) / beats
@@ -406,7 +410,8 @@ class AdaptiveController:
     def _wanted(self) -> Array:
         """Weights to follow: those learned where they predict better and are others."""
         learner = self.learner
-        if self._departures.pause or not (self._disturbance.stays and learner.better):
+        stays = self._disturbance.stays and learner.better
+        if self._departures.pause or not stays:
             return learner.prior
         if not learner.differ(self.weights):
             return self.weights
