@@ -126,9 +126,9 @@ def test_damaged_robot_comes_back_to_height_and_heading(orbit):
 
 
 def test_predictive_controller_takes_what_was_learned(orbit):
-    law = PredictiveController(orbit, COMMANDS, tolerable=TOLERABLE)
+    law = PredictiveController(orbit, COMMANDS, tolerable=FIRM)
     controller = AdaptiveController(law, orbit)
-    flown(orbit, controller, damaged(orbit.robot), beats=20)  # until the error is no gust
+    flown(orbit, controller, damaged(orbit.robot), beats=35)  # until the error is no gust
     assert controller.counts["moved"] >= 1 and not controller.held
     model, program = law.model, law.iteration.program
     assert model.neutral[0] > 1.1 * model.neutral[1]  # the cut wing beats more
