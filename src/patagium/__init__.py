@@ -131,7 +131,8 @@ def __getattr__(name: str) -> Any:
             words = import_module(f"{__name__}.{space}").__all__
             known |= {word: f"{__name__}.{space}.{word}" for word in words}
         raise unknown_name(__name__, name, known | {word: word for word in __all__})
-    globals()[name] = value = getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
+    value = getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
+    globals()[name] = value
     return value
 
 

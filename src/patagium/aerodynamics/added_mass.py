@@ -140,7 +140,8 @@ class AddedMass:
         for motion in strip_motions(robot, q, v, wind):
             strip = motion.strip
             mass, _ = _carried(strip, parameters[0] * parameters[1])
-            forward, normal = vector(strip.forward), vector(strip.normal)
+            forward = vector(strip.forward)
+            normal = vector(strip.normal)
             behind = (1.0 + smooth_sign(motion.forward)) * (strip.chord / 4)
             normalwash = -motion.normal_ahead(-behind)
             force = forward * (mass * motion.pitch_rate * normalwash)

@@ -124,7 +124,8 @@ def fitted_indicial(rate: Sequence[float]) -> Indicial:
     Args:
         rate: Rates [1/semichord].
     """
-    low, high = np.geomspace(0.01, 10.0, 200), np.geomspace(0.01, 2.0, 200)
+    low = np.geomspace(0.01, 10.0, 200)
+    high = np.geomspace(0.01, 2.0, 200)
     rates = np.asarray(rate, float)
     lift = _amplitudes(low, theodorsen_function(low), rates, total=0.5)
     circulation = _amplitudes(high, circulation_function(high), rates, total=None)

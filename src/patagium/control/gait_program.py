@@ -277,7 +277,8 @@ def _ends(
         "speed": -forward / period,
     }
     cost = costs[goal]
-    given, ends = ca.vertcat(first, last, work, values), ca.vertcat(*found)
+    given = ca.vertcat(first, last, work, values)
+    ends = ca.vertcat(*found)
     weights = ca.SX.sym("weights", 1 + ends.shape[0])
     slopes = ca.gradient(cost, given), ends, ca.densify(ca.jacobian(ends, given))
     bends = ca.hessian(ca.dot(weights, ca.vertcat(cost, ends)), given)[0]

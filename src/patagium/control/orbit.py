@@ -59,7 +59,8 @@ class Frame:
         Args:
             state: State in the world, (n,) [SI].
         """
-        cosine, sine = np.cos(state[self._yaw]), np.sin(state[self._yaw])
+        cosine = np.cos(state[self._yaw])
+        sine = np.sin(state[self._yaw])
         turn = np.array([[cosine, sine], [-sine, cosine]])
         found, slope = state.copy(), np.eye(self.size)
         for places in self._vectors:

@@ -226,7 +226,8 @@ def generalized_force(robot: Robot, q: ca.SX, wrenches: Mapping[int, tuple[ca.SX
                 generalized[dof] = ca.dot(vector(axis), moment if step.turns else force)
             if step.turns:
                 turned = step.turn(q)
-                force, moment = turned.inward(force), turned.inward(moment)
+                force = turned.inward(force)
+                moment = turned.inward(moment)
             else:
                 moment = moment + cross(step.slide(q), force)
         if body.parent < 0:

@@ -353,7 +353,8 @@ def score_predictions(
 def _known(truth: Array, error: Array, variance: Array, scored: Chosen) -> PredictionScore:
     """Scores of innovations and their variances, (N, m) each; some may be nan."""
     counted = np.where(scored, truth, nan)
-    mean, spread = np.nanmean(counted, axis=0), np.nanvar(counted, axis=0)
+    mean = np.nanmean(counted, axis=0)
+    spread = np.nanvar(counted, axis=0)
     used = np.isfinite(error)
     miss = np.where(used, error, truth - mean)
     allowed = np.where(used, variance, spread)

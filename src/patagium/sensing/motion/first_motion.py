@@ -256,7 +256,8 @@ class _Spectrum:
 
         The model is density / w^(2 order) and noise with a correlation from sample to sample.
         """
-        floor, shape = self.floor(correlation), self._shape(correlation)
+        floor = self.floor(correlation)
+        shape = self._shape(correlation)
         places = np.logspace(np.log10(0.3 * self.turn[0]), np.log10(self.turn[-1]), 40)
         density = floor * places ** (2 * order)
         noise = floor * _LEVELS

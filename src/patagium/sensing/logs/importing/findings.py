@@ -162,7 +162,8 @@ class ValueSurvey:
         self.missing = np.zeros(channels, np.int64)
         self.low = np.full(channels, np.inf)
         self.high = np.full(channels, -np.inf)
-        self._sum, self._square = np.zeros(channels), np.zeros(channels)
+        self._sum = np.zeros(channels)
+        self._square = np.zeros(channels)
 
     def add(self, values: Array) -> None:
         """Add more rows, (k, n) in the unit of the file, to the statistics."""
