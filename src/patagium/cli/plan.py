@@ -369,6 +369,5 @@ def _controller(
 
 def _default_gust(orbit: Orbit, duration: float) -> GustEvent:
     upward = GUST_SHARE * max(abs(orbit.speed), 1.0)
-    gust = (0.0, 0.0, upward)
     time, length = duration / 3, 2 * orbit.period
-    return GustEvent(time=time, velocity=gust, length_time=length)
+    return GustEvent(time=time, velocity=(0.0, 0.0, upward), length_time=length)

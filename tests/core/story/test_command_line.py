@@ -369,6 +369,8 @@ def test_what_cannot_be_done_is_one_sentence_and_exit_code_two(
         (("sumilate",), "sumilate"),
         (("trim", "aerobat", "--beats", "1e12"), "10000"),
         (("optimize", "aerobat", "--beats", "1e12"), "10000"),  # before the gait is sought
+        (("optimize", "aerobat", "--front", ",".join(["3"] * 100_000)), "at most 100 speeds"),
+        (("fly", "aerobat", "--duration", "1e12"), "duration: expected at most"),
     ],
 )
 def test_words_it_does_not_know_are_named(words: tuple[str, ...], said: str, speak: Speak) -> None:
