@@ -101,8 +101,9 @@ def optimize(
         if speed is not None or output is not None or gait is not None or goal != Aim.POWER:
             raise ParameterError("--front", "no --speed, --goal, --output or --gait with it", front)
         if len(front) > MOST_SPEEDS:
-            raise ParameterError("--front", f"at most {MOST_SPEEDS} speeds", f"{len(front)} speeds")
-        least = control.power_front(machine, front, model, climb=climb, harmonics=harmonics)
+            raise ParameterError("--front", f"at most {MOST_SPEEDS} speeds", len(front))
+        given: dict[str, Any] = {"climb": climb, "harmonics": harmonics}
+        least = control.power_front(machine, front, model, **given)
         _front(least, figure, as_json)
         return
     options: dict[str, Any] = {"free": free} if free else {}

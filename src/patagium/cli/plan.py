@@ -36,15 +36,7 @@ from patagium.errors import ParameterError, PatagiumError, positive
 from patagium.limits import ROBOT_FILE
 from patagium.reading import parsed_yaml, refused, text_of
 from patagium.robot import Robot, load_robot
-from patagium.robot.units import (
-    Duration,
-    Frequency,
-    Length,
-    Mass,
-    PureNumber,
-    Speed,
-    quantity_type,
-)
+from patagium.robot.units import Duration, Frequency, Length, Mass, PureNumber, Speed, quantity_type
 from patagium.sensing.sensors import presets
 from patagium.sensing.sensors.sensor import Sensor
 from patagium.simulation import gaits
@@ -369,5 +361,6 @@ def _controller(
 
 def _default_gust(orbit: Orbit, duration: float) -> GustEvent:
     upward = GUST_SHARE * max(abs(orbit.speed), 1.0)
+    gust = (0.0, 0.0, upward)
     time, length = duration / 3, 2 * orbit.period
-    return GustEvent(time=time, velocity=(0.0, 0.0, upward), length_time=length)
+    return GustEvent(time=time, velocity=gust, length_time=length)

@@ -168,7 +168,17 @@ class OrbitSearch:
         size = float(np.linalg.norm(scaled))
         slope = np.vstack([turned[frame.kept], ways])
         by_period = np.r_[np.zeros(len(frame.kept)), rates]
-        return Point(states, values, flown, rows, gaps, misfit, slope, by_period, size)
+        return Point(
+            states,
+            values,
+            flown,
+            rows,
+            gaps,
+            misfit,
+            slope,
+            by_period,
+            size,
+        )
 
     def rows_scale(self, others: int) -> Array:
         """Scales of the misfits: return, then the other conditions, (n - 4 + c,) [SI]."""
@@ -547,7 +557,8 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
         left, sizes, _ = np.linalg.svd(system[0])
         asked = left.T @ system[1]
         least = np.r_[np.maximum(sizes, _RANK), np.full(len(asked), _RANK)]
-        worst = int(np.argmax(np.abs(asked) / least[: len(asked)]))
+        weak = np.abs(asked) / least[: len(asked)]
+        worst = int(np.argmax(weak))
         lacking = _mean_wrench(search, at, -left[:, worst] * asked[worst])
         most = max(lacking, key=lambda name: abs(lacking[name]) * _LEVER[name[0]])
         unit = "N m" if most.startswith("moment") else "N"
