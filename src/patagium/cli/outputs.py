@@ -18,7 +18,7 @@ _WRITTEN = {
     *("figure", "plot", "draw", "still", "film"),
     *("state", "model", "predictions", "gait"),
 }
-"""Names of outputs; those of the last row are inputs of some verbs."""
+"""Names of outputs."""
 
 
 def check_files(given: Mapping[str, Any]) -> None:
