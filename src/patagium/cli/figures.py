@@ -41,7 +41,7 @@ def figures(
     ] = Look.PAPER,
     form: Annotated[Format, typer.Option("--format", help="Format of the files.")] = Format.PDF,
     model: PredictedOption = None,
-    output: Annotated[
+    place: Annotated[
         Path | None,
         typer.Option(*OUTPUT, help="Folder for the figures; named as the flight by default."),
     ] = None,
@@ -60,7 +60,7 @@ def figures(
 
     learned = None if model is None else load_model(existing(model))
     drawn = flight_figures(load_flight(flight_file(flight)), look.value, learned)
-    folder = make_folder(flight.with_suffix("") if output is None else output)
+    folder = make_folder(flight.with_suffix("") if place is None else place)
     outputs, files = Outputs(), {}
     for name, figure in drawn.items():
         file = folder / f"{name}.{form.value}"

@@ -38,10 +38,9 @@ def fly(
     A flight that breaks is kept up to there, in FILE.partial.nc; the exit code is then 2.
     """
     from patagium.cli.plan import load_plan, prepared
-    from patagium.cli.simulate import check_outputs, keep
+    from patagium.cli.simulate import keep
     from patagium.cli.words import progress_bar
 
-    check_outputs(output, figure)
     given = {"duration": duration, "seed": seed}
     changed = {name: value for name, value in given.items() if value is not None}
     ready = prepared(load_plan(plan).model_copy(update=changed))

@@ -22,6 +22,8 @@ EXAMPLES = (
     "patagium optimize aerobat --goal range --harmonics 2",
     "patagium optimize ornithopter --front 3,4,5,6 --figure front.svg",
 )
+MOST_SPEEDS = 100
+"""Speeds of a front, each of which takes some optimizations."""
 PANELS = {"Air and flight": "climb aero density", "Files": "output beats gait figure"}
 
 
@@ -98,8 +100,11 @@ def optimize(
     if front is not None:
         if speed is not None or output is not None or gait is not None or goal != Aim.POWER:
             raise ParameterError("--front", "no --speed, --goal, --output or --gait with it", front)
+        if len(front) > MOST_SPEEDS:
+            raise ParameterError("--front", f"at most {MOST_SPEEDS} speeds", len(front))
         given: dict[str, Any] = {"climb": climb, "harmonics": harmonics}
-        _front(control.power_front(machine, front, model, **given), figure, as_json)
+        least = control.power_front(machine, front, model, **given)
+        _front(least, figure, as_json)
         return
     options: dict[str, Any] = {"free": free} if free else {}
     found = control.optimize(

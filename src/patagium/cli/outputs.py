@@ -2,12 +2,55 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
 
 import typer
 
-from patagium.errors import PatagiumError
+from patagium.errors import ParameterError, PatagiumError
+from patagium.whole_file import placed
+
+_WRITTEN = {
+    *("output", "out", "table", "report", "record"),
+    *("figure", "plot", "draw", "still", "film"),
+    *("state", "model", "predictions", "gait"),
+}
+"""Names of outputs."""
+
+
+def check_files(given: Mapping[str, Any]) -> None:
+    """Refuse outputs that would fail, or replace another file of the verb, before it works.
+
+    Args:
+        given: Arguments of the verb by name.
+
+    Raises:
+        OutputError: If an output cannot be written.
+        ParameterError: If it is of no kind that can be, or is named twice.
+    """
+    named: dict[str, str] = {}
+    for name in sorted(given, key=_WRITTEN.__contains__):
+        value = given[name]
+        for word in value if isinstance(value, list) else [value]:
+            if not isinstance(word, (str, Path)) or "\0" in str(word):
+                continue
+            place = os.path.realpath(word)
+            written = name in _WRITTEN
+            if written and place in named:
+                wanted = f"a file of its own, not that of {named[place]}"
+                raise ParameterError(f"--{name}", wanted, str(word))
+            there = os.path.exists(place)
+            if os.path.isfile(place) or (written and not there):
+                named[place] = name  # nothing else is lost by being written twice
+            if name in ("output", "figure"):
+                placed(word)
+            if name == "figure":
+                from patagium.report.figures import figure_kind
+
+                figure_kind(word)
 
 
 class Outputs:

@@ -236,7 +236,6 @@ def simulate(
     from patagium.robot import load_robot
     from patagium.simulation import gaits, mounts
 
-    check_outputs(output, figure)
     shown = live_options.live_choice(live, live_address, choice)
     machine = load_robot(robot)
     if attitude is not None:
@@ -282,26 +281,6 @@ def simulate(
     if not as_json:
         _tell_choice(machine, flight, own is not None, duration, time_step)
     keep(flight, output, figure, as_json)
-
-
-def check_outputs(output: Path, figure: Path | None) -> None:
-    """Refuse places that cannot be written before the flight is flown.
-
-    Args:
-        output: File for the flight.
-        figure: File for a drawing, or None.
-
-    Raises:
-        OutputError: If one cannot be written.
-        ParameterError: If the drawing is of no kind that can be drawn.
-    """
-    from patagium.report.figures import figure_kind
-    from patagium.whole_file import placed
-
-    placed(output)
-    if figure is not None:
-        placed(figure)
-        figure_kind(figure)
 
 
 def _duration(machine: Robot) -> float:

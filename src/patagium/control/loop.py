@@ -175,7 +175,7 @@ class _Loop:
         longest = positive("time_step", self.options.get("time_step", TIME_STEP))
         self.period = ceil(min(period / longest, 1e12) * (1 - 1e-9))
         step = period / self.period
-        steps = max(1, round(min(positive("duration", self.duration) / step, 1e15)))
+        steps = max(1, round(min(positive("duration", self.duration) / step, 1e300)))
         self.duration = steps * step
         self._check_events(self.duration)
         aero = with_gusts(self.aero, self.events)

@@ -184,6 +184,7 @@ class OrbitSearch:
         """Scales of the misfits: return, then the other conditions, (n - 4 + c,) [SI]."""
         return np.concatenate([self._scale[self.frame.kept], np.ones(others)])
 
+    @np.errstate(all="ignore")
     def system(self, at: Point) -> tuple[Array, Array, Nodes]:
         """Scaled Newton matrix and right-hand side, and how nodes follow the unknowns."""
         n, kept = self.frame.size, self.frame.kept
@@ -205,6 +206,8 @@ class OrbitSearch:
     def step(self, at: Point) -> tuple[Array, Array]:
         """Newton step of all nodes, (m, n), and of the parameters, (p,)."""
         matrix, right, nodes = self.system(at)
+        if not np.isfinite(matrix).all():  # segments that diverge: no step leads on
+            return np.full_like(at.states, np.nan), at.values
         found = np.asarray(np.linalg.lstsq(matrix, right, rcond=_RANK)[0], float)
         states, values = self.moved(at, nodes, found)
         return states - at.states, values - at.values
@@ -550,14 +553,11 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
         reason, remedy = trouble, "widen that limit, or free other parameters (free=)"
     if not np.isfinite(at.residual):
         remedy = "begin nearer to a flight that goes on (gait=, start=, or the file's cruise)"
-    elif trouble == "stalled":
-        matrix, right, _ = search.system(at)
-        left, sizes, _ = np.linalg.svd(matrix)
-        asked = left.T @ right
-        weak = (
-            np.abs(asked)
-            / np.r_[np.maximum(sizes, _RANK), np.full(len(right), _RANK)][: len(right)]
-        )
+    elif trouble == "stalled" and np.isfinite((system := search.system(at))[0]).all():
+        left, sizes, _ = np.linalg.svd(system[0])
+        asked = left.T @ system[1]
+        least = np.r_[np.maximum(sizes, _RANK), np.full(len(asked), _RANK)]
+        weak = np.abs(asked) / least[: len(asked)]
         worst = int(np.argmax(weak))
         lacking = _mean_wrench(search, at, -left[:, worst] * asked[worst])
         most = max(lacking, key=lambda name: abs(lacking[name]) * _LEVER[name[0]])

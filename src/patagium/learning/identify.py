@@ -14,12 +14,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import LogError, Outcome, ParameterError, ShapeError
-from patagium.learning.default_learner import (
-    choices,
-    chosen_every,
-    default_learner,
-    table_every,
-)
+from patagium.learning.default_learner import choices, chosen_every, default_learner, table_every
 from patagium.learning.filters.misfit import unseen
 from patagium.learning.forecast import Horizons
 from patagium.learning.learners.learner import Learner

@@ -132,7 +132,9 @@ def _write_mcap(library: Any, path: Path, record: xr.Dataset, topics: list[Topic
         streams = [(_channel(writer, one), _messages(one)) for one in topics]
         frames = body_frames(record)
         if frames:
-            streams.append((_frame_channel(writer), _frame_messages(frames, times)))
+            kind = "foxglove.FrameTransforms"
+            channel = _registered(writer, kind, "/tf", _FRAMES)
+            streams.append((channel, _frame_messages(frames, times)))
         for number, time in enumerate(times.tolist()):
             for channel, messages in streams:
                 writer.add_message(channel, time, next(messages).encode(), time, number)
@@ -163,11 +165,6 @@ def _messages(topic: Topic) -> Iterator[str]:
             yield plain % tuple(row)
         else:
             yield mixed % tuple(repr(one) if isfinite(one) else "null" for one in row)
-
-
-def _frame_channel(writer: Any) -> int:
-    """Channel of the bodies' frames, by the schema that Foxglove draws."""
-    return _registered(writer, "foxglove.FrameTransforms", "/tf", _FRAMES)
 
 
 def _frame_messages(

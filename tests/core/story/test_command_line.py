@@ -369,12 +369,39 @@ def test_what_cannot_be_done_is_one_sentence_and_exit_code_two(
         (("sumilate",), "sumilate"),
         (("trim", "aerobat", "--beats", "1e12"), "10000"),
         (("optimize", "aerobat", "--beats", "1e12"), "10000"),  # before the gait is sought
+        (("optimize", "aerobat", "--front", ",".join(["3"] * 100_000)), "at most 100 speeds"),
+        (("fly", "aerobat", "--duration", "1e12"), "duration: expected at most"),
     ],
 )
 def test_words_it_does_not_know_are_named(words: tuple[str, ...], said: str, speak: Speak) -> None:
     answer = speak(*words)
     assert answer.code == 2
     assert said in answer.err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("identify {0} --predictions {0}", "--predictions: expected a file of its own, not that"),
+        ("identify {0} --predictions {1}", "not that of file"),  # a link to it
+        ("identify {0} --model {2} --state {2}", "not that of model"),
+        ("stream {0} --robot aerobat --record {0}", "not that of source"),
+        ("cycles {0} --table {0}", "not that of flight"),
+        ("simulate aerobat -o {2}.png --figure {2}.png", "not that of output"),
+        ("trim aerobat -o {2}/none/x.nc", "make its folder first"),
+        ("cycles {0} --figure {0}.txt", "a name ending in .pdf"),
+    ],
+)
+def test_no_output_replaces_another_file_of_its_verb(
+    words: str, said: str, flight: Path, tmp_path: Path, speak: Speak
+) -> None:
+    measured, link = tmp_path / "measured.nc", tmp_path / "link.nc"
+    measured.write_bytes(flight.read_bytes())
+    link.symlink_to(measured)
+    answer = speak(*(word.format(measured, link, tmp_path / "new") for word in words.split()))
+    assert answer.code == 2 and said in answer.err
+    assert measured.read_bytes() == flight.read_bytes()
+    assert {file.name for file in tmp_path.iterdir()} == {"measured.nc", "link.nc"}
 
 
 def test_a_learner_is_not_given_what_it_does_not_take(flight: Path, speak: Speak) -> None:

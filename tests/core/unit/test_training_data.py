@@ -82,6 +82,14 @@ def learner(
     return pt.CubatureLearner(network, prior_std=0.3, measurement_std=2e-3, spread=1.7)
 
 
+@pytest.mark.parametrize("kind", [complex, str, "datetime64[s]", object])
+def test_what_is_no_real_number_is_refused(kind: object, flight: xr.Dataset) -> None:
+    for name in ("q", "v", "a", "u1"):
+        values = flight[name].values.astype(kind)
+        with pytest.raises(FlightError, match=f"{name}: expected real numbers"):
+            pt.identify(flight.assign({name: (flight[name].dims, values)}), every=50)
+
+
 def test_identify_streams_a_flight_and_evaluate_does_not_teach(flight: xr.Dataset) -> None:
     names = ("q.left_plunge", "v.left_plunge", "v.z", "v.pitch")
     student = learner(4, ("z", "roll"), (0.5, 15.0, 1.0, 0.3))

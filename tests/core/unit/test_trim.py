@@ -171,6 +171,14 @@ def test_a_start_that_breaks_is_a_reason(aerobat):
     assert not failed.found and failed.remedy
 
 
+def test_segments_that_diverge_lead_nowhere_and_are_told(aerobat):
+    # Without air a body falls as it likes: derivatives of the segments multiply beyond all
+    # numbers, and the least squares of them ended with an error of NumPy.
+    void = pt.QuasiSteady(aerobat, pt.Air(density=1e-300))
+    failed = pt.trim(aerobat, void)
+    assert not failed.found and "stalled" in failed.reason
+
+
 def test_refusals(aerobat):
     with pytest.raises(ParameterError, match="at least 2"):
         pt.trim(aerobat, free=("frequency",), speed=4.0)

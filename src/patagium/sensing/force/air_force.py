@@ -273,7 +273,10 @@ def recorded(flight: xr.Dataset, name: str, robot: Robot) -> Array:
         raise FlightError(f"flight: expected {name} (time, {dim}), but it holds {held}")
     if dim not in flight[name].dims:
         raise FlightError(f"{name}: expected (time, {dim}), found {flight[name].dims}")
-    values = np.asarray(flight[name].transpose("time", dim).values, float)
+    given = flight[name].transpose("time", dim).values
+    if given.dtype.kind not in "fiu":
+        raise FlightError(f"{name}: expected real numbers, found {given.dtype}")
+    values = np.asarray(given, float)
     if values.shape[1] != size:
         raise FlightError(
             f"{name}: expected {size} coordinates of robot {robot.name!r}, found {values.shape[1]}"
