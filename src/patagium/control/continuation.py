@@ -11,17 +11,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from patagium.arguments import checked
 from patagium.control.gait_family import gait_family
 from patagium.control.orbit import Orbit
 from patagium.control.trimming import TOLERANCE, Conditions, OrbitSearch, orbit_of
 from patagium.control.trimming import Point as SearchPoint
-from patagium.errors import ParameterError, finite
+from patagium.errors import ParameterError
 
 Array = NDArray[np.float64]
 
@@ -113,12 +114,13 @@ def multipliers(orbit: Orbit) -> NDArray[np.complex128]:
     return np.asarray(found[np.argsort(-np.abs(found), kind="stable")], complex)
 
 
+@checked
 def continue_orbit(
     orbit: Orbit,
     along: str,
     limits: tuple[float, float],
     *,
-    hold: Sequence[str] = ("climb",),
+    hold: Sequence[Literal["speed", "climb"]] = ("climb",),
     free: Sequence[str] | None = None,
     points: int = 200,
 ) -> Branch:
@@ -138,12 +140,9 @@ def continue_orbit(
         ParameterError: If there is no such parameter, the orbit is outside of the limits, or the
             conditions are more than the free parameters.
     """
-    for name in hold:
-        if name not in ("speed", "climb"):
-            raise ParameterError("hold", "speed or climb", name)
     held = {name: getattr(orbit, name) for name in hold if name != along}
     curve = _Curve(orbit, along, held, free)
-    low, high = (finite("limits", one) for one in limits)
+    low, high = limits
     if not low <= curve.first.value <= high or low == high:
         expected = f"two that hold the orbit's {along} {curve.first.value:.6g} {curve.unit}"
         raise ParameterError("limits", expected, limits)

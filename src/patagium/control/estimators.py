@@ -17,8 +17,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from patagium.arguments import check_fields
 from patagium.control.orbit import Orbit
-from patagium.errors import FilterDiverged, ParameterError, finite
+from patagium.errors import FilterDiverged, ParameterError
 from patagium.robot import Robot
 from patagium.sensing.motion.motion_tracker import MotionTracker
 from patagium.sensing.sensors.imu import Imu
@@ -94,10 +95,11 @@ class NoisyState:
     missing: float = 0.0
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name, value in (*self.std.items(), ("delay", self.delay)):
-            if finite(name, value) < 0:
+            if value < 0:
                 raise ParameterError(name, "zero or more", value)
-        if not 0 <= finite("missing", self.missing) < 1:
+        if not 0 <= self.missing < 1:
             raise ParameterError("missing", "at least 0 and below 1", self.missing)
 
     def estimator(self, orbit: Orbit, duration: float, seed: int) -> Estimator:
@@ -148,14 +150,12 @@ class TrackedState:
         ParameterError: If one is of another kind, or two have one name.
     """
 
-    sensors: Sequence[Sensor]
+    sensors: Sequence[Encoder | Imu | MotionCapture]
 
     def __post_init__(self) -> None:
+        check_fields(self)
         names = [sensor.name for sensor in self.sensors]
         for sensor in self.sensors:
-            if not isinstance(sensor, (Encoder, Imu, MotionCapture)):
-                expected = "encoders, inertial units and cameras"
-                raise ParameterError("sensors", expected, type(sensor).__name__)
             if names.count(sensor.name) > 1:
                 raise ParameterError("sensors", "a name of its own for each", sensor.name)
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import Air
+from patagium.arguments import checked
 from patagium.control.wingbeat import PrescribedRows
 from patagium.errors import ParameterError
 from patagium.robot import Robot
@@ -183,6 +184,7 @@ class GaitFamily:
         return PrescribedRows(table, flat, step, -step / frequency * way[:, 0])
 
 
+@checked
 def gait_family(
     robot: Robot, gait: Gait, names: Mapping[str, float] | tuple[str, ...]
 ) -> GaitFamily:

@@ -15,6 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
+from patagium.arguments import checked
 from patagium.control.gait_family import GaitFamily
 from patagium.control.wingbeat import FlightMap, Segments
 from patagium.errors import positive
@@ -194,6 +195,7 @@ class Orbit:
         q[list(robot.actuated)] = motion.position[0]
         return {"q": q, "v": v, "aero_state": state[2 * len(passive) :]}
 
+    @checked
     def flight(self, beats: float = 10.0, **options: Any) -> xr.Dataset:
         """Flight that begins on the orbit, as `simulate` makes it.
 

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arguments import checked
 from patagium.errors import CompilerError, ParameterError
 from patagium.native import load_kernel
 
@@ -108,6 +109,7 @@ class QuadraticProgram:
         ParameterError: If a number is below one.
     """
 
+    @checked
     def __init__(self, stages: int, states: int, inputs: int) -> None:
         for name, value in (("stages", stages), ("states", states), ("inputs", inputs)):
             if value < 1:

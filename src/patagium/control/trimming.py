@@ -20,11 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, QuasiSteady
+from patagium.arguments import checked
 from patagium.control.gait_family import GaitFamily, gait_family, symmetric_parameters
 from patagium.control.orbit import Frame, NoOrbit, Orbit
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.dynamics import Dynamics
-from patagium.errors import ParameterError, finite
+from patagium.errors import ParameterError
 from patagium.robot import Robot
 from patagium.robot.model import FLOATING_COORDINATES
 from patagium.simulation import gaits
@@ -360,6 +361,7 @@ def parameter_sizes(family: GaitFamily) -> Array:
     return np.array([0.3 * abs(value) if name == "frequency" else 0.3 for name, value in own])
 
 
+@checked
 def trim(
     robot: Robot,
     aero: Aerodynamics | None = None,
@@ -398,7 +400,7 @@ def trim(
     start, aero = options.get("start"), aero or QuasiSteady(robot)
     _check(robot, aero)
     gait = gait or (start.gait if start else gaits.cruise(robot))
-    conditions = Conditions(finite("turn_rate", turn_rate), climb, speed)
+    conditions = Conditions(turn_rate, climb, speed)
     family = _family(robot, gait, free, conditions)
     steps = _steps(family, options.get("steps"))
     flight = FlightMap(robot, aero, options.get("added_mass"))
@@ -418,9 +420,8 @@ def trim(
 def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Conditions) -> GaitFamily:
     """Gaits that the free parameters reach; refused where conditions are more, or impossible."""
     names = tuple(free) if free is not None else free_parameters(robot, gait)
-    given = {"speed": wanted.speed, "climb": wanted.climb}
-    asked = [finite(name, value) for name, value in given.items() if value is not None]
-    count = len(asked) + (wanted.turn_rate != 0)
+    given = wanted.speed, wanted.climb
+    count = sum(value is not None for value in given) + (wanted.turn_rate != 0)
     if wanted.turn_rate and "yaw" not in robot.dof_names:
         raise ParameterError("turn_rate", "0 where the attitude is prescribed", wanted.turn_rate)
     if count > len(names):
@@ -433,6 +434,7 @@ def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Condit
     return gait_family(robot, gait, names)
 
 
+@checked
 def free_parameters(robot: Robot, gait: Gait) -> tuple[str, ...]:
     """Names of the gait parameters that a trim changes where none are given.
 

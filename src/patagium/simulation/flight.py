@@ -29,8 +29,9 @@ from patagium.aerodynamics import (
     added_mass_from_description,
     aero_from_description,
 )
+from patagium.arguments import of_kind
 from patagium.dynamics.dynamics import poses_at
-from patagium.errors import FlightError, Outcome, of_kind
+from patagium.errors import FlightError, Outcome
 from patagium.netcdf_file import loaded_dataset, netcdf_content, write_netcdf
 from patagium.reading import json_object, made_again, parsed_json
 from patagium.robot import Robot, load_robot_text
@@ -355,7 +356,7 @@ def _period(gait: Mapping[str, Any]) -> float | None:
 
 
 def _require(flight: xr.Dataset, names: tuple[str, ...]) -> None:
-    of_kind("flight", flight, xr.Dataset, "pt.load_flight('flight.nc')")
+    of_kind("flight", flight, xr.Dataset)
     missing = [name for name in names if name not in flight.attrs]
     if missing:
         raise FlightError(f"the flight has no attribute {', '.join(missing)}")

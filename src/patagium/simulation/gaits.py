@@ -14,7 +14,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from patagium.errors import ParameterError, finite, of_kind, positive, suggest_names
+from patagium.arguments import of_kind
+from patagium.errors import ParameterError, finite, positive, suggest_names
 from patagium.robot import Robot
 from patagium.robot.linkage import Linkage
 from patagium.simulation.arm import carried_gait
@@ -287,13 +288,14 @@ def check_gait(robot: Robot, gait: Gait) -> None:
     Raises:
         ParameterError: If its joints are not the robot's actuated ones.
     """
+    of_kind("gait", gait, Gait)
     if tuple(gait.joints) != _joints(robot):
         expected = f"a gait of {robot.name!r}, of the joints {', '.join(_joints(robot))}"
         raise ParameterError("gait", expected, ", ".join(gait.joints))
 
 
 def _joints(robot: Robot) -> tuple[str, ...]:
-    of_kind("robot", robot, Robot, "pt.load_robot('aerobat')")
+    of_kind("robot", robot, Robot)
     return tuple(robot.dof_names[i] for i in robot.actuated)
 
 

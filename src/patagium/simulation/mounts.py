@@ -20,7 +20,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.errors import ParameterError, of_kind, suggest_names
+from patagium.arguments import of_kind
+from patagium.errors import ParameterError, suggest_names
 from patagium.robot import Body, Joint, Robot
 from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import CAPACITIES, FLOATING_COORDINATES, Axis, axis_of, finite_triple
@@ -132,7 +133,7 @@ def mount_of(robot: Robot, mount: Mount | None) -> Mount:
     """
     if mount is None:
         return free() if robot.floating else fixed()
-    of_kind("mount", mount, Mount, "pt.mounts.fixed()")
+    of_kind("mount", mount, Mount)
     if mount.kind != "fixed" and not robot.floating:
         raise ParameterError("mount", f"fixed: {robot.name!r} has no floating body", mount.kind)
     if mount.path is not None and len(floating_dofs(robot)) != CELL_COORDINATES:

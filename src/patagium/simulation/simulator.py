@@ -19,13 +19,13 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
+from patagium.arguments import of_kind
 from patagium.arrays import real_array
 from patagium.errors import (
     Outcome,
     ParameterError,
     ShapeError,
     SimulationFailed,
-    of_kind,
     positive,
     similar,
 )
@@ -93,9 +93,8 @@ def check_robots(robot: Robot, aero: Aerodynamics) -> None:
     Raises:
         ParameterError: If its coordinates or strips are not the robot's.
     """
-    of_kind("robot", robot, Robot, "pt.load_robot('aerobat')")
-    if not isinstance(getattr(aero, "robot", None), Robot):
-        raise ParameterError("aero", "a model of the air such as pt.QuasiSteady(robot)", aero)
+    of_kind("robot", robot, Robot)
+    of_kind("aero", aero, Aerodynamics)
     if _shape(aero.robot) != _shape(robot):
         raise ParameterError(
             "aero", f"a model of the air around {_named(robot)}", _named(aero.robot)
