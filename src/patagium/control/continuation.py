@@ -140,7 +140,7 @@ def continue_orbit(
         ParameterError: If there is no such parameter, the orbit is outside of the limits, or the
             conditions are more than the free parameters.
     """
-    held = {name: getattr(orbit, name) for name in hold if name != along}
+    held: dict[str, float] = {name: getattr(orbit, name) for name in hold if name != along}
     curve = _Curve(orbit, along, held, free)
     low, high = limits
     if not low <= curve.first.value <= high or low == high:

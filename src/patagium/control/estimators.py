@@ -11,7 +11,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import xarray as xr
@@ -64,6 +64,7 @@ class Estimate:
     acceleration: Array
 
 
+@runtime_checkable
 class Estimator(Protocol):
     """Estimator of the state of a flight."""
 

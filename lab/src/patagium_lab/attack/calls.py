@@ -223,10 +223,6 @@ def other_calls() -> dict[str, Valid]:
             {"log": log},
             ("robot", "shifts", "times", "order", "density", "smoother", "filtered"),
         ),
-        "estimate_shifts": Valid(
-            sensing.estimate_shifts, {"log": log, "largest": 0.01},
-            ("reference", "robot", "smoother"),
-        ),
         "inverse_dynamics_force": Valid(
             pt.inverse_dynamics_force, {"motion": motion}, ("joints", "mount", "added_mass")
         ),
