@@ -84,8 +84,8 @@ def _fits(value: Any, kind: Any) -> bool:
         return complex in inner or any(_fits(value, one) for one in inner)  # or it is ArrayLike
     if kind is float:
         return is_finite(value)
-    if kind is int:
-        return isinstance(value, Integral) and is_finite(value) and abs(int(value)) < _LARGEST
+    if kind is int and not isinstance(value, bool):
+        return isinstance(value, Integral) and is_finite(value) and abs(float(value)) < _LARGEST
     if origin is Literal:
         return isinstance(value, str) and value in inner
     if origin is Mapping and isinstance(value, Mapping):
@@ -108,7 +108,7 @@ def _listed(value: Any) -> bool:
     """Whether a value is a sequence or an array, and none of text or masked."""
     if isinstance(value, np.ndarray):
         return value.ndim > 0 and not np.ma.isMaskedArray(value)
-    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes | bytearray)
 
 
 def _words(kind: Any) -> str:

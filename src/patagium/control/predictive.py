@@ -265,6 +265,8 @@ class OrbitModel:
     ) -> None:
         flight = orbit.map
         robot = flight.robot
+        if not 1 <= parts <= orbit.steps:
+            raise ParameterError("parts", f"from 1 to the orbit's {orbit.steps} steps", parts)
         self.robot, self.commands, self.parts = robot, tuple(commands), parts
         self.names = flight.names
         self.steered = SteeredGait(robot, orbit.gait) if steered is None else steered

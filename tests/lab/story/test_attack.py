@@ -21,9 +21,8 @@ from patagium_lab.attack.worker import attacked, attacked_here
 from patagium_lab.study import Stages
 
 CORPUS = sorted((Path(__file__).parent / "corpus").iterdir())
-TARGETS = {
-    target.name: target for target in (*file_targets(), *packet_targets(), *call_targets())
-}
+CALLS = [target for target in call_targets() if "control" in target.name]
+TARGETS = {target.name: target for target in (*file_targets(), *packet_targets(), *CALLS)}
 forks = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 
 

@@ -7,7 +7,6 @@ never return.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import chdir
 from dataclasses import dataclass, fields, is_dataclass
@@ -84,38 +83,9 @@ def control_calls() -> dict[str, Valid]:
     names = list(robot.actuators)
     law = control.LinearRegulator(orbit, names)
     eye = np.eye(2)
-    search = ("added_mass", "start", "steps", "tolerable", "free", "speed", "climb")
     flown = {"robot": robot, "aero": air, "controller": law, "orbit": orbit, "duration": 0.02}
     options = ("learner", "estimator", "seed", "time_step", "q", "v", "added_mass", "throw")
-    events: dict[str, tuple[Any, dict[str, Any]]] = {
-        "GustEvent": (control.GustEvent, {"velocity": (0.0, 0.0, 1.0), "length_time": 0.01}),
-        "WindEvent": (control.WindEvent, {"velocity": (0.0, 1.0, 0.0), "length_time": 0.01}),
-        "PayloadEvent": (
-            control.PayloadEvent,
-            {"body": "body", "mass": 1e-3, "position": (0.0, 0.0, 0.01)},
-        ),
-        "WingLossEvent": (control.WingLossEvent, {"wing": "left_wing", "share": 0.1}),
-        "PolarEvent": (control.PolarEvent, {"factors": {"lift_amplitude": 0.9}}),
-        "StuckEvent": (control.StuckEvent, {"command": "frequency", "value": 5.0}),
-    }
     found = {
-        "trim": Valid(
-            control.trim, {"robot": robot}, ("aero", "gait", "turn_rate", *search)
-        ),
-        "continue_orbit": Valid(
-            control.continue_orbit,
-            {"orbit": orbit, "along": "speed", "limits": (orbit.speed - 1, orbit.speed + 1),
-             "points": 1},
-            ("hold", "free"),
-        ),
-        "optimize": Valid(
-            control.optimize,
-            {"robot": robot, "start": orbit, "harmonics": 1, "free": ["frequency"]},
-            ("aero", "gait", "goal", *search),
-        ),
-        "power_front": Valid(
-            control.power_front, {"robot": robot, "speeds": ()}, ("aero", "gait", "harmonics")
-        ),
         "floquet": Valid(control.floquet, {"orbit": orbit}),
         "free_parameters": Valid(control.free_parameters, {"robot": robot, "gait": gait}),
         "gait_family": Valid(
@@ -155,9 +125,52 @@ def control_calls() -> dict[str, Valid]:
         "Orbit.flight": Valid(orbit.flight, {"beats": 1.0}),
         "fly": Valid(control.fly, flown, (*options, "sensors", "events", "progress")),
     }  # fmt: skip
-    for name, (kind, words) in events.items():
-        found[name] = Valid(_happens(kind), {"time": 0.01, **words})
-    return found
+    return found | _events() | _searches()
+
+
+def _searches() -> dict[str, Valid]:
+    """Valid calls that seek orbits."""
+    orbit = _orbit()
+    robot = orbit.robot
+    search = ("added_mass", "start", "steps", "tolerable", "free", "speed", "climb")
+    return {
+        "trim": Valid(
+            control.trim, {"robot": robot}, ("aero", "gait", "turn_rate", *search)
+        ),
+        "continue_orbit": Valid(
+            control.continue_orbit,
+            {"orbit": orbit, "along": "speed", "limits": (orbit.speed - 1, orbit.speed + 1),
+             "points": 1},
+            ("hold", "free"),
+        ),
+        "optimize": Valid(
+            control.optimize,
+            {"robot": robot, "start": orbit, "harmonics": 1, "free": ["frequency"]},
+            ("aero", "gait", "goal", *search),
+        ),
+        "power_front": Valid(
+            control.power_front, {"robot": robot, "speeds": ()}, ("aero", "gait", "harmonics")
+        ),
+    }  # fmt: skip
+
+
+def _events() -> dict[str, Valid]:
+    """Valid calls of events, which happen in a flight."""
+    events: dict[str, tuple[Any, dict[str, Any]]] = {
+        "GustEvent": (control.GustEvent, {"velocity": (0.0, 0.0, 1.0), "length_time": 0.01}),
+        "WindEvent": (control.WindEvent, {"velocity": (0.0, 1.0, 0.0), "length_time": 0.01}),
+        "PayloadEvent": (
+            control.PayloadEvent,
+            {"body": "body", "mass": 1e-3, "position": (0.0, 0.0, 0.01)},
+        ),
+        "WingLossEvent": (control.WingLossEvent, {"wing": "left_wing", "share": 0.1}),
+        "PolarEvent": (control.PolarEvent, {"factors": {"lift_amplitude": 0.9}}),
+        "StuckEvent": (control.StuckEvent, {"command": "frequency", "value": 5.0}),
+    }
+    return {
+        name: Valid(_happens(kind), {"time": 0.01, **words})
+        for name, (kind, words) in events.items()
+    }
 
 
 def _happens(kind: Any) -> Callable[..., Any]:
@@ -177,21 +190,17 @@ def _happens(kind: Any) -> Callable[..., Any]:
 @cache
 def other_calls() -> dict[str, Valid]:
     """Valid calls of the names of daily work outside of control, by name."""
+    parts = _flights(), _logs(), _learners(), _airs(), _gaits(), _paths()
+    return {name: call for part in parts for name, call in part.items()}
+
+
+def _flights() -> dict[str, Valid]:
+    """Valid calls that fly, read and write."""
     robot, flight = seeds.robot(), seeds.flight()
     air, gait = pt.QuasiSteady(robot), pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.6)
-    network, learner = pt.StripNetwork(robot, (3,)), seeds.flight_learner()
-    log = sensing.load_sensor_log("sensors.nc")
-    motion = pt.estimate_motion(log)
-    table = {"time": 0.01 * np.arange(20), "x": np.ones((20, 3)), "y": np.ones((20, 2))}
-    dense = {"inputs": 3, "hidden": (4,), "outputs": 2}
     flown = {"robot": robot, "aero": air, "gait": gait, "duration": 0.02, "time_step": 1e-3}
     options = ("mount", "q", "v", "added_mass", "load_cells", "aero_state", "controller",
                "control_period")  # fmt: skip
-    filters = ("prior_std", "measurement_std", "process_std", "forgetting_factor", "prior_share",
-               "covariance", "screening", "noise_estimation", "misfit", "change_detection",
-               "seed", "settings")  # fmt: skip
-    small = pt.DenseNetwork(3, (4,), 2)
-    center = (0.0, 0.0, 0.0)
     return {
         "simulate": Valid(pt.simulate, flown, (*options, "throw", "progress")),
         "Simulator": Valid(pt.Simulator, flown, options),
@@ -215,6 +224,17 @@ def other_calls() -> dict[str, Valid]:
             ("progress", "tell"),
         ),
         "inspect_log": Valid(sensing.inspect_log, {"paths": "gait.csv"}, ("skip_rows",)),
+    }  # fmt: skip
+
+
+def _logs() -> dict[str, Valid]:
+    """Valid calls on logs and samples."""
+    robot, flight = seeds.robot(), seeds.flight()
+    network, learner = pt.StripNetwork(robot, (3,)), seeds.flight_learner()
+    log = sensing.load_sensor_log("sensors.nc")
+    motion = pt.estimate_motion(log)
+    table = {"time": 0.01 * np.arange(20), "x": np.ones((20, 3)), "y": np.ones((20, 2))}
+    return {
         "sense": Valid(
             pt.sense, {"flight": flight, "sensors": [pt.sensors.Encoder(rate=500.0)]}, ("seed",)
         ),
@@ -251,6 +271,18 @@ def other_calls() -> dict[str, Valid]:
             pt.tune, {"flight": flight, "network": network, "every": 10, "trials": 8},
             ("learner", "covariance", "settings", "seed"),
         ),
+    }  # fmt: skip
+
+
+def _learners() -> dict[str, Valid]:
+    """Valid calls that make networks and learners."""
+    robot, learner = seeds.robot(), seeds.flight_learner()
+    dense = {"inputs": 3, "hidden": (4,), "outputs": 2}
+    air, small = pt.QuasiSteady(robot), pt.DenseNetwork(3, (4,), 2)
+    filters = ("prior_std", "measurement_std", "process_std", "forgetting_factor", "prior_share",
+               "covariance", "screening", "noise_estimation", "misfit", "change_detection",
+               "seed", "settings")  # fmt: skip
+    return {
         "DenseNetwork": Valid(
             pt.DenseNetwork, dense, ("activation", "input_center", "input_scale", "output_scale")
         ),
@@ -276,6 +308,13 @@ def other_calls() -> dict[str, Valid]:
         "Pipeline": Valid(
             pt.Pipeline, {"learner": learner, "robot": robot}, ("inputs", "carried", "added_mass")
         ),
+    }  # fmt: skip
+
+
+def _airs() -> dict[str, Valid]:
+    """Valid calls that make models, and pictures of a flight."""
+    robot, flight = seeds.robot(), seeds.flight()
+    return {
         "Dynamics": Valid(pt.Dynamics, {"robot": robot}),
         "Air": Valid(pt.Air, {}, ("density", "wind", "gust", "ground")),
         "QuasiSteady": Valid(pt.QuasiSteady, {"robot": robot}, ("air", "polar", "rotational")),
@@ -289,6 +328,14 @@ def other_calls() -> dict[str, Valid]:
             ("predicted", "title", "start", "end", "beside"),
         ),
         "still": Valid(pt.still, {"flight": flight}, ("time", "predicted", "seen_from")),
+    }  # fmt: skip
+
+
+def _gaits() -> dict[str, Valid]:
+    """Valid calls that make gaits and mounts."""
+    robot, center = seeds.robot(), (0.0, 0.0, 0.0)
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.6)
+    return {
         "gaits.sinusoidal": Valid(
             pt.gaits.sinusoidal, {"robot": robot, "frequency": 5.0, "plunge": 0.6},
             ("phase", "offset"),
@@ -310,6 +357,13 @@ def other_calls() -> dict[str, Valid]:
         "mounts.carried": Valid(
             pt.mounts.carried, {"path": pt.paths.line(center, (1.0, 0.0, 0.0), duration=1.0)}
         ),
+    }  # fmt: skip
+
+
+def _paths() -> dict[str, Valid]:
+    """Valid calls that make paths and sensors."""
+    center = (0.0, 0.0, 0.0)
+    return {
         "paths.line": Valid(
             pt.paths.line, {"start": center, "end": (1.0, 0.0, 0.0), "duration": 1.0},
             ("attitude",),
@@ -346,9 +400,6 @@ def _calls(folder: Path, calls: Callable[[], dict[str, Valid]]) -> Callable[[Dra
         pt.import_log("log.csv", "map.yaml", "log.nc")
         found = calls()
         names = list(found)
-        chosen = os.environ.get("CALLS")
-        if chosen:
-            names = [n for n in names if n in chosen.split(",")]
         for name in names:
             _called(name, found[name], {})  # what is compiled, is now
     material = [value for one in found.values() for value in one.given.values()]
