@@ -350,22 +350,12 @@ def _marks(
     turned = here.pace * ahead.pace < 0
     if turned:
         sign = np.sign(here.pace)
-        part, place = _between(
-            curve,
-            here,
-            length,
-            lambda one: np.sign(one.pace) == sign,
-        )
+        part, place = _between(curve, here, length, lambda one: np.sign(one.pace) == sign)
         near = place.size[np.argmin(np.abs(place.size - 1.0))]
         marks.append((part, _bifurcation(curve, "fold", place, near)))
     if _unstable(here) != _unstable(ahead):
         count = _unstable(here)
-        part, place = _between(
-            curve,
-            here,
-            length,
-            lambda one: _unstable(one) == count,
-        )
+        part, place = _between(curve, here, length, lambda one: _unstable(one) == count)
         apart = np.abs(np.abs(place.size) - 1.0)
         near = place.size[apart < max(_NEAR, 1.01 * apart.min())]
         crossing = near[np.argmax(np.abs(near - 1.0))]  # neutral ones stay at 1
@@ -406,9 +396,4 @@ def _between(curve: _Curve, here: _Place, length: float, same: Any) -> tuple[flo
 
 
 def _bifurcation(curve: _Curve, kind: str, place: _Place, multiplier: complex) -> Bifurcation:
-    return Bifurcation(
-        kind,
-        place.value,
-        complex(multiplier),
-        curve.orbit(place.at),
-    )
+    return Bifurcation(kind, place.value, complex(multiplier), curve.orbit(place.at))

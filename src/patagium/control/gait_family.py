@@ -115,13 +115,8 @@ class GaitFamily:
         shape = self._shape(values)
         series = self._turned(shape) + shape.added
         mean = self.base.mean + shape.offset
-        return replace(
-            self.base,
-            frequency=shape.frequency,
-            mean=mean,
-            cosine=series.real,
-            sine=-series.imag,
-        )
+        waves = {"cosine": series.real, "sine": -series.imag}
+        return replace(self.base, frequency=shape.frequency, mean=mean, **waves)
 
     def _shape(self, values: Array) -> _Shape:
         """Frequency, and amplitudes, offsets, phases and coefficients of all joints."""
@@ -205,11 +200,7 @@ def gait_family(
     series = [found for name in names if (found := _SERIES.match(name))]
     order = max((int(found["harmonic"]) for found in series), default=0)
     missing = ((0, max(0, order - len(base.sine))), (0, 0))
-    base = replace(
-        base,
-        cosine=np.pad(base.cosine, missing),
-        sine=np.pad(base.sine, missing),
-    )
+    base = replace(base, cosine=np.pad(base.cosine, missing), sine=np.pad(base.sine, missing))
     ways = np.array([_direction(robot, base, still, name) for name in names])
     return GaitFamily(robot, base, tuple(names), ways.reshape(len(names), -1))
 

@@ -170,17 +170,7 @@ class OrbitSearch:
         size = float(np.linalg.norm(scaled))
         slope = np.vstack([turned[frame.kept], ways])
         by_period = np.r_[np.zeros(len(frame.kept)), rates]
-        return Point(
-            states,
-            values,
-            flown,
-            rows,
-            gaps,
-            misfit,
-            slope,
-            by_period,
-            size,
-        )
+        return Point(states, values, flown, rows, gaps, misfit, slope, by_period, size)
 
     def rows_scale(self, others: int) -> Array:
         """Scales of the misfits: return, then the other conditions, (n - 4 + c,) [SI]."""
