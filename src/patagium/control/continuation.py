@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,7 +120,7 @@ def continue_orbit(
     along: str,
     limits: tuple[float, float],
     *,
-    hold: Sequence[Literal["speed", "climb"]] = ("climb",),
+    hold: Sequence[str] = ("climb",),
     free: Sequence[str] | None = None,
     points: int = 200,
 ) -> Branch:
@@ -140,7 +140,10 @@ def continue_orbit(
         ParameterError: If there is no such parameter, the orbit is outside of the limits, or the
             conditions are more than the free parameters.
     """
-    held: dict[str, float] = {name: getattr(orbit, name) for name in hold if name != along}
+    for name in hold:
+        if name not in ("speed", "climb"):
+            raise ParameterError("hold", "speed or climb", name)
+    held = {name: getattr(orbit, name) for name in hold if name != along}
     curve = _Curve(orbit, along, held, free)
     low, high = limits
     if not low <= curve.first.value <= high or low == high:

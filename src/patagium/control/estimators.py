@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from patagium.arguments import check_fields
+from patagium.arguments import check_fields, of_kind
 from patagium.control.orbit import Orbit
 from patagium.errors import FilterDiverged, ParameterError
 from patagium.robot import Robot
@@ -151,12 +151,13 @@ class TrackedState:
         ParameterError: If one is of another kind, or two have one name.
     """
 
-    sensors: Sequence[Encoder | Imu | MotionCapture]
+    sensors: Sequence[Sensor]
 
     def __post_init__(self) -> None:
         check_fields(self)
         names = [sensor.name for sensor in self.sensors]
         for sensor in self.sensors:
+            of_kind("sensors", sensor, Encoder | Imu | MotionCapture)
             if names.count(sensor.name) > 1:
                 raise ParameterError("sensors", "a name of its own for each", sensor.name)
 

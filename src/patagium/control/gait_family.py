@@ -115,8 +115,9 @@ class GaitFamily:
         shape = self._shape(values)
         series = self._turned(shape) + shape.added
         mean = self.base.mean + shape.offset
-        waves = {"cosine": series.real, "sine": -series.imag}
-        return replace(self.base, frequency=shape.frequency, mean=mean, **waves)
+        return replace(
+            self.base, frequency=shape.frequency, mean=mean, cosine=series.real, sine=-series.imag
+        )
 
     def _shape(self, values: Array) -> _Shape:
         """Frequency, and amplitudes, offsets, phases and coefficients of all joints."""

@@ -109,7 +109,7 @@ def test_refusals(aerobat):
         continue_orbit(aerobat, "speed", (4.0, 5.0))
     with pytest.raises(ParameterError, match="along"):
         continue_orbit(aerobat, "plunge", (0.0, 1.0))
-    with pytest.raises(ParameterError, match="speed, climb"):
+    with pytest.raises(ParameterError, match="speed or climb"):
         continue_orbit(aerobat, "speed", (2.0, 3.0), hold=("yaw",))
     with pytest.raises(ParameterError, match="2 that move the conditions"):
         continue_orbit(aerobat, "speed", (2.0, 3.0), free=("frequency",))

@@ -33,12 +33,12 @@ _ODD: tuple[Any, ...] = (
     (np.nan, 0, 0), ("a", "b", "c"), ["frequency"], ["\ud800"], [None], [object()], [{}], [[1.0]],
     np.array([]), np.array(np.nan), np.zeros((0, 3)), np.zeros((3, 4)), np.zeros(7), np.ones(3),
     np.full(3, np.inf), np.array(["a"]), np.array([1j]), np.array(None), np.float32(2.0),
-    np.ma.masked, np.ma.array([1.0, 2.0, 3.0], mask=[0, 1, 0]), np.datetime64("2026-01-01"),
+    np.ma.masked, np.ma.array([1.0, 2.0, 3.0], mask=[False, True, False]), np.datetime64("2026-01-01"),
     np.array(["2026-01-01"], "datetime64[s]"), np.timedelta64(1, "s"), np.bool_(True),
     np.array([{}, 1], object), xr.Dataset(), xr.DataArray(1.0), 0.1, 0.5, 3, 100, "speed", "climb",
     "left_wing", "body", "no_such", lambda *given: None, lambda: 1.0,
 )  # fmt: skip
-_FILES = (
+_FILES: tuple[Any, ...] = (
     "missing.nc", "missing/deep/x.nc", ".", "", "robot.yaml", "robot.yaml/x", "a" * 300, "out.nc",
     "flight.nc", "learner.state", "settings.yaml", "gait.csv", "robot.urdf", "sensors.nc", "\x00",
     "éü.nc", "\ud800.nc", "x.html", Path("a b.nc"), b"x.nc", [], ["flight.nc"], None, 10**400, 1j,
@@ -441,9 +441,9 @@ def _value(draw: Draw, place: str, usual: Any, material: list[Any]) -> Any:
     if kind < 0.45 and isinstance(usual, dict) and usual:
         return {next(iter(usual)): value}
     if kind < 0.45 and isinstance(usual, np.ndarray):
-        changed = usual.astype(float)
-        changed.flat[0] = float(draw.choice([np.nan, np.inf, 1e308, -1.0, 0.0]))
-        return changed
+        numbers = usual.astype(float)
+        numbers.flat[0] = float(draw.choice([np.nan, np.inf, 1e308, -1.0, 0.0]))
+        return numbers
     return value
 
 
@@ -484,7 +484,7 @@ def not_finite(result: Any, name: str = "result", depth: int = 3) -> str:
     elif isinstance(result, Mapping):
         parts = dict(result)
     elif isinstance(result, list | tuple):
-        parts = dict(enumerate(result))
+        parts = {str(k): value for k, value in enumerate(result)}
     else:
         return ""
     found = (not_finite(value, f"{name}.{key}", depth - 1) for key, value in parts.items())
