@@ -20,7 +20,8 @@ _WORDS = MappingProxyType({
     "Orbit": "an Orbit such as pt.trim(robot)", "Gait": "a gait such as pt.gaits.cruise(robot)",
     "Aerodynamics": "a model of the air such as pt.QuasiSteady(robot)",
     "Callable": "a function", "Estimator": "a function",
-    "Dataset": "a Dataset such as pt.load_flight('flight.nc')", "NoneType": "None", "Mount": "a Mount such as pt.mounts.fixed()",
+    "Dataset": "a Dataset such as pt.load_flight('flight.nc')",
+    "NoneType": "None", "Mount": "a Mount such as pt.mounts.fixed()",
 })  # fmt: skip
 _LARGEST = 2**63  # whole number
 

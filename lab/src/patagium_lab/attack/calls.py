@@ -33,7 +33,7 @@ _ODD: tuple[Any, ...] = (
     (np.nan, 0, 0), ("a", "b", "c"), ["frequency"], ["\ud800"], [None], [object()], [{}], [[1.0]],
     np.array([]), np.array(np.nan), np.zeros((0, 3)), np.zeros((3, 4)), np.zeros(7), np.ones(3),
     np.full(3, np.inf), np.array(["a"]), np.array([1j]), np.array(None), np.float32(2.0),
-    np.ma.masked, np.ma.array([1.0, 2.0, 3.0], mask=[False, True, False]), np.datetime64("2026-01-01"),
+    np.ma.masked, np.ma.array([1.0, 2.0, 3.0], mask=True), np.datetime64("2026-01-01"),
     np.array(["2026-01-01"], "datetime64[s]"), np.timedelta64(1, "s"), np.bool_(True),
     np.array([{}, 1], object), xr.Dataset(), xr.DataArray(1.0), 0.1, 0.5, 3, 100, "speed", "climb",
     "left_wing", "body", "no_such", lambda *given: None, lambda: 1.0,
