@@ -85,7 +85,9 @@ def _fits(value: Any, kind: Any) -> bool:
         return complex in inner or any(_fits(value, one) for one in inner)  # or it is ArrayLike
     if kind is float:
         return is_finite(value)
-    if kind is int and not isinstance(value, bool):
+    if isinstance(value, bool) and kind is int:
+        return False
+    if kind is int:
         return isinstance(value, Integral) and is_finite(value) and abs(float(value)) < _LARGEST
     if origin is Literal:
         return isinstance(value, str) and value in inner

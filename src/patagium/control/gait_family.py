@@ -195,7 +195,7 @@ def gait_family(
         ParameterError: If a name is no parameter of this gait.
     """
     check_gait(robot, gait)
-    if not names:
+    if len(names) == 0:
         raise ParameterError("names", "one gait parameter at least", names)
     base, still = fourier_series(gait), gait.period is None
     series = [found for name in names if (found := _SERIES.match(name))]

@@ -207,7 +207,7 @@ class Orbit:
             ParameterError: If an option is not possible.
             SimulationFailed: If the flight broke.
         """
-        count = max(1, round(positive("beats", beats) * self.steps))
+        count = max(1, round(min(positive("beats", beats) * self.steps, 1e15)))
         given: dict[str, Any] = {**self.start(), "added_mass": self.added_mass, **options}
         step = given.pop("time_step", self.time_step)
         duration = given.pop("duration", count * step)
