@@ -94,8 +94,7 @@ def save_picture(picture: Figure, folder: Path, name: str) -> Path:
         folder: Where it goes; made if missing.
         name: Of the file, without ending.
     """
-    path, content = make_folder(folder) / f"{name}.png", io.BytesIO()
-    draw(picture, content, "png")
+    path, content = make_folder(folder) / f"{name}.png", io.BytesIO(draw(picture, "png"))
     with Image.open(content) as image, whole_file(path) as draft:
         image.convert("RGB").quantize(96).save(draft, format="PNG", optimize=True)
     return path

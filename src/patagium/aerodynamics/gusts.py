@@ -289,7 +289,8 @@ def _transverse(step: float, decay: float, noise: Array, past: Array) -> Array:
     drive[0] = np.linalg.cholesky(stationary) @ noise[0]
     behind = past @ _added_root(step, decay, np.linalg.inv(stationary)[::-1, ::-1]).T
     behind = np.vstack([np.linalg.solve(stationary, drive[0])[::-1], behind])
-    ahead, back = _two_lags(step, decay, drive), _two_lags(step, decay, behind)
+    ahead = _two_lags(step, decay, drive)
+    back = _two_lags(step, decay, behind)
     states = np.vstack([back[:0:-1, ::-1] @ stationary, ahead])
     return np.asarray(sqrt(3.0) * states[:, 0] + (1.0 - sqrt(3.0)) * states[:, 1])
 

@@ -68,7 +68,9 @@ def optimize(
     output: Annotated[
         Path | None, typer.Option(*OUTPUT, help="File for a flight with the gait (.nc).")
     ] = None,
-    beats: Annotated[float, typer.Option(min=1e-3, help="Wingbeats of that flight.")] = 10.0,
+    beats: Annotated[
+        float, typer.Option(min=1e-3, max=1e4, help="Wingbeats of that flight.")
+    ] = 10.0,
     gait: Annotated[
         Path | None, typer.Option(help="File for the gait (.csv), as simulate --gait takes it.")
     ] = None,

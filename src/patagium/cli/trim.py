@@ -53,7 +53,7 @@ def trim(
     aero: Annotated[GreyModel, typer.Option(help="Model of the air.")] = GreyModel.QUASI_STEADY,
     density: DensityOption = 1.225,
     beats: Annotated[
-        float, typer.Option(min=1e-3, help="Wingbeats of the flight that -o writes.")
+        float, typer.Option(min=1e-3, max=1e4, help="Wingbeats of the flight that -o writes.")
     ] = 10.0,
     along: Annotated[
         str | None,

@@ -344,7 +344,7 @@ class FilterSettings:
         process_std: Standard deviation by which each weight wanders between two samples, one
             number or (n,) [1]; not divided by anything.
         spread: kappa, distance of the cubature points [standard deviations]; None is sqrt(n), the
-            cubature rule; see `spread` for mean and covariance at any other.
+            cubature rule, or 1 with a `prior_share`; `spread` has mean and covariance at any other.
         square_root: "transform" carries the square root through the update; "cholesky" is
             Algorithm 1 of the paper to rounding.
         dtype: Precision of the square root and of the points, "float64" or "float32"; the
@@ -390,7 +390,7 @@ class FilterSettings:
     spread: float | None = setting(
         None,
         "Cubature point spread, in standard deviations",
-        found="the square root of the number of weights, the cubature rule",
+        found="the cubature rule's root of the number of weights, or 1 with a prior share",
         low=0.0,
         above=True,
         learners=("cubature",),

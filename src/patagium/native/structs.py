@@ -240,9 +240,10 @@ PANEL_FILTER = struct(
     "panel_filter",
     """
     int32_t rows: of all blocks, each rounded up to a multiple of PANEL by zeros
-    int32_t blocks: of weights whose covariance is kept: 1, or one a layer
+    int32_t blocks: of weights whose covariance is kept
     const int32_t *starts: blocks + 1: first row of each block
     const int32_t *counts: blocks: its weights
+    const int32_t *order: weights: number of each, block by block
     REAL *root: S by blocks: panels of (its rows - first column) x PANEL
     REAL *near: rows: mean in the precision of the points
     REAL *slopes: rows x stride: Z
@@ -295,6 +296,7 @@ EXTENDED_FILTER = struct(
     """
     panel_filter filter: mean, root and sample
     lags *lags: lags of a network whose encoder has weights, or NULL
+    const int32_t *place: weights: row of each in `derivative`, where blocks follow each other
     double *derivative: weights x stride: H'
     double *seeds: 2 x items widest x stride: dy / d sums of a layer, of that below
     """,

@@ -30,7 +30,7 @@ from patagium.report.style import (
     styled,
     width,
 )
-from patagium.whole_file import whole_file
+from patagium.whole_file import write_whole
 
 Array = NDArray[np.float64]
 
@@ -42,10 +42,7 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
         ParameterError: If the name ends otherwise.
         OutputError: If it cannot be written.
     """
-    kind = figure_kind(path)
-    with whole_file(path) as draft:
-        draw(figure, draft, kind)
-    return Path(path)
+    return write_whole(path, draw(figure, figure_kind(path)))
 
 
 def figure_kind(path: str | Path) -> Literal["pdf", "svg", "png"]:

@@ -200,10 +200,8 @@ def picture(figure: Figure, caption: str, kind: Literal["svg", "png"] = "svg") -
         caption: What is seen, and what to look for.
         kind: "svg" stays sharp; "png" is smaller for tens of thousands of points.
     """
-    stream = io.BytesIO()
-    draw(figure, stream, kind)
     kinds = {"svg": "image/svg+xml", "png": "image/png"}
-    address = base64.b64encode(stream.getvalue()).decode("ascii")
+    address = base64.b64encode(draw(figure, kind)).decode("ascii")
     return Picture(f"data:{kinds[kind]};base64,{address}", caption)
 
 
@@ -230,8 +228,8 @@ _LEGIBLE = 11
 _UNSTAMPED = {"svg": {"Date": None}, "png": {"Software": None}, "pdf": {"CreationDate": None}}
 
 
-def draw(figure: Figure, target: io.BytesIO | Path, kind: Literal["svg", "png", "pdf"]) -> None:
-    """Write a figure, the same bytes each time it is the same figure."""
+def draw(figure: Figure, kind: Literal["svg", "png", "pdf"]) -> bytes:
+    """File of a figure, the same bytes each time it is the same figure."""
     from matplotlib import rc_context
     from matplotlib.text import Text
     from matplotlib.ticker import LogFormatter
@@ -243,7 +241,9 @@ def draw(figure: Figure, target: io.BytesIO | Path, kind: Literal["svg", "png", 
         if isinstance(text, Text) and text not in powers:
             text.set_parse_math(False)  # a name from a file is no formula; a power of ten is
     with rc_context({"svg.hashsalt": "patagium", "svg.fonttype": "path"}):
-        figure.savefig(target, format=kind, dpi=_DOTS, metadata=_UNSTAMPED[kind])
+        stream = io.BytesIO()
+        figure.savefig(stream, format=kind, dpi=_DOTS, metadata=_UNSTAMPED[kind])
+    return stream.getvalue()
 
 
 MARK = "<!-- Written by patagium; do not edit: run the command again. -->"

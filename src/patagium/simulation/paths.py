@@ -160,7 +160,8 @@ def figure_of_eight(
             is given.
     """
     half, side = positive("length", length) / 2, positive("width", width) / 2
-    first, second = _direction("along", along), _direction("across", across)
+    first = _direction("along", along)
+    second = _direction("across", across)
     if abs(first @ second) > 1e-9:
         raise ParameterError("across", "a direction square to along", tuple(across))
     rate = _frequency(speed, frequency, float(np.hypot(half, 2 * side)))

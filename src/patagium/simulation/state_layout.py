@@ -160,7 +160,8 @@ class StateLayout:
         Args:
             row: Row of the table, (row_size,).
         """
-        first, count = len(self.prescribed_coordinates), len(self.prescribed)
+        first = len(self.prescribed_coordinates)
+        count = len(self.prescribed)
         given = row[first + count : first + 2 * count]
         return ca.vertcat(ca.SX.zeros(self.hidden, 1), given)
 

@@ -44,6 +44,9 @@ NETWORKS = {
 HOW = {
     "full": {},
     "layer": {"covariance": "layer"},
+    "node": {"covariance": "node"},
+    "node wanders": {"covariance": "node", "process_std": 1e-3},
+    "every third": {"covariance": "every third"},
     "forgets": {"forgetting_factor": 0.95},
     "wanders": {"process_std": 1e-3},
     "screened": {"screening": Screening(3.0, 5), "noise_estimation": NoiseEstimation(20)},
@@ -57,7 +60,12 @@ HOW = {
 }
 
 
+def every_third(network):
+    return [np.arange(first, network.size, 3) for first in (1, 0, 2)]
+
+
 def setting_of(network, size, **options):
+    pt.learning.register_blocks("every third", every_third)
     settings = FilterSettings(prior_std=0.1, measurement_std=1e-2 * size, **options)
     found = filter_numbers(network, settings, "extended")
     return found, found.prior_variance**0.5

@@ -215,7 +215,7 @@ def test_other_learners_stream_too(packets):
     network = pt.StripNetwork(robot, (4,))
     options = {"prior_std": 0.3, "measurement_std": 3e-3}
     for learner in (
-        pt.ExtendedLearner(network, **options, covariance="node"),
+        pt.CubatureLearner(network, **options, square_root="cholesky"),
         pt.GradientLearner(network),
     ):
         pipeline = Pipeline(learner, robot)

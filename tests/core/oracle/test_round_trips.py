@@ -8,6 +8,7 @@ import os
 import pickle
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,9 @@ from patagium.learning import (
     NoiseEstimation,
     Screening,
 )
+from patagium.learning.learners.registry import LEARNERS
+from patagium.learning.models.registry import _OWN as KINDS
+from patagium.learning.settings import RECORDS
 from patagium.robot import load_robot_text
 
 ROBOT = pt.load_robot("aerobat")
@@ -32,6 +36,7 @@ NETWORKS: dict[str, Callable[[], Any]] = {
     "linear": lambda: pt.DenseNetwork(3, (), 2),
     "strips": lambda: pt.StripNetwork(ROBOT, (3,), measured=["x", "z"]),
     "linear strips": lambda: LinearStripNetwork(SMALL, measured=["x", "z"]),
+    "robot's strips": lambda: LinearStripNetwork(SMALL, measured=["x", "z"], by_surface=False),
     "grey box": lambda: pt.GreyBox(
         pt.LiftingLine(SMALL), {"lags.rate[0]": 0.02, "section.lift_slope": 0.5},
         measured=["x", "z"],
@@ -45,26 +50,62 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "changes": {"change_detection": ChangeDetection(1e-2, 5, 12), "prior_share": 1e-3},
     "layer": {"covariance": "layer"},
     "node": {"covariance": "node"},
+    "known": {"prior_std": 0.2, "process_std": 1e-4, "forgetting_factor": 0.999},
+}
+OF_CUBATURE = {"points": {"square_root": "cholesky", "spread": 1.7}}
+OF_OTHERS: dict[str, dict[str, Any]] = {
+    "replay": {"replay": 2, "learning_rate": 0.02},
+    "linear": {},
+    "features": {
+        "features": 5,
+        "prior_std": 0.2,
+        "measurement_std": 0.3,
+        "forgetting_factor": 0.999,
+    },
 }
 CASES = [
     *((kind, net, option) for kind in ("cubature", "extended") for net in NETWORKS
       for option in OPTIONS),
+    *(("cubature", net, option) for net in NETWORKS for option in OF_CUBATURE),
     *(("single", net, option) for net in ("dense", "linear", "strips")
       for option in ("plain", "node", "layer")),
-    *(("gradient", net, "") for net in NETWORKS), ("rls", "linear", ""),
+    *(("gradient", net, "replay") for net in NETWORKS),
+    *(("linear", "linear", option) for option in ("linear", "features")),
 ]  # fmt: skip
 
 
 def learner_of(kind: str, network: str, option: str) -> Any:
-    net = NETWORKS[network]()
-    if kind == "gradient":
-        return pt.GradientLearner(net, replay=2)
-    if kind == "rls":
-        return pt.LinearLearner(net)
-    made = pt.ExtendedLearner if kind == "extended" else pt.CubatureLearner
     single = {"dtype": "float32"} if kind == "single" else {}
     known = {"prior_std": 0.1, "measurement_std": 0.1} if network == "hidden strips" else {}
-    return made(net, **{**known, **OPTIONS[option], **single})
+    if kind in ("gradient", "linear"):
+        known = {}
+    chosen = {**OPTIONS, **OF_CUBATURE, **OF_OTHERS}[option]
+    made = LEARNERS["cubature" if kind == "single" else kind]
+    return made(NETWORKS[network](), **{**known, **chosen, **single})
+
+
+def test_every_learner_network_and_setting_is_among_the_cases() -> None:
+    """What is registered later must join `CASES`, or this fails."""
+    seen: dict[str, set[str]] = {}
+    kinds = set()
+    for case in CASES:
+        learner = learner_of(*case)
+        kinds.add(learner.network.describe()["kind"])
+        kind = "cubature" if case[0] == "single" else case[0]
+        plain = RECORDS[kind]()
+        seen.setdefault(kind, set()).update(
+            one.name
+            for one in fields(plain)
+            if getattr(learner.settings, one.name) != getattr(plain, one.name)
+        )
+    assert kinds == set(KINDS)
+    assert set(seen) == set(LEARNERS)
+    for kind, names in seen.items():
+        of_kind = {
+            one.name for one in fields(RECORDS[kind])
+            if kind in one.metadata["meaning"].learners
+        }  # fmt: skip
+        assert of_kind <= names, of_kind - names
 
 
 def run(learner: Any, begin: int, end: int) -> list[Any]:

@@ -367,6 +367,8 @@ def test_what_cannot_be_done_is_one_sentence_and_exit_code_two(
         (("simulate", "aerobat", *FLY, "--wind", "1,2"), "three"),
         (("identify", "x.nc", "--hidden", "8,-1"), "whole"),
         (("sumilate",), "sumilate"),
+        (("trim", "aerobat", "--beats", "1e12"), "10000"),
+        (("optimize", "aerobat", "--beats", "1e12"), "10000"),  # before the gait is sought
     ],
 )
 def test_words_it_does_not_know_are_named(words: tuple[str, ...], said: str, speak: Speak) -> None:

@@ -11,11 +11,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.figure import Figure
 
 from patagium.errors import OutputError
 from patagium.netcdf_file import NetcdfDraft
+from patagium.report.figures import save_figure
 from patagium.whole_file import make_folder, whole_file, write_whole
 
 
@@ -149,6 +152,17 @@ def test_a_full_disk_leaves_the_old_file_and_says_so(tmp_path: Path, size: int) 
     file.write_text("old")
     with longest_file(size), pytest.raises(OutputError, match="file: cannot be .*; free space"):
         write_whole(file, bytes(30_000))
+    assert file.read_text() == "old" and not drafts(tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["pdf", "svg", "png"])
+def test_a_figure_says_so_too(tmp_path: Path, kind: str) -> None:
+    """matplotlib's PDF writer hides a failed write behind an error of its compressor."""
+    figure, file = Figure(), tmp_path / f"figure.{kind}"
+    figure.add_subplot().plot(np.random.default_rng(1).normal(size=3000))
+    file.write_text("old")
+    with longest_file(8192), pytest.raises(OutputError, match="too large; free space"):
+        save_figure(figure, file)
     assert file.read_text() == "old" and not drafts(tmp_path)
 
 

@@ -30,7 +30,7 @@ class AttackPlan:
         updates: Updates in each precision.
         workers: Number of processes.
         captures: Number of made-up logs of motion capture.
-        poisoned: Samples with bursts of poison through each learner; see `poison.sample_count`.
+        poisoned: Samples with bursts of poison through each learner.
 
     Raises:
         ParameterError: If there are no cases, runs or workers, or an area is unknown.

@@ -294,29 +294,10 @@ LEARNERS: tuple[dict[str, Any], ...] = (
         {"learner": "cubature", "covariance": structure, "dtype": dtype}
         for structure, dtype in product(STRUCTURES, ("float64", "float32"))
     ),
-    *(
-        {"learner": "cubature", "covariance": "full", "dtype": dtype, "spread": 1.0}
-        for dtype in ("float64", "float32")
-    ),
     *({"learner": "extended", "covariance": structure} for structure in STRUCTURES),
     {"learner": "extended", "covariance": "full", "of": "wings"},
 )
-"""Settings of the learners that are poisoned; `spread` brings the cubature points near, and `wings`
-has the default network and the default filter."""
-
-
-def sample_count(options: dict[str, Any], noise: str, most: int) -> int:
-    """Number of samples of a learner: all with the default model of the noise, else a tenth.
-
-    The extended filter by neuron is in NumPy, forty times as slow: it has a tenth as well.
-
-    Args:
-        options: Its settings, one of `LEARNERS`.
-        noise: How it finds its noise, one of `NOISE_MODELS`.
-        most: Number of samples of a learner.
-    """
-    slow = options["learner"] == "extended" and options["covariance"] == "node"
-    return max(3000, most // (10 if slow else 1) // (1 if noise == "Misfit" else 10))
+"""Settings of the learners that are poisoned; `wings` has the default network and filter."""
 
 
 def poison_row(options: dict[str, Any], noise: str, seed: int, count: int) -> dict[str, Any]:
@@ -336,5 +317,4 @@ def poison_row(options: dict[str, Any], noise: str, seed: int, count: int) -> di
     screening = Screening(stuck_samples=10)
     learner = kind(subject(of).network, screening=screening, **chosen, **own)
     found = poisoned(learner, seed, count, of)
-    words = [f"{name} {value}" if name == "spread" else value for name, value in options.items()]
-    return {"learner": ", ".join([*words, noise]), **found._asdict()}
+    return {"learner": ", ".join([*options.values(), noise]), **found._asdict()}

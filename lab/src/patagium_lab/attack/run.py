@@ -23,7 +23,7 @@ from patagium_lab.attack.motion_capture import capture_rows, summary
 from patagium_lab.attack.oracle import Target
 from patagium_lab.attack.packets import packet_targets
 from patagium_lab.attack.plan import HOSTILE, AttackPlan
-from patagium_lab.attack.poison import LEARNERS, NOISE_MODELS, poison_row, sample_count
+from patagium_lab.attack.poison import LEARNERS, NOISE_MODELS, poison_row
 from patagium_lab.attack.programs import program_targets
 from patagium_lab.attack.worker import attacked
 from patagium_lab.jobs import Job, run_jobs
@@ -116,10 +116,7 @@ def _tallied(
 def _learned(plan: AttackPlan, tell: Callable[[float], None]) -> dict[str, Any]:
     """Results of the areas of learners that are in the plan."""
     starts = range(0, plan.runs, CHUNK)
-    kinds = [
-        (options, noise, plan.seed, sample_count(options, noise, plan.poisoned))
-        for options, noise in product(LEARNERS, NOISE_MODELS)
-    ]
+    kinds = list(product(LEARNERS, NOISE_MODELS, [plan.seed], [plan.poisoned]))
     parts = {
         "poison": [Job(poison_row, kind, 1e-4 * kind[-1]) for kind in kinds],
         "faults": [Job(campaign, (plan.seed, k, min(k + CHUNK, plan.runs)), 10.0) for k in starts],

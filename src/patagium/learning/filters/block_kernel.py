@@ -1,10 +1,9 @@
 """Kernel that learns a whole sample in one call of C, for a covariance of blocks.
 
-The memory of one filter lies in arrays that the kernel shares by address. Two layouts exist:
-panels of columns of a block (`cubature.c`, `extended.c`; full or one block a layer), of its square
-root or, where noise is added between samples, of the covariance itself; and neurons side by side
-(`node.c`; one block a neuron), of square roots. Two threads must not use one
-filter at the same time.
+The memory of one filter lies in arrays that the kernel shares by address. Two layouts exist: by
+panels of columns of a block (`cubature.c`, of whole layers; `extended.c`), of its square root or,
+where noise is added between samples, of the covariance itself; and by neurons side by side
+(`node.c`), of square roots. Two threads must not use one filter at the same time.
 """
 
 from __future__ import annotations
@@ -36,6 +35,7 @@ from patagium.learning.filters.state import symmetric
 from patagium.learning.filters.structure import Structure
 from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.perceptron import PerceptronNetwork, as_perceptron, evaluated
+from patagium.learning.models.structure import blocks_of
 from patagium.native import load_kernel
 from patagium.native.structs import EXTENDED_FILTER, NODE_FILTER, PANEL_FILTER
 
@@ -68,18 +68,26 @@ def structure_and_kernel(
 
 def _keeps_covariance(numbers: FilterNumbers) -> bool:
     """Whether P itself is kept, and no square root: where noise is added to large blocks."""
-    return numbers.has_process_noise and numbers.structure != "node"
+    return numbers.has_process_noise and (numbers.linear or numbers.structure != "node")
 
 
 def _kernel_for(numbers: FilterNumbers) -> BlockKernel | None:
     """Kernel for the blocks of a filter; None where there is none."""
     network, node = numbers.network, numbers.structure == "node"
-    name = "node" if node else "extended" if numbers.linear else "cubature"
+    name = "extended" if numbers.linear else "node" if node else "cubature"
     lags = isinstance(network, HiddenStripNetwork) and network.compiled_encoder() is not None
     known = isinstance(network, PerceptronNetwork) or (lags and name == "extended")
-    if not known or (node and numbers.linear) or _library(name, numbers.dtype) is None:
-        return None
-    return BlockKernel(name, numbers)
+    known = known and (name != "cubature" or _of_whole_layers(numbers))
+    return BlockKernel(name, numbers) if known and _library(name, numbers.dtype) else None
+
+
+def _of_whole_layers(numbers: FilterNumbers) -> bool:
+    """Whether blocks are layers, one or more, in the order of the weights, as in `points.h`."""
+    blocks = blocks_in(numbers)
+    layers = blocks_of(numbers.network, "layer")
+    ends = {int(layer[-1]) for layer in layers}
+    ordered = bool(np.all(np.diff(np.concatenate(blocks)) == 1))
+    return ordered and ends >= {int(block[-1]) for block in blocks}
 
 
 class BlockKernel:
@@ -265,6 +273,7 @@ class BlockKernel:
                 "derivative": aligned((inner.size + 2 * self._lanes, stride), np.dtype(float)),
                 "seeds": aligned((room, stride), np.dtype(float)),
             }
+            keep["place"] = np.argsort(self._arrays["order"]).astype(np.int32)
             for key, address in addresses(keep).items():
                 setattr(self._whole, key, address)
         if isinstance(network, HiddenStripNetwork):
@@ -342,6 +351,7 @@ def _panel_arrays(numbers: FilterNumbers, lanes: int) -> dict[str, Array]:
     }
     arrays = {name: aligned(shape, np.dtype(numbers.dtype)) for name, shape in shapes.items()}
     arrays["small"] = aligned((5 + len(counts), stride, stride), np.dtype(float))
+    arrays["order"] = np.concatenate(blocks_in(numbers)).astype(np.int32)
     arrays["counts"] = np.array(counts, np.int32)
     arrays["starts"] = np.array([0, *np.cumsum(heights)], np.int32)
     return arrays | (_covariance_arrays(numbers, arrays) if _keeps_covariance(numbers) else {})

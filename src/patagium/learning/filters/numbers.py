@@ -129,7 +129,8 @@ def filter_numbers(network: Network, settings: FilterSettings, learner: str) -> 
     linear = learner == "extended"
     if linear:
         settings = replace(settings, spread=None, square_root="transform", dtype="float64")
-    rule = spread_rule(network.size, settings.spread)
+    near = settings.spread is None and settings.prior_share > 0  # sqrt(n) would saturate
+    rule = spread_rule(network.size, 1.0 if near else settings.spread)
     prior = _prior_variance(network, settings.prior_std)
     process = center_of("process_std", settings.process_std, network.size)
     return FilterNumbers(

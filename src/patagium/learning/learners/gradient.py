@@ -63,7 +63,8 @@ class GradientLearner(OnlineLearner):
         self.settings, self._seed = chosen, seed
         self._replay, self._rate = chosen.replay, chosen.learning_rate or LEARNING_RATE
         self._weights = network.initial(seed)
-        self._mean, self._square = np.zeros(network.size), np.zeros(network.size)
+        self._mean = np.zeros(network.size)
+        self._square = np.zeros(network.size)
         self._scatter = np.zeros((network.outputs, network.outputs))
         self._power = np.zeros(network.outputs)
         self._memory: list[tuple[Array, Encoding, Array]] = []

@@ -190,7 +190,8 @@ def tune(
     unknown = sorted(set(options) - set(SearchOptions.__annotations__))
     if unknown:
         raise TypeError(f"tune() got an unexpected keyword argument {unknown[0]!r}")
-    networks, flights = _several("network", network), _several("flight", flight)
+    networks = _several("network", network)
+    flights = _several("flight", flight)
     chosen = dict(settings or {})
     if covariance is not None:
         chosen["covariance"] = Alternatives(tuple(covariance))

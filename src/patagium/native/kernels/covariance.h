@@ -334,7 +334,7 @@ static void learn_covariance(void *memory, const double *gain, const double *g) 
     for (int j = f->starts[b]; j < f->starts[b] + f->counts[b]; j++) {
       double step = 0;
       for (int k = 0; k < m; k++) step += f->sensed[(ptrdiff_t)j * stride + k] * gain[k];
-      f->mean[weight++] += step;
+      f->mean[f->order[weight++]] += step;
     }
     shrink_block(f, b);
   }

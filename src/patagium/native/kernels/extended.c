@@ -63,6 +63,10 @@ static inline void weighted_rows(int stride, int count, const double *scale, int
   }
 }
 
+static double *row_of(const extended_filter *e, int place) {
+  return e->derivative + (ptrdiff_t)place * e->filter.stride;
+}
+
 /* Rows of H' of the mlp's weights, layer by layer from the last; gives dy / d features. */
 static const double *perceptron_slopes(extended_filter *e) {
   panel_filter *f = &e->filter;
@@ -70,19 +74,19 @@ static const double *perceptron_slopes(extended_filter *e) {
   const int room = items * widest_of(f) * stride;
   double ones[items], *seeds = e->seeds, *below = e->seeds + room;
   const double *w = f->mean + f->weights;
-  double *rows = e->derivative + (ptrdiff_t)f->weights * stride;
+  const int32_t *place = e->place + f->weights;
   for (int t = 0; t < items; t++) ones[t] = 1;
   memcpy(seeds, f->weighting, sizeof(double) * items * f->widths[f->layers] * stride);
   for (int l = f->layers - 1; l >= 0; l--) {
     const int in = f->widths[l], out = f->widths[l + 1];
     const double *x = inputs_of(f, l);
     w -= out * (in + 1);
-    rows -= (ptrdiff_t)out * (in + 1) * stride;
+    place -= out * (in + 1);
     for (int o = 0; o < out; o++) {
       const double *seed = seeds + o * stride;
       for (int j = 0; j < in; j++)
-        weighted_rows(stride, items, x + j, in, seed, out * stride, rows + (o * in + j) * stride);
-      weighted_rows(stride, items, ones, 1, seed, out * stride, rows + (out * in + o) * stride);
+        weighted_rows(stride, items, x + j, in, seed, out * stride, row_of(e, place[o * in + j]));
+      weighted_rows(stride, items, ones, 1, seed, out * stride, row_of(e, place[out * in + o]));
     }
     if (l == 0 && !own) break;
     for (int t = 0; t < items; t++)
@@ -121,7 +125,7 @@ static void lag_slopes(extended_filter *e, const double *through) {
   double *results[2] = {g->of_features, g->of_y};
   g->slopes(arguments, results, g->own, g->directions);
   for (int k = 0; k < g->own; k++) {
-    double *row = e->derivative + k * f->stride;
+    double *row = row_of(e, e->place[k]);
     weighted_rows(f->stride, seen, g->of_features + k, g->directions, through, f->stride, row);
     for (int y = 0; y < f->outputs; y++)
       row[y] = (row[y] + g->of_y[y * g->directions + k]) * g->reach[k];

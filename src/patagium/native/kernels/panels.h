@@ -105,7 +105,7 @@ static void learn_panels(void *memory, const double *gain, const double *g) {
     for (int j = f->starts[b]; j < f->starts[b] + f->counts[b]; j++) {
       double step = 0;
       for (int k = 0; k < m; k++) step += (double)f->cross[j * stride + k] * gain[k];
-      f->mean[weight++] += step;
+      f->mean[f->order[weight++]] += step;
     }
   }
 }

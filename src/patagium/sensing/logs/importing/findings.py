@@ -101,7 +101,8 @@ class StampSurvey:
             return
         place = int(steps.argmax())
         if steps[place] > self.longest:
-            self.longest, self.longest_at = int(steps[place]), int(before[place])
+            self.longest = int(steps[place])
+            self.longest_at = int(before[place])
         bins = np.minimum((np.log(steps) / _WIDTH).astype(np.int64), _BINS - 1)
         self._bins += np.bincount(bins, minlength=_BINS)
         self._sums += np.bincount(bins, steps.astype(float), minlength=_BINS)
