@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 import numpy as np
 
-from patagium.errors import ParameterError, is_finite
+from patagium.errors import ParameterError, is_finite, similar
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _WORDS = MappingProxyType({
@@ -30,7 +30,8 @@ def checked(function: _Function) -> _Function:
     """Function that refuses arguments of other kinds than its annotations say.
 
     Args:
-        function: Function or method; its `options` may be those of a typed dictionary.
+        function: Function or method; its `options` may be those of a typed dictionary, and a name
+            that it has not is a TypeError.
     """
     known = signature(function)
 
@@ -40,9 +41,14 @@ def checked(function: _Function) -> _Function:
             found = known.bind(*given, **named).arguments
         except TypeError:  # Python says it in its own words
             return function(*given, **named)
-        found |= found.pop("options", {})
-        for name in _kinds(function).keys() & found.keys():
-            of_kind(name, found[name], _kinds(function)[name])
+        kinds, options = _kinds(function), found.pop("options", {})
+        if unknown := sorted(options.keys() - kinds.keys()) if _typed(kinds) else []:
+            names = sorted(_typed(kinds))
+            expected = f"expected one of {', '.join(names)}{similar(unknown[0], kinds)}"
+            raise TypeError(f"unexpected keyword argument {unknown[0]!r}, {expected}")
+        found |= options
+        for name in kinds.keys() & found.keys():
+            of_kind(name, found[name], kinds[name])
         return function(*given, **named)
 
     return entered  # type: ignore[return-value]
@@ -74,13 +80,20 @@ def of_kind(name: str, value: object, kind: Any) -> None:
 def _kinds(owner: Any) -> dict[str, Any]:
     """Annotations of a function with its typed options, or of a class."""
     kinds = get_type_hints(owner)
+    return kinds | _typed(kinds)
+
+
+def _typed(kinds: dict[str, Any]) -> dict[str, Any]:
+    """Annotations of the typed options among those of a function."""
     options = get_args(kinds.get("options"))
-    return kinds | (get_type_hints(options[0]) if options else {})
+    return get_type_hints(options[0]) if options else {}
 
 
 def _fits(value: Any, kind: Any) -> bool:
     """Whether a value is what an annotation says; unknown annotations fit."""
     origin, inner = get_origin(kind), get_args(kind)
+    if kind is Any:
+        return True
     if origin in (Union, UnionType):
         return complex in inner or any(_fits(value, one) for one in inner)  # or it is ArrayLike
     if kind is float:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.gusts import Gust, TravelingGust, gust_from_description, triple
 from patagium.aerodynamics.named_descriptions import from_field_values
+from patagium.arguments import check_fields
 from patagium.errors import ParameterError, ShapeError, finite, positive
 
 
@@ -43,6 +44,7 @@ class Air:
     ground: float | None = None
 
     def __post_init__(self) -> None:
+        check_fields(self)
         positive("density", self.density, "a positive number [kg/m^3]")
         if self.ground is not None:
             object.__setattr__(self, "ground", finite("ground", self.ground))

@@ -27,6 +27,7 @@ from patagium.aerodynamics.polars import section_flow
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign, smooth_step
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.trailing_vortices import spans_and_areas
+from patagium.arguments import check_fields
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
 
@@ -93,6 +94,7 @@ class DeLaurier(Aerodynamics):
     name = "delaurier"
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in NUMBERS:
             value = getattr(self, name)
             if not (isfinite(value) and (value >= 0 or name == "zero_lift_angle")):

@@ -28,6 +28,7 @@ from patagium.aerodynamics.named_descriptions import (
     from_named_description,
 )
 from patagium.aerodynamics.smooth_functions import smooth_sign
+from patagium.arguments import check_fields
 from patagium.arrays import real_array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
@@ -91,6 +92,7 @@ class DiscreteGust:
     name: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         object.__setattr__(self, "velocity", triple("velocity", self.velocity))
         if not isfinite(self.start):
             raise ParameterError("start", "a finite time [s]", self.start)
@@ -217,6 +219,7 @@ class DrydenGust:
     name: ClassVar[str] = "dryden"
 
     def __post_init__(self) -> None:
+        check_fields(self)
         object.__setattr__(self, "intensity", triple("intensity", self.intensity))
         object.__setattr__(self, "length_scale", triple("length_scale", self.length_scale))
         if min(self.intensity) < 0:
@@ -407,6 +410,7 @@ class TravelingGust:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         direction = np.array(triple("direction", self.direction))
         length = float(np.linalg.norm(direction))
         if length == 0:

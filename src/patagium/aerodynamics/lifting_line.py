@@ -50,6 +50,7 @@ from patagium.aerodynamics.trailing_vortices import (
     solve_normalwash,
     surface_gains,
 )
+from patagium.arguments import check_fields
 from patagium.arrays import brief
 from patagium.errors import ParameterError, ShapeError
 from patagium.robot.model import Robot
@@ -122,6 +123,7 @@ class LiftingLine(Aerodynamics):
     name = "lifting_line"
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not (isfinite(self.surface_constant) and self.surface_constant >= 0):
             raise ParameterError("surface_constant", "a number >= 0", self.surface_constant)
 

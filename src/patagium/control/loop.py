@@ -32,7 +32,7 @@ from patagium.control.orbit import Orbit
 from patagium.control.predictive import OrbitModel
 from patagium.errors import Outcome, ParameterError, SimulationFailed, positive
 from patagium.robot import Robot
-from patagium.simulation.simulator import FlightState, Simulator, check_keywords, check_robots
+from patagium.simulation.simulator import FlightState, Simulator, check_robots
 from patagium.simulation.steered_gait import SteeredGait
 
 Array = NDArray[np.float64]
@@ -121,7 +121,6 @@ def fly(
         ShapeError: If q or v have another shape.
         SimulationFailed: If the flight broke and `throw` is set; it carries the flight.
     """
-    check_keywords(options, LoopOptions)
     check_robots(robot, aero)
     loop = _Loop(robot, aero, controller, orbit, tuple(events), duration, options)
     seed = options.get("seed", 0)

@@ -33,7 +33,6 @@ from patagium.control.wingbeat import FlightMap
 from patagium.errors import ParameterError
 from patagium.robot import Robot
 from patagium.simulation.gait_models import Gait
-from patagium.simulation.simulator import check_keywords
 
 Array = NDArray[np.float64]
 
@@ -168,7 +167,6 @@ def optimize(
     Raises:
         ParameterError: If an argument is not what it may be.
     """
-    check_keywords(options, OptimizeOptions)
     aero, free = aero or QuasiSteady(robot), options.pop("free", None)
     if not 1 <= harmonics <= MOST:
         raise ParameterError("harmonics", f"a whole number from 1 to {MOST}", harmonics)

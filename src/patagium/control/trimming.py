@@ -30,7 +30,7 @@ from patagium.robot import Robot
 from patagium.robot.model import FLOATING_COORDINATES
 from patagium.simulation import gaits
 from patagium.simulation.gait_models import Gait
-from patagium.simulation.simulator import check_keywords, check_robots
+from patagium.simulation.simulator import check_robots
 from patagium.simulation.steered_gait import SteeredGait
 
 Array = NDArray[np.float64]
@@ -387,7 +387,6 @@ def trim(
         ParameterError: If an argument is not what it may be, there are more conditions than free
             parameters, or limits of joints or actuators exclude the gait.
     """
-    check_keywords(options, TrimOptions)
     start, aero = options.get("start"), aero or QuasiSteady(robot)
     _check(robot, aero)
     gait = gait or (start.gait if start else gaits.cruise(robot))

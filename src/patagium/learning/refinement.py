@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from patagium.arguments import checked
 from patagium.arrays import real_array
 from patagium.errors import FilterDiverged, Outcome, ShapeError
 from patagium.learning.filters.weight_covariance import block_covariance
@@ -41,6 +42,7 @@ class _Log(NamedTuple):
     std: Array
 
 
+@checked
 def refine(
     learner: FilterLearner,
     time: ArrayLike,

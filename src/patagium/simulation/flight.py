@@ -29,7 +29,7 @@ from patagium.aerodynamics import (
     added_mass_from_description,
     aero_from_description,
 )
-from patagium.arguments import of_kind
+from patagium.arguments import checked, of_kind
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, Outcome
 from patagium.netcdf_file import loaded_dataset, netcdf_content, write_netcdf
@@ -463,6 +463,7 @@ def _placed(flight: xr.Dataset) -> tuple[Array, Array]:
     return position[:, held], rotation[:, held]
 
 
+@checked
 def save_flight(flight: xr.Dataset, path: str | Path) -> Path:
     """Write a flight as netCDF4; an interrupted write leaves the former file.
 
@@ -483,6 +484,7 @@ def save_flight(flight: xr.Dataset, path: str | Path) -> Path:
     return write_netcdf(path, flight, single=single, compressed=True)
 
 
+@checked
 def load_flight(path: str | Path) -> xr.Dataset:
     """Flight from a netCDF4 file, read and checked.
 

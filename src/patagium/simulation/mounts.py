@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arguments import of_kind
+from patagium.arguments import checked, of_kind
 from patagium.errors import ParameterError, suggest_names
 from patagium.robot import Body, Joint, Robot
 from patagium.robot.attitude import rotation_from_angles
@@ -65,6 +65,7 @@ def fixed() -> Mount:
     return Mount("fixed")
 
 
+@checked
 def carried(path: Path) -> Mount:
     """Mount that moves the floating body along a path, whatever that takes.
 
@@ -109,6 +110,7 @@ def on_arm(
     return Mount("arm", path, plan)
 
 
+@checked
 def load_cell(
     at: str, position: Axis = (0.0, 0.0, 0.0), orientation: Axis = (0.0, 0.0, 0.0)
 ) -> InternalLoadCell:

@@ -17,6 +17,7 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from patagium.arguments import checked
 from patagium.errors import LogError, ParameterError, ShapeError, finite, positive, suggest_names
 from patagium.robot.model import FLOATING_COORDINATES, finite_triple
 from patagium.simulation.gait_models import (
@@ -169,6 +170,7 @@ def figure_of_eight(
     return _harmonic(center, attitude, rate, [still, still], [half * first, side * second])
 
 
+@checked
 def sinusoid(
     center: Triple,
     *,
@@ -201,6 +203,7 @@ def sinusoid(
     )
 
 
+@checked
 def waypoints(
     time: ArrayLike, points: ArrayLike, *, closed: bool = False, attitude: Triple = LEVEL
 ) -> SplinePath:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeAlias, TypedDict, Unpack
+from typing import TypeAlias, TypedDict, Unpack
 
 import numpy as np
 import pandas as pd
@@ -19,7 +19,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
-from patagium.arguments import of_kind
+from patagium.arguments import checked, of_kind
 from patagium.arrays import real_array
 from patagium.errors import (
     Outcome,
@@ -27,7 +27,6 @@ from patagium.errors import (
     ShapeError,
     SimulationFailed,
     positive,
-    similar,
 )
 from patagium.limits import MOST_STEPS
 from patagium.native import load_functions
@@ -268,6 +267,7 @@ class Simulator:
     def __repr__(self) -> str:
         return f"<Simulator of {self._robot.name}, time step {self.time_step:g} s>"
 
+    @checked
     def __init__(
         self,
         robot: Robot,
@@ -280,7 +280,6 @@ class Simulator:
         control_period: float | None = None,
         **options: Unpack[FlightOptions],
     ) -> None:
-        check_keywords(options, FlightOptions)
         whole_steps(duration, duration if time_step is None else time_step)
         self._steered: SteeredGait | None = gait if isinstance(gait, SteeredGait) else None
         self._commands: list[tuple[int, dict[str, float]]] = []
@@ -587,27 +586,6 @@ def _equations(
     )
 
 
-def check_keywords(given: Mapping[str, Any], known: type) -> None:
-    """Refuse keywords that a typed dictionary does not have.
-
-    Raises:
-        TypeError: If there is another keyword.
-    """
-    unknown = sorted(set(given) - set(known.__annotations__))
-    if unknown:
-        names = sorted(known.__annotations__)
-        near = similar(unknown[0], [*names, "duration", "time_step", "mount"])
-        expected = f"expected one of {', '.join(names)}{near}"
-        raise TypeError(f"unexpected keyword argument {unknown[0]!r}, {expected}")
-
-
-def _check_controller(controller: object, period: float | None) -> None:
-    if not (controller is None or callable(controller)):
-        raise ParameterError("controller", "a function of time and state", controller)
-    if period is not None and controller is None:
-        raise ParameterError("control_period", "a controller with it", None)
-
-
 def _base_motion(
     robot: Robot, layout: StateLayout, mount: Mount, q: Array, v: Array
 ) -> Callable[[Array], PrescribedMotion]:
@@ -681,6 +659,7 @@ def _flown(
     return simulator.flight()
 
 
+@checked
 def simulate(
     robot: Robot,
     aero: Aerodynamics,
@@ -724,11 +703,11 @@ def simulate(
         ShapeError: If q is not (n_q,) or v not (n,).
         SimulationFailed: If the run stopped early and `throw` is set; it carries the flight.
     """
-    check_keywords(options, SimulationOptions)
     throw, progress = options.pop("throw", True), options.pop("progress", None)
     controller, period = options.pop("controller", None), options.pop("control_period", None)
     started: FlightOptions = options
-    _check_controller(controller, period)
+    if period is not None and controller is None:
+        raise ParameterError("control_period", "a controller with it", None)
 
     def start(step: float | None) -> Simulator:
         return Simulator(

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arguments import checked
 from patagium.arrays import real_array
 from patagium.errors import Outcome, ParameterError, ShapeError
 from patagium.learning.filters.block_kernel import structure_and_kernel
@@ -73,6 +74,7 @@ class FilterLearner(OnlineLearner):
         setattr(cls, "__signature__", learner_signature(kind))  # noqa: B010
         cls.__doc__ = (cls.__doc__ or "").replace("        {settings}", arguments_text(kind))
 
+    @checked
     def __init__(
         self,
         network: Network,

@@ -10,7 +10,7 @@ from array import array
 from collections.abc import Mapping
 from pathlib import Path
 from time import perf_counter_ns
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 _KEPT = 2**16
 
 
+@runtime_checkable
 class Learner(Protocol):
     """An estimate of a network's weights that follows samples one by one."""
 

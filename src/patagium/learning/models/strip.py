@@ -18,6 +18,7 @@ from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.local_flow import strip_motions
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.aerodynamics.strip_loads import StripLoad, assemble
+from patagium.arguments import checked
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning.models.network import FlightTerms
 from patagium.learning.models.perceptron import Perceptron
@@ -73,6 +74,7 @@ class StripNetwork(WingNetwork):
     kind = "strip"
     options = ("measured", "chord_fraction", "rotation", "coefficient_scale")
 
+    @checked
     def __init__(
         self,
         robot: Robot,

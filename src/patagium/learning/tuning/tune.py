@@ -21,6 +21,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from patagium.arguments import checked
 from patagium.arrays import brief
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.identify import samples
@@ -145,6 +146,7 @@ class Tuned:
         return self.best.save(path)
 
 
+@checked
 def tune(
     flight: Flight | Sequence[Flight],
     network: Network | Sequence[Network],
@@ -187,9 +189,6 @@ def tune(
         OutputError: If the journal cannot be written, or another process writes it.
         TypeError: If there is no such option.
     """
-    unknown = sorted(set(options) - set(SearchOptions.__annotations__))
-    if unknown:
-        raise TypeError(f"tune() got an unexpected keyword argument {unknown[0]!r}")
     networks = _several("network", network)
     flights = _several("flight", flight)
     chosen = dict(settings or {})

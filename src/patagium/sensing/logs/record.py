@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from patagium.arguments import checked
 from patagium.errors import FlightError, LogError
 from patagium.netcdf_file import netcdf_content
 from patagium.reading import parsed_json, regular_file
@@ -259,6 +260,7 @@ class LogRecord:
         return [name for name in wanted if name not in self._columns]
 
 
+@checked
 def load_log(path: str | Path) -> xr.Dataset:
     """Imported log in memory, with one variable for each quantity and its unit.
 

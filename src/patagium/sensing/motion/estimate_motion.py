@@ -18,6 +18,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from patagium.arguments import checked
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot
 from patagium.sensing.motion.camera_faults import (
@@ -513,6 +514,7 @@ def _smooth_base(
     return (place.state - moved, place.covariance), (state, covariance), attitude
 
 
+@checked
 def estimate_motion(
     log: SensorLog,
     *,

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arguments import check_fields
 from patagium.arrays import real_array
 from patagium.errors import ParameterError, ShapeError, finite, positive
 
@@ -91,6 +92,7 @@ class Sensor:
     clock_drift: float = 0.0
 
     def __post_init__(self) -> None:
+        check_fields(self)
         positive("rate", self.rate)
         for name in ("delay", "clock_offset", "clock_drift"):
             finite(name, getattr(self, name))

@@ -19,6 +19,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
+from patagium.arguments import checked
 from patagium.errors import LogError
 from patagium.netcdf_file import NetcdfDraft
 from patagium.robot import Robot, load_robot, preset_names
@@ -164,6 +165,7 @@ class Imported:
     notes: tuple[str, ...] = field(default=())
 
 
+@checked
 def import_log(
     paths: str | Path | Sequence[str | Path],
     mapping: TableMapping | str | Path,
