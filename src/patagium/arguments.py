@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, wraps
-from inspect import signature
+from inspect import Parameter, signature
 from numbers import Integral
 from types import MappingProxyType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -41,14 +41,16 @@ def checked(function: _Function) -> _Function:
             found = known.bind(*given, **named).arguments
         except TypeError:  # Python says it in its own words
             return function(*given, **named)
-        kinds, options = _kinds(function), found.pop("options", {})
-        if unknown := sorted(options.keys() - kinds.keys()) if _typed(kinds) else []:
-            names = sorted(_typed(kinds))
-            expected = f"expected one of {', '.join(names)}{similar(unknown[0], kinds)}"
-            raise TypeError(f"unexpected keyword argument {unknown[0]!r}, {expected}")
-        found |= options
-        for name in kinds.keys() & found.keys():
-            of_kind(name, found[name], kinds[name])
+        kinds = _kinds(function)
+        for name, value in found.items():
+            if name == "options" and (typed := _typed(kinds)):
+                _check_options(value, typed, kinds)
+            elif known.parameters[name].kind is Parameter.VAR_KEYWORD:
+                for key, one in value.items():
+                    of_kind(key, one, kinds.get(name, Any))
+            elif name in kinds:
+                some = known.parameters[name].kind is Parameter.VAR_POSITIONAL
+                of_kind(name, value, Sequence[kinds[name]] if some else kinds[name])
         return function(*given, **named)
 
     return entered  # type: ignore[return-value]
@@ -74,6 +76,14 @@ def of_kind(name: str, value: object, kind: Any) -> None:
     """
     if not _fits(value, kind):
         raise ParameterError(name, _words(kind), value)
+
+
+def _check_options(given: Mapping[str, Any], typed: dict[str, Any], kinds: Any) -> None:
+    if unknown := sorted(given.keys() - typed.keys()):
+        expected = f"expected one of {', '.join(sorted(typed))}{similar(unknown[0], kinds)}"
+        raise TypeError(f"unexpected keyword argument {unknown[0]!r}, {expected}")
+    for name, value in given.items():
+        of_kind(name, value, typed[name])
 
 
 @cache

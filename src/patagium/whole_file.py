@@ -220,11 +220,7 @@ def _told_of(path: str | Path) -> Iterator[None]:
 
 
 def _behind(path: Path) -> tuple[Path, os.stat_result | None]:
-    """Place that a path leads to through its links, and what is there; None: nothing yet.
-
-    Raises:
-        OSError: If a folder is missing, links lead nowhere, or a file may not be written.
-    """
+    """Place that a path leads to through its links, and what is there; None: nothing yet."""
     place = path
     for _ in range(_MOST_LINKS):
         folder = place.parent.resolve(strict=True)

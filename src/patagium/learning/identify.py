@@ -15,12 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.arguments import checked
 from patagium.errors import LogError, Outcome, ParameterError, ShapeError
-from patagium.learning.default_learner import (
-    choices,
-    chosen_every,
-    default_learner,
-    table_every,
-)
+from patagium.learning.default_learner import choices, chosen_every, default_learner, table_every
 from patagium.learning.filters.misfit import unseen
 from patagium.learning.forecast import Horizons
 from patagium.learning.learners.learner import Learner
@@ -31,14 +26,7 @@ from patagium.learning.parameter_paths import Trained, estimates_of, parameter_s
 from patagium.learning.propagation import robot_motion
 from patagium.learning.result import Check, Identification, check, record_of
 from patagium.learning.scores import Scorer, persistence
-from patagium.learning.stream import (
-    MOST_CHECKS,
-    Progress,
-    late_samples,
-    stream,
-    thin,
-    used_samples,
-)
+from patagium.learning.stream import MOST_CHECKS, Progress, late_samples, stream, thin, used_samples
 from patagium.learning.table_network import scaling_samples
 from patagium.learning.verdict import physics_scores, with_verdict
 from patagium.robot import Robot

@@ -680,23 +680,14 @@ def checked_structure(value: object) -> Structure:
 
 
 def _array(name: str, value: Any) -> Any:
-    """Array of plain numbers.
-
-    Raises:
-        ParameterError: If the value is no number and no sequence of numbers.
-    """
+    """Array of plain numbers."""
     from patagium.arrays import real_array  # NumPy is not for the help of the command line
 
     return real_array(name, value)
 
 
 def _plain_numbers(name: str, value: Any) -> Numbers:
-    """A scalar or vector as a number, or a tuple of numbers.
-
-    Raises:
-        ParameterError: If the value is no number and no sequence of numbers.
-        ShapeError: If it has more than one dimension.
-    """
+    """A scalar or vector as a number, or a tuple of numbers."""
     numbers = _array(name, value)
     if numbers.ndim == 0:
         return float(numbers)

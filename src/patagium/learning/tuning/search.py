@@ -291,11 +291,7 @@ def _optuna() -> Any:
 
 
 def _installed(module: str, extra: str, library: str, found: str) -> Any:
-    """Module of an optional library.
-
-    Raises:
-        ParameterError: If it is not installed.
-    """
+    """Module of an optional library."""
     try:
         return import_module(module)
     except ImportError:
@@ -326,11 +322,7 @@ def _storage(path: Path) -> Any:
 def _check_question(
     path: str | Path | None, found: Mapping[str, Any], asked: Mapping[str, Any]
 ) -> None:
-    """Refuse the journal of another question.
-
-    Raises:
-        LogError: If something differs.
-    """
+    """Refuse the journal of another question."""
     for name in sorted({*asked, *found}):
         if found.get(name) != asked.get(name):
             raise LogError(

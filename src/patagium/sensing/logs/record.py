@@ -79,11 +79,7 @@ class LogRecord:
         return netcdf_content(self.path, LogError, "a whole log that `patagium import` wrote")
 
     def _read_header(self) -> None:
-        """Read all but the numbers.
-
-        Raises:
-            LogError: If the file is no imported log.
-        """
+        """Read all but the numbers."""
         found = self._file.__dict__
         if found.get("format") != FORMAT:
             other = "; it is a flight, which `pt.load_flight` reads" if "aero" in found else ""

@@ -273,11 +273,7 @@ def _written(
 
 
 def _refuse_unusable(log: LogFile, spool: Spool, mapping: TableMapping) -> None:
-    """Refuse streams without enough good stamps and quantities without numbers.
-
-    Raises:
-        LogError: If there is one.
-    """
+    """Refuse streams without enough good stamps and quantities without numbers."""
     for name, survey in zip(spool.plan.names, spool.surveys, strict=True):
         stamps = survey.stamps
         if stamps.kept < 2:
@@ -334,12 +330,7 @@ def _write(
 
 
 def _robot(mapping: TableMapping, source: str) -> Robot | None:
-    """Robot that a mapping names.
-
-    Raises:
-        LogError: If there is no such robot.
-        RobotFileError: If the file describes no robot.
-    """
+    """Robot that a mapping names."""
     if mapping.robot is None:
         return None
     if mapping.robot not in preset_names() and not Path(mapping.robot).exists():
