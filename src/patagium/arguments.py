@@ -57,10 +57,12 @@ def checked(function: _Function) -> _Function:
 
 
 def check_fields(record: Any) -> None:
-    """Refuse a dataclass with a field of another kind than its annotation says."""
+    """Refuse a dataclass with a field of another kind; numbers of NumPy become those of Python."""
     kind: Any = type(record)
-    for name, value in vars(record).items():
+    for name, value in list(vars(record).items()):
         of_kind(name, value, _kinds(kind)[name])
+        if isinstance(value, np.generic):
+            object.__setattr__(record, name, value.item())
 
 
 def of_kind(name: str, value: object, kind: Any) -> None:

@@ -215,7 +215,7 @@ def force_folder(folder: Path) -> None:
 def _told_of(path: str | Path) -> Iterator[None]:
     try:
         yield
-    except OSError as problem:
+    except (OSError, UnicodeEncodeError) as problem:
         raise OutputError(path, problem) from problem
 
 

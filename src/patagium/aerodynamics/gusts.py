@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import ceil, exp, floor, isfinite, sqrt
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
@@ -44,6 +44,7 @@ PIECES = 32
 """Cubics that stand for one minus cosine where it travels: to 2e-6 of its velocity."""
 
 
+@runtime_checkable
 class Gust(Protocol):
     """Velocity of the air added to the steady wind."""
 

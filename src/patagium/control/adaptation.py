@@ -89,6 +89,10 @@ class AirWeights:
 
     @checked
     def __init__(self, prior: Array, stds: Array, memory: float) -> None:
+        if not memory > 1.0:
+            raise ParameterError("memory", "more than one beat", memory)
+        if prior.ndim != 1 or stds.shape != prior.shape or not (stds > 0).all():
+            raise ParameterError("stds", "a positive number for each weight", stds)
         self.prior, self.weights, self._kept = prior, prior.copy(), 1.0 - 1.0 / memory
         self._own = np.diag(stds**-2.0)
         self._information, self._vector = self._own.copy(), self._own @ prior

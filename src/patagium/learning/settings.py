@@ -14,7 +14,7 @@ from math import inf, isfinite
 from textwrap import fill
 from typing import Any, Literal, NamedTuple, TypeAlias
 
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import ParameterError, ShapeError, finite
 from patagium.removed import refuse_removed
 
 FILTERS = ("cubature", "extended")
@@ -157,6 +157,11 @@ def _check_fields(record: Any) -> None:
             one.metadata["meaning"].check(one.name, value)
         if one.type in ("int", "int | None") and value is not None and type(value) is not int:
             raise ParameterError(one.name, "a whole number", value)
+        kind = one.metadata.get("group")
+        if kind is not None and not isinstance(value, kind | None):
+            raise ParameterError(one.name, f"{kind.__name__}(...) or None", value)
+        if one.type in ("float", "float | None") and value is not None:
+            finite(one.name, value)
 
 
 BLOCKS = ("full", "layer", "node")

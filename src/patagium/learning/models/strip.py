@@ -19,6 +19,7 @@ from patagium.aerodynamics.local_flow import strip_motions
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.aerodynamics.strip_loads import StripLoad, assemble
 from patagium.arguments import checked
+from patagium.arrays import real_array
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning.models.network import FlightTerms
 from patagium.learning.models.perceptron import Perceptron
@@ -192,7 +193,7 @@ def _measurement(robot: Robot, measured: Measured) -> tuple[tuple[str, ...], Arr
         for name in names:
             robot.index(name)
         return names, None
-    matrix = np.array(measured, float)
+    matrix = real_array("measured", measured)
     columns = 3 * len(robot.strips)
     if matrix.ndim != 2 or matrix.shape[1] != columns or not len(matrix):
         raise ShapeError("measured", ("n_y", columns), matrix.shape)

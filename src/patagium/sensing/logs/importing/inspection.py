@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from patagium.arguments import checked
 from patagium.errors import LogError
 from patagium.sensing.logs.files.channels import (
     ColumnError,
@@ -133,6 +134,7 @@ class Inspection:
         return asdict(self)
 
 
+@checked
 def inspect_log(
     paths: str | Path | Sequence[str | Path],
     *,
