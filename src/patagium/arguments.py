@@ -48,9 +48,8 @@ def checked(function: _Function) -> _Function:
             elif known.parameters[name].kind is Parameter.VAR_KEYWORD:
                 for key, one in value.items():
                     of_kind(key, one, kinds.get(name, Any))
-            elif name in kinds:
-                some = known.parameters[name].kind is Parameter.VAR_POSITIONAL
-                of_kind(name, value, Sequence[kinds[name]] if some else kinds[name])
+            elif name in kinds and known.parameters[name].kind is not Parameter.VAR_POSITIONAL:
+                of_kind(name, value, kinds[name])
         return function(*given, **named)
 
     return entered  # type: ignore[return-value]

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import isfinite, pi
+from math import pi
 from typing import Any
 
 import casadi as ca
@@ -66,7 +66,7 @@ class AddedMass:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        if not (isfinite(self.factor) and self.factor >= 0):
+        if self.factor < 0:
             raise ParameterError("factor", "a number >= 0", self.factor)
 
     @property

@@ -44,8 +44,8 @@ class Air:
     ground: float | None = None
 
     def __post_init__(self) -> None:
-        check_fields(self)
         positive("density", self.density, "a positive number [kg/m^3]")
+        check_fields(self)
         if self.ground is not None:
             object.__setattr__(self, "ground", finite("ground", self.ground))
         object.__setattr__(self, "density", float(self.density))

@@ -11,7 +11,7 @@ does not halve it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import isfinite, pi, radians
+from math import pi, radians
 from typing import Any
 
 import casadi as ca
@@ -97,7 +97,7 @@ class DeLaurier(Aerodynamics):
         check_fields(self)
         for name in NUMBERS:
             value = getattr(self, name)
-            if not (isfinite(value) and (value >= 0 or name == "zero_lift_angle")):
+            if value < 0 and name != "zero_lift_angle":
                 raise ParameterError(name, "a number >= 0, or a finite zero_lift_angle", value)
         if self.suction_efficiency > 1:
             raise ParameterError("suction_efficiency", "0 to 1", self.suction_efficiency)

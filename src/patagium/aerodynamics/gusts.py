@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import ceil, exp, floor, isfinite, sqrt
+from math import ceil, exp, floor, sqrt
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import casadi as ca
@@ -95,8 +95,6 @@ class DiscreteGust:
     def __post_init__(self) -> None:
         check_fields(self)
         object.__setattr__(self, "velocity", triple("velocity", self.velocity))
-        if not isfinite(self.start):
-            raise ParameterError("start", "a finite time [s]", self.start)
         positive("length_time", self.length_time)
 
     def share(self, phase: Array) -> Array:
@@ -227,7 +225,7 @@ class DrydenGust:
             raise ParameterError("intensity", "three numbers >= 0 [m/s]", self.intensity)
         positive("length_scale", min(self.length_scale))
         positive("airspeed", self.airspeed)
-        if self.seed != int(self.seed) or self.seed < 0:
+        if self.seed < 0:
             raise ParameterError("seed", "a whole number >= 0", self.seed)
 
     @property

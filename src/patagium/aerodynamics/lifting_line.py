@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import isfinite
 from typing import Any
 
 import casadi as ca
@@ -124,7 +123,7 @@ class LiftingLine(Aerodynamics):
 
     def __post_init__(self) -> None:
         check_fields(self)
-        if not (isfinite(self.surface_constant) and self.surface_constant >= 0):
+        if self.surface_constant < 0:
             raise ParameterError("surface_constant", "a number >= 0", self.surface_constant)
 
     @property

@@ -71,7 +71,9 @@ class QuasiSteady(Aerodynamics):
     force_point_switches: bool = True
 
     name = "quasi_steady"
-    __post_init__ = check_fields
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     @property
     def state_size(self) -> int:

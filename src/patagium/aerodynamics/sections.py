@@ -28,6 +28,7 @@ from patagium.aerodynamics.polars import (
     table_values,
 )
 from patagium.aerodynamics.smooth_functions import smooth_step
+from patagium.arguments import check_fields
 from patagium.arrays import brief
 from patagium.errors import ParameterError
 
@@ -246,9 +247,7 @@ class Section(StripSection):
     numbers = _NUMBERS
 
     def __post_init__(self) -> None:
-        for name in _NUMBERS:
-            if not isfinite(getattr(self, name)):
-                raise ParameterError(name, "a finite number", getattr(self, name))
+        check_fields(self)
         for name in ("lift_slope", "profile_drag"):
             if getattr(self, name) < 0:
                 raise ParameterError(name, "a number >= 0", getattr(self, name))

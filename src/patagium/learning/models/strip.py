@@ -90,7 +90,7 @@ class StripNetwork(WingNetwork):
     ) -> None:
         if not robot.strips:
             raise ParameterError("robot", "a robot with wings", robot.name)
-        if not (np.isfinite(coefficient_scale) and coefficient_scale > 0):
+        if coefficient_scale <= 0:
             raise ParameterError("coefficient_scale", "a positive number", coefficient_scale)
         if chord_fraction is not None and not 0 <= chord_fraction <= 1:
             raise ParameterError("chord_fraction", "0 to 1, or None", chord_fraction)

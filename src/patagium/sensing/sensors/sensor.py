@@ -94,8 +94,6 @@ class Sensor:
     def __post_init__(self) -> None:
         check_fields(self)
         positive("rate", self.rate)
-        for name in ("delay", "clock_offset", "clock_drift"):
-            finite(name, getattr(self, name))
         if self.delay < 0:
             raise ParameterError("delay", "zero or more seconds", self.delay)
         if abs(self.clock_drift) >= 0.1:
