@@ -21,6 +21,8 @@ _WORDS = MappingProxyType({
     "Aerodynamics": "a model of the air such as pt.QuasiSteady(robot)",
     "Callable": "a function", "Estimator": "a function",
     "Dataset": "a Dataset such as pt.load_flight('flight.nc')",
+    "Learner": "a learner such as pt.CubatureLearner(network)",
+    "Trained": "a model such as pt.load_model('model.json')",
     "NoneType": "None", "Mount": "a Mount such as pt.mounts.fixed()",
 })  # fmt: skip
 _LARGEST = 2**63  # whole number
@@ -81,7 +83,7 @@ def of_kind(name: str, value: object, kind: Any) -> None:
 
 def _check_options(given: Mapping[str, Any], typed: dict[str, Any], kinds: Any) -> None:
     if unknown := sorted(given.keys() - typed.keys()):
-        expected = f"expected one of {', '.join(sorted(typed))}{similar(unknown[0], kinds)}"
+        expected = f"expected one of {', '.join(sorted(typed))}{similar(unknown[0], list(kinds))}"
         raise TypeError(f"unexpected keyword argument {unknown[0]!r}, {expected}")
     for name, value in given.items():
         of_kind(name, value, typed[name])

@@ -57,6 +57,7 @@ class Gust(Protocol):
         ...
 
 
+@runtime_checkable
 class Profile(Gust, Protocol):
     """A gust that can travel: between its knots a cubic in time."""
 
@@ -415,8 +416,6 @@ class TravelingGust:
         if length == 0:
             raise ParameterError("direction", "a direction, not zero", self.direction)
         positive("speed", self.speed)
-        if not callable(getattr(self.profile, "knots", None)):
-            raise ParameterError("profile", "a gust with knots, that can travel", self.profile)
         object.__setattr__(self, "direction", tuple((direction / length).tolist()))
         object.__setattr__(self, "origin", triple("origin", self.origin))
 

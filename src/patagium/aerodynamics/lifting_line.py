@@ -18,12 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.indicial import TWO_STATE, Indicial, Lags, Relaxation, lag_relaxation
-from patagium.aerodynamics.local_flow import (
-    StripMotion,
-    airspeed,
-    normalwash,
-    strip_motions,
-)
+from patagium.aerodynamics.local_flow import StripMotion, airspeed, normalwash, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import SectionFlow, rounded_ramp, section_flow
 from patagium.aerodynamics.sections import (

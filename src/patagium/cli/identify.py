@@ -166,7 +166,11 @@ def identify(
 def _learned(
     learner: Any, file: Path, learned: Any, options: dict[str, Any], state: Path | None
 ) -> Any:
-    """Identification of a flight, a table or a long log; Ctrl-C keeps a state."""
+    """Identification of a flight, a table or a long log; Ctrl-C keeps the state, if there is one.
+
+    Raises:
+        Exit: With code 130 on Ctrl-C.
+    """
     from patagium.cli.interruption import Interrupted, interrupted_between_samples
     from patagium.cli.state import keep_state
     from patagium.cli.words import progress_bar

@@ -36,15 +36,7 @@ from patagium.errors import ParameterError, PatagiumError, positive
 from patagium.limits import ROBOT_FILE
 from patagium.reading import parsed_yaml, refused, text_of
 from patagium.robot import Robot, load_robot
-from patagium.robot.units import (
-    Duration,
-    Frequency,
-    Length,
-    Mass,
-    PureNumber,
-    Speed,
-    quantity_type,
-)
+from patagium.robot.units import Duration, Frequency, Length, Mass, PureNumber, Speed, quantity_type
 from patagium.sensing.sensors import presets
 from patagium.sensing.sensors.sensor import Sensor
 from patagium.simulation import gaits

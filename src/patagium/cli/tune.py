@@ -137,7 +137,11 @@ def _tried(
 
 
 def _check_alike(files: Sequence[Path], logs: Sequence[Any]) -> None:
-    """Refuse files that one network cannot learn."""
+    """Refuse files that one network cannot learn.
+
+    Raises:
+        LogError: If some are flights and some are tables, or the robot or the wind differs.
+    """
     from patagium.errors import LogError
     from patagium.sensing import LogTable
     from patagium.simulation import air_of, robot_of

@@ -20,13 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.arguments import checked, of_kind
-from patagium.control.estimators import (
-    Estimate,
-    Estimator,
-    NoisyState,
-    TrackedState,
-    Truth,
-)
+from patagium.control.estimators import Estimate, Estimator, NoisyState, TrackedState, Truth
 from patagium.control.events import Event, StuckEvent, with_gusts
 from patagium.control.orbit import Orbit
 from patagium.control.predictive import OrbitModel

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.arguments import of_kind
+from patagium.arguments import checked
 from patagium.dynamics import equations, kinematics
 from patagium.dynamics.kinematics import body_poses
 from patagium.errors import ShapeError
@@ -217,8 +217,8 @@ class Dynamics(_Methods):
     def __repr__(self) -> str:
         return f"<Dynamics of {self.robot!r}>"
 
+    @checked
     def __init__(self, robot: Robot) -> None:
-        of_kind("robot", robot, Robot)
         self.robot = robot
         self._parameters = robot.parameters
         self._functions = load_functions(

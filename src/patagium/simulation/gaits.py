@@ -288,13 +288,13 @@ def superposed(robot: Robot, *parts: Gait) -> SuperposedGait:
     return _within_limits(robot, gait)
 
 
+@checked
 def check_gait(robot: Robot, gait: Gait) -> None:
     """Refuse a gait of another robot's joints.
 
     Raises:
         ParameterError: If its joints are not the robot's actuated ones.
     """
-    of_kind("gait", gait, Gait)
     if tuple(gait.joints) != _joints(robot):
         expected = f"a gait of {robot.name!r}, of the joints {', '.join(_joints(robot))}"
         raise ParameterError("gait", expected, ", ".join(gait.joints))

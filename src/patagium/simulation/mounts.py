@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arguments import checked, of_kind
+from patagium.arguments import checked
 from patagium.errors import ParameterError, suggest_names
 from patagium.robot import Body, Joint, Robot
 from patagium.robot.attitude import rotation_from_angles
@@ -127,6 +127,7 @@ def load_cell(
     return InternalLoadCell(at, position, orientation)
 
 
+@checked
 def mount_of(robot: Robot, mount: Mount | None) -> Mount:
     """The mount asked for, or what the robot implies: free if it floats, else fixed.
 
@@ -135,7 +136,6 @@ def mount_of(robot: Robot, mount: Mount | None) -> Mount:
     """
     if mount is None:
         return free() if robot.floating else fixed()
-    of_kind("mount", mount, Mount)
     if mount.kind != "fixed" and not robot.floating:
         raise ParameterError("mount", f"fixed: {robot.name!r} has no floating body", mount.kind)
     if mount.path is not None and len(floating_dofs(robot)) != CELL_COORDINATES:

@@ -19,15 +19,9 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
-from patagium.arguments import checked, of_kind
+from patagium.arguments import checked
 from patagium.arrays import real_array
-from patagium.errors import (
-    Outcome,
-    ParameterError,
-    ShapeError,
-    SimulationFailed,
-    positive,
-)
+from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFailed, positive
 from patagium.limits import MOST_STEPS
 from patagium.native import load_functions
 from patagium.robot import Robot
@@ -86,14 +80,13 @@ def whole_steps(duration: float, time_step: float, name: str = "duration") -> in
     return steps
 
 
+@checked
 def check_robots(robot: Robot, aero: Aerodynamics) -> None:
     """Refuse a model of the air around another robot.
 
     Raises:
         ParameterError: If its coordinates or strips are not the robot's.
     """
-    of_kind("robot", robot, Robot)
-    of_kind("aero", aero, Aerodynamics)
     if _shape(aero.robot) != _shape(robot):
         raise ParameterError(
             "aero", f"a model of the air around {_named(robot)}", _named(aero.robot)

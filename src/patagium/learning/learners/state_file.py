@@ -90,7 +90,11 @@ def _bytes_of(description: Mapping[str, Any], state: Mapping[str, Any]) -> bytes
 
 
 def _sound(file: Path, content: bytes) -> bytes:
-    """Content of a file as its digest says it was written."""
+    """Content of a file as its digest says it was written.
+
+    Raises:
+        LogError: If it is of another format, or damaged.
+    """
     first, _, content = content.partition(b"\n")
     if first != FORMAT.encode():
         found = first[:40].decode("ascii", errors="replace")

@@ -31,12 +31,7 @@ from patagium.arguments import checked
 from patagium.dynamics.equations import inverse, kirchhoff_force
 from patagium.errors import ParameterError
 from patagium.learning.models.dense import described
-from patagium.learning.models.memory import (
-    LagEquations,
-    MemoryState,
-    memory_in,
-    row_size,
-)
+from patagium.learning.models.memory import LagEquations, MemoryState, memory_in, row_size
 from patagium.learning.models.network import Encoding, FlightTerms, GroupedNetwork
 from patagium.learning.models.physical import (
     FACTOR,

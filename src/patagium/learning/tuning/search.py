@@ -291,7 +291,11 @@ def _optuna() -> Any:
 
 
 def _installed(module: str, extra: str, library: str, found: str) -> Any:
-    """Module of an optional library."""
+    """Module of an optional library.
+
+    Raises:
+        ParameterError: If it is not installed.
+    """
     try:
         return import_module(module)
     except ImportError:
@@ -322,7 +326,11 @@ def _storage(path: Path) -> Any:
 def _check_question(
     path: str | Path | None, found: Mapping[str, Any], asked: Mapping[str, Any]
 ) -> None:
-    """Refuse the journal of another question."""
+    """Refuse the journal of another question.
+
+    Raises:
+        LogError: If something differs.
+    """
     for name in sorted({*asked, *found}):
         if found.get(name) != asked.get(name):
             raise LogError(

@@ -12,15 +12,7 @@ import numpy as np
 from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
-from patagium.sensing.sensors.sensor import (
-    Array,
-    Reading,
-    Sensor,
-    Signal,
-    limited,
-    noise,
-    stepped,
-)
+from patagium.sensing.sensors.sensor import Array, Reading, Sensor, Signal, limited, noise, stepped
 
 
 @dataclass(frozen=True, kw_only=True)

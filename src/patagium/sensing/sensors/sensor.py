@@ -101,7 +101,7 @@ class Sensor:
         for entry in fields(self):
             if entry.metadata == _NOISE:
                 value = getattr(self, entry.name)
-                if value is not None and not (np.isfinite(value).all() and np.min(value) >= 0):
+                if value is not None and not np.min(value) >= 0:
                     raise ParameterError(entry.name, "zero or more", value)
         if not self.name:
             object.__setattr__(self, "name", type(self).__name__.lower())

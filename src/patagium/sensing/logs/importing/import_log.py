@@ -27,12 +27,7 @@ from patagium.sensing.logs.files.channels import Array, LogFile
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.files.table_files import CsvFile
 from patagium.sensing.logs.importing.consistency import consistency
-from patagium.sensing.logs.importing.findings import (
-    SECOND,
-    Finding,
-    Progress,
-    StampSurvey,
-)
+from patagium.sensing.logs.importing.findings import SECOND, Finding, Progress, StampSurvey
 from patagium.sensing.logs.importing.log_findings import log_findings, table_range_findings
 from patagium.sensing.logs.importing.plan import Plan, plan_import, variable_name
 from patagium.sensing.logs.importing.resample import (

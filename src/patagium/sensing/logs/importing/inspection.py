@@ -17,13 +17,7 @@ import numpy as np
 
 from patagium.arguments import checked
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import (
-    ColumnError,
-    LogFile,
-    Request,
-    StampSource,
-    Topic,
-)
+from patagium.sensing.logs.files.channels import ColumnError, LogFile, Request, StampSource, Topic
 from patagium.sensing.logs.files.message_files import NO_MESSAGE
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.files.table_files import guessed_base
