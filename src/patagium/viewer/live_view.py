@@ -123,7 +123,11 @@ class LiveView:
 
 
 def _bound(host: str, port: int) -> str:
-    """Address in numbers that a page would be served at."""
+    """Address in numbers that a page would be served at.
+
+    Raises:
+        ParameterError: If it is taken, or not one of this machine.
+    """
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

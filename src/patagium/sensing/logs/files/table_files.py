@@ -483,7 +483,11 @@ class CsvFile:
         return numbers
 
     def _frames(self, text: io.TextIOBase, chosen: list[str] | None) -> Iterator[Any]:
-        """Blocks of rows, of some columns or all."""
+        """Blocks of rows, of some columns or all.
+
+        Raises:
+            LogError: If a line has more entries than there are names.
+        """
         remedy = (
             "put lists and text with separators in quotes, name every column, or state the lines "
             "before the names as `skip_rows`"
@@ -525,7 +529,11 @@ class CsvFile:
             ) from problem
 
     def _table(self, look: str, units: Mapping[str, str]) -> Topic:
-        """Topic of the columns, by the first lines."""
+        """Topic of the columns, by the first lines.
+
+        Raises:
+            LogError: If there is no line of names, or a line has more entries than names.
+        """
         if any(_is_number(name) and not name.isdigit() for name in self._names):
             raise LogError(
                 f"{self.path}: expected a line of names, found numbers in line {self._skip}; write "

@@ -86,7 +86,11 @@ def _item_findings(item: Quantity, values: ValueSurvey, *, known: bool) -> list[
 
 
 def _matrix_findings(item: Quantity, spool: Spool, path: Path) -> list[Finding]:
-    """Finding about rows of an attitude that are no rotation matrices."""
+    """Finding about rows of an attitude that are no rotation matrices.
+
+    Raises:
+        LogError: If most rows are none.
+    """
     if item.order != "matrix":
         return []
     name, rows, bad, worst = item.column.label, 0, 0, np.empty((0, 9))

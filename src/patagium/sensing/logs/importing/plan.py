@@ -191,7 +191,11 @@ def rate_of(rate: str | float, where: str) -> float:
 def _restamp_rates(
     mapping: TableMapping, keys: list[tuple[str, StampSource]], source: str
 ) -> tuple[float | None, ...]:
-    """Rate at which each stream is restamped [Hz]; None for those that keep their stamps."""
+    """Rate at which each stream is restamped [Hz]; None for those that keep their stamps.
+
+    Raises:
+        LogError: If a rate is none, or it is not clear which stream it is of.
+    """
     given, where = mapping.time.restamp, f"{source}: time.restamp"
     if given is None:
         return (None,) * len(keys)
@@ -220,7 +224,11 @@ def variable_name(label: str) -> str:
 
 
 def _take_names(column: ValueColumn, taken: set[str], where: str) -> None:
-    """Add the names of the numbers of a quantity to the names that are taken."""
+    """Add the names of the numbers of a quantity to the names that are taken.
+
+    Raises:
+        LogError: If a name is taken already, is too long, or has characters that a file refuses.
+    """
     for label in column.labels:
         name = variable_name(label)
         if name in taken:

@@ -83,7 +83,11 @@ def _lost(late: Array, step: float, gap: float) -> tuple[Array, Stamps]:
 
 
 def _refuse_other_rate(late: Array, known: Stamps, step: float, gap: float, where: str) -> None:
-    """Refuse a rate from which the stamps drift away."""
+    """Refuse a rate from which the stamps drift away.
+
+    Raises:
+        LogError: If they do.
+    """
     share = max(1, len(late) // _ENDS)
     drift = float(np.median(late[-share:]) - np.median(late[:share]))
     span = float(np.median(known[-share:]) - np.median(known[:share]))
