@@ -215,7 +215,7 @@ def force_folder(folder: Path) -> None:
 def _told_of(path: str | Path) -> Iterator[None]:
     try:
         yield
-    except (OSError, UnicodeEncodeError) as problem:
+    except OSError as problem:
         raise OutputError(path, problem) from problem
 
 
@@ -232,6 +232,8 @@ def _behind(path: Path) -> tuple[Path, os.stat_result | None]:
         former = place.stat()
     except FileNotFoundError:
         return place, None
+    except ValueError as problem:  # a name that no system has
+        raise OSError(problem) from problem
     if stat.S_ISDIR(former.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if _is_of_descriptors(folder):  # whatever it is, its reader holds it by another name

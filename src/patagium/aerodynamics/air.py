@@ -45,11 +45,11 @@ class Air:
 
     def __post_init__(self) -> None:
         positive("density", self.density, "a positive number [kg/m^3]")
-        check_fields(self)
         if self.ground is not None:
             object.__setattr__(self, "ground", finite("ground", self.ground))
         object.__setattr__(self, "density", float(self.density))
         object.__setattr__(self, "wind", triple("wind", self.wind))
+        check_fields(self)
 
     @property
     def ground_parameters(self) -> dict[str, float]:

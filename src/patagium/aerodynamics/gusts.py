@@ -94,8 +94,8 @@ class DiscreteGust:
     name: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
-        check_fields(self)
         object.__setattr__(self, "velocity", triple("velocity", self.velocity))
+        check_fields(self)
         positive("length_time", self.length_time)
 
     def share(self, phase: Array) -> Array:
@@ -219,9 +219,9 @@ class DrydenGust:
     name: ClassVar[str] = "dryden"
 
     def __post_init__(self) -> None:
-        check_fields(self)
         object.__setattr__(self, "intensity", triple("intensity", self.intensity))
         object.__setattr__(self, "length_scale", triple("length_scale", self.length_scale))
+        check_fields(self)
         if min(self.intensity) < 0:
             raise ParameterError("intensity", "three numbers >= 0 [m/s]", self.intensity)
         positive("length_scale", min(self.length_scale))
@@ -410,14 +410,15 @@ class TravelingGust:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        check_fields(self)
         direction = np.array(triple("direction", self.direction))
+        origin = triple("origin", self.origin)
+        check_fields(self)
         length = float(np.linalg.norm(direction))
         if length == 0:
             raise ParameterError("direction", "a direction, not zero", self.direction)
         positive("speed", self.speed)
         object.__setattr__(self, "direction", tuple((direction / length).tolist()))
-        object.__setattr__(self, "origin", triple("origin", self.origin))
+        object.__setattr__(self, "origin", origin)
 
     @property
     def parameters(self) -> Array:

@@ -74,10 +74,11 @@ class StallDelay:
     vortex_arm: float = 0.2
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in DELAYS:
             value = getattr(self, name)
             arm = name == "vortex_arm"
-            if not (isfinite(value) and (0 <= value <= 0.75 if arm else value > 0)):
+            if not (0 <= value <= 0.75 if arm else value > 0):
                 expected = "0 to 0.75 chords" if arm else "a positive number"
                 raise ParameterError(f"stall delay {name}", expected, value)
 

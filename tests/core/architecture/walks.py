@@ -101,7 +101,8 @@ def spread_walk(folder: Path) -> list[str]:
     """Modules through which the spread goes from the command line to C, in order.
 
     A function is on the walk if it is given the spread, or a record with it, and hands it on:
-    to another function on the walk, to its caller in what it returns or makes, or to C.
+    to another function on the walk, to its caller in what it returns or makes, or to C. The check
+    of arguments hands on what it was given, whatever that is, and does not count.
     """
     open_frames: list[dict[str, Any]] = []
     order: list[dict[str, Any]] = []
@@ -123,7 +124,8 @@ def spread_walk(folder: Path) -> list[str]:
             open_frames[-1]["onward"] = True
 
     traced(stream_words(folder, 1), note)
-    return [*dict.fromkeys(step["module"] for step in order if step.get("on the walk"))]
+    walked = (step["module"] for step in order if step.get("on the walk"))
+    return [name for name in dict.fromkeys(walked) if name != "patagium.arguments"]
 
 
 def functions_called(words: list[str]) -> dict[tuple[str, str], None]:

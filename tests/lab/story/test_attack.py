@@ -21,8 +21,7 @@ from patagium_lab.attack.worker import attacked, attacked_here
 from patagium_lab.study import Stages
 
 CORPUS = sorted((Path(__file__).parent / "corpus").iterdir())
-CALLS = [target for target in call_targets() if "control" in target.name]
-TARGETS = {target.name: target for target in (*file_targets(), *packet_targets(), *CALLS)}
+TARGETS = {one.name: one for one in (*file_targets(), *packet_targets(), *call_targets())}
 forks = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 
 

@@ -43,8 +43,18 @@ _FILES: tuple[Any, ...] = (
     "flight.nc", "learner.state", "settings.yaml", "gait.csv", "robot.urdf", "sensors.nc", "\x00",
     "éü.nc", "\ud800.nc", "x.html", Path("a b.nc"), b"x.nc", [], ["flight.nc"], None, 10**400, 1j,
 )  # fmt: skip
+_PLAIN: tuple[Any, ...] = (None, True, False, 0, 1, 2, 5, 0.0, 0.1, 0.5, 1.0, 3.0, [0.0, 0.0, 0.1])
+"""Plain values of an optional argument."""
 _PATHS = {"path", "paths", "out", "mapping", "name_or_path", "log"}
-_UNTOLD = {"identify", "evaluate", "stream", "inverse_dynamics_force", "momentum_force", "tune"}
+_UNTOLD = {
+    "inspect_log",
+    "identify",
+    "evaluate",
+    "stream",
+    "inverse_dynamics_force",
+    "momentum_force",
+    "tune",
+}
 """Functions whose results say by nan what the samples do not tell."""
 _KEPT = ("q", "v", "a")
 
@@ -203,7 +213,7 @@ def _flights() -> dict[str, Valid]:
                "control_period")  # fmt: skip
     return {
         "simulate": Valid(pt.simulate, flown, (*options, "throw", "progress")),
-        "Simulator": Valid(pt.Simulator, flown, options),
+        "Simulator": Valid(pt.Simulator, flown, options[:-2]),
         "cycle_statistics": Valid(
             pt.cycle_statistics, {"flight": flight, "period": 0.02, "skip": 0}, ("phases",)
         ),
@@ -322,6 +332,25 @@ def _airs() -> dict[str, Valid]:
             pt.LiftingLine, {"robot": robot}, ("air", "lags", "section", "surface_constant")
         ),
         "DeLaurier": Valid(pt.DeLaurier, {"robot": robot}, ("air", "lift_slope", "stall_angle")),
+        "Inflow": Valid(pt.air.Inflow, {"model": pt.QuasiSteady(robot)}),
+        "WindShear": Valid(
+            pt.air.WindShear, {"model": pt.QuasiSteady(robot)},
+            ("reference_height", "exponent", "roughness"),
+        ),
+        "Section": Valid(
+            pt.air.Section, {}, ("lift_slope", "profile_drag", "stall_begins", "stalled")
+        ),
+        "StallDelay": Valid(pt.air.StallDelay, {}, ("pressure", "separation", "vortex")),
+        "OneMinusCosineGust": Valid(
+            pt.air.OneMinusCosineGust,
+            {"velocity": (0.0, 0.0, 1.0), "start": 0.01, "length_time": 0.02},
+        ),
+        "DrydenGust": Valid(
+            pt.air.DrydenGust,
+            {"intensity": (0.1, 0.1, 0.1), "length_scale": (5.0, 5.0, 5.0), "airspeed": 5.0,
+             "seed": 1},
+        ),
+        "fitted_indicial": Valid(pt.air.fitted_indicial, {"rate": [0.05, 0.3]}),
         "AddedMass": Valid(pt.AddedMass, {"robot": robot}, ("air", "factor")),
         "replay": Valid(
             pt.replay, {"flight": flight, "path": "x.html"},
@@ -387,6 +416,18 @@ def _paths() -> dict[str, Valid]:
             ("closed", "attitude"),
         ),
         "sensors.Encoder": Valid(pt.sensors.Encoder, {"rate": 500.0}, ("name", "delay")),
+        "sensors.MotionCapture": Valid(
+            pt.sensors.MotionCapture, {"body": "body", "rate": 100.0},
+            ("position", "position_std", "attitude_std", "dropout", "dropout_length"),
+        ),
+        "sensors.LoadCell": Valid(
+            pt.sensors.LoadCell, {"rate": 500.0},
+            ("body", "at", "position", "force_std", "cross_talk", "force_range", "bandwidth"),
+        ),
+        "sensors.MotorCurrent": Valid(
+            pt.sensors.MotorCurrent, {"rate": 500.0, "torque_constant": 0.01},
+            ("joints", "gear_ratio", "delay"),
+        ),
         "sensors.Imu": Valid(
             pt.sensors.Imu, {"body": "body", "rate": 500.0}, ("name", "delay", "position")
         ),
@@ -422,7 +463,12 @@ def _calls(folder: Path, calls: Callable[[], dict[str, Valid]]) -> Callable[[Dra
 
 
 def _value(draw: Draw, place: str, usual: Any, material: list[Any]) -> Any:
-    """Hostile value of an argument: any, that of another one, or the usual one in part."""
+    """Hostile value of an argument: any, that of another one, or the usual one in part.
+
+    Half of them are of the right kind, as near as may be.
+    """
+    if draw.random() < 0.5:
+        return _near(draw, usual)
     kind = draw.random()
     if place in _PATHS and kind < 0.8:
         return _FILES[int(draw.integers(len(_FILES)))]
@@ -445,6 +491,23 @@ def _value(draw: Draw, place: str, usual: Any, material: list[Any]) -> Any:
         numbers.flat[0] = float(draw.choice([np.nan, np.inf, 1e308, -1.0, 0.0]))
         return numbers
     return value
+
+
+def _near(draw: Draw, usual: Any) -> Any:
+    """Value like the usual one; a plain one where there is none."""
+    if isinstance(usual, bool):
+        return not usual
+    if isinstance(usual, int):
+        return usual + int(draw.integers(-2, 3))
+    if isinstance(usual, float | np.ndarray):
+        return usual * float(draw.choice([-1.0, 0.0, 0.5, 0.9, 1.1, 2.0, 10.0]))
+    if isinstance(usual, list) and usual:
+        return usual[: int(draw.integers(len(usual) + 1))] or [*usual, usual[0]]
+    if isinstance(usual, tuple) and usual:
+        return tuple(_near(draw, one) for one in usual)
+    if isinstance(usual, dict) and usual:
+        return {key: _near(draw, value) for key, value in usual.items()}
+    return _PLAIN[int(draw.integers(len(_PLAIN)))] if usual is None else usual
 
 
 def _called(name: str, valid: Valid, hostile: Mapping[str, Any]) -> None:
