@@ -12,6 +12,7 @@ resolved when first used, so that importing the package costs nothing.
 from __future__ import annotations
 
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from patagium.version import __version__
@@ -125,13 +126,12 @@ def __getattr__(name: str) -> Any:
         from patagium.removed import refuse_removed
 
         refuse_removed(__name__, name)
-        known = dict[str, str]()
-        for space in _NAME_SPACES if not name.startswith("_") else ():  # importers ask for those
+        known = dict[str, str]()  # none for importers, which ask for "__path__" and for modules
+        for space in () if name[0] == "_" or find_spec(f"{__name__}.{name}") else _NAME_SPACES:
             words = import_module(f"{__name__}.{space}").__all__
             known |= {word: f"{__name__}.{space}.{word}" for word in words}
         raise unknown_name(__name__, name, known | {word: word for word in __all__})
-    value = getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
-    globals()[name] = value
+    globals()[name] = value = getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
     return value
 
 

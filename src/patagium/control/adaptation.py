@@ -14,14 +14,14 @@ Neglected: what neither explains, which is noise to the weights; errors of the m
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import replace
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
+from scipy.special import fdtri
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.aerodynamics.learned_air import WRENCH, LearnedAir
@@ -128,6 +128,9 @@ class AirWeights:
         """
         self._information += share * (self._own - self._information)
         self._vector += share * (self._own @ self.prior - self._vector)
+        self._errors *= 1 - share
+        self._count *= 1 - share
+        self.weights = np.asarray(np.linalg.solve(self._information, self._vector), float)
 
     def differ(self, others: Array) -> bool:
         """Whether the weights differ from others by more than a standard deviation.
@@ -148,9 +151,10 @@ class Disturbance:
     What the design model misses of the mean of a beat has a constant part, the model's error, and
     one that varies. A beat is learned from with the variance of the second part times the number
     of beats that are alike, (1 + rho) / (1 - rho), with rho the correlation of a beat with the
-    next; that many beats tell no more than one. Before `SETTLED` beats have told of it, rho is
-    taken to be high, and the design model to be right. Neglected: gusts that last longer than
-    `DISTURBANCE_BEATS`.
+    next, freed of its bias in few beats (Marriott and Pope 1954); that many beats tell no more
+    than one, and the test of the first part has so many degrees of freedom less. Before `SETTLED`
+    beats have told of it, rho is taken to be high, and the design model to be right. Neglected:
+    gusts that last longer than `DISTURBANCE_BEATS`.
 
     Attributes:
         alike: Beats that are alike, by velocity, (velocities,) [1]; one at first.
@@ -158,38 +162,34 @@ class Disturbance:
     """
 
     def __init__(self) -> None:
-        none = np.zeros(1)
-        self._count = 1  # one without error
+        self._missed: deque[Array] = deque(maxlen=DISTURBANCE_BEATS)
+        self._mean = self.variance = np.zeros(1)
         self.alike = np.ones(1)
-        self.variance = none
-        self._mean = none
-        self._before = none
-        self._square = none
-        self._lagged = none
 
     @property
     def stays(self) -> bool:
         """Whether the constant part is more than the mean of what varies."""
-        error = self.variance / min(self._count, DISTURBANCE_BEATS)
+        beats = max(1, len(self._missed))
+        error = np.maximum(self.variance / beats, 1e-300)
         large = self._mean**2 > 0
-        squares = self._mean[large] ** 2 / np.maximum(error, 1e-300)[large]
-        return bool(squares.sum() > chdtri(len(self._mean), UNLIKELY))
+        squares = self._mean[large] ** 2 / error[large]
+        size = len(self._mean)
+        told = beats / float(np.mean(self.alike))
+        return bool(squares.sum() > size * fdtri(size, told, 1 - UNLIKELY))
 
     def take(self, missed: Array) -> None:
         """Take what the design model misses of the mean of a beat, (velocities,) [m/s, rad/s]."""
-        self._count += 1
-        share = 1.0 / min(self._count, DISTURBANCE_BEATS)
-        apart = missed - self._mean
-        self._mean = self._mean + share * apart
-        self._square = self._square + share * (apart * (missed - self._mean) - self._square)
-        self._lagged = self._lagged + share * (apart * self._before - self._lagged)
-        self._before = apart
-        known = self._square > 0
-        told = np.where(known, self._lagged / np.where(known, self._square, 1.0), 0.0)
-        rho = told + (LASTING - told) * SETTLED / (self._count + SETTLED)
-        rho = np.clip(rho, 0.0, LASTING)
+        self._missed.extend([missed] if self._missed else [0 * missed, missed])
+        beats = len(self._missed)
+        self._mean = np.mean(self._missed, axis=0)
+        apart = np.array(self._missed) - self._mean
+        square = (apart**2).mean(axis=0)
+        lagged = (apart[1:] * apart[:-1]).sum(axis=0) / beats
+        told = lagged / np.where(square > 0, square, 1.0)
+        told = np.minimum(told + (1 + 4 * told) / beats, LASTING)
+        rho = np.clip(told + (LASTING - told) * SETTLED / (beats + SETTLED), 0.0, LASTING)
         self.alike = (1 + rho) / (1 - rho)
-        self.variance = self._square * self.alike
+        self.variance = square * self.alike
 
 
 class Departures:
@@ -417,12 +417,8 @@ class AdaptiveController:
     def _wanted(self) -> Array:
         """Weights to follow: those learned where they predict better and are others."""
         learner = self.learner
-        if self._departures.pause:
-            return learner.prior
-        whole = self._air is self._design.aero
-        if whole and not self._disturbance.stays:
-            return learner.prior
-        if not learner.better:
+        stays = self._disturbance.stays and learner.better
+        if self._departures.pause or not stays:
             return learner.prior
         if not learner.differ(self.weights):
             return self.weights
@@ -432,7 +428,8 @@ class AdaptiveController:
         """Whether the cut of a wing explains the beat before an interval; it is taken over then.
 
         The cut may have happened within the beat: its intervals are those of the whole wing, one
-        that is left out, and at least `LEAST_CUT` of the cut wing.
+        that is left out, and at least `LEAST_CUT` of the cut wing. It explains the beat where what
+        is left is no surprise, and a quarter at most: some cut always takes a part of a gust.
         """
         from scipy.optimize import minimize_scalar  # slow to import, rarely needed
 
@@ -455,7 +452,7 @@ class AdaptiveController:
 
             minimize_scalar(without, bounds=(0.0, LARGEST_CUT), options={"xatol": 0.005})
         least, air = min(found, key=lambda one: one[0])
-        if not least <= max(SURPRISE, surprise / 4):
+        if not least <= min(SURPRISE, surprise / 4):
             return False
         self._air = air
         self._disturbance = Disturbance()

@@ -296,7 +296,7 @@ EXTENDED_FILTER = struct(
     """
     panel_filter filter: mean, root and sample
     lags *lags: lags of a network whose encoder has weights, or NULL
-    const int32_t *place: weights: row of each in `derivative`, where blocks follow each other
+    const int32_t *place: weights: row of each in `derivative`; NULL: in their order
     double *derivative: weights x stride: H'
     double *seeds: 2 x items widest x stride: dy / d sums of a layer, of that below
     """,

@@ -163,7 +163,12 @@ def test_a_name_like_no_other_is_refused_without_a_suggestion() -> None:
 
 @pytest.mark.parametrize(
     "statement",
-    ["import patagium", "import patagium.cli.main", "import patagium.errors"],
+    [
+        "import patagium",
+        "import patagium.cli.main",
+        "import patagium.errors",
+        "from patagium import whole_file",  # asked for as a name first, and no name space holds it
+    ],
 )
 def test_importing_loads_nothing_heavy(statement: str) -> None:
     heavy = "{'numpy', 'casadi', 'xarray', 'pandas', 'matplotlib', 'pydantic', 'pint', 'jinja2'}"

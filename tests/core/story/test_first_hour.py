@@ -10,10 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import patagium as pt
 from patagium.cli.main import run
 from patagium.cli.words import show_table
 from patagium.report import Table
 from patagium.robot import load_robot, preset_names, write_template
+from patagium.simulation.flight_summary import flight_summary
 
 SIX = (
     "simulate aerobat",
@@ -105,6 +107,13 @@ def test_the_file_of_a_new_robot_flies_and_is_never_written_over(
     file = write_template("swift")
     robot = load_robot(file)  # a RobotFileWarning would be an error
     assert robot.name == "swift" and robot.cruise is not None
+    # Pennycuick (1968), J. Exp. Biol. 49, 527: a pigeon of .4 kg flies on with 10.5 W, sprints with
+    # 20.4 W and glides 5.9 m a meter at best; wings of the default air glide 1.9 m at best
+    _said(f"simulate {file.name}", capsys)
+    facts = flight_summary(pt.load_flight("flight.nc"))
+    mass = sum(body.mass for body in robot.bodies)
+    assert 10.5 / 0.4 < facts["joint_power"] / mass < 20.4 / 0.4 * 5.9 / 1.9
+    assert abs(facts["climb_rate"]) < 0.1 * facts["speed"] and not facts["warnings"]
     file.write_text("mine")
     for name, expected in (
         ("swift", "a file that is not there yet"),

@@ -258,25 +258,25 @@ def test_a_message_too_large_ends_its_connection_alone(served: Served) -> None:
 
 
 def test_who_reads_nothing_keeps_nobody_waiting(served: Served) -> None:
-    async def talk() -> float:
+    async def talk() -> int:
         async with served.open() as client:
             await client.send(msgspec.msgpack.encode(CAMERA))
             while not served.page._server.get_clients():
                 await asyncio.sleep(0.01)
-            taken = []
-            for _ in range(200):
-                began = time.monotonic()
+            began, shown = time.monotonic(), 0
+            # of some ms each: a machine that stops for seconds has time to spare for all of them;
+            # a page that waits has none, since what it waits for never comes
+            while shown < 200 and time.monotonic() - began < 60.0:
                 served.show()
-                taken.append(time.monotonic() - began)
+                shown += 1
             await asyncio.wait_for(client.recv(), 60)
-            return sorted(taken)[180]
+            return shown
 
     with contextlib.ExitStack() as stack:
         for _ in range(5):  # these never read what they are sent
             slow = served.connection(f"/{TOKEN}", *UPGRADE)
             stack.callback(slow.close)
-        most = asyncio.run(talk())
-    assert most < 2.0  # of some ms; nine of ten, since a busy machine may stop for longer
+        assert asyncio.run(talk()) == 200
 
 
 def test_there_is_an_end_to_connections(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:

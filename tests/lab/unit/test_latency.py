@@ -56,7 +56,7 @@ def test_python_is_not_timed(monkeypatch, rng):
 
 def test_all_cases_are_there():
     found = measure_latency(100, LOADS, (False,))
-    assert len(found) == 4 * len(LOADS)
+    assert len(found) == 5 * len(LOADS)
     for one in found:
         times = list(one.duration.values())
         assert times == sorted(times) and times[0] > 0
@@ -69,5 +69,5 @@ def test_the_verb_says_and_writes_what_it_found(tmp_path, capsys):
         run(["latency", "--samples", "100", "--load", "alone", "--json", str(tmp_path / "l.json")])
     assert left.value.code == 0
     found = json.loads((tmp_path / "l.json").read_text())
-    assert len(found) == 8 and {one["paced"] for one in found} == {False, True}
+    assert len(found) == 10 and {one["paced"] for one in found} == {False, True}
     assert "p999 [us]" in capsys.readouterr().out

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics import Air, QuasiSteady
 from patagium.errors import ParameterError
+from patagium.learning.default_learner import default_learner
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.strip import StripNetwork
@@ -76,7 +77,7 @@ def measure_latency(
     pacing: Sequence[bool] = (False, True),
     progress: Progress | None = None,
 ) -> list[Latency]:
-    """Times of the pipeline with the paper's network and with the strip network.
+    """Times of the pipeline with the paper's network, the strip network and the default learner.
 
     Args:
         samples: Calls of each case.
@@ -180,6 +181,7 @@ def _pipelines() -> tuple[dict[str, Callable[[], Pipeline]], Array]:
         ),
         "strip 2-8-8-2, full covariance": made(strip, 3e-4),
         "strip 2-8-8-2, full covariance, float32": made(strip, 3e-4, dtype="float32"),
+        "default of aerobat": lambda: Pipeline(default_learner(robot), robot),
     }
     return found, flight_packets(flight)
 

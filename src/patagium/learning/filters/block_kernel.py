@@ -273,7 +273,8 @@ class BlockKernel:
                 "derivative": aligned((inner.size + 2 * self._lanes, stride), np.dtype(float)),
                 "seeds": aligned((room, stride), np.dtype(float)),
             }
-            keep["place"] = np.argsort(self._arrays["order"]).astype(np.int32)
+            if np.any(np.diff(order := self._arrays["order"]) != 1):
+                keep["place"] = np.argsort(order).astype(np.int32)
             for key, address in addresses(keep).items():
                 setattr(self._whole, key, address)
         if isinstance(network, HiddenStripNetwork):

@@ -63,8 +63,24 @@ static inline void weighted_rows(int stride, int count, const double *scale, int
   }
 }
 
-static double *row_of(const extended_filter *e, int place) {
-  return e->derivative + (ptrdiff_t)place * e->filter.stride;
+/* Row of H' of a weight: rows of a block follow each other. */
+static double *row_of(const extended_filter *e, int weight) {
+  const int at = e->place ? e->place[weight] : weight;
+  return e->derivative + (ptrdiff_t)at * e->filter.stride;
+}
+
+/* Rows of H' of the weights of one output, from its seeds: sum over the items of x times seed.
+ * ROWS weights at once, the last of them again where their number is no multiple. */
+static void weight_rows(const extended_filter *e, int in, int out, const double *x,
+                        const double *seed, int weight) {
+  const int stride = e->filter.stride, items = e->filter.items, apart = out * stride;
+  const int some = in < ROWS || e->place != NULL;
+  for (int j = 0; some && j < in; j++)
+    weighted_rows(stride, items, x + j, in, seed, apart, row_of(e, weight + j));
+  for (int done = 0; !some && done < in; done += ROWS) {
+    const int j = done + ROWS > in ? in - ROWS : done;
+    multiply_rows(0, stride, items, x + j, 1, in, seed, apart, row_of(e, weight + j), stride);
+  }
 }
 
 /* Rows of H' of the mlp's weights, layer by layer from the last; gives dy / d features. */
@@ -74,19 +90,18 @@ static const double *perceptron_slopes(extended_filter *e) {
   const int room = items * widest_of(f) * stride;
   double ones[items], *seeds = e->seeds, *below = e->seeds + room;
   const double *w = f->mean + f->weights;
-  const int32_t *place = e->place + f->weights;
+  int weight = f->weights;
   for (int t = 0; t < items; t++) ones[t] = 1;
   memcpy(seeds, f->weighting, sizeof(double) * items * f->widths[f->layers] * stride);
   for (int l = f->layers - 1; l >= 0; l--) {
     const int in = f->widths[l], out = f->widths[l + 1];
     const double *x = inputs_of(f, l);
     w -= out * (in + 1);
-    place -= out * (in + 1);
+    weight -= out * (in + 1);
     for (int o = 0; o < out; o++) {
       const double *seed = seeds + o * stride;
-      for (int j = 0; j < in; j++)
-        weighted_rows(stride, items, x + j, in, seed, out * stride, row_of(e, place[o * in + j]));
-      weighted_rows(stride, items, ones, 1, seed, out * stride, row_of(e, place[out * in + o]));
+      weight_rows(e, in, out, x, seed, weight + o * in);
+      weighted_rows(stride, items, ones, 1, seed, out * stride, row_of(e, weight + out * in + o));
     }
     if (l == 0 && !own) break;
     for (int t = 0; t < items; t++)
@@ -125,7 +140,7 @@ static void lag_slopes(extended_filter *e, const double *through) {
   double *results[2] = {g->of_features, g->of_y};
   g->slopes(arguments, results, g->own, g->directions);
   for (int k = 0; k < g->own; k++) {
-    double *row = row_of(e, e->place[k]);
+    double *row = row_of(e, k);
     weighted_rows(f->stride, seen, g->of_features + k, g->directions, through, f->stride, row);
     for (int y = 0; y < f->outputs; y++)
       row[y] = (row[y] + g->of_y[y * g->directions + k]) * g->reach[k];
@@ -142,11 +157,9 @@ static void visit(extended_filter *e) {
   for (int r = 0; r < count; r++)
     for (int k = 0; k < m; k++) f->weighting[r * stride + k] = f->readout[r * m + k];
   const double *center = sums_of(f, f->layers - 1);
-  for (int k = 0; k < m; k++) {
-    double y = f->offset[k];
-    for (int r = 0; r < count; r++) y += f->readout[r * m + k] * center[r];
-    f->predicted[k] = y;
-  }
+  double y[stride];
+  combine(count, stride, center, f->weighting, y);
+  for (int k = 0; k < m; k++) f->predicted[k] = f->offset[k] + y[k];
   const double *through = perceptron_slopes(e);
   if (own) lag_slopes(e, through);
 }

@@ -38,6 +38,16 @@ static REAL *inputs_of(const panel_filter *f, int l) {
   return f->at_mean + (2 * l + 1) * layer_size(f);
 }
 
+/* What a neuron sums, `count` items at once: none waits for the sum of another. */
+static inline __attribute__((always_inline)) void sum_items(
+    int count, int in, int out, const REAL *w, REAL bias, const REAL *x, REAL *z) {
+  REAL sum[8];
+  for (int t = 0; t < count; t++) sum[t] = bias;
+  for (int j = 0; j < in; j++)
+    for (int t = 0; t < count; t++) sum[t] += w[j] * x[t * in + j];
+  for (int t = 0; t < count; t++) z[t * out] = sum[t];
+}
+
 /* All layers at the mean, in the order of operations of the points; `first`: weights before. */
 static void run_at_mean(panel_filter *f, int first) {
   for (int j = 0; j < f->weights; j++) f->near[j] = R(f->mean[j]);
@@ -47,12 +57,12 @@ static void run_at_mean(panel_filter *f, int first) {
   for (int l = 0; l < f->layers; l++) {
     const int in = f->widths[l], out = f->widths[l + 1], count = f->items * out;
     REAL *z = sums_of(f, l);
-    for (int t = 0; t < f->items; t++)
-      for (int o = 0; o < out; o++) {
-        REAL sum = w[out * in + o];
-        for (int j = 0; j < in; j++) sum += w[o * in + j] * x[t * in + j];
-        z[t * out + o] = sum;
-      }
+    for (int o = 0; o < out; o++) {
+      const REAL *row = w + o * in, bias = w[out * in + o];
+      int t = 0;
+      for (; t + 8 <= f->items; t += 8) sum_items(8, in, out, row, bias, x + t * in, z + t * out + o);
+      for (; t < f->items; t++) sum_items(1, in, out, row, bias, x + t * in, z + t * out + o);
+    }
     w += out * (in + 1);
     if (l + 1 == f->layers) break;
     x = inputs_of(f, l + 1);
