@@ -125,7 +125,8 @@ def _fits(value: Any, kind: Any) -> bool:
         return len(kinds) == count and all(map(_fits, value, kinds))
     kind = bool | np.bool_ if kind is bool else origin or kind
     if getattr(kind, "_is_runtime_protocol", True) and isinstance(kind, type | UnionType):
-        return isinstance(value, kind) and not (origin is np.ndarray and not _is_real(value))
+        told = kind in type(value).__mro__  # a protocol may compile what it looks for
+        return (told or isinstance(value, kind)) and (origin is not np.ndarray or _is_real(value))
     return True
 
 
