@@ -74,23 +74,6 @@ class ParameterError(PatagiumError, ValueError):
         self.name, self.expected, self.found = name, expected, found
 
 
-def of_kind(name: str, value: object, kind: Any, example: str) -> None:
-    """Refuse an argument of another kind.
-
-    Args:
-        name: The argument.
-        value: What was given.
-        kind: Type that it has to be of, or a union of types.
-        example: Expression that gives such a thing.
-
-    Raises:
-        ParameterError: If it is of another kind.
-    """
-    if not isinstance(value, kind):
-        found = getattr(kind, "__name__", "value")
-        raise ParameterError(name, f"a {found} such as {example}", value)
-
-
 def shown(value: object, most: int = SHOWN) -> str:
     """Value as a message shows it, cut where it is long.
 
@@ -353,13 +336,21 @@ class CompilerError(PatagiumError, RuntimeError):
     """A compiler that is there but failed; carries its output."""
 
 
+def is_finite(value: Any) -> bool:
+    """Whether a value is a real number that a float can hold, and finite."""
+    try:
+        return isinstance(value, Real) and isfinite(float(value))
+    except (TypeError, OverflowError):  # a duration of NumPy, or hundreds of digits
+        return False
+
+
 def finite(name: str, value: Any) -> float:
     """A finite number.
 
     Raises:
         ParameterError: If it is not.
     """
-    if not (isinstance(value, Real) and isfinite(value)):
+    if not is_finite(value):
         raise ParameterError(name, "a finite number", value)
     return float(value)
 
@@ -375,7 +366,7 @@ def positive(name: str, value: Any, expected: str = "a positive number") -> floa
     Raises:
         ParameterError: If it is not.
     """
-    if not (isinstance(value, Real) and isfinite(value) and float(value) > 0):
+    if not (is_finite(value) and float(value) > 0):
         raise ParameterError(name, expected, value)
     return float(value)
 

@@ -220,11 +220,7 @@ def _told_of(path: str | Path) -> Iterator[None]:
 
 
 def _behind(path: Path) -> tuple[Path, os.stat_result | None]:
-    """Place that a path leads to through its links, and what is there; None: nothing yet.
-
-    Raises:
-        OSError: If a folder is missing, links lead nowhere, or a file may not be written.
-    """
+    """Place that a path leads to through its links, and what is there; None: nothing yet."""
     place = path
     for _ in range(_MOST_LINKS):
         folder = place.parent.resolve(strict=True)
@@ -236,6 +232,8 @@ def _behind(path: Path) -> tuple[Path, os.stat_result | None]:
         former = place.stat()
     except FileNotFoundError:
         return place, None
+    except ValueError as problem:  # a name that no system has
+        raise OSError(problem) from problem
     if stat.S_ISDIR(former.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if _is_of_descriptors(folder):  # whatever it is, its reader holds it by another name

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import isfinite, pi
+from math import pi
 from typing import Any
 
 import casadi as ca
@@ -25,6 +25,7 @@ from patagium.aerodynamics.air import Air, air_from_description
 from patagium.aerodynamics.local_flow import strip_motions
 from patagium.aerodynamics.named_descriptions import check_keys
 from patagium.aerodynamics.smooth_functions import smooth_sign
+from patagium.arguments import check_fields
 from patagium.dynamics.added_mass import BodyAddedMass
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.equations import kirchhoff_force
@@ -64,7 +65,8 @@ class AddedMass:
     factor: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (isfinite(self.factor) and self.factor >= 0):
+        check_fields(self)
+        if self.factor < 0:
             raise ParameterError("factor", "a number >= 0", self.factor)
 
     @property

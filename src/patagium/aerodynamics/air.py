@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.gusts import Gust, TravelingGust, gust_from_description, triple
 from patagium.aerodynamics.named_descriptions import from_field_values
+from patagium.arguments import check_fields
 from patagium.errors import ParameterError, ShapeError, finite, positive
 
 
@@ -48,6 +49,7 @@ class Air:
             object.__setattr__(self, "ground", finite("ground", self.ground))
         object.__setattr__(self, "density", float(self.density))
         object.__setattr__(self, "wind", triple("wind", self.wind))
+        check_fields(self)
 
     @property
     def ground_parameters(self) -> dict[str, float]:

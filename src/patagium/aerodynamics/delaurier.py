@@ -11,7 +11,7 @@ does not halve it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import isfinite, pi, radians
+from math import pi, radians
 from typing import Any
 
 import casadi as ca
@@ -27,6 +27,7 @@ from patagium.aerodynamics.polars import section_flow
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign, smooth_step
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.trailing_vortices import spans_and_areas
+from patagium.arguments import check_fields
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
 
@@ -93,9 +94,10 @@ class DeLaurier(Aerodynamics):
     name = "delaurier"
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in NUMBERS:
             value = getattr(self, name)
-            if not (isfinite(value) and (value >= 0 or name == "zero_lift_angle")):
+            if value < 0 and name != "zero_lift_angle":
                 raise ParameterError(name, "a number >= 0, or a finite zero_lift_angle", value)
         if self.suction_efficiency > 1:
             raise ParameterError("suction_efficiency", "0 to 1", self.suction_efficiency)

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import ceil, exp, floor, isfinite, sqrt
-from typing import Any, ClassVar, Protocol
+from math import ceil, exp, floor, sqrt
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
@@ -28,6 +28,7 @@ from patagium.aerodynamics.named_descriptions import (
     from_named_description,
 )
 from patagium.aerodynamics.smooth_functions import smooth_sign
+from patagium.arguments import check_fields
 from patagium.arrays import real_array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
@@ -43,6 +44,7 @@ PIECES = 32
 """Cubics that stand for one minus cosine where it travels: to 2e-6 of its velocity."""
 
 
+@runtime_checkable
 class Gust(Protocol):
     """Velocity of the air added to the steady wind."""
 
@@ -55,6 +57,7 @@ class Gust(Protocol):
         ...
 
 
+@runtime_checkable
 class Profile(Gust, Protocol):
     """A gust that can travel: between its knots a cubic in time."""
 
@@ -92,8 +95,7 @@ class DiscreteGust:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "velocity", triple("velocity", self.velocity))
-        if not isfinite(self.start):
-            raise ParameterError("start", "a finite time [s]", self.start)
+        check_fields(self)
         positive("length_time", self.length_time)
 
     def share(self, phase: Array) -> Array:
@@ -219,11 +221,12 @@ class DrydenGust:
     def __post_init__(self) -> None:
         object.__setattr__(self, "intensity", triple("intensity", self.intensity))
         object.__setattr__(self, "length_scale", triple("length_scale", self.length_scale))
+        check_fields(self)
         if min(self.intensity) < 0:
             raise ParameterError("intensity", "three numbers >= 0 [m/s]", self.intensity)
         positive("length_scale", min(self.length_scale))
         positive("airspeed", self.airspeed)
-        if self.seed != int(self.seed) or self.seed < 0:
+        if self.seed < 0:
             raise ParameterError("seed", "a whole number >= 0", self.seed)
 
     @property
@@ -408,14 +411,14 @@ class TravelingGust:
 
     def __post_init__(self) -> None:
         direction = np.array(triple("direction", self.direction))
+        origin = triple("origin", self.origin)
+        check_fields(self)
         length = float(np.linalg.norm(direction))
         if length == 0:
             raise ParameterError("direction", "a direction, not zero", self.direction)
         positive("speed", self.speed)
-        if not callable(getattr(self.profile, "knots", None)):
-            raise ParameterError("profile", "a gust with knots, that can travel", self.profile)
         object.__setattr__(self, "direction", tuple((direction / length).tolist()))
-        object.__setattr__(self, "origin", triple("origin", self.origin))
+        object.__setattr__(self, "origin", origin)
 
     @property
     def parameters(self) -> Array:

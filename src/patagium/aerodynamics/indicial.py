@@ -23,6 +23,7 @@ from scipy.special import hankel2
 
 from patagium.aerodynamics.local_flow import StripMotion, airspeed
 from patagium.aerodynamics.named_descriptions import field_values
+from patagium.arrays import real_array
 from patagium.errors import ParameterError, ShapeError
 
 Array = NDArray[np.float64]
@@ -126,7 +127,7 @@ def fitted_indicial(rate: Sequence[float]) -> Indicial:
     """
     low = np.geomspace(0.01, 10.0, 200)
     high = np.geomspace(0.01, 2.0, 200)
-    rates = np.asarray(rate, float)
+    rates = np.atleast_1d(real_array("rate", rate))
     lift = _amplitudes(low, theodorsen_function(low), rates, total=0.5)
     circulation = _amplitudes(high, circulation_function(high), rates, total=None)
     return Indicial(tuple(rates), tuple(lift), tuple(circulation))

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import isfinite
 from typing import Any
 
 import casadi as ca
@@ -19,12 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.indicial import TWO_STATE, Indicial, Lags, Relaxation, lag_relaxation
-from patagium.aerodynamics.local_flow import (
-    StripMotion,
-    airspeed,
-    normalwash,
-    strip_motions,
-)
+from patagium.aerodynamics.local_flow import StripMotion, airspeed, normalwash, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import SectionFlow, rounded_ramp, section_flow
 from patagium.aerodynamics.sections import (
@@ -50,6 +44,7 @@ from patagium.aerodynamics.trailing_vortices import (
     solve_normalwash,
     surface_gains,
 )
+from patagium.arguments import check_fields
 from patagium.arrays import brief
 from patagium.errors import ParameterError, ShapeError
 from patagium.robot.model import Robot
@@ -122,7 +117,8 @@ class LiftingLine(Aerodynamics):
     name = "lifting_line"
 
     def __post_init__(self) -> None:
-        if not (isfinite(self.surface_constant) and self.surface_constant >= 0):
+        check_fields(self)
+        if self.surface_constant < 0:
             raise ParameterError("surface_constant", "a number >= 0", self.surface_constant)
 
     @property

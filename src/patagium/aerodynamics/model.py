@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
@@ -25,6 +25,7 @@ from patagium.robot.model import Robot
 Array = NDArray[np.float64]
 
 
+@runtime_checkable
 class Aerodynamics(Protocol):
     """A model of the air around a robot.
 

@@ -11,7 +11,7 @@ import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from math import cos, isfinite, pi, radians, sin
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 import casadi as ca
 import numpy as np
@@ -118,6 +118,7 @@ _Kind = TypeVar("_Kind", bound="Polar")
 _SMALL = (-radians(5.0), radians(5.0))  # angle of the velocity: incidence of the other sign
 
 
+@runtime_checkable
 class Polar(Protocol):
     """Section coefficients: a frozen dataclass whose fields are its parameters.
 

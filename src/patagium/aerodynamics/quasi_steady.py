@@ -23,6 +23,7 @@ from patagium.aerodynamics.polars import DickinsonPolar, Polar, section_flow
 from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.trailing_vortices import spans_and_areas
+from patagium.arguments import check_fields
 from patagium.robot.model import Robot
 
 ROTATIONAL_COEFFICIENT = pi / 2
@@ -70,6 +71,9 @@ class QuasiSteady(Aerodynamics):
     force_point_switches: bool = True
 
     name = "quasi_steady"
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     @property
     def state_size(self) -> int:

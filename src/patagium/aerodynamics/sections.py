@@ -28,6 +28,7 @@ from patagium.aerodynamics.polars import (
     table_values,
 )
 from patagium.aerodynamics.smooth_functions import smooth_step
+from patagium.arguments import check_fields
 from patagium.arrays import brief
 from patagium.errors import ParameterError
 
@@ -73,10 +74,11 @@ class StallDelay:
     vortex_arm: float = 0.2
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in DELAYS:
             value = getattr(self, name)
             arm = name == "vortex_arm"
-            if not (isfinite(value) and (0 <= value <= 0.75 if arm else value > 0)):
+            if not (0 <= value <= 0.75 if arm else value > 0):
                 expected = "0 to 0.75 chords" if arm else "a positive number"
                 raise ParameterError(f"stall delay {name}", expected, value)
 
@@ -246,9 +248,7 @@ class Section(StripSection):
     numbers = _NUMBERS
 
     def __post_init__(self) -> None:
-        for name in _NUMBERS:
-            if not isfinite(getattr(self, name)):
-                raise ParameterError(name, "a finite number", getattr(self, name))
+        check_fields(self)
         for name in ("lift_slope", "profile_drag"):
             if getattr(self, name) < 0:
                 raise ParameterError(name, "a number >= 0", getattr(self, name))

@@ -7,13 +7,13 @@ the turn of the wind with height, and shear in the air that `AddedMass` carries.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any
 
 import casadi as ca
 
 from patagium.aerodynamics.on_model import OnModel
 from patagium.aerodynamics.strip_loads import AeroExpressions
+from patagium.arguments import check_fields
 from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import body_poses
 from patagium.errors import ParameterError, positive
@@ -55,9 +55,10 @@ class WindShear(OnModel):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_fields(self)
         for name in ("reference_height", "exponent"):
             positive(name, getattr(self, name))
-        if self.roughness is not None and not (isfinite(self.roughness) and self.roughness > 0):
+        if self.roughness is not None and self.roughness <= 0:
             raise ParameterError("roughness", "a positive length [m], or None", self.roughness)
 
     @property

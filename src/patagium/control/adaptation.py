@@ -25,6 +25,7 @@ from scipy.special import fdtri
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.aerodynamics.learned_air import WRENCH, LearnedAir
+from patagium.arguments import checked
 from patagium.control.events import WingLossEvent
 from patagium.control.orbit import NoOrbit, Orbit
 from patagium.control.predictive import OrbitController, OrbitModel
@@ -86,7 +87,12 @@ class AirWeights:
         weights: Estimate, (n_w,) [1, N, N m].
     """
 
+    @checked
     def __init__(self, prior: Array, stds: Array, memory: float) -> None:
+        if not memory > 1.0:
+            raise ParameterError("memory", "more than one beat", memory)
+        if prior.ndim != 1 or stds.shape != prior.shape or not (stds > 0).all():
+            raise ParameterError("stds", "a positive number for each weight", stds)
         self.prior, self.weights, self._kept = prior, prior.copy(), 1.0 - 1.0 / memory
         self._own = np.diag(stds**-2.0)
         self._information, self._vector = self._own.copy(), self._own @ prior
@@ -264,10 +270,11 @@ class AdaptiveController:
         counts: Number of beats by what became of the orbit, and of the model.
     """
 
+    @checked
     def __init__(
         self, controller: OrbitController, orbit: Orbit, *, memory: float = MEMORY
     ) -> None:
-        if not (np.isfinite(memory) and memory > 1.0):
+        if not memory > 1.0:
             raise ParameterError("memory", "more than one beat", memory)
         if orbit.aero.state_size:
             expected = "air without states of its own (quasi-steady)"

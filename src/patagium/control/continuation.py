@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from patagium.arguments import checked
 from patagium.control.gait_family import gait_family
 from patagium.control.orbit import Orbit
 from patagium.control.trimming import TOLERANCE, Conditions, OrbitSearch, orbit_of
 from patagium.control.trimming import Point as SearchPoint
-from patagium.errors import ParameterError, finite
+from patagium.errors import ParameterError
 
 Array = NDArray[np.float64]
 
@@ -113,6 +114,7 @@ def multipliers(orbit: Orbit) -> NDArray[np.complex128]:
     return np.asarray(found[np.argsort(-np.abs(found), kind="stable")], complex)
 
 
+@checked
 def continue_orbit(
     orbit: Orbit,
     along: str,
@@ -143,7 +145,7 @@ def continue_orbit(
             raise ParameterError("hold", "speed or climb", name)
     held = {name: getattr(orbit, name) for name in hold if name != along}
     curve = _Curve(orbit, along, held, free)
-    low, high = (finite("limits", one) for one in limits)
+    low, high = limits
     if not low <= curve.first.value <= high or low == high:
         expected = f"two that hold the orbit's {along} {curve.first.value:.6g} {curve.unit}"
         raise ParameterError("limits", expected, limits)
@@ -351,22 +353,12 @@ def _marks(
     turned = here.pace * ahead.pace < 0
     if turned:
         sign = np.sign(here.pace)
-        part, place = _between(
-            curve,
-            here,
-            length,
-            lambda one: np.sign(one.pace) == sign,
-        )
+        part, place = _between(curve, here, length, lambda one: np.sign(one.pace) == sign)
         near = place.size[np.argmin(np.abs(place.size - 1.0))]
         marks.append((part, _bifurcation(curve, "fold", place, near)))
     if _unstable(here) != _unstable(ahead):
         count = _unstable(here)
-        part, place = _between(
-            curve,
-            here,
-            length,
-            lambda one: _unstable(one) == count,
-        )
+        part, place = _between(curve, here, length, lambda one: _unstable(one) == count)
         apart = np.abs(np.abs(place.size) - 1.0)
         near = place.size[apart < max(_NEAR, 1.01 * apart.min())]
         crossing = near[np.argmax(np.abs(near - 1.0))]  # neutral ones stay at 1
@@ -407,9 +399,4 @@ def _between(curve: _Curve, here: _Place, length: float, same: Any) -> tuple[flo
 
 
 def _bifurcation(curve: _Curve, kind: str, place: _Place, multiplier: complex) -> Bifurcation:
-    return Bifurcation(
-        kind,
-        place.value,
-        complex(multiplier),
-        curve.orbit(place.at),
-    )
+    return Bifurcation(kind, place.value, complex(multiplier), curve.orbit(place.at))

@@ -11,14 +11,15 @@ from __future__ import annotations
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from patagium.arguments import check_fields, of_kind
 from patagium.control.orbit import Orbit
-from patagium.errors import FilterDiverged, ParameterError, finite
+from patagium.errors import FilterDiverged, ParameterError
 from patagium.robot import Robot
 from patagium.sensing.motion.motion_tracker import MotionTracker
 from patagium.sensing.sensors.imu import Imu
@@ -63,6 +64,7 @@ class Estimate:
     acceleration: Array
 
 
+@runtime_checkable
 class Estimator(Protocol):
     """Estimator of the state of a flight."""
 
@@ -94,10 +96,11 @@ class NoisyState:
     missing: float = 0.0
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name, value in (*self.std.items(), ("delay", self.delay)):
-            if finite(name, value) < 0:
+            if value < 0:
                 raise ParameterError(name, "zero or more", value)
-        if not 0 <= finite("missing", self.missing) < 1:
+        if not 0 <= self.missing < 1:
             raise ParameterError("missing", "at least 0 and below 1", self.missing)
 
     def estimator(self, orbit: Orbit, duration: float, seed: int) -> Estimator:
@@ -151,11 +154,10 @@ class TrackedState:
     sensors: Sequence[Sensor]
 
     def __post_init__(self) -> None:
+        check_fields(self)
         names = [sensor.name for sensor in self.sensors]
         for sensor in self.sensors:
-            if not isinstance(sensor, (Encoder, Imu, MotionCapture)):
-                expected = "encoders, inertial units and cameras"
-                raise ParameterError("sensors", expected, type(sensor).__name__)
+            of_kind("sensors", sensor, Encoder | Imu | MotionCapture)
             if names.count(sensor.name) > 1:
                 raise ParameterError("sensors", "a name of its own for each", sensor.name)
 

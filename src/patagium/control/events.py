@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from patagium.aerodynamics import Aerodynamics, OneMinusCosineGust, RampGust, aero_from_description
 from patagium.aerodynamics.description import innermost
 from patagium.aerodynamics.gusts import Gust, triple
-from patagium.errors import ParameterError, finite, of_kind, positive
+from patagium.arguments import check_fields, checked
+from patagium.errors import ParameterError, finite, positive
 from patagium.robot import Robot
 from patagium.robot.model import Body, Strip
 
@@ -45,7 +46,8 @@ class Event:
     time: float
 
     def __post_init__(self) -> None:
-        if finite("time", self.time) < 0:
+        check_fields(self)
+        if self.time < 0:
             raise ParameterError("time", "zero or more seconds", self.time)
 
     @property
@@ -200,7 +202,6 @@ class PolarEvent(Event):
         Raises:
             ParameterError: If the model has no such number.
         """
-        of_kind("factors", self.factors, Mapping, "{'lift_amplitude': 0.8}")
         described = aero.describe()
         inner = innermost(described)
         numbers = inner.get("polar") or inner.get("section") or inner
@@ -208,7 +209,7 @@ class PolarEvent(Event):
         for name, factor in self.factors.items():
             if name not in known:
                 raise ParameterError("factors", f"of {', '.join(known)}", name, known)
-            numbers[name] *= finite(f"factors.{name}", factor)
+            numbers[name] *= factor
         return robot, aero_from_description(robot, described)
 
 
@@ -257,6 +258,7 @@ def with_gusts(aero: Aerodynamics, events: Sequence[Event]) -> Aerodynamics:
     return aero_from_description(aero.robot, described)
 
 
+@checked
 def off_nominal(robot: Robot, share: float, seed: int) -> Robot:
     """Robot whose masses and inertias differ from what its file says.
 
@@ -269,7 +271,7 @@ def off_nominal(robot: Robot, share: float, seed: int) -> Robot:
     Raises:
         ParameterError: If the share is out of its range.
     """
-    if not 0 <= finite("share", share) < 0.3:
+    if not 0 <= share < 0.3:
         raise ParameterError("share", "at least 0 and below 0.3", share)
     rng = np.random.default_rng([seed, 0x0FF])
     values: dict[str, float] = {}

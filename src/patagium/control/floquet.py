@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arguments import checked
 from patagium.control.orbit import Frame, Orbit
 from patagium.control.wingbeat import FlightMap
 
@@ -129,6 +130,7 @@ class Floquet:
         return "\n".join(lines)
 
 
+@checked
 def floquet(orbit: Orbit) -> Floquet:
     """Multipliers and modes of a periodic orbit, compared with those of averaged models.
 

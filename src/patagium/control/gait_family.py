@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import Air
+from patagium.arguments import checked
 from patagium.control.wingbeat import PrescribedRows
 from patagium.errors import ParameterError
 from patagium.robot import Robot
@@ -115,11 +116,7 @@ class GaitFamily:
         series = self._turned(shape) + shape.added
         mean = self.base.mean + shape.offset
         return replace(
-            self.base,
-            frequency=shape.frequency,
-            mean=mean,
-            cosine=series.real,
-            sine=-series.imag,
+            self.base, frequency=shape.frequency, mean=mean, cosine=series.real, sine=-series.imag
         )
 
     def _shape(self, values: Array) -> _Shape:
@@ -183,6 +180,7 @@ class GaitFamily:
         return PrescribedRows(table, flat, step, -step / frequency * way[:, 0])
 
 
+@checked
 def gait_family(
     robot: Robot, gait: Gait, names: Mapping[str, float] | tuple[str, ...]
 ) -> GaitFamily:
@@ -197,15 +195,13 @@ def gait_family(
         ParameterError: If a name is no parameter of this gait.
     """
     check_gait(robot, gait)
+    if len(names) == 0:
+        raise ParameterError("names", "one gait parameter at least", names)
     base, still = fourier_series(gait), gait.period is None
     series = [found for name in names if (found := _SERIES.match(name))]
     order = max((int(found["harmonic"]) for found in series), default=0)
     missing = ((0, max(0, order - len(base.sine))), (0, 0))
-    base = replace(
-        base,
-        cosine=np.pad(base.cosine, missing),
-        sine=np.pad(base.sine, missing),
-    )
+    base = replace(base, cosine=np.pad(base.cosine, missing), sine=np.pad(base.sine, missing))
     ways = np.array([_direction(robot, base, still, name) for name in names])
     return GaitFamily(robot, base, tuple(names), ways.reshape(len(names), -1))
 

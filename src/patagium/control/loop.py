@@ -12,26 +12,21 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import ceil
-from typing import Any, Protocol, TypedDict, Unpack, runtime_checkable
+from typing import Protocol, TypedDict, Unpack, runtime_checkable
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
-from patagium.control.estimators import (
-    Estimate,
-    Estimator,
-    NoisyState,
-    TrackedState,
-    Truth,
-)
+from patagium.arguments import checked, of_kind
+from patagium.control.estimators import Estimate, Estimator, NoisyState, TrackedState, Truth
 from patagium.control.events import Event, StuckEvent, with_gusts
 from patagium.control.orbit import Orbit
 from patagium.control.predictive import OrbitModel
-from patagium.errors import Outcome, ParameterError, SimulationFailed, of_kind, positive
+from patagium.errors import Outcome, ParameterError, SimulationFailed, positive
 from patagium.robot import Robot
-from patagium.simulation.simulator import FlightState, Simulator, check_keywords, check_robots
+from patagium.simulation.simulator import FlightState, Simulator, check_robots
 from patagium.simulation.steered_gait import SteeredGait
 
 Array = NDArray[np.float64]
@@ -87,6 +82,7 @@ class LoopOptions(TypedDict, total=False):
     progress: Callable[[int, int], None] | None
 
 
+@checked
 def fly(
     robot: Robot,
     aero: Aerodynamics,
@@ -119,21 +115,15 @@ def fly(
         ShapeError: If q or v have another shape.
         SimulationFailed: If the flight broke and `throw` is set; it carries the flight.
     """
-    check_keywords(options, LoopOptions)
     check_robots(robot, aero)
-    of_kind("orbit", orbit, Orbit, "pt.trim(robot)")
-    of_kind("controller", controller, LoopController, "LinearRegulator()")
-    of_kind("events", events, Sequence, "[]")
     loop = _Loop(robot, aero, controller, orbit, tuple(events), duration, options)
-    seed: Any = options.get("seed", 0)
-    if not (isinstance(seed, int | np.integer) and seed >= 0):
+    seed = options.get("seed", 0)
+    if seed < 0:
         raise ParameterError("seed", "int >= 0", seed)
     known = NoisyState() if sensors is None else sensors
-    of_kind("sensors", known, NoisyState | TrackedState, "NoisyState()")
     estimator = options.get("estimator") or known.estimator(orbit, loop.duration, int(seed))
     own = controller if isinstance(controller, Learner) else None
     learner = options.get("learner") or own
-    of_kind("learner", learner, Learner | None, "None")
     loop.run(estimator, learner)
     flight = loop.flight()
     flight.attrs |= {"seed": seed, "sensors": repr(sensors), "learner": repr(learner)}
@@ -197,7 +187,6 @@ class _Loop:
     def _check_events(self, duration: float) -> None:
         gait = SteeredGait(self.robot, self.orbit.gait)
         for event in self.events:
-            of_kind("events", event, Event, "pt.control.GustEvent(...)")
             if event.time > duration:
                 expected = f"within the flight of {duration:g} s"
                 raise ParameterError("events: time", expected, event.time)
@@ -239,7 +228,7 @@ class _Loop:
     def _estimate(self, estimator: Estimator) -> Estimate | None:
         parts = (self.simulator.run.samples[name] for name in ("q", "v", "a"))
         found = estimator(Truth(self.robot, self.simulator.time_step, *parts))
-        of_kind("estimate", found, Estimate | None, "Estimate()")
+        of_kind("estimate", found, Estimate | None)
         return found
 
     def _control(self, estimate: Estimate | None) -> None:
@@ -251,7 +240,7 @@ class _Loop:
         self.estimates.append(known)
         time = self.simulator.time
         commands = self.controller(time, None if estimate is None else estimate.state)
-        of_kind("commands", commands, Mapping | None, "{}")
+        of_kind("commands", commands, Mapping[str, float] | None)
         if isinstance(model := getattr(self.controller, "model", None), OrbitModel):
             along = model.along(round(time / self.controller.period))
             self.followed.append(dict(zip(model.names, map(float, along), strict=True)))

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arguments import checked
 from patagium.control.predictive import OrbitController, Reference, closed_beat
 
 Array = NDArray[np.float64]
@@ -34,6 +35,7 @@ class LinearRegulator(OrbitController):
             the orbit.
     """
 
+    @checked
     def __init__(
         self,
         orbit: Reference,

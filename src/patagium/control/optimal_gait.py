@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import Aerodynamics, QuasiSteady
+from patagium.arguments import checked
 from patagium.control.gait_family import GaitFamily, fourier_series, gait_family
 from patagium.control.gait_program import (
     IN_PLANE,
@@ -32,7 +33,6 @@ from patagium.control.wingbeat import FlightMap
 from patagium.errors import ParameterError
 from patagium.robot import Robot
 from patagium.simulation.gait_models import Gait
-from patagium.simulation.simulator import check_keywords
 
 Array = NDArray[np.float64]
 
@@ -136,6 +136,7 @@ class OptimalGait:
         return "\n".join(lines)
 
 
+@checked
 def optimize(
     robot: Robot,
     aero: Aerodynamics | None = None,
@@ -166,12 +167,9 @@ def optimize(
     Raises:
         ParameterError: If an argument is not what it may be.
     """
-    check_keywords(options, OptimizeOptions)
     aero, free = aero or QuasiSteady(robot), options.pop("free", None)
-    if not (isinstance(harmonics, int) and 1 <= harmonics <= MOST):
+    if not 1 <= harmonics <= MOST:
         raise ParameterError("harmonics", f"a whole number from 1 to {MOST}", harmonics)
-    if goal not in GOALS:
-        raise ParameterError("goal", f"one of {', '.join(GOALS)}", goal, GOALS)
     if goal != "power" and speed is not None:
         raise ParameterError("speed", f"None, as the goal {goal} finds it", speed)
     conditions = Conditions(0.0, climb, speed)
@@ -194,6 +192,7 @@ def optimize(
     return replace(best, power_before=sinusoid.power_before, sinusoid=sinusoid)
 
 
+@checked
 def power_front(
     robot: Robot,
     speeds: Sequence[float],

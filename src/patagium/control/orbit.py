@@ -15,6 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
+from patagium.arguments import checked
 from patagium.control.gait_family import GaitFamily
 from patagium.control.wingbeat import FlightMap, Segments
 from patagium.errors import positive
@@ -195,6 +196,7 @@ class Orbit:
         q[list(robot.actuated)] = motion.position[0]
         return {"q": q, "v": v, "aero_state": state[2 * len(passive) :]}
 
+    @checked
     def flight(self, beats: float = 10.0, **options: Any) -> xr.Dataset:
         """Flight that begins on the orbit, as `simulate` makes it.
 
@@ -206,7 +208,7 @@ class Orbit:
             ParameterError: If an option is not possible.
             SimulationFailed: If the flight broke.
         """
-        count = max(1, round(positive("beats", beats) * self.steps))
+        count = max(1, round(min(positive("beats", beats) * self.steps, 1e15)))
         given: dict[str, Any] = {**self.start(), "added_mass": self.added_mass, **options}
         step = given.pop("time_step", self.time_step)
         duration = given.pop("duration", count * step)

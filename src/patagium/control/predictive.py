@@ -19,11 +19,12 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arguments import checked
 from patagium.control.gait_family import fourier_series, gait_family
 from patagium.control.quadratic_program import ProgramStatus, QuadraticProgram
 from patagium.control.wingbeat import FlightMap, PrescribedRows
@@ -79,6 +80,7 @@ class RealTimeIteration:
         input_reference: u_ref, (N, n_u) [SI]; zero to begin with.
     """
 
+    @checked
     def __init__(
         self, predict: Predict, horizon: int, state_cost: Array, input_cost: Array
     ) -> None:
@@ -155,6 +157,7 @@ class RealTimeIteration:
             array[:-1] = array[1:]
 
 
+@runtime_checkable
 class Reference(Protocol):
     """Protocol of a periodic orbit that a controller follows."""
 
@@ -262,6 +265,10 @@ class OrbitModel:
     ) -> None:
         flight = orbit.map
         robot = flight.robot
+        if not 1 <= parts <= orbit.steps:
+            raise ParameterError("parts", f"from 1 to the orbit's {orbit.steps} steps", parts)
+        if not commands:
+            raise ParameterError("commands", "one of the robot's at least", commands)
         self.robot, self.commands, self.parts = robot, tuple(commands), parts
         self.names = flight.names
         self.steered = SteeredGait(robot, orbit.gait) if steered is None else steered
@@ -689,6 +696,7 @@ class PredictiveController(OrbitController):
         iteration: The optimal control problem; `states` are departures predicted.
     """
 
+    @checked
     def __init__(
         self,
         orbit: Reference,

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arguments import checked
 from patagium.errors import CompilerError, ParameterError
 from patagium.native import load_kernel
 
@@ -33,6 +34,7 @@ TOLERANCE, OPTIMALITY, GAP, MOST_STEPS = 1e-9, 1e-7, 1e-11, 80
 and dual over the first, and steps after which it gives up."""
 
 
+_MOST = 10**8  # entries of all matrices
 _LOW, _HIGH = ("lower", "fall", "least"), ("upper", "rise", "most")
 
 
@@ -105,13 +107,14 @@ class QuadraticProgram:
         inputs: Number of inputs n_u.
 
     Raises:
-        ParameterError: If a number is below one.
+        ParameterError: If a number is below one, or all make more than 10^8 entries.
     """
 
+    @checked
     def __init__(self, stages: int, states: int, inputs: int) -> None:
         for name, value in (("stages", stages), ("states", states), ("inputs", inputs)):
-            if value < 1:
-                raise ParameterError(name, "one at least", value)
+            if not 1 <= value <= _MOST // max(1, stages * (states + inputs)):
+                raise ParameterError(name, f"one at least, {_MOST} numbers in all", value)
         self.sizes = stages, states, inputs
         dtype = np.dtype(_fields(*self.sizes), align=True)
         macros = {"STAGES": stages, "STATES": states, "INPUTS": inputs}

@@ -20,16 +20,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, QuasiSteady
+from patagium.arguments import checked
 from patagium.control.gait_family import GaitFamily, gait_family, symmetric_parameters
 from patagium.control.orbit import Frame, NoOrbit, Orbit
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.dynamics import Dynamics
-from patagium.errors import ParameterError, finite
+from patagium.errors import ParameterError
 from patagium.robot import Robot
 from patagium.robot.model import FLOATING_COORDINATES
 from patagium.simulation import gaits
 from patagium.simulation.gait_models import Gait
-from patagium.simulation.simulator import check_keywords, check_robots
+from patagium.simulation.simulator import check_robots
 from patagium.simulation.steered_gait import SteeredGait
 
 Array = NDArray[np.float64]
@@ -41,6 +42,7 @@ TOLERANCE = 1e-12
 SEGMENTS = 40
 STEPS = 240
 """Time steps of a beat, where none are given; of a beat beyond .24 s one a millisecond."""
+_MOST_STEPS = 100_000  # of a beat: a thousandth of the usual step, and 1 GB of slopes
 _NEWTON = 40  # steps at most
 _POINTS = 250  # flights of a search, at most
 _SHORTEST = 1.0 / 256  # part of a Newton step
@@ -168,17 +170,7 @@ class OrbitSearch:
         size = float(np.linalg.norm(scaled))
         slope = np.vstack([turned[frame.kept], ways])
         by_period = np.r_[np.zeros(len(frame.kept)), rates]
-        return Point(
-            states,
-            values,
-            flown,
-            rows,
-            gaps,
-            misfit,
-            slope,
-            by_period,
-            size,
-        )
+        return Point(states, values, flown, rows, gaps, misfit, slope, by_period, size)
 
     def rows_scale(self, others: int) -> Array:
         """Scales of the misfits: return, then the other conditions, (n - 4 + c,) [SI]."""
@@ -363,6 +355,7 @@ def parameter_sizes(family: GaitFamily) -> Array:
     return np.array([0.3 * abs(value) if name == "frequency" else 0.3 for name, value in own])
 
 
+@checked
 def trim(
     robot: Robot,
     aero: Aerodynamics | None = None,
@@ -397,11 +390,10 @@ def trim(
         ParameterError: If an argument is not what it may be, there are more conditions than free
             parameters, or limits of joints or actuators exclude the gait.
     """
-    check_keywords(options, TrimOptions)
     start, aero = options.get("start"), aero or QuasiSteady(robot)
     _check(robot, aero)
     gait = gait or (start.gait if start else gaits.cruise(robot))
-    conditions = Conditions(finite("turn_rate", turn_rate), climb, speed)
+    conditions = Conditions(turn_rate, climb, speed)
     family = _family(robot, gait, free, conditions)
     steps = _steps(family, options.get("steps"))
     flight = FlightMap(robot, aero, options.get("added_mass"))
@@ -421,9 +413,8 @@ def trim(
 def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Conditions) -> GaitFamily:
     """Gaits that the free parameters reach; refused where conditions are more, or impossible."""
     names = tuple(free) if free is not None else free_parameters(robot, gait)
-    given = {"speed": wanted.speed, "climb": wanted.climb}
-    asked = [finite(name, value) for name, value in given.items() if value is not None]
-    count = len(asked) + (wanted.turn_rate != 0)
+    given = wanted.speed, wanted.climb
+    count = sum(value is not None for value in given) + (wanted.turn_rate != 0)
     if wanted.turn_rate and "yaw" not in robot.dof_names:
         raise ParameterError("turn_rate", "0 where the attitude is prescribed", wanted.turn_rate)
     if count > len(names):
@@ -436,6 +427,7 @@ def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Condit
     return gait_family(robot, gait, names)
 
 
+@checked
 def free_parameters(robot: Robot, gait: Gait) -> tuple[str, ...]:
     """Names of the gait parameters that a trim changes where none are given.
 
@@ -464,8 +456,9 @@ def _check(robot: Robot, aero: Aerodynamics) -> None:
 def _steps(family: GaitFamily, given: int | None) -> int:
     """Time steps of a beat."""
     if given is not None:
-        if given < SEGMENTS or given % SEGMENTS:
-            raise ParameterError("steps", f"a positive multiple of {SEGMENTS}", given)
+        if not 0 < given <= _MOST_STEPS or given % SEGMENTS:
+            expected = f"a positive multiple of {SEGMENTS} up to {_MOST_STEPS}"
+            raise ParameterError("steps", expected, given)
         return int(given)
     return SEGMENTS * int(np.ceil(max(STEPS, 1e3 / family.base.frequency) / SEGMENTS))
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
+from patagium.arguments import check_fields
 from patagium.errors import ParameterError, ShapeError
 from patagium.native import NativeFunction, load_functions, load_kernel
 from patagium.robot import Robot
@@ -122,6 +123,7 @@ class FlightMap:
     moving: int = field(init=False)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not self.robot.passive:
             expected = "a robot with a floating body or passive joints"
             raise ParameterError("robot", expected, self.robot.name)

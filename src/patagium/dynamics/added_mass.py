@@ -15,11 +15,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from patagium.dynamics.chain import Turn, cross
-from patagium.dynamics.kinematics import (
-    body_poses,
-    body_velocities,
-    in_body_axes,
-)
+from patagium.dynamics.kinematics import body_poses, body_velocities, in_body_axes
 from patagium.robot.model import Robot
 
 

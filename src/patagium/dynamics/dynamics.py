@@ -9,9 +9,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arguments import checked
 from patagium.dynamics import equations, kinematics
 from patagium.dynamics.kinematics import body_poses
-from patagium.errors import ShapeError, of_kind
+from patagium.errors import ShapeError
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot
 
@@ -216,8 +217,8 @@ class Dynamics(_Methods):
     def __repr__(self) -> str:
         return f"<Dynamics of {self.robot!r}>"
 
+    @checked
     def __init__(self, robot: Robot) -> None:
-        of_kind("robot", robot, Robot, "pt.load_robot('aerobat')")
         self.robot = robot
         self._parameters = robot.parameters
         self._functions = load_functions(

@@ -14,13 +14,7 @@ from typing import Any
 
 import casadi as ca
 
-from patagium.dynamics.chain import (
-    chain_of,
-    cross,
-    is_identity,
-    orientation_matrix,
-    vector,
-)
+from patagium.dynamics.chain import chain_of, cross, is_identity, orientation_matrix, vector
 from patagium.robot.model import Robot
 
 

@@ -15,13 +15,7 @@ from __future__ import annotations
 import casadi as ca
 
 from patagium.dynamics.added_mass import BodyAddedMass, kirchhoff_wrenches
-from patagium.dynamics.chain import (
-    chain_of,
-    cross,
-    is_identity,
-    orientation_matrix,
-    vector,
-)
+from patagium.dynamics.chain import chain_of, cross, is_identity, orientation_matrix, vector
 from patagium.dynamics.kinematics import generalized_force, in_body_axes
 from patagium.robot.model import Body, Robot
 

@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arguments import checked
 from patagium.errors import LogError, Outcome, ParameterError, ShapeError
 from patagium.learning.default_learner import choices, chosen_every, default_learner, table_every
 from patagium.learning.filters.misfit import unseen
@@ -25,14 +26,7 @@ from patagium.learning.parameter_paths import Trained, estimates_of, parameter_s
 from patagium.learning.propagation import robot_motion
 from patagium.learning.result import Check, Identification, check, record_of
 from patagium.learning.scores import Scorer, persistence
-from patagium.learning.stream import (
-    MOST_CHECKS,
-    Progress,
-    late_samples,
-    stream,
-    thin,
-    used_samples,
-)
+from patagium.learning.stream import MOST_CHECKS, Progress, late_samples, stream, thin, used_samples
 from patagium.learning.table_network import scaling_samples
 from patagium.learning.verdict import physics_scores, with_verdict
 from patagium.robot import Robot
@@ -49,6 +43,7 @@ class _Predicts(Protocol):
     def predict(self, x: Any) -> tuple[Array, Array]: ...
 
 
+@checked
 def identify(
     flight: xr.Dataset | ForceSamples,
     learner: Learner | None = None,
@@ -84,7 +79,6 @@ def identify(
         ShapeError: If the network does not fit the inputs or the outputs.
         ParameterError: If an input has no such name.
     """
-    _check_kinds(flight, learner)
     chosen = learner or default_learner(flight if robot is None else robot)
     time, x, y, units = samples(flight, chosen.network, inputs, robot)
     motion, period = None, None if isinstance(flight, ForceSamples) else gait_period(flight)
@@ -111,13 +105,7 @@ def identify(
     return result
 
 
-def _check_kinds(flight: object, learner: object) -> None:
-    if not isinstance(flight, (xr.Dataset, ForceSamples)):
-        raise ParameterError("flight", "one such as pt.load_flight('flight.nc')", flight)
-    if learner is not None and not hasattr(learner, "network"):
-        raise ParameterError("learner", "one such as pt.CubatureLearner(network)", learner)
-
-
+@checked
 def evaluate(
     flight: xr.Dataset | ForceSamples,
     model: Trained,
@@ -145,8 +133,6 @@ def evaluate(
     """
     if inputs is None and isinstance(model, Model):
         inputs = model.inputs
-    if not hasattr(model, "network"):
-        raise ParameterError("model", "one such as pt.load_model('model.json')", model)
     time, x, y, units = samples(flight, model.network, inputs, robot)
     return compare(model, time, x, y, every=every, units=units)
 

@@ -17,6 +17,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arguments import checked
 from patagium.arrays import brief
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.filters.misfit import widened
@@ -147,6 +148,7 @@ def model_of(learner: Learner, *, inputs: Sequence[str] | None = None, source: s
     )
 
 
+@checked
 def save_model(path: str | Path, model: Model | Learner) -> Path:
     """Write a model as JSON; an interrupted write leaves the former file.
 
@@ -161,6 +163,7 @@ def save_model(path: str | Path, model: Model | Learner) -> Path:
     return write_whole(path, json.dumps(_words(learned), indent=1).encode())
 
 
+@checked
 def load_model(path: str | Path) -> Model:
     """Read a model that `save_model` wrote.
 

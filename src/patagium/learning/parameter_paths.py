@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import xarray as xr
@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 _FIELDS = ("value", "std", "prior", "prior_std")
 
 
+@runtime_checkable
 class Trained(Protocol):
     """Network with its weights: a learner, or a model from a file."""
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from patagium.arguments import checked
 from patagium.arrays import real_array
 from patagium.errors import FilterDiverged, Outcome, ShapeError
 from patagium.learning.filters.weight_covariance import block_covariance
@@ -41,6 +42,7 @@ class _Log(NamedTuple):
     std: Array
 
 
+@checked
 def refine(
     learner: FilterLearner,
     time: ArrayLike,
@@ -73,9 +75,9 @@ def refine(
         FilterDiverged: If nothing finite comes of the learner's weights.
     """
     stamps, seen, measured = (real_array("time, x and y", a) for a in (time, x, y))
-    network, starts = learner.network, np.asarray(gaps, np.int64)
-    if measured.shape != (len(stamps), network.outputs):
-        raise ShapeError("y", (len(stamps), network.outputs), measured.shape)
+    network, starts = learner.network, real_array("gaps", gaps).astype(np.int64)
+    if measured.shape != (stamps.size, network.outputs) or stamps.ndim != 1:
+        raise ShapeError("y", (stamps.size, network.outputs), measured.shape)
     used = used_samples(len(stamps), every, starts)
     log = _Log(stamps, seen, measured, starts, used, learner.measurement_std)
     first, prior = learner.prior

@@ -157,6 +157,12 @@ def _check_fields(record: Any) -> None:
             one.metadata["meaning"].check(one.name, value)
         if one.type in ("int", "int | None") and value is not None and type(value) is not int:
             raise ParameterError(one.name, "a whole number", value)
+        kind = one.metadata.get("group")
+        if kind is not None and not isinstance(value, kind | None):
+            raise ParameterError(one.name, f"{kind.__name__}(...) or None", value)
+        number = one.type == "float" or (one.type == "float | None" and value is not None)
+        if number and not (isinstance(value, int | float) and isfinite(value)):
+            raise ParameterError(one.name, "a finite number", value)
 
 
 BLOCKS = ("full", "layer", "node")
@@ -680,23 +686,14 @@ def checked_structure(value: object) -> Structure:
 
 
 def _array(name: str, value: Any) -> Any:
-    """Array of plain numbers.
-
-    Raises:
-        ParameterError: If the value is no number and no sequence of numbers.
-    """
+    """Array of plain numbers."""
     from patagium.arrays import real_array  # NumPy is not for the help of the command line
 
     return real_array(name, value)
 
 
 def _plain_numbers(name: str, value: Any) -> Numbers:
-    """A scalar or vector as a number, or a tuple of numbers.
-
-    Raises:
-        ParameterError: If the value is no number and no sequence of numbers.
-        ShapeError: If it has more than one dimension.
-    """
+    """A scalar or vector as a number, or a tuple of numbers."""
     numbers = _array(name, value)
     if numbers.ndim == 0:
         return float(numbers)

@@ -19,6 +19,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arguments import checked
 from patagium.arrays import real_array
 from patagium.errors import FilterDiverged, LogError, Outcome, ParameterError, ShapeError
 from patagium.learning.forecast import Forecaster, ForecastSums, Horizons, Motion, named_horizons
@@ -450,6 +451,7 @@ class StreamOptions(TypedDict, total=False):
     progress: Progress | None
 
 
+@checked
 def stream(
     learner: Learner,
     time: ArrayLike,
@@ -487,7 +489,6 @@ def stream(
         LogError: If an input is not finite or time does not advance.
         TypeError: If there is no such option.
     """
-    _check_options(options)
     samples = checked_samples(learner.network, (time, x, y), gaps, options.get("std"))
     outputs = samples.y.shape[1]
     names = tuple(options.get("names") or learner.network.output_names)
@@ -510,17 +511,6 @@ def stream(
     }
     record, scores = run.record(names, units, held), with_verdict(scores)
     return Identification(scores, record, learner, run.outcome, run.message)
-
-
-def _check_options(options: StreamOptions) -> None:
-    """Refuse options that `stream` has not.
-
-    Raises:
-        TypeError: If there is one.
-    """
-    unknown = set(options) - set(StreamOptions.__annotations__)
-    if unknown:
-        raise TypeError(f"stream() got an unexpected keyword argument {sorted(unknown)[0]!r}")
 
 
 def _counts(run: BlockRun, every: int) -> dict[str, Any]:

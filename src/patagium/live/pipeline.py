@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics import AddedMass
+from patagium.arguments import checked
 from patagium.arrays import real_array
 from patagium.errors import FilterDiverged, Outcome, ParameterError, ShapeError
 from patagium.learning.filters.kernel_memory import Compiled
@@ -120,6 +121,7 @@ class Pipeline:
         ShapeError: If the network sees another number of inputs.
     """
 
+    @checked
     def __init__(
         self,
         learner: Learner,

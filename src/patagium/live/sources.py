@@ -22,13 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import LogError, ParameterError
-from patagium.live.packets import (
-    LARGEST_DATAGRAM,
-    DatagramPackets,
-    Intake,
-    TextPackets,
-    read_key,
-)
+from patagium.live.packets import LARGEST_DATAGRAM, DatagramPackets, Intake, TextPackets, read_key
 from patagium.live.raw_sensors import MotionPackets, sensor_rows, sensors_text
 from patagium.reading import regular_file
 from patagium.robot import Robot

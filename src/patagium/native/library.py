@@ -17,13 +17,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from patagium.native.cache import (
-    Library,
-    build_lock,
-    load_library,
-    record_library,
-    short_hash,
-)
+from patagium.native.cache import Library, build_lock, load_library, record_library, short_hash
 from patagium.native.compiler import (
     STRAIGHT_LINE,
     build,

@@ -20,16 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.errors import FlightError, ParameterError, ShapeError
 from patagium.report.page import draw
-from patagium.report.style import (
-    TRUTH,
-    color,
-    dash,
-    envelope,
-    legend_above,
-    panels,
-    styled,
-    width,
-)
+from patagium.report.style import TRUTH, color, dash, envelope, legend_above, panels, styled, width
 from patagium.whole_file import write_whole
 
 Array = NDArray[np.float64]

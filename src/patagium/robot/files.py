@@ -16,6 +16,7 @@ from typing import Any, Literal
 import yaml
 from pydantic import ValidationError
 
+from patagium.arguments import checked
 from patagium.errors import (
     ParameterError,
     RobotFileError,
@@ -34,6 +35,7 @@ from patagium.robot.urdf import read_urdf
 from patagium.whole_file import write_whole
 
 
+@checked
 def load_robot(name_or_path: str | Path) -> Robot:
     """Robot from a preset's name, a robot file or a URDF.
 
@@ -77,6 +79,7 @@ def _reviewed(robot: Robot, name: str) -> Robot:
     return robot
 
 
+@checked
 def load_urdf(path: str | Path, *, base: Literal["fixed", "floating"] = "fixed") -> Robot:
     """Robot from a URDF, its root on the world or floating.
 

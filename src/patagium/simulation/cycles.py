@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from patagium.arguments import checked
 from patagium.errors import FlightError, ParameterError
 from patagium.robot import Robot
 from patagium.robot.attitude import angles_from_quaternion
@@ -30,6 +31,7 @@ _MEANINGS = {
 }
 
 
+@checked
 def cycle_statistics(
     flight: xr.Dataset, *, period: float | None = None, skip: int = 1, phases: int = 100
 ) -> xr.Dataset:

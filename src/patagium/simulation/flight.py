@@ -29,8 +29,9 @@ from patagium.aerodynamics import (
     added_mass_from_description,
     aero_from_description,
 )
+from patagium.arguments import checked, of_kind
 from patagium.dynamics.dynamics import poses_at
-from patagium.errors import FlightError, Outcome, of_kind
+from patagium.errors import FlightError, Outcome
 from patagium.netcdf_file import loaded_dataset, netcdf_content, write_netcdf
 from patagium.reading import json_object, made_again, parsed_json
 from patagium.robot import Robot, load_robot_text
@@ -355,7 +356,7 @@ def _period(gait: Mapping[str, Any]) -> float | None:
 
 
 def _require(flight: xr.Dataset, names: tuple[str, ...]) -> None:
-    of_kind("flight", flight, xr.Dataset, "pt.load_flight('flight.nc')")
+    of_kind("flight", flight, xr.Dataset)
     missing = [name for name in names if name not in flight.attrs]
     if missing:
         raise FlightError(f"the flight has no attribute {', '.join(missing)}")
@@ -462,6 +463,7 @@ def _placed(flight: xr.Dataset) -> tuple[Array, Array]:
     return position[:, held], rotation[:, held]
 
 
+@checked
 def save_flight(flight: xr.Dataset, path: str | Path) -> Path:
     """Write a flight as netCDF4; an interrupted write leaves the former file.
 
@@ -482,6 +484,7 @@ def save_flight(flight: xr.Dataset, path: str | Path) -> Path:
     return write_netcdf(path, flight, single=single, compressed=True)
 
 
+@checked
 def load_flight(path: str | Path) -> xr.Dataset:
     """Flight from a netCDF4 file, read and checked.
 

@@ -16,7 +16,7 @@ from functools import reduce
 from io import StringIO
 from operator import add
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -53,6 +53,7 @@ class PrescribedMotion:
         )
 
 
+@runtime_checkable
 class Gait(Protocol):
     """Protocol of a gait."""
 

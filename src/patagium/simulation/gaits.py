@@ -14,7 +14,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from patagium.errors import ParameterError, finite, of_kind, positive, suggest_names
+from patagium.arguments import checked, of_kind
+from patagium.errors import ParameterError, finite, positive, suggest_names
 from patagium.robot import Robot
 from patagium.robot.linkage import Linkage
 from patagium.simulation.arm import carried_gait
@@ -56,6 +57,7 @@ MARGIN = 1e-9
 """Rounding allowed beyond a joint limit [rad, m]."""
 
 
+@checked
 def sinusoidal(
     robot: Robot,
     *,
@@ -89,6 +91,7 @@ def sinusoidal(
     )
 
 
+@checked
 def fourier(
     robot: Robot,
     *,
@@ -162,6 +165,7 @@ def linkage(
     return _within_limits(robot, gait)
 
 
+@checked
 def from_csv(
     robot: Robot,
     path: str | Path,
@@ -197,6 +201,7 @@ def from_csv(
     return _within_limits(robot, gait)
 
 
+@checked
 def to_csv(robot: Robot, gait: Gait, path: str | Path) -> None:
     """Table of one period of a gait, as `from_csv` reads it; whole or not at all.
 
@@ -221,6 +226,7 @@ _ROWS = 400
 """Rows of a period, whose spline is off by 1e-8 of a third harmonic."""
 
 
+@checked
 def still(robot: Robot, **position: float) -> FourierGait:
     """Gait of a robot that holds its joints.
 
@@ -237,6 +243,7 @@ def still(robot: Robot, **position: float) -> FourierGait:
     )
 
 
+@checked
 def cruise(robot: Robot, frequency: float | None = None) -> FourierGait:
     """Gait of the section `cruise` in the robot's file: one sine a joint, or joints held.
 
@@ -281,6 +288,7 @@ def superposed(robot: Robot, *parts: Gait) -> SuperposedGait:
     return _within_limits(robot, gait)
 
 
+@checked
 def check_gait(robot: Robot, gait: Gait) -> None:
     """Refuse a gait of another robot's joints.
 
@@ -293,7 +301,7 @@ def check_gait(robot: Robot, gait: Gait) -> None:
 
 
 def _joints(robot: Robot) -> tuple[str, ...]:
-    of_kind("robot", robot, Robot, "pt.load_robot('aerobat')")
+    of_kind("robot", robot, Robot)
     return tuple(robot.dof_names[i] for i in robot.actuated)
 
 

@@ -20,7 +20,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.errors import ParameterError, of_kind, suggest_names
+from patagium.arguments import checked
+from patagium.errors import ParameterError, suggest_names
 from patagium.robot import Body, Joint, Robot
 from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import CAPACITIES, FLOATING_COORDINATES, Axis, axis_of, finite_triple
@@ -64,6 +65,7 @@ def fixed() -> Mount:
     return Mount("fixed")
 
 
+@checked
 def carried(path: Path) -> Mount:
     """Mount that moves the floating body along a path, whatever that takes.
 
@@ -108,6 +110,7 @@ def on_arm(
     return Mount("arm", path, plan)
 
 
+@checked
 def load_cell(
     at: str, position: Axis = (0.0, 0.0, 0.0), orientation: Axis = (0.0, 0.0, 0.0)
 ) -> InternalLoadCell:
@@ -124,6 +127,7 @@ def load_cell(
     return InternalLoadCell(at, position, orientation)
 
 
+@checked
 def mount_of(robot: Robot, mount: Mount | None) -> Mount:
     """The mount asked for, or what the robot implies: free if it floats, else fixed.
 
@@ -132,7 +136,6 @@ def mount_of(robot: Robot, mount: Mount | None) -> Mount:
     """
     if mount is None:
         return free() if robot.floating else fixed()
-    of_kind("mount", mount, Mount, "pt.mounts.fixed()")
     if mount.kind != "fixed" and not robot.floating:
         raise ParameterError("mount", f"fixed: {robot.name!r} has no floating body", mount.kind)
     if mount.path is not None and len(floating_dofs(robot)) != CELL_COORDINATES:

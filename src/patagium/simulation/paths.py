@@ -17,6 +17,8 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from patagium.arguments import checked
+from patagium.arrays import real_array
 from patagium.errors import LogError, ParameterError, ShapeError, finite, positive, suggest_names
 from patagium.robot.model import FLOATING_COORDINATES, finite_triple
 from patagium.simulation.gait_models import (
@@ -169,6 +171,7 @@ def figure_of_eight(
     return _harmonic(center, attitude, rate, [still, still], [half * first, side * second])
 
 
+@checked
 def sinusoid(
     center: Triple,
     *,
@@ -201,6 +204,7 @@ def sinusoid(
     )
 
 
+@checked
 def waypoints(
     time: ArrayLike, points: ArrayLike, *, closed: bool = False, attitude: Triple = LEVEL
 ) -> SplinePath:
@@ -217,7 +221,7 @@ def waypoints(
         ShapeError: If times and points do not go together.
         ParameterError: If time does not rise, a number is not finite, or a closed path is open.
     """
-    times, places = np.array(time, float), np.array(points, float)
+    times, places = real_array("time", time), real_array("points", points)
     if times.ndim != 1 or places.shape not in ((len(times), 3), (len(times), 6)):
         raise ShapeError("points", f"({times.size}, 3) or ({times.size}, 6)", places.shape)
     if not (np.isfinite(times).all() and np.isfinite(places).all()):

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeAlias, TypedDict, Unpack
+from typing import TypeAlias, TypedDict, Unpack
 
 import numpy as np
 import pandas as pd
@@ -19,16 +19,9 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
+from patagium.arguments import checked
 from patagium.arrays import real_array
-from patagium.errors import (
-    Outcome,
-    ParameterError,
-    ShapeError,
-    SimulationFailed,
-    of_kind,
-    positive,
-    similar,
-)
+from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFailed, positive
 from patagium.limits import MOST_STEPS
 from patagium.native import load_functions
 from patagium.robot import Robot
@@ -87,15 +80,13 @@ def whole_steps(duration: float, time_step: float, name: str = "duration") -> in
     return steps
 
 
+@checked
 def check_robots(robot: Robot, aero: Aerodynamics) -> None:
     """Refuse a model of the air around another robot.
 
     Raises:
         ParameterError: If its coordinates or strips are not the robot's.
     """
-    of_kind("robot", robot, Robot, "pt.load_robot('aerobat')")
-    if not isinstance(getattr(aero, "robot", None), Robot):
-        raise ParameterError("aero", "a model of the air such as pt.QuasiSteady(robot)", aero)
     if _shape(aero.robot) != _shape(robot):
         raise ParameterError(
             "aero", f"a model of the air around {_named(robot)}", _named(aero.robot)
@@ -269,6 +260,7 @@ class Simulator:
     def __repr__(self) -> str:
         return f"<Simulator of {self._robot.name}, time step {self.time_step:g} s>"
 
+    @checked
     def __init__(
         self,
         robot: Robot,
@@ -281,7 +273,6 @@ class Simulator:
         control_period: float | None = None,
         **options: Unpack[FlightOptions],
     ) -> None:
-        check_keywords(options, FlightOptions)
         whole_steps(duration, duration if time_step is None else time_step)
         self._steered: SteeredGait | None = gait if isinstance(gait, SteeredGait) else None
         self._commands: list[tuple[int, dict[str, float]]] = []
@@ -588,27 +579,6 @@ def _equations(
     )
 
 
-def check_keywords(given: Mapping[str, Any], known: type) -> None:
-    """Refuse keywords that a typed dictionary does not have.
-
-    Raises:
-        TypeError: If there is another keyword.
-    """
-    unknown = sorted(set(given) - set(known.__annotations__))
-    if unknown:
-        names = sorted(known.__annotations__)
-        near = similar(unknown[0], [*names, "duration", "time_step", "mount"])
-        expected = f"expected one of {', '.join(names)}{near}"
-        raise TypeError(f"unexpected keyword argument {unknown[0]!r}, {expected}")
-
-
-def _check_controller(controller: object, period: float | None) -> None:
-    if not (controller is None or callable(controller)):
-        raise ParameterError("controller", "a function of time and state", controller)
-    if period is not None and controller is None:
-        raise ParameterError("control_period", "a controller with it", None)
-
-
 def _base_motion(
     robot: Robot, layout: StateLayout, mount: Mount, q: Array, v: Array
 ) -> Callable[[Array], PrescribedMotion]:
@@ -682,6 +652,7 @@ def _flown(
     return simulator.flight()
 
 
+@checked
 def simulate(
     robot: Robot,
     aero: Aerodynamics,
@@ -725,11 +696,11 @@ def simulate(
         ShapeError: If q is not (n_q,) or v not (n,).
         SimulationFailed: If the run stopped early and `throw` is set; it carries the flight.
     """
-    check_keywords(options, SimulationOptions)
     throw, progress = options.pop("throw", True), options.pop("progress", None)
     controller, period = options.pop("controller", None), options.pop("control_period", None)
     started: FlightOptions = options
-    _check_controller(controller, period)
+    if period is not None and controller is None:
+        raise ParameterError("control_period", "a controller with it", None)
 
     def start(step: float | None) -> Simulator:
         return Simulator(

@@ -15,13 +15,7 @@ from matplotlib.figure import Figure
 from patagium.errors import FlightError
 from patagium.learning import evaluate
 from patagium.learning.parameter_paths import Trained
-from patagium.report.figures import (
-    comparison,
-    flight_overview,
-    histories,
-    intervals,
-    wingbeat,
-)
+from patagium.report.figures import comparison, flight_overview, histories, intervals, wingbeat
 from patagium.report.style import figures_for
 from patagium.robot.drawing import draw_robot
 from patagium.sensing import ForceSamples

@@ -28,13 +28,7 @@ from patagium.robot import Robot
 from patagium.robot.planform import strip_corners
 from patagium.robot.solids import Solid, solids, wing_tips
 from patagium.viewer.live_door import Door, is_number
-from patagium.viewer.live_frames import (
-    FORCES,
-    Mailbox,
-    Steering,
-    Subject,
-    message_of_frame,
-)
+from patagium.viewer.live_frames import FORCES, Mailbox, Steering, Subject, message_of_frame
 from patagium.viewer.predicted_forces import strip_force_network
 from patagium.viewer.replay import center_of_mass, quaternions
 

@@ -18,6 +18,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from patagium.arguments import checked
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import ParameterError
 from patagium.report.figures import events_of, off_reference
@@ -166,6 +167,7 @@ _SILENCE = 1e-12
 """Forces that vary less are rounding [N, N m]."""
 
 
+@checked
 def replay(
     flight: xr.Dataset,
     path: str | Path,
@@ -490,6 +492,7 @@ _NOTES: Sequence[str] = (
 )
 
 
+@checked
 def still(
     flight: xr.Dataset,
     time: float | None = None,

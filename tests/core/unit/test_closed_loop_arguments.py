@@ -28,17 +28,66 @@ def test_a_name_that_is_no_command_is_refused(name: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("event", "words"),
+    ("kind", "name", "value"),
     [
-        (pt.control.PayloadEvent(time=0.0, body="body", mass=0.01, position=5), "position"),
-        (
-            pt.control.PayloadEvent(time=0.0, body="body", mass=0.01, position=("a", 0, 0)),
-            "position",
-        ),
-        (pt.control.PolarEvent(time=0.0, factors=1.0), "factors"),
+        (pt.control.PayloadEvent, "position", 5),
+        (pt.control.PayloadEvent, "position", ("a", 0, 0)),
+        (pt.control.PayloadEvent, "mass", np.timedelta64(1, "s")),
+        (pt.control.PayloadEvent, "time", 10**400),
+        (pt.control.PolarEvent, "factors", 1.0),
+        (pt.control.PolarEvent, "factors", {"lift_amplitude": np.nan}),
+        (pt.control.GustEvent, "velocity", (0.0, np.inf, 0.0)),
+        (pt.control.WindEvent, "velocity", (0.0, 1.0)),
+        (pt.control.StuckEvent, "command", ["frequency"]),
     ],
 )
-def test_an_event_of_hostile_numbers_is_refused(event: Any, words: str) -> None:
-    aero = pt.QuasiSteady(ROBOT, pt.Air())
-    with pytest.raises(PatagiumError, match=words):
-        event.changed(ROBOT, aero)
+def test_an_event_of_hostile_numbers_is_refused(kind: Any, name: str, value: Any) -> None:
+    words = {
+        pt.control.PayloadEvent: {"body": "body", "mass": 0.01},
+        pt.control.PolarEvent: {"factors": {"lift_amplitude": 0.9}},
+        pt.control.GustEvent: {"velocity": (0.0, 0.0, 1.0), "length_time": 0.01},
+        pt.control.WindEvent: {"velocity": (0.0, 0.0, 1.0)},
+        pt.control.StuckEvent: {"command": "frequency"},
+    }
+    with pytest.raises(ParameterError, match=f"^{name}: expected"):
+        kind(**{"time": 0.0, **words[kind], name: value})
+
+
+ORBIT = pt.trim(ROBOT)
+HOSTILE = (None, "x", b"1", object(), [[1], 2], {1}, 1j, np.nan, 10**400, np.ma.masked, {})
+
+
+@pytest.mark.parametrize("value", HOSTILE, ids=lambda value: type(value).__name__)
+@pytest.mark.parametrize(
+    ("function", "given", "name"),
+    [
+        (pt.trim, {"robot": ROBOT}, "robot"),
+        (pt.trim, {"robot": ROBOT}, "turn_rate"),
+        (pt.trim, {"robot": ROBOT}, "tolerable"),
+        (pt.trim, {"robot": ROBOT}, "steps"),
+        (pt.control.continue_orbit, {"along": "speed", "limits": (4.0, 6.0)}, "orbit"),
+        (pt.control.continue_orbit, {"orbit": ORBIT, "limits": (4.0, 6.0)}, "along"),
+        (pt.control.continue_orbit, {"orbit": ORBIT, "along": "speed"}, "limits"),
+        (pt.control.floquet, {}, "orbit"),
+        (pt.control.optimize, {"robot": ROBOT}, "harmonics"),
+        (pt.control.power_front, {"robot": ROBOT}, "speeds"),
+        (pt.control.LinearRegulator, {"orbit": ORBIT}, "commands"),
+        (pt.control.PredictiveController, {"commands": ["frequency"]}, "orbit"),
+        (pt.control.off_nominal, {"robot": ROBOT, "share": 0.1}, "seed"),
+    ],
+)
+def test_a_hostile_argument_is_refused_by_its_name(
+    function: Any, given: Any, name: str, value: Any
+) -> None:
+    if value == {} and name == "tolerable":
+        pytest.skip("an empty mapping is one")
+    with pytest.raises(PatagiumError, match=f"^{name}: expected"):
+        function(**given, **{name: value}) if name not in given else function(**{name: value})
+
+
+@pytest.mark.parametrize("name", ["estimator", "progress"])
+def test_an_option_of_a_flight_that_cannot_be_called_is_refused(name: str) -> None:
+    law = pt.control.LinearRegulator(ORBIT, list(ROBOT.actuators))
+    air = pt.QuasiSteady(ROBOT)
+    with pytest.raises(ParameterError, match=f"^{name}: expected"):
+        pt.fly(ROBOT, air, law, orbit=ORBIT, duration=0.02, **{name: 5})

@@ -144,4 +144,4 @@ def test_a_file_that_is_no_flight_is_said(tmp_path):
     with pytest.raises(FlightError, match="expected a flight such as"):
         pt.load_flight(tmp_path / "text.nc")
     with pytest.raises(FlightError, match="no attribute robot"):
-        robot_of(pt.load_flight.__globals__["xr"].Dataset())
+        robot_of(xr.Dataset())

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from patagium.errors import ParameterError
+from patagium_lab.attack.calls import call_targets
 from patagium_lab.attack.files import READERS, file_targets
 from patagium_lab.attack.oracle import LostState, Target, WrongNumber, judged
 from patagium_lab.attack.packets import packet_targets
@@ -20,7 +21,7 @@ from patagium_lab.attack.worker import attacked, attacked_here
 from patagium_lab.study import Stages
 
 CORPUS = sorted((Path(__file__).parent / "corpus").iterdir())
-TARGETS = {target.name: target for target in (*file_targets(), *packet_targets())}
+TARGETS = {one.name: one for one in (*file_targets(), *packet_targets(), *call_targets())}
 forks = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 
 

@@ -1,8 +1,7 @@
 """Targets that are closed loops: hostile controllers, events, sensors and plans.
 
 What is accepted must fly: states of a flight that completed are finite. Neglected: controllers that
-never return, errors that a controller raises itself, which are its own, and the arguments of
-`pt.trim`, `pt.optimize` and `continue_orbit`.
+never return, and errors that a controller raises itself, which are its own.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from patagium.errors import ParameterError
 from patagium_lab.attack.endurance import GLIDE, UPDATES
 from patagium_lab.jobs import WORKERS
 
-HOSTILE = ("files", "packets", "loops", "options", "signals", "writes", "cache")
+HOSTILE = ("files", "packets", "loops", "calls", "options", "signals", "writes", "cache")
 """Areas of hostile cases, which are tallied."""
 LEARNERS = ("poison", "faults", "damage", "calibration", "endurance", "captures")
 """Areas of learners and estimates under faults, which are scored."""

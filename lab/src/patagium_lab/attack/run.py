@@ -13,6 +13,7 @@ from itertools import product
 from typing import Any
 
 from patagium_lab.attack.calibration import NOISES, flight_calibration, log_calibration
+from patagium_lab.attack.calls import call_targets
 from patagium_lab.attack.campaign import FAULT_NAMES, campaign
 from patagium_lab.attack.damage import damage_row, learner_names
 from patagium_lab.attack.endurance import single_precision, steady_glide
@@ -90,6 +91,7 @@ def targets() -> Iterator[Target]:
     yield from file_targets()
     yield from packet_targets()
     yield from loop_targets()
+    yield from call_targets()
     yield from program_targets()
 
 

@@ -32,8 +32,8 @@ def attack(
     only: Annotated[
         list[str] | None,
         typer.Option(
-            help="Area: files, packets, loops, options, signals, writes, cache, poison, faults, "
-            "damage, calibration, endurance or captures; the option may be repeated."
+            help="Area: files, packets, loops, calls, options, signals, writes, cache, poison, "
+            "faults, damage, calibration, endurance or captures; the option may be repeated."
         ),
     ] = None,
     jobs: Jobs = 2,

@@ -31,11 +31,7 @@ from patagium.learning.filters.root import (
 from patagium.learning.filters.spread import Moments, moments_of
 from patagium.learning.filters.state import packed, symmetric, unpacked, vector
 from patagium.learning.filters.structure import Look, Structure
-from patagium.learning.filters.weight_covariance import (
-    BlockCovariance,
-    block_covariance,
-    scattered,
-)
+from patagium.learning.filters.weight_covariance import BlockCovariance, block_covariance, scattered
 from patagium.learning.models.structure import Indices, blocks_of
 
 Array = NDArray[np.float64]

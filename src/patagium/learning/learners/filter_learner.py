@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arguments import of_kind
 from patagium.arrays import real_array
 from patagium.errors import Outcome, ParameterError, ShapeError
 from patagium.learning.filters.block_kernel import structure_and_kernel
@@ -81,6 +82,8 @@ class FilterLearner(OnlineLearner):
         seed: int = 0,
         **given: Any,
     ) -> None:
+        of_kind("network", network, Network)
+        of_kind("seed", seed, int)
         chosen = chosen_settings(self.kind, settings, given)
         numbers = filter_numbers(network, chosen, self.kind)
         super().__init__(network)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arguments import checked
 from patagium.errors import Outcome
 from patagium.learning.filters.screening import Screen
 from patagium.learning.filters.state import vector
@@ -50,6 +51,7 @@ class GradientLearner(OnlineLearner):
         Kingma & Ba (2015), Adam: A method for stochastic optimization.
     """
 
+    @checked
     def __init__(
         self,
         network: Network,

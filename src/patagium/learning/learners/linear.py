@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arguments import checked
 from patagium.errors import Outcome
 from patagium.learning.filters.numbers import PRIOR
 from patagium.learning.filters.screening import Screen
@@ -58,6 +59,7 @@ class LinearLearner(OnlineLearner):
 
     _network: LinearNetwork
 
+    @checked
     def __init__(
         self,
         network: DenseNetwork,

@@ -11,6 +11,7 @@ from os.path import commonprefix
 from pathlib import Path
 from typing import Any
 
+from patagium.arguments import checked
 from patagium.errors import LogError, ParameterError
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
@@ -86,6 +87,7 @@ def learner_from_description(description: Mapping[str, Any]) -> OnlineLearner:
     return learner(network_from_description(network), settings, seed=seed)
 
 
+@checked
 def load_learner(path: str | Path, like: Learner | None = None) -> OnlineLearner:
     """Learner that `save` kept: it goes on as the one that was saved would have.
 

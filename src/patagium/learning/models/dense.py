@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arguments import checked
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Encoding, center_of, scale_of
 from patagium.learning.models.perceptron import Perceptron, PerceptronNetwork, softplus
@@ -48,6 +49,7 @@ class DenseNetwork(PerceptronNetwork):
 
     kind = "dense"
 
+    @checked
     def __init__(
         self,
         inputs: int,
@@ -148,6 +150,7 @@ class LinearNetwork(DenseNetwork):
 
     kind = "linear"
 
+    @checked
     def __init__(self, base: DenseNetwork, features: int = 0, seed: int = 0) -> None:
         if not isinstance(base, DenseNetwork) or len(base.perceptron.widths) != 2:
             raise ParameterError("network", "a DenseNetwork without hidden layers", base)

@@ -27,15 +27,11 @@ from patagium.aerodynamics.added_mass import AddedMass, added_mass_from_descript
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.indicial import Relaxation, lag_step
 from patagium.aerodynamics.model import Aerodynamics
+from patagium.arguments import checked
 from patagium.dynamics.equations import inverse, kirchhoff_force
 from patagium.errors import ParameterError
 from patagium.learning.models.dense import described
-from patagium.learning.models.memory import (
-    LagEquations,
-    MemoryState,
-    memory_in,
-    row_size,
-)
+from patagium.learning.models.memory import LagEquations, MemoryState, memory_in, row_size
 from patagium.learning.models.network import Encoding, FlightTerms, GroupedNetwork
 from patagium.learning.models.physical import (
     FACTOR,
@@ -91,6 +87,7 @@ class GreyBox(GroupedNetwork):
 
     kind = "grey_box"
 
+    @checked
     def __init__(
         self,
         model: Aerodynamics,

@@ -8,7 +8,7 @@ memory in `memory`, physical parameters in `physical`, quantities of a flight in
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -51,6 +51,7 @@ class FlightTerms(NamedTuple):
     strip_forces: Array | None = None
 
 
+@runtime_checkable
 class Network(Protocol):
     """A function of x with weights to learn.
 

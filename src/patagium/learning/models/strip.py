@@ -18,6 +18,8 @@ from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.local_flow import strip_motions
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.aerodynamics.strip_loads import StripLoad, assemble
+from patagium.arguments import checked
+from patagium.arrays import real_array
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning.models.network import FlightTerms
 from patagium.learning.models.perceptron import Perceptron
@@ -73,6 +75,7 @@ class StripNetwork(WingNetwork):
     kind = "strip"
     options = ("measured", "chord_fraction", "rotation", "coefficient_scale")
 
+    @checked
     def __init__(
         self,
         robot: Robot,
@@ -87,7 +90,7 @@ class StripNetwork(WingNetwork):
     ) -> None:
         if not robot.strips:
             raise ParameterError("robot", "a robot with wings", robot.name)
-        if not (np.isfinite(coefficient_scale) and coefficient_scale > 0):
+        if coefficient_scale <= 0:
             raise ParameterError("coefficient_scale", "a positive number", coefficient_scale)
         if chord_fraction is not None and not 0 <= chord_fraction <= 1:
             raise ParameterError("chord_fraction", "0 to 1, or None", chord_fraction)
@@ -190,7 +193,7 @@ def _measurement(robot: Robot, measured: Measured) -> tuple[tuple[str, ...], Arr
         for name in names:
             robot.index(name)
         return names, None
-    matrix = np.array(measured, float)
+    matrix = real_array("measured", measured)
     columns = 3 * len(robot.strips)
     if matrix.ndim != 2 or matrix.shape[1] != columns or not len(matrix):
         raise ShapeError("measured", ("n_y", columns), matrix.shape)

@@ -21,6 +21,7 @@ from pydantic import (
     model_validator,
 )
 
+from patagium.arguments import checked
 from patagium.errors import ParameterError
 from patagium.learning.learners.registry import make_learner
 from patagium.learning.models.network import Network
@@ -132,6 +133,7 @@ class Settings(BaseModel):
         return write_whole(path, _HEAD + text)
 
 
+@checked
 def load_settings(path: str | Path) -> Settings:
     """Settings from a file.
 

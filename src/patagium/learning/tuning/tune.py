@@ -21,6 +21,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from patagium.arguments import checked
 from patagium.arrays import brief
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.identify import samples
@@ -145,6 +146,7 @@ class Tuned:
         return self.best.save(path)
 
 
+@checked
 def tune(
     flight: Flight | Sequence[Flight],
     network: Network | Sequence[Network],
@@ -187,9 +189,6 @@ def tune(
         OutputError: If the journal cannot be written, or another process writes it.
         TypeError: If there is no such option.
     """
-    unknown = sorted(set(options) - set(SearchOptions.__annotations__))
-    if unknown:
-        raise TypeError(f"tune() got an unexpected keyword argument {unknown[0]!r}")
     networks = _several("network", network)
     flights = _several("flight", flight)
     chosen = dict(settings or {})
@@ -203,11 +202,7 @@ def tune(
 
 
 def _several(name: str, given: Any) -> tuple[Any, ...]:
-    """One or several, as a tuple.
-
-    Raises:
-        ParameterError: If there is none.
-    """
+    """One or several, as a tuple."""
     found = tuple(given) if isinstance(given, Sequence) else (given,)
     if not found:
         raise ParameterError(name, "at least one", 0)
@@ -369,11 +364,7 @@ def _problem(
     settings: dict[str, Any],
     seed: int,
 ) -> _Problem:
-    """Networks, their exams and the search space.
-
-    Raises:
-        ParameterError: If the networks or the settings are not as they should be.
-    """
+    """Networks, their exams and the search space."""
     by_hidden = {one.hidden: one for one in networks}
     if len(by_hidden) != len(networks):
         raise ParameterError("network", "networks with different hidden layers", list(by_hidden))
@@ -391,12 +382,7 @@ def _problem(
 
 
 def _exam(flights: Sequence[Flight], network: Network, every: int, options: SearchOptions) -> _Exam:
-    """Samples of flights that a network learns, and those that are left out.
-
-    Raises:
-        ParameterError: If no output moves.
-        ShapeError: If the network does not fit a flight.
-    """
+    """Samples of flights that a network learns, and those that are left out."""
     given = options.get("hold_out", ())
     named = given.items() if isinstance(given, Mapping) else [("", one) for one in given]
     others = [_used(one, network, every, name)[0] for name, one in named]
@@ -421,11 +407,7 @@ def _try(
 
 
 def _used(flight: Flight, network: Network, every: int, source: str) -> tuple[Flown, Kinematics]:
-    """Samples used of a flight, with those between them where the network has a memory.
-
-    Raises:
-        ShapeError: If the network does not fit the flight.
-    """
+    """Samples used of a flight, with those between them where the network has a memory."""
     if isinstance(flight, LogTable):
         time, x, y, gaps, name = flight.time, flight.x, flight.y, flight.gaps, flight.source
     else:

@@ -19,6 +19,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass
+from patagium.arguments import checked
 from patagium.dynamics import equations
 from patagium.errors import FlightError, LogError, ParameterError
 from patagium.native import NativeFunction, load_functions
@@ -221,6 +222,7 @@ def state_columns(robot: Robot, inputs: Sequence[str]) -> list[int]:
     return [names.index(name) for name in inputs]
 
 
+@checked
 def training_data(
     flight: xr.Dataset, robot: Robot | None = None, *, with_added_mass: bool = False
 ) -> tuple[Array, Array, Array]:

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import cumulative_simpson
 
 from patagium.aerodynamics import AddedMass
+from patagium.arguments import checked
 from patagium.arrays import brief
 from patagium.dynamics import equations
 from patagium.dynamics.kinematics import body_poses, generalized_force
@@ -191,6 +192,7 @@ def cell_wrench(log: SensorLog, motion: xr.Dataset, name: str, *, shift: float =
     )
 
 
+@checked
 def inverse_dynamics_force(
     motion: xr.Dataset,
     *,
@@ -435,6 +437,7 @@ def _at(
     return Measured(found.state[:, :, 0], found.covariance[:, :, 0, 0])
 
 
+@checked
 def momentum_force(
     motion: xr.Dataset,
     *,

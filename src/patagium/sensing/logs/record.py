@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from patagium.arguments import checked
 from patagium.errors import FlightError, LogError
 from patagium.netcdf_file import netcdf_content
 from patagium.reading import parsed_json, regular_file
@@ -78,11 +79,7 @@ class LogRecord:
         return netcdf_content(self.path, LogError, "a whole log that `patagium import` wrote")
 
     def _read_header(self) -> None:
-        """Read all but the numbers.
-
-        Raises:
-            LogError: If the file is no imported log.
-        """
+        """Read all but the numbers."""
         found = self._file.__dict__
         if found.get("format") != FORMAT:
             other = "; it is a flight, which `pt.load_flight` reads" if "aero" in found else ""
@@ -259,6 +256,7 @@ class LogRecord:
         return [name for name in wanted if name not in self._columns]
 
 
+@checked
 def load_log(path: str | Path) -> xr.Dataset:
     """Imported log in memory, with one variable for each quantity and its unit.
 

@@ -18,6 +18,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from patagium.arguments import checked
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot, load_robot
 from patagium.sensing.force.air_force import PARTS, packet_columns, recorded
@@ -46,6 +47,7 @@ _VECTORS = {
 """Quantities with three components, by their unit."""
 
 
+@checked
 def sensor_log(
     log: str | Path | xr.Dataset,
     robot: Robot | str | None = None,

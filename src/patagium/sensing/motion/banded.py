@@ -42,12 +42,7 @@ class Knots:
         step: Time between knots [s].
     """
 
-    def __init__(
-        self,
-        begin: float,
-        end: float,
-        step: float,
-    ) -> None:
+    def __init__(self, begin: float, end: float, step: float) -> None:
         self.begin, self.end = begin, end
         self.spans = max(1, int(np.ceil((end - begin) / step - 1e-9)))
         self.step = (end - begin) / self.spans
@@ -63,11 +58,7 @@ class Knots:
         span = np.floor((times - self.begin) / self.step).astype(np.int64)
         return np.asarray(np.clip(span, 0, self.spans - 1))
 
-    def weights(
-        self,
-        times: Array,
-        levels: int = 3,
-    ) -> Array:
+    def weights(self, times: Array, levels: int = 3) -> Array:
         """Weights of the six control points of a time in the value and its derivatives.
 
         Args:
@@ -111,11 +102,7 @@ class Information:
         gradient: Weighted residuals by unknown, (points width,).
     """
 
-    def __init__(
-        self,
-        points: int,
-        width: int,
-    ) -> None:
+    def __init__(self, points: int, width: int) -> None:
         self.points, self.width = points, width
         self.matrix = np.zeros((points * width, SEEN * width))
         self.gradient = np.zeros(points * width)
@@ -125,12 +112,7 @@ class Information:
         """Diagonal of the matrix by point and unknown, (points, width), a view."""
         return self.matrix[:, -1].reshape(self.points, self.width)
 
-    def add(
-        self,
-        span: NDArray[np.int64],
-        rows: Array,
-        residual: Array,
-    ) -> None:
+    def add(self, span: NDArray[np.int64], rows: Array, residual: Array) -> None:
         """Add measurements of unit variance.
 
         Args:
@@ -149,12 +131,7 @@ class Information:
             self.matrix[first[n] + i, j - i + wide - 1] += (rows[n].T @ rows[n])[i, j]
             self.gradient[first[n] : first[n] + wide] += rows[n].T @ residual[n]
 
-    def add_alike(
-        self,
-        product: Array,
-        scale: Array,
-        columns: slice,
-    ) -> None:
+    def add_alike(self, product: Array, scale: Array, columns: slice) -> None:
         """Add the same matrix for each span, times a factor, to unknowns that are alike.
 
         Args:
@@ -184,11 +161,7 @@ class Information:
         change, inverse = found
         return change.reshape(-1, self.width), BandedCovariance(self.points, self.width, inverse)
 
-    def _offset(
-        self,
-        i: int,
-        j: int,
-    ) -> int:
+    def _offset(self, i: int, j: int) -> int:
         return (j - i) * self.width + SEEN * self.width - 1
 
 
@@ -201,19 +174,10 @@ class BandedCovariance:
         matrix: The covariance by rows, as that of `Information`, (points width, 6 width).
     """
 
-    def __init__(
-        self,
-        points: int,
-        width: int,
-        matrix: Array,
-    ) -> None:
+    def __init__(self, points: int, width: int, matrix: Array) -> None:
         self.points, self.width, self.matrix = points, width, matrix
 
-    def variance(
-        self,
-        span: NDArray[np.int64],
-        rows: Array,
-    ) -> Array:
+    def variance(self, span: NDArray[np.int64], rows: Array) -> Array:
         """Variance of linear functions of the points, (N, k).
 
         Args:
@@ -240,11 +204,7 @@ class BandedCovariance:
         found[:, columns, rows] = found[:, rows, columns]
         return found
 
-    def trace(
-        self,
-        product: Array,
-        spans: int,
-    ) -> Array:
+    def trace(self, product: Array, spans: int) -> Array:
         """Sum of the covariance of six points times a symmetric matrix, (spans, width).
 
         Args:

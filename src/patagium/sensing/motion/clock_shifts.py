@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation, Slerp
 
+from patagium.arguments import checked
 from patagium.errors import LogError, ParameterError, positive
 from patagium.robot import Robot
 from patagium.sensing.motion.estimate_motion import SensorMotion, smoothed_stream
@@ -48,6 +49,7 @@ class Shifts:
     unlinked: tuple[str, ...]
 
 
+@checked
 def estimate_shifts(
     log: SensorLog,
     *,

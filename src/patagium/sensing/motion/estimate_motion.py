@@ -18,6 +18,8 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from patagium.arguments import checked
+from patagium.arrays import real_array
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot
 from patagium.sensing.motion.camera_faults import (
@@ -513,6 +515,7 @@ def _smooth_base(
     return (place.state - moved, place.covariance), (state, covariance), attitude
 
 
+@checked
 def estimate_motion(
     log: SensorLog,
     *,
@@ -553,7 +556,7 @@ def estimate_motion(
     if order not in MOTION_ORDERS:
         raise ParameterError("order", f"one of {MOTION_ORDERS}", order)
     streams = streams_of(log, machine, shifts or {})
-    wanted = common_times(streams) if times is None else np.asarray(times, float)
+    wanted = common_times(streams) if times is None else np.atleast_1d(real_array("times", times))
     if smoother is not None:
         found = smoothed_motion(machine, streams, wanted, smoother)
         return _dataset(machine, wanted, found, log)

@@ -25,12 +25,7 @@ from scipy.linalg.lapack import dgeqrf
 
 from patagium.errors import FilterDiverged, Outcome
 from patagium.robot import Robot
-from patagium.sensing.motion.frame_model import (
-    FloatingBase,
-    Motion,
-    floating_base,
-    rotation_matrix,
-)
+from patagium.sensing.motion.frame_model import FloatingBase, Motion, floating_base, rotation_matrix
 from patagium.sensing.motion.sensor_streams import MeasurementModel, Observation
 from patagium.sensing.motion.smoothers import added_covariance, transition
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import factorial
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -258,6 +258,7 @@ def _checked(
     return stamps, y, noise**2, np.array(drive)
 
 
+@runtime_checkable
 class Smoother(Protocol):
     """Smoother that gives rates and accelerations of measured coordinates."""
 

@@ -5,11 +5,7 @@ from patagium.sensing.sensors import presets
 from patagium.sensing.sensors.imu import Imu
 from patagium.sensing.sensors.joints import Encoder, MotorCurrent
 from patagium.sensing.sensors.load_cell import LoadCell
-from patagium.sensing.sensors.motion_capture import (
-    MotionCapture,
-    as_quaternion,
-    from_quaternion,
-)
+from patagium.sensing.sensors.motion_capture import MotionCapture, as_quaternion, from_quaternion
 from patagium.sensing.sensors.sense import SensorLog, load_sensor_log, save_sensor_log, sense
 from patagium.sensing.sensors.sensor import Reading, Sensor, Signal, noise, stepped
 

@@ -84,7 +84,7 @@ class Imu(Sensor):
             if getattr(self, name) is not None:
                 positive(name, getattr(self, name))
         super().__post_init__()
-        if not isinstance(self.body, str) or not self.body:
+        if not self.body:
             raise ParameterError("body", "the name of a body", self.body)
 
     @property

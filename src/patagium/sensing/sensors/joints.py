@@ -12,15 +12,7 @@ import numpy as np
 from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
-from patagium.sensing.sensors.sensor import (
-    Array,
-    Reading,
-    Sensor,
-    Signal,
-    limited,
-    noise,
-    stepped,
-)
+from patagium.sensing.sensors.sensor import Array, Reading, Sensor, Signal, limited, noise, stepped
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,7 +148,7 @@ def names(name: str, value: object) -> tuple[str, ...]:
     Raises:
         ParameterError: If an entry is no name.
     """
-    found = (value,) if isinstance(value, str) else tuple(value)  # type: ignore[arg-type]
+    found = tuple(value) if isinstance(value, list | tuple) else (value,)
     if not all(isinstance(part, str) and part for part in found):
         raise ParameterError(name, "names of coordinates", value)
     return found

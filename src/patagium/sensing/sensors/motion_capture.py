@@ -77,7 +77,7 @@ class MotionCapture(Sensor):
         if finite("dropout_length", self.dropout_length) < 0:
             raise ParameterError("dropout_length", "zero or more seconds", self.dropout_length)
         super().__post_init__()
-        if not isinstance(self.body, str) or not self.body:
+        if not self.body:
             raise ParameterError("body", "the name of a body", self.body)
 
     def errors(self, robot: Robot, count: int, rng: np.random.Generator) -> tuple[Array, ...]:

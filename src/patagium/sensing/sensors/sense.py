@@ -13,6 +13,7 @@ import netCDF4
 import numpy as np
 import xarray as xr
 
+from patagium.arguments import checked
 from patagium.arrays import brief
 from patagium.errors import FlightError, LogError, ParameterError
 from patagium.netcdf_file import loaded_dataset, write_netcdf
@@ -70,6 +71,7 @@ class SensorLog:
         return replace(self, truth={})
 
 
+@checked
 def sense(flight: xr.Dataset, sensors: Sequence[Sensor], *, seed: int = 0) -> SensorLog:
     """Log of sensors on a flight.
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arguments import check_fields
 from patagium.arrays import real_array
 from patagium.errors import ParameterError, ShapeError, finite, positive
 
@@ -91,9 +92,8 @@ class Sensor:
     clock_drift: float = 0.0
 
     def __post_init__(self) -> None:
+        check_fields(self)
         positive("rate", self.rate)
-        for name in ("delay", "clock_offset", "clock_drift"):
-            finite(name, getattr(self, name))
         if self.delay < 0:
             raise ParameterError("delay", "zero or more seconds", self.delay)
         if abs(self.clock_drift) >= 0.1:
@@ -101,7 +101,7 @@ class Sensor:
         for entry in fields(self):
             if entry.metadata == _NOISE:
                 value = getattr(self, entry.name)
-                if value is not None and not (np.isfinite(value).all() and np.min(value) >= 0):
+                if value is not None and not np.min(value) >= 0:
                     raise ParameterError(entry.name, "zero or more", value)
         if not self.name:
             object.__setattr__(self, "name", type(self).__name__.lower())

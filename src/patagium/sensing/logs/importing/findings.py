@@ -17,14 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.sensing.logs.files.channels import (
-    NO_STAMP,
-    Array,
-    Block,
-    LogFile,
-    Request,
-    Stamps,
-)
+from patagium.sensing.logs.files.channels import NO_STAMP, Array, Block, LogFile, Request, Stamps
 from patagium.sensing.logs.mapping import conversion
 
 Progress = Callable[[int, int], None]

@@ -19,6 +19,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
+from patagium.arguments import checked
 from patagium.errors import LogError
 from patagium.netcdf_file import NetcdfDraft
 from patagium.robot import Robot, load_robot, preset_names
@@ -26,12 +27,7 @@ from patagium.sensing.logs.files.channels import Array, LogFile
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.files.table_files import CsvFile
 from patagium.sensing.logs.importing.consistency import consistency
-from patagium.sensing.logs.importing.findings import (
-    SECOND,
-    Finding,
-    Progress,
-    StampSurvey,
-)
+from patagium.sensing.logs.importing.findings import SECOND, Finding, Progress, StampSurvey
 from patagium.sensing.logs.importing.log_findings import log_findings, table_range_findings
 from patagium.sensing.logs.importing.plan import Plan, plan_import, variable_name
 from patagium.sensing.logs.importing.resample import (
@@ -164,6 +160,7 @@ class Imported:
     notes: tuple[str, ...] = field(default=())
 
 
+@checked
 def import_log(
     paths: str | Path | Sequence[str | Path],
     mapping: TableMapping | str | Path,
@@ -271,11 +268,7 @@ def _written(
 
 
 def _refuse_unusable(log: LogFile, spool: Spool, mapping: TableMapping) -> None:
-    """Refuse streams without enough good stamps and quantities without numbers.
-
-    Raises:
-        LogError: If there is one.
-    """
+    """Refuse streams without enough good stamps and quantities without numbers."""
     for name, survey in zip(spool.plan.names, spool.surveys, strict=True):
         stamps = survey.stamps
         if stamps.kept < 2:
@@ -332,12 +325,7 @@ def _write(
 
 
 def _robot(mapping: TableMapping, source: str) -> Robot | None:
-    """Robot that a mapping names.
-
-    Raises:
-        LogError: If there is no such robot.
-        RobotFileError: If the file describes no robot.
-    """
+    """Robot that a mapping names."""
     if mapping.robot is None:
         return None
     if mapping.robot not in preset_names() and not Path(mapping.robot).exists():

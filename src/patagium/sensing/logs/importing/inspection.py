@@ -15,14 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from patagium.arguments import checked
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import (
-    ColumnError,
-    LogFile,
-    Request,
-    StampSource,
-    Topic,
-)
+from patagium.sensing.logs.files.channels import ColumnError, LogFile, Request, StampSource, Topic
 from patagium.sensing.logs.files.message_files import NO_MESSAGE
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.files.table_files import guessed_base
@@ -133,6 +128,7 @@ class Inspection:
         return asdict(self)
 
 
+@checked
 def inspect_log(
     paths: str | Path | Sequence[str | Path],
     *,

@@ -1,0 +1,159 @@
+"""Arguments of functions and records, checked against their annotations where they enter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, wraps
+from inspect import Parameter, signature
+from numbers import Integral
+from types import MappingProxyType, UnionType
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from patagium.errors import ParameterError, is_finite, similar
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+_WORDS = MappingProxyType({
+    "float": "a finite number", "int": "a whole number", "bool": "True or False", "str": "text",
+    "Mapping": "a mapping", "Robot": "a Robot such as pt.load_robot('aerobat')",
+    "Orbit": "an Orbit such as pt.trim(robot)", "Gait": "a gait such as pt.gaits.cruise(robot)",
+    "Aerodynamics": "a model of the air such as pt.QuasiSteady(robot)",
+    "Callable": "a function", "Estimator": "a function",
+    "Dataset": "a Dataset such as pt.load_flight('flight.nc')",
+    "Learner": "a learner such as pt.CubatureLearner(network)",
+    "Trained": "a model such as pt.load_model('model.json')",
+    "NoneType": "None", "Mount": "a Mount such as pt.mounts.fixed()",
+})  # fmt: skip
+_LARGEST = 2**63  # whole number
+_DATA = (str, bytes, list, tuple, dict, set, np.ndarray, np.generic, int, float, complex)
+
+
+def checked(function: _Function) -> _Function:
+    """Function that refuses arguments of other kinds than its annotations say.
+
+    Args:
+        function: Function or method; its `options` may be those of a typed dictionary, and a name
+            that it has not is a TypeError.
+    """
+    known = signature(function)
+
+    @wraps(function)
+    def entered(*given: Any, **named: Any) -> Any:
+        try:
+            found = known.bind(*given, **named).arguments
+        except TypeError:  # Python says it in its own words
+            return function(*given, **named)
+        kinds = _kinds(function)
+        for name, value in found.items():
+            if name == "options" and (typed := _typed(kinds)):
+                _check_options(value, typed, kinds)
+            elif known.parameters[name].kind is Parameter.VAR_KEYWORD:
+                for key, one in value.items():
+                    of_kind(key, one, kinds.get(name, Any))
+            elif name in kinds and known.parameters[name].kind is not Parameter.VAR_POSITIONAL:
+                of_kind(name, value, kinds[name])
+        return function(*given, **named)
+
+    return entered  # type: ignore[return-value]
+
+
+def check_fields(record: Any) -> None:
+    """Refuse a dataclass with a field of another kind; numbers of NumPy become those of Python."""
+    kind: Any = type(record)
+    for name, value in list(vars(record).items()):
+        of_kind(name, value, _kinds(kind)[name])
+        if isinstance(value, np.generic):
+            object.__setattr__(record, name, value.item())
+
+
+def of_kind(name: str, value: object, kind: Any) -> None:
+    """Refuse an argument of another kind.
+
+    Args:
+        name: The argument.
+        value: What was given.
+        kind: Annotation: a type, a union, a sequence or a mapping.
+
+    Raises:
+        ParameterError: If it is of another kind.
+    """
+    if not _fits(value, kind):
+        raise ParameterError(name, _words(kind), value)
+
+
+def _check_options(given: Mapping[str, Any], typed: dict[str, Any], kinds: Any) -> None:
+    if unknown := sorted(given.keys() - typed.keys()):
+        expected = f"expected one of {', '.join(sorted(typed))}{similar(unknown[0], list(kinds))}"
+        raise TypeError(f"unexpected keyword argument {unknown[0]!r}, {expected}")
+    for name, value in given.items():
+        of_kind(name, value, typed[name])
+
+
+@cache
+def _kinds(owner: Any) -> dict[str, Any]:
+    """Annotations of a function with its typed options, or of a class."""
+    kinds = get_type_hints(owner)
+    return kinds | _typed(kinds)
+
+
+def _typed(kinds: dict[str, Any]) -> dict[str, Any]:
+    """Annotations of the typed options among those of a function."""
+    options = get_args(kinds.get("options"))
+    return get_type_hints(options[0]) if options else {}
+
+
+def _fits(value: Any, kind: Any) -> bool:
+    """Whether a value is what an annotation says; unknown annotations fit."""
+    origin, inner = get_origin(kind), get_args(kind)
+    if kind is Any:
+        return True
+    if origin in (Union, UnionType):
+        return complex in inner or any(_fits(value, one) for one in inner)  # or it is ArrayLike
+    if kind is float:
+        return is_finite(value)
+    if isinstance(value, bool) and kind is int:
+        return False
+    if kind is int:
+        return isinstance(value, Integral) and is_finite(value) and abs(float(value)) < _LARGEST
+    if origin is Literal:
+        return isinstance(value, str) and value in inner
+    if origin is Mapping and isinstance(value, Mapping):
+        return all(_fits(key, inner[0]) and _fits(value[key], inner[1]) for key in value)
+    if origin in (Sequence, tuple):
+        count = len(value) if _listed(value) else -1
+        kinds = inner if origin is tuple and ... not in inner else inner[:1] * count
+        return len(kinds) == count and all(map(_fits, value, kinds))
+    kind = bool | np.bool_ if kind is bool else origin or kind
+    if getattr(kind, "_is_protocol", False) and not getattr(kind, "_is_runtime_protocol", False):
+        parts = any(hasattr(value, name) for name in vars(kind) if not name.startswith("_"))
+        return parts and not isinstance(value, _DATA)
+    if getattr(kind, "_is_runtime_protocol", True) and isinstance(kind, type | UnionType):
+        told = kind in type(value).__mro__  # a protocol may compile what it looks for
+        return (told or isinstance(value, kind)) and (origin is not np.ndarray or _is_real(value))
+    return True
+
+
+def _is_real(value: Any) -> bool:
+    return value.dtype.kind in "fiu" and bool(np.isfinite(value).all())
+
+
+def _listed(value: Any) -> bool:
+    """Whether a value is a sequence or an array, and none of text or masked."""
+    if isinstance(value, np.ndarray):
+        return value.ndim > 0 and not np.ma.isMaskedArray(value)
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes | bytearray)
+
+
+def _words(kind: Any) -> str:
+    """Annotation in words."""
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin is Literal:
+        return f"one of {', '.join(inner)}"
+    if origin in (Union, UnionType):
+        return " or ".join(map(_words, inner))
+    if origin in (Sequence, tuple):
+        some = "a list" if origin is Sequence or ... in inner else f"{len(inner)} numbers"
+        return f"{some}, each {_words(inner[0])}"
+    name = getattr(origin or kind, "__name__", "value")
+    return _WORDS.get(name, f"a {name}")
