@@ -26,7 +26,6 @@ _WORDS = MappingProxyType({
     "NoneType": "None", "Mount": "a Mount such as pt.mounts.fixed()",
 })  # fmt: skip
 _LARGEST = 2**63  # whole number
-_DATA = (str, bytes, list, tuple, dict, set, np.ndarray, np.generic, int, float, complex)
 
 
 def checked(function: _Function) -> _Function:
@@ -59,12 +58,16 @@ def checked(function: _Function) -> _Function:
 
 
 def check_fields(record: Any) -> None:
-    """Refuse a dataclass with a field of another kind; numbers of NumPy become those of Python."""
+    """Refuse a dataclass with a field of another kind; numbers and lists become Python's own."""
     kind: Any = type(record)
     for name, value in list(vars(record).items()):
         of_kind(name, value, _kinds(kind)[name])
         if isinstance(value, np.generic):
             object.__setattr__(record, name, value.item())
+        elif get_origin(_kinds(kind)[name]) is tuple and not isinstance(value, tuple):
+            object.__setattr__(record, name, tuple(np.asarray(value).tolist()))
+        elif get_origin(_kinds(kind)[name]) is Mapping:
+            object.__setattr__(record, name, dict(value))
 
 
 def of_kind(name: str, value: object, kind: Any) -> None:
@@ -110,10 +113,10 @@ def _fits(value: Any, kind: Any) -> bool:
         return True
     if origin in (Union, UnionType):
         return complex in inner or any(_fits(value, one) for one in inner)  # or it is ArrayLike
+    if isinstance(value, bool | np.bool_) and kind in (float, int):
+        return False
     if kind is float:
         return is_finite(value)
-    if isinstance(value, bool) and kind is int:
-        return False
     if kind is int:
         return isinstance(value, Integral) and is_finite(value) and abs(float(value)) < _LARGEST
     if origin is Literal:
@@ -126,8 +129,8 @@ def _fits(value: Any, kind: Any) -> bool:
         return len(kinds) == count and all(map(_fits, value, kinds))
     kind = bool | np.bool_ if kind is bool else origin or kind
     if getattr(kind, "_is_protocol", False) and not getattr(kind, "_is_runtime_protocol", False):
-        parts = any(hasattr(value, name) for name in vars(kind) if not name.startswith("_"))
-        return parts and not isinstance(value, _DATA)
+        parts = [base for base in kind.__mro__ if getattr(base, "_is_runtime_protocol", False)]
+        return all(isinstance(value, base) for base in parts)
     if getattr(kind, "_is_runtime_protocol", True) and isinstance(kind, type | UnionType):
         told = kind in type(value).__mro__  # a protocol may compile what it looks for
         return (told or isinstance(value, kind)) and (origin is not np.ndarray or _is_real(value))

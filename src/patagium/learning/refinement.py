@@ -17,7 +17,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from patagium.arguments import checked
 from patagium.arrays import real_array
-from patagium.errors import FilterDiverged, Outcome, ShapeError
+from patagium.errors import FilterDiverged, Outcome, ParameterError, ShapeError
 from patagium.learning.filters.weight_covariance import block_covariance
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.model_file import Model, model_of
@@ -71,11 +71,14 @@ def refine(
         A model with the covariance; `estimates` of its network reads it.
 
     Raises:
+        ParameterError: If there are no rounds.
         ShapeError: If the arrays do not fit each other.
         FilterDiverged: If nothing finite comes of the learner's weights.
     """
+    if rounds < 1:
+        raise ParameterError("rounds", "at least 1", rounds)
     stamps, seen, measured = (real_array("time, x and y", a) for a in (time, x, y))
-    network, starts = learner.network, real_array("gaps", gaps).astype(np.int64)
+    network, starts = learner.network, real_array("gaps", gaps).reshape(-1).astype(np.int64)
     if measured.shape != (stamps.size, network.outputs) or stamps.ndim != 1:
         raise ShapeError("y", (stamps.size, network.outputs), measured.shape)
     used = used_samples(len(stamps), every, starts)

@@ -93,7 +93,7 @@ class Meaning(NamedTuple):
         if value is None:
             return
         if self.choices:
-            if value not in self.choices:
+            if not isinstance(value, str | int) or value not in self.choices:
                 raise ParameterError(name, f"one of {', '.join(map(str, self.choices))}", value)
             return
         numbers = _array(name, value)
@@ -631,7 +631,10 @@ def chosen_settings(learner: str, settings: Any, given: Mapping[str, Any]) -> An
             raise ParameterError(
                 f"{learner} learner", f"settings among {', '.join(known)}", name, list(known)
             )
-    return replace(RECORDS[learner]() if settings is None else settings, **given)
+    own: Any = RECORDS[learner]() if settings is None else settings
+    if type(own) is not RECORDS[learner]:
+        raise ParameterError("settings", f"{RECORDS[learner].__name__}(...) or None", own)
+    return replace(own, **given)
 
 
 def learner_signature(learner: str) -> Signature:

@@ -7,6 +7,7 @@ robot is written once, in the open.
 
 from __future__ import annotations
 
+import os
 import warnings
 from dataclasses import replace
 from importlib import resources
@@ -58,7 +59,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
     if path.suffix.lower() == ".urdf":
         return _reviewed(load_urdf(path), name)
     other = path.suffix.lower() in (".nc", ".json", ".csv", ".parquet")
-    if path.suffix not in (".yaml", ".yml") and (other or not path.exists()):
+    if path.suffix not in (".yaml", ".yml") and (other or not os.path.exists(path)):
         known = ", ".join(preset_names())
         raise RobotFileError(
             name,

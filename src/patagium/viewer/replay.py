@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from patagium.arguments import checked
 from patagium.dynamics.dynamics import poses_at
-from patagium.errors import ParameterError
+from patagium.errors import FlightError, ParameterError
 from patagium.report.figures import events_of, off_reference
 from patagium.report.replay_page import Arrows, Mark, Replay, Series, Surface, write_replay
 from patagium.report.still import OBLIQUE, draw_still
@@ -337,6 +337,9 @@ def _arrows(
     origin: Array,
     prediction: Prediction | None,
 ) -> Arrows | None:
+    if "aero_force" not in shown:
+        there = ", ".join(map(str, shown.data_vars))
+        raise FlightError(f"flight: expected aero_force (time, dof), but it holds {there}")
     position, rotation = poses
     center = center_of_mass(robot, position, rotation)
     held = (floating_body(robot) or (0, None))[0]

@@ -266,8 +266,8 @@ def _notes(metrics: Row) -> list[str]:
         "Model: the Aerobat with quasi-steady air of a smooth polar. Truth: the published polar, "
         f"masses and inertias off by {MASSES:.0%}, states measured with noise of 1 mm, 5 mrad, "
         "0.02 m/s and 0.02 rad/s. The estimator is that noise alone: no filter.",
-        f"Seeds from {metrics['seed']} on, which chose nothing: 0 to 7, 20 to 29, 100 to 146 and 200 "
-        "to 239 did. "
+        f"Seeds from {metrics['seed']} on, which chose nothing: 0 to 7, 20 to 29, 100 to 146 and "
+        "200 to 239 did. "
         "Side and time of the loss follow from the seed.",
         "'Loss known': the controller is given the cut robot as its model in the interval of the "
         "loss. 'Frozen': nothing is learned from the loss on.",

@@ -10,7 +10,7 @@ from array import array
 from collections.abc import Mapping
 from pathlib import Path
 from time import perf_counter_ns
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,7 +29,20 @@ Array = NDArray[np.float64]
 _KEPT = 2**16
 
 
-class Learner(Protocol):
+@runtime_checkable
+class Updated(Protocol):
+    """What predicts a measurement, and follows samples one by one."""
+
+    def predict(self, x: ArrayLike) -> tuple[Array, Array]:
+        """Mean, (n_y,), and covariance, (n_y, n_y), of a measurement at x, noise included."""
+        ...
+
+    def update(self, x: ArrayLike, y: ArrayLike, time: float | None = None) -> Array:
+        """Learn one sample made at a time [s]; gives the innovation y - mean, (n_y,)."""
+        ...
+
+
+class Learner(Updated, Protocol):
     """An estimate of a network's weights that follows samples one by one."""
 
     @property
@@ -65,14 +78,6 @@ class Learner(Protocol):
     @property
     def time_per_update(self) -> float:
         """Median wall-clock time of an update, all in [s]; NaN before the first."""
-        ...
-
-    def predict(self, x: ArrayLike) -> tuple[Array, Array]:
-        """Mean, (n_y,), and covariance, (n_y, n_y), of a measurement at x, noise included."""
-        ...
-
-    def update(self, x: ArrayLike, y: ArrayLike, time: float | None = None) -> Array:
-        """Learn one sample made at a time [s]; gives the innovation y - mean, (n_y,)."""
         ...
 
     def describe(self) -> dict[str, Any]:

@@ -15,6 +15,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from patagium.arrays import real_array
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.robot import Robot
 from patagium.sensing.motion.frame_model import FrameModel, Motion, rotation_vector
@@ -355,7 +356,7 @@ def given_density(robot: Robot, given: ArrayLike | None) -> Array | None:
     """
     if given is None:
         return None
-    drive = np.array(given, float)
+    drive = real_array("density", given)
     if drive.shape != (robot.dof,):
         raise ShapeError("density", (robot.dof,), drive.shape)
     if not (np.isfinite(drive).all() and (drive > 0).all()):

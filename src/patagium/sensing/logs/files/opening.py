@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -92,7 +93,7 @@ def register_reader(ending: str, reader: Callable[[Path], LogFile], magic: bytes
 
 
 def _parts(path: Path) -> list[Path]:
-    if not path.is_dir():
+    if not os.path.isdir(path):
         return [regular_file(path)]
     files = [regular_file(one) for one in sorted(path.iterdir()) if not one.is_dir()]
     if path / "metadata.yaml" in files:
