@@ -634,7 +634,7 @@ def chosen_settings(learner: str, settings: Any, given: Mapping[str, Any]) -> An
     own: Any = RECORDS[learner]() if settings is None else settings
     if type(own) is not RECORDS[learner]:
         raise ParameterError("settings", f"{RECORDS[learner].__name__}(...) or None", own)
-    return replace(own, **given)
+    return replace(own, **given)  # type: ignore[type-var]
 
 
 def learner_signature(learner: str) -> Signature:
