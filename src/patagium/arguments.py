@@ -79,10 +79,12 @@ def of_kind(name: str, value: object, kind: Any) -> None:
         kind: Annotation: a type, a union, a sequence or a mapping.
 
     Raises:
-        ParameterError: If it is of another kind.
+        ParameterError: If it is of another kind, or a seed below zero.
     """
     if not _fits(value, kind):
         raise ParameterError(name, _words(kind), value)
+    if name == "seed" and isinstance(value, Integral) and int(value) < 0:  # as NumPy takes it
+        raise ParameterError(name, "a whole number, zero or more", value)
 
 
 def _check_options(given: Mapping[str, Any], typed: dict[str, Any], kinds: Any) -> None:

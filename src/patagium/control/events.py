@@ -269,10 +269,8 @@ def off_nominal(robot: Robot, share: float, seed: int) -> Robot:
         seed: Seed of the numbers.
 
     Raises:
-        ParameterError: If share or seed is out of its range.
+        ParameterError: If the share is out of its range.
     """
-    if seed < 0:
-        raise ParameterError("seed", "zero or more", seed)
     if not 0 <= share < 0.3:
         raise ParameterError("share", "at least 0 and below 0.3", share)
     rng = np.random.default_rng([seed, 0x0FF])

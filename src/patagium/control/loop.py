@@ -118,8 +118,6 @@ def fly(
     check_robots(robot, aero)
     loop = _Loop(robot, aero, controller, orbit, tuple(events), duration, options)
     seed = options.get("seed", 0)
-    if seed < 0:
-        raise ParameterError("seed", "int >= 0", seed)
     known = NoisyState() if sensors is None else sensors
     estimator = options.get("estimator") or known.estimator(orbit, loop.duration, int(seed))
     own = controller if isinstance(controller, Learner) else None

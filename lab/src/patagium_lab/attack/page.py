@@ -197,9 +197,9 @@ def _poison(rows: list[dict[str, Any]]) -> list[Block]:
         "of a wingbeat of a joint: states where they differ return later. How often the twin is "
         "the worse one tells how often this alone is more than 1.5. An encoder that jumps within "
         "its range is believed after 20 samples at most; the samples from then on are learned. "
-        "`spread 1.0` has cubature points one standard deviation off; other cubature "
-        "learners have them sqrt(n) off. `wings` is the default network of a winged robot in "
-        "flight, with the default filter; its errors are over the scale of each force.",
+        "Learners of the three joints have a prior share, so that cubature points lie one standard "
+        "deviation off. `wings` is the default network of a winged robot in flight, with the "
+        "default filter; its errors are over the scale of each force.",
         Table(heads, cells, "Screened learners, with noise by EM or Misfit, and their twins."),
         Table(["kind", "bursts", *tail], kinds, "The same by kind of poison."),
     ]

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from patagium.arrays import real_array
 from patagium.errors import FlightError, ParameterError, ShapeError, positive
 from patagium.sensing.sensors.scene import Scene, low_pass
 from patagium.sensing.sensors.sensor import (
@@ -94,7 +95,7 @@ class LoadCell(Sensor):
             if getattr(self, name) is not None:
                 positive(name, min(getattr(self, name)))
         if self.cross_talk is not None:
-            matrix = np.asarray(self.cross_talk, float)
+            matrix = real_array("cross_talk", self.cross_talk)
             if matrix.shape != (6, 6):
                 raise ShapeError("cross_talk", (6, 6), matrix.shape)
             if not np.isfinite(matrix).all():
