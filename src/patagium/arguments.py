@@ -15,10 +15,12 @@ from patagium.errors import ParameterError, is_finite, similar
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _WORDS = MappingProxyType({
-    "float": "a finite number", "int": "a whole number", "bool": "True or False", "str": "text",
+    "float": "a finite number", "int": "a whole number below 2^63",
+    "bool": "True or False", "str": "text",
     "Mapping": "a mapping", "Robot": "a Robot such as pt.load_robot('aerobat')",
     "Orbit": "an Orbit such as pt.trim(robot)", "Gait": "a gait such as pt.gaits.cruise(robot)",
     "Aerodynamics": "a model of the air such as pt.QuasiSteady(robot)",
+    "Event": "an Event such as pt.control.GustEvent(...)",
     "Callable": "a function", "Estimator": "a function",
     "Dataset": "a Dataset such as pt.load_flight('flight.nc')",
     "Learner": "a learner such as pt.CubatureLearner(network)",
@@ -130,10 +132,9 @@ def _fits(value: Any, kind: Any) -> bool:
         kinds = inner if origin is tuple and ... not in inner else inner[:1] * count
         return len(kinds) == count and all(map(_fits, value, kinds))
     kind = bool | np.bool_ if kind is bool else origin or kind
-    if getattr(kind, "_is_protocol", False) and not getattr(kind, "_is_runtime_protocol", False):
-        parts = [base for base in kind.__mro__ if getattr(base, "_is_runtime_protocol", False)]
-        return all(isinstance(value, base) for base in parts)
-    if getattr(kind, "_is_runtime_protocol", True) and isinstance(kind, type | UnionType):
+    if getattr(kind, "_is_protocol", False):  # the nearest that can be asked for at run time
+        kind = next((one for one in kind.__mro__ if vars(one).get("_is_runtime_protocol")), object)
+    if isinstance(kind, type | UnionType):
         told = kind in type(value).__mro__  # a protocol may compile what it looks for
         return (told or isinstance(value, kind)) and (origin is not np.ndarray or _is_real(value))
     return True
@@ -161,4 +162,4 @@ def _words(kind: Any) -> str:
         some = "a list" if origin is Sequence or ... in inner else f"{len(inner)} numbers"
         return f"{some}, each {_words(inner[0])}"
     name = getattr(origin or kind, "__name__", "value")
-    return _WORDS.get(name, f"a {name}")
+    return _WORDS.get(name, f"{'an' if name[0] in 'AEIOU' else 'a'} {name}")

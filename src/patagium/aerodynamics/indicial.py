@@ -128,8 +128,8 @@ def fitted_indicial(rate: Sequence[float]) -> Indicial:
     low = np.geomspace(0.01, 10.0, 200)
     high = np.geomspace(0.01, 2.0, 200)
     rates = np.atleast_1d(real_array("rate", rate))
-    if not (rates.size and np.isfinite(rates).all()):
-        raise ParameterError("rate", "finite numbers, one at least", rates.tolist())
+    if rates.ndim != 1 or not (rates.size and np.isfinite(rates).all()):
+        raise ParameterError("rate", "finite numbers in a row, one at least", rates.tolist())
     lift = _amplitudes(low, theodorsen_function(low), rates, total=0.5)
     circulation = _amplitudes(high, circulation_function(high), rates, total=None)
     return Indicial(tuple(rates), tuple(lift), tuple(circulation))

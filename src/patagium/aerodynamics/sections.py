@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import isfinite, pi, radians
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
@@ -142,6 +142,7 @@ CENTER_OF_PRESSURE_SHIFT = 0.175
 _NUMBERS = ("lift_slope", "zero_lift_angle", "profile_drag", "stall_begins", "stall_complete")
 
 
+@runtime_checkable
 class StripSection(Protocol):
     """Section of a lifting line: its numbers, then those of its polar, are run-time inputs.
 

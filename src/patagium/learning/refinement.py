@@ -24,7 +24,7 @@ from patagium.learning.model_file import Model, model_of
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.models.structure import Indices
-from patagium.learning.stream import used_samples
+from patagium.learning.stream import gap_starts, used_samples
 
 Array = NDArray[np.float64]
 _CLOSE = 0.01  # steps shorter than that, in deviations, are the last
@@ -78,7 +78,7 @@ def refine(
     if rounds < 1:
         raise ParameterError("rounds", "at least 1", rounds)
     stamps, seen, measured = (real_array("time, x and y", a) for a in (time, x, y))
-    network, starts = learner.network, real_array("gaps", gaps).reshape(-1).astype(np.int64)
+    network, starts = learner.network, gap_starts(gaps, stamps.size)
     if measured.shape != (stamps.size, network.outputs) or stamps.ndim != 1:
         raise ShapeError("y", (stamps.size, network.outputs), measured.shape)
     used = used_samples(len(stamps), every, starts)

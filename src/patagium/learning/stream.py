@@ -60,6 +60,14 @@ class Hold(NamedTuple):
     learns: bool
 
 
+def gap_starts(gaps: ArrayLike, count: int) -> Indices:
+    """First sample after each gap, of so many samples; refused where there is none such."""
+    places = np.atleast_1d(real_array("gaps", gaps))
+    if not ((places >= 0) & (places <= count)).all():
+        raise ParameterError("gaps", f"numbers of samples, at most {count}", places.tolist())
+    return places.astype(np.int64)
+
+
 def used_samples(count: int, every: int, gaps: ArrayLike = ()) -> Indices:
     """Samples that are used for an update: one in `every`, counted anew after each gap.
 
@@ -73,7 +81,7 @@ def used_samples(count: int, every: int, gaps: ArrayLike = ()) -> Indices:
     """
     if every < 1:
         raise ParameterError("every", "a whole number of at least 1", every)
-    starts = [0, *np.asarray(gaps, int).reshape(-1).tolist(), count]
+    starts = [0, *np.asarray(gaps, int).tolist(), count]
     spans = [np.arange(a, b, every) for a, b in zip(starts[:-1], starts[1:], strict=True)]
     return np.concatenate(spans).astype(np.int64)
 
@@ -605,10 +613,7 @@ def checked_samples(
     known = {(len(stamps), n) for n in (measured_inputs(network), network.inputs)}
     if inputs.shape not in known:
         raise ShapeError("x", (len(stamps), measured_inputs(network)), inputs.shape)
-    places = np.atleast_1d(real_array("gaps", gaps))
-    if not ((places >= 0) & (places <= len(stamps))).all():
-        raise ParameterError("gaps", f"numbers of samples, at most {len(stamps)}", places.tolist())
     noise = None if std is None else real_array("std", std)
     if noise is not None and noise.shape != outputs.shape:
         raise ShapeError("std", outputs.shape, noise.shape)
-    return Samples(stamps, inputs, outputs, places.astype(np.int64), noise)
+    return Samples(stamps, inputs, outputs, gap_starts(gaps, len(stamps)), noise)

@@ -217,7 +217,7 @@ def test_a_tracker_of_sensors_is_good_enough_to_fly_with(orbit):
     # what comes late is another time's: a smoother would be here
     smoothed = flight["q"].sel(dof="z").values[places[3:] - round(0.02 / 5e-4)]
     assert np.std(smoothed - true[:, names.index("z")]) > 20 * errors[names.index("z")]
-    with pytest.raises(ParameterError, match="encoders, inertial units and cameras"):
+    with pytest.raises(ParameterError, match="an Encoder or an Imu or a MotionCapture"):
         TrackedState([presets.nano17()])
     with pytest.raises(ParameterError, match="a name of its own"):
         TrackedState([parts[0], parts[0]])

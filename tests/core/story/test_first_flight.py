@@ -145,8 +145,10 @@ def test_a_cruise_that_cannot_be_is_refused():
 def test_numbers_and_names_beyond_sense_are_refused(tmp_path, capsys):
     path = tmp_path / "flight.nc"
     assert say(capsys, "simulate", "hawk", "--duration", "0.1", "-o", path)[0] == 0
-    code, _, err = say(capsys, "cycles", path, "--period", "0.02 s", "--skip", "9" * 19)
+    code, _, err = say(capsys, "cycles", path, "--period", "0.02 s", "--skip", "9" * 18)
     assert code == 2 and "0 to a million wingbeats" in err
+    code, _, err = say(capsys, "cycles", path, "--period", "0.02 s", "--skip", "9" * 19)
+    assert code == 2 and "a whole number below 2^63" in err
     page = tmp_path / "view.html"
     assert say(capsys, "view", path, "-o", page, "--title", "\udcff")[0] == 0
     assert "<title>?" in page.read_text("utf-8")
