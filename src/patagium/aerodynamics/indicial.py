@@ -124,6 +124,9 @@ def fitted_indicial(rate: Sequence[float]) -> Indicial:
 
     Args:
         rate: Rates [1/semichord].
+
+    Raises:
+        ParameterError: If there is none, or one is not finite.
     """
     low = np.geomspace(0.01, 10.0, 200)
     high = np.geomspace(0.01, 2.0, 200)

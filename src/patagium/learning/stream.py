@@ -61,7 +61,11 @@ class Hold(NamedTuple):
 
 
 def gap_starts(gaps: ArrayLike, count: int) -> Indices:
-    """First sample after each gap, of so many samples; refused where there is none such."""
+    """First sample after each gap, of so many samples.
+
+    Raises:
+        ParameterError: If one is no sample.
+    """
     places = np.atleast_1d(real_array("gaps", gaps))
     if not ((places >= 0) & (places <= count)).all():
         raise ParameterError("gaps", f"numbers of samples, at most {count}", places.tolist())

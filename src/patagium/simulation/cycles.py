@@ -74,6 +74,8 @@ def cycle_statistics(
             f"flight: expected {skip + 1} wingbeats of {beat:.6g} s at least, "
             f"found {time[-1] - time[0]:.6g} s; fly longer, or skip fewer"
         )
+    if count > len(time):
+        raise ParameterError("period", "more than the time between two samples", beat)
     robot = robot_of(flight)
     phase = np.arange(phases) / phases
     stamps = begin + beat * (np.arange(count)[:, None] + phase)

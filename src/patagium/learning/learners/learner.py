@@ -31,7 +31,7 @@ _KEPT = 2**16
 
 @runtime_checkable
 class Updated(Protocol):
-    """What predicts a measurement, and follows samples one by one."""
+    """Predictor of a measurement that follows samples one by one."""
 
     def predict(self, x: ArrayLike) -> tuple[Array, Array]:
         """Mean, (n_y,), and covariance, (n_y, n_y), of a measurement at x, noise included."""
