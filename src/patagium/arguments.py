@@ -31,11 +31,11 @@ _LARGEST = 2**63  # whole number
 
 
 def checked(function: _Function) -> _Function:
-    """Function that refuses arguments of other kinds than its annotations say.
+    """Decorator that checks the types of the arguments against the annotations.
 
     Args:
-        function: Function or method; its `options` may be those of a typed dictionary, and a name
-            that it has not is a TypeError.
+        function: Function or method. Its `**options` may be a `TypedDict`; an option that the
+            dictionary does not have is a TypeError.
     """
     known = signature(function)
 
@@ -45,9 +45,9 @@ def checked(function: _Function) -> _Function:
             found = known.bind(*given, **named).arguments
         except TypeError:  # Python says it in its own words
             return function(*given, **named)
-        kinds = _kinds(function)
+        kinds, typed = _kinds(function), _typed(function)
         for name, value in found.items():
-            if name == "options" and (typed := _typed(kinds)):
+            if name == "options" and typed:
                 _check_options(value, typed, kinds)
             elif known.parameters[name].kind is Parameter.VAR_KEYWORD:
                 for key, one in value.items():
@@ -60,28 +60,29 @@ def checked(function: _Function) -> _Function:
 
 
 def check_fields(record: Any) -> None:
-    """Refuse a dataclass with a field of another kind; numbers and lists become Python's own."""
-    kind: Any = type(record)
+    """Check the types of a dataclass's fields; NumPy values become plain Python values."""
+    owner: Any = type(record)
+    kinds = _kinds(owner)
     for name, value in list(vars(record).items()):
-        of_kind(name, value, _kinds(kind)[name])
+        of_kind(name, value, kinds[name])
         if isinstance(value, np.generic):
             object.__setattr__(record, name, value.item())
-        elif get_origin(_kinds(kind)[name]) is tuple and not isinstance(value, tuple):
+        elif get_origin(kinds[name]) is tuple and not isinstance(value, tuple):
             object.__setattr__(record, name, tuple(np.asarray(value).tolist()))
-        elif get_origin(_kinds(kind)[name]) is Mapping:
+        elif get_origin(kinds[name]) is Mapping:
             object.__setattr__(record, name, dict(value))
 
 
 def of_kind(name: str, value: object, kind: Any) -> None:
-    """Refuse an argument of another kind.
+    """Refuse an argument whose type is not that of its annotation.
 
     Args:
-        name: The argument.
+        name: Name of the argument.
         value: What was given.
         kind: Annotation: a type, a union, a sequence or a mapping.
 
     Raises:
-        ParameterError: If it is of another kind, or a seed below zero.
+        ParameterError: If the type is another, or a seed is below zero.
     """
     if not _fits(value, kind):
         raise ParameterError(name, _words(kind), value)
@@ -99,19 +100,19 @@ def _check_options(given: Mapping[str, Any], typed: dict[str, Any], kinds: Any) 
 
 @cache
 def _kinds(owner: Any) -> dict[str, Any]:
-    """Annotations of a function with its typed options, or of a class."""
-    kinds = get_type_hints(owner)
-    return kinds | _typed(kinds)
+    """Type hints of a function with its `TypedDict` options, or of a class."""
+    return get_type_hints(owner) | _typed(owner)
 
 
-def _typed(kinds: dict[str, Any]) -> dict[str, Any]:
-    """Annotations of the typed options among those of a function."""
-    options = get_args(kinds.get("options"))
+@cache
+def _typed(owner: Any) -> dict[str, Any]:
+    """Type hints of the keyword options of a function, which a `TypedDict` names."""
+    options = get_args(get_type_hints(owner).get("options"))
     return get_type_hints(options[0]) if options else {}
 
 
 def _fits(value: Any, kind: Any) -> bool:
-    """Whether a value is what an annotation says; unknown annotations fit."""
+    """Whether the type of a value is that of an annotation; any value fits an unknown one."""
     origin, inner = get_origin(kind), get_args(kind)
     if kind is Any:
         return True
@@ -152,7 +153,7 @@ def _listed(value: Any) -> bool:
 
 
 def _words(kind: Any) -> str:
-    """Annotation in words."""
+    """Words of an error message that say which type an annotation asks for."""
     origin, inner = get_origin(kind), get_args(kind)
     if origin is Literal:
         return f"one of {', '.join(inner)}"

@@ -59,7 +59,7 @@ def gallery_flight(name: str, duration: float) -> xr.Dataset:
 
 
 def arm_flight(duration: float) -> xr.Dataset:
-    """Flight of the Aerobat that a robot arm, the preset ur5e, carries along a path.
+    """Flight of the Aerobat, mounted on a robot arm (the preset ur5e) that follows a path.
 
     Args:
         duration: How long [s].

@@ -226,8 +226,6 @@ class DrydenGust:
             raise ParameterError("intensity", "three numbers >= 0 [m/s]", self.intensity)
         positive("length_scale", min(self.length_scale))
         positive("airspeed", self.airspeed)
-        if self.seed < 0:
-            raise ParameterError("seed", "a whole number >= 0", self.seed)
 
     @property
     def step(self) -> float:

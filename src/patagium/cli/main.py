@@ -12,7 +12,6 @@ import sys
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
-from importlib import import_module
 from io import TextIOWrapper
 from types import ModuleType
 from typing import Annotated, Any, TextIO, cast
@@ -20,6 +19,10 @@ from typing import Annotated, Any, TextIO, cast
 import typer
 from typer.core import TyperCommand
 
+from patagium.cli import (  # isort: skip
+    cache, check, cycles, evaluate, export, figures, fly, identify, import_log, inspect, motion,
+    optimize, robots, send, simulate, stream, trim, tune, view,
+)  # fmt: skip
 from patagium.cli.outputs import check_files
 from patagium.cli.usage import UsageError, usage_sentence
 from patagium.errors import PatagiumError, RobotFileWarning
@@ -69,13 +72,10 @@ def _command(verb: ModuleType) -> type[TyperCommand]:
 
 
 for _verb in (
-    *("simulate", "trim", "optimize", "fly"),
-    *("cycles", "figures", "view", "export"),
-    *("inspect", "import_log", "motion", "identify"),
-    *("tune", "evaluate", "stream", "send"),
-    *("robots", "check", "cache"),
-):
-    _add(import_module(f"patagium.cli.{_verb}"))
+    simulate, trim, optimize, fly, cycles, figures, view, export, inspect, import_log, motion,
+    identify, tune, evaluate, stream, send, robots, check, cache,
+):  # fmt: skip
+    _add(_verb)
 _study = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown")
 for _point in plugins(VERBS).values():
     _module = _point.load()

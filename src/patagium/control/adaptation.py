@@ -193,7 +193,7 @@ class Disturbance:
 
 
 class Departures:
-    """Departures of the flight from its orbit, with learned weights and without.
+    """Mean square departure from the reference orbit, with learned weights and without.
 
     A gust that lasts may be predicted well, one beat after the other, by weights on whose orbit the
     robot flies badly. Only the flight tells. Weights that do harm are left for some beats, for

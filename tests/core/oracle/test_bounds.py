@@ -220,7 +220,7 @@ def test_a_covariance_that_refuses_every_sample_begins_anew(learner, structure, 
 
 
 def test_the_numbers_of_the_bounds_stand_once() -> None:
-    """The C header defines each constant of the filters, and Python takes all of them from it."""
+    """Each constant of the filters is defined once, in a C header from which Python reads it."""
     for name, module in (("bounds", bounds), ("misfit", misfit), ("screening", screening)):
         defined = vars(header_numbers(f"{name}.h"))
         used = set(re.findall(r"\b_C\.([A-Z_]+)\b", inspect.getsource(module)))

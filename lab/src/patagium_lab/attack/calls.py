@@ -285,7 +285,7 @@ def _logs() -> dict[str, Valid]:
 
 
 def _learners() -> dict[str, Valid]:
-    """Valid calls that make networks and learners."""
+    """Constructors of networks and learners, with valid arguments."""
     robot, learner = seeds.robot(), seeds.flight_learner()
     dense = {"inputs": 3, "hidden": (4,), "outputs": 2}
     air, small = pt.QuasiSteady(robot), pt.DenseNetwork(3, (4,), 2)
