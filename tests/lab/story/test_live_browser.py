@@ -89,7 +89,7 @@ class Program:
     def stop(self) -> None:
         if self._process.poll() is None:
             self._process.kill()
-            self._process.communicate()
+        self._process.communicate()  # closes the pipes too, for a test that failed
 
 
 @pytest.fixture
@@ -149,8 +149,10 @@ def test_a_browser_sees_a_flight_and_steers_it(
         browser.press("ArrowRight")
     until(words, lambda said: number_of(said, "Wingbeat") == 7.0)
     half = browser.ask(
-        "(() => { const b = document.querySelectorAll('[role=slider]')[1].parentElement"
-        ".getBoundingClientRect(); return [b.left + b.width / 4, b.top + b.height / 2]; })()"
+        "(() => { const e = document.querySelectorAll('[role=slider]')[1].parentElement;"
+        " e.scrollIntoView({ block: 'center', behavior: 'instant' });"  # below the window's edge
+        " const b = e.getBoundingClientRect();"
+        " return [b.left + b.width / 4, b.top + b.height / 2]; })()"
     )
     browser.click(*half)  # a quarter of 200 %
     until(words, lambda said: re.search(r"amplitude 5\d%", said))
@@ -163,6 +165,8 @@ def test_a_browser_sees_a_flight_and_steers_it(
     until(words, lambda said: number_of(said, "Time") < paused)
     browser.press(" ")
     until(words, lambda said: "Paused." not in said and number_of(said, "Time") > 1.5)
+    first = f"{CHARTS}[0].chart.data.map((k) => [...k])"
+    until(lambda: browser.ask(first), lambda lines: len(lines[0]) > 50 and np.ptp(lines[1]) > 0.1)
     browser.screenshot(artefacts / "live-steered.png")
     assert "refused" not in words()  # the page sends nothing that its door does not know
 
