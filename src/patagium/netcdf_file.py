@@ -59,6 +59,23 @@ class NetcdfDraft(Draft):
             super().discard()
             raise
 
+    def add(self, dataset: xr.Dataset, group: str | None = None, **encoding: Any) -> None:
+        """Store a dataset, names as characters.
+
+        HDF5 ends the whole program where it reads strings of a file that is open twice.
+
+        Args:
+            dataset: What is stored.
+            group: Group that is made for it; None: the root.
+            encoding: How variables are stored, by their names.
+        """
+        from xarray.backends import NetCDF4DataStore
+
+        names = {name: {"dtype": "S1"} for name in _texts(dataset)}
+        store: Any = NetCDF4DataStore  # without types
+        place = store(self.file if group is None else self.file.createGroup(group))
+        dataset.dump_to_store(place, encoding={**encoding, **names})
+
     def publish(self) -> Path:
         """Close the file and put it in its place.
 
@@ -112,20 +129,17 @@ def write_netcdf(
     Raises:
         OutputError: If it cannot be written; the file is then as it was.
     """
-    from xarray.backends import NetCDF4DataStore
-
-    store: Any = NetCDF4DataStore
     draft = NetcdfDraft(path)
     try:
         with draft.writing():
-            encoding = {name: {"dtype": "float32"} for name in single}
+            encoding: dict[str, Any] = {name: {"dtype": "float32"} for name in single}
             if compressed:
                 for name, one in dataset.variables.items():
                     if one.dtype.kind == "f" and one.size and one.ndim:
                         encoding.setdefault(str(name), {}).update(_compression(one))
-            dataset.dump_to_store(store(draft.file), encoding=encoding)
+            draft.add(dataset, **encoding)
             for name, content in groups.items():
-                content.dump_to_store(store(draft.file.createGroup(name)))
+                draft.add(content, name)
         return draft.publish()
     finally:
         draft.discard()
@@ -202,10 +216,17 @@ def loaded_dataset(
                 if one.dtype.kind in "cMmV":
                     raise Unreadable(str(path), str(name), "real numbers or names", f"{one.dtype}")
             dataset = opened.load()
+    names = _texts(dataset)
+    dataset = dataset.assign({name: one.astype(str) for name, one in names.items()})
     for variable in dataset.variables.values():
         variable.encoding.clear()
     dataset.encoding.clear()
     return dataset
+
+
+def _texts(dataset: xr.Dataset) -> dict[str, xr.Variable]:
+    variables = dataset.variables.items()
+    return {str(name): one for name, one in variables if one.dtype.kind in "OTU"}
 
 
 @contextmanager

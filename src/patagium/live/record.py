@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.learning.scores import json_ready
@@ -114,14 +115,12 @@ class StreamFile:
         file.format, file.patagium_version = FORMAT, __version__
         file.robot, file.robot_name = robot.source, robot.name
         file.learner = json.dumps(json_ready(self._pipeline.learner.describe()))
-        names = {"dof": robot.dof_names, "output": network.output_names}
+        names = {"dof": [*robot.dof_names], "output": [*network.output_names]}
         of_part = {part: quantities(robot)[part] for part in self._parts}
-        names |= {of_part["q"].dims[0]: robot.coordinate_names}
+        names |= {of_part["q"].dims[0]: [*robot.coordinate_names]}
         file.createDimension("time", None)
         self._variable("time", "f8", (), "s", "time stamp of the packet")
-        for dimension, words in names.items():
-            file.createDimension(dimension, len(words))
-            file.createVariable(dimension, str, (dimension,))[:] = np.array(words, object)
+        self._draft.add(xr.Dataset(coords=names))
         for part in self._parts:
             self._variable(part, "f8", of_part[part].dims, of_part[part].units, "as sensed")
         for name, (kind, units, meaning) in _MEANING.items():

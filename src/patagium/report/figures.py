@@ -54,7 +54,7 @@ def figure_kind(path: str | Path) -> Literal["pdf", "svg", "png"]:
 @styled
 def comparison(
     time: ArrayLike,
-    truth: ArrayLike,
+    truth: ArrayLike | None,
     estimates: Mapping[str, ArrayLike],
     *,
     names: Sequence[str],
@@ -67,8 +67,8 @@ def comparison(
 
     Args:
         time: Time, (N,) [s].
-        truth: Actual values, (N, k) [units].
-        estimates: Estimated values by name, each (N, k) [units].
+        truth: Actual values, (N, k) [units]; None: not known.
+        estimates: Estimated values by name, each (N, k) [units]; NaN where they are not known.
         names: Names of the k quantities.
         units: Units of the k quantities.
         truth_name: What the truth is called: "actual", "measured".
@@ -80,54 +80,19 @@ def comparison(
         ShapeError: If an array does not fit the others.
     """
     t = np.asarray(time, float)
-    actual = _columns("truth", truth, t.size, len(names))
     drawn = {key: _columns(key, value, t.size, len(names)) for key, value in estimates.items()}
+    actual = None if truth is None else _columns("truth", truth, t.size, len(names))
+    main = next(iter(drawn.values())) if actual is None else actual
     band = None if std is None else _columns("std", std, t.size, len(names))
     figure, axes = _grid(len(names), columns)
     for k, panel in enumerate(axes):
-        _curve(panel, t, actual[:, k], truth_name, color=TRUTH, linewidth=2.4)
+        if actual is not None:
+            _curve(panel, t, actual[:, k], truth_name, color=TRUTH, linewidth=2.4)
         for i, (label, value) in enumerate(drawn.items()):
             if i == 0 and band is not None:
                 _band(panel, t, value[:, k], 1.96 * band[:, k])
             _curve(panel, t, value[:, k], label, color=color(i), linestyle=dash(i))
-        _fit_to(panel, actual[:, k])
-        _name(panel, names[k], units[k])
-    _time_axis(axes, columns)
-    legend_above(figure, axes[0])
-    return figure
-
-
-@styled
-def intervals(
-    time: ArrayLike,
-    values: ArrayLike,
-    std: ArrayLike,
-    *,
-    names: Sequence[str],
-    units: Sequence[str],
-    columns: int = 1,
-) -> Figure:
-    """Figure of estimated quantities over time, a panel each, with their 95 % intervals.
-
-    Args:
-        time: Time, (N,) [s].
-        values: Estimated values, (N, k) [units]; NaN where they are not known.
-        std: Standard deviations, (N, k) [units].
-        names: Names of the k quantities.
-        units: Units of the k quantities.
-        columns: Panels side by side.
-
-    Raises:
-        ShapeError: If an array does not fit the others.
-    """
-    t = np.asarray(time, float)
-    middle = _columns("values", values, t.size, len(names))
-    spread = _columns("std", std, t.size, len(names))
-    figure, axes = _grid(len(names), columns)
-    for k, panel in enumerate(axes):
-        _band(panel, t, middle[:, k], 1.96 * spread[:, k])
-        panel.plot(t, middle[:, k], label="estimate", color=color(0))
-        _fit_to(panel, middle[:, k])
+        _fit_to(panel, main[:, k])
         _name(panel, names[k], units[k])
     _time_axis(axes, columns)
     legend_above(figure, axes[0])

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from patagium.errors import FlightError
 from patagium.learning import evaluate
 from patagium.learning.parameter_paths import Trained
-from patagium.report.figures import comparison, flight_overview, histories, intervals, wingbeat
+from patagium.report.figures import comparison, flight_overview, histories, wingbeat
 from patagium.report.style import figures_for
 from patagium.robot.drawing import draw_robot
 from patagium.sensing import ForceSamples
@@ -73,12 +73,13 @@ def motion_figure(motion: xr.Dataset, forces: ForceSamples) -> Figure:
     names += [f"force of the air, {robot.dof_names[i]}" for i in measured]
     units = ["deg" if turn else "m" for turn in turns]
     units += ["N" if robot.dof_units[i] == "m" else "N m" for i in measured]
-    return intervals(
+    return comparison(
         motion["time"].values,
-        np.hstack([angles, forces.force[:, measured]]),
-        np.hstack([spread[:, shown] * scale, forces.std[:, measured]]),
+        None,
+        {"estimate": np.hstack([angles, forces.force[:, measured]])},
         names=names,
         units=units,
+        std=np.hstack([spread[:, shown] * scale, forces.std[:, measured]]),
         columns=3,
     )
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 
+import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
@@ -40,6 +43,16 @@ def test_a_flight_read_again_is_the_same(flight, tmp_path):
     assert [f.name for f in path.parent.iterdir()] == ["flight.nc"]
     pt.save_flight(again, path)  # over itself: the file was closed
     assert pt.load_flight(path).identical(again)
+
+
+def test_a_flight_that_is_open_elsewhere_is_read(flight, tmp_path):
+    """HDF5 ends the program where it reads strings of a file that is open twice."""
+    path = pt.save_flight(flight, tmp_path / "flight.nc")
+    with netCDF4.Dataset(path) as opened:
+        assert [name for name, one in opened.variables.items() if one.dtype is str] == []
+    program = "import sys, xarray, patagium as pt\nopened = xarray.open_dataset(sys.argv[1])\n"
+    program += "for _ in range(9): assert pt.load_flight(sys.argv[1]).equals(opened)"
+    subprocess.run([sys.executable, "-c", program, path], check=True)
 
 
 def test_a_file_of_before_in_double_precision_is_read_bit_for_bit(flight, tmp_path):
