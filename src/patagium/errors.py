@@ -288,6 +288,7 @@ class Outcome(IntEnum):
     DUPLICATE = 6
     BLIND = 7
     STEP_TOO_LONG = 8
+    INTERRUPTED = 9
 
     @property
     def remedy(self) -> str:
@@ -302,7 +303,12 @@ class Outcome(IntEnum):
             Outcome.DUPLICATE: "check the source of the samples; this one was not learned from",
             Outcome.BLIND: "check the sensors of the outputs; no channel was usable",
             Outcome.STEP_TOO_LONG: "shorten the time step",
+            Outcome.INTERRUPTED: "start it again for the rest",
         }[self]
+
+
+class Interrupted(Exception):
+    """Request to end the work now, raised by a function that is told of progress."""
 
 
 class SimulationFailed(PatagiumError, RuntimeError):

@@ -72,7 +72,7 @@ class NetcdfDraft(Draft):
         from xarray.backends import NetCDF4DataStore
 
         names = {name: {"dtype": "S1"} for name in _texts(dataset)}
-        store: Any = NetCDF4DataStore  # without types
+        store: Any = NetCDF4DataStore
         place = store(self.file if group is None else self.file.createGroup(group))
         dataset.dump_to_store(place, encoding={**encoding, **names})
 
@@ -226,7 +226,7 @@ def loaded_dataset(
 
 def _texts(dataset: xr.Dataset) -> dict[str, xr.Variable]:
     variables = dataset.variables.items()
-    return {str(name): one for name, one in variables if one.dtype.kind in "OTU"}
+    return {str(name): one for name, one in variables if one.dtype.kind in "OUT"}
 
 
 @contextmanager

@@ -35,8 +35,10 @@ def fly(
 
     With a robot's name alone it is trimmed, flown by the predictive controller with noise-free
     states, and disturbed by a gust after a third of the flight; `docs/control.md` has a plan.
-    A flight that breaks is kept up to there, in FILE.partial.nc; the exit code is then 2.
+    A flight that breaks, or is ended by Ctrl-C, is kept up to there, in FILE.partial.nc; the exit
+    code is then 2 or 130.
     """
+    from patagium.cli.interruption import interruptible
     from patagium.cli.plan import load_plan, prepared
     from patagium.cli.simulate import keep
     from patagium.cli.words import progress_bar
@@ -47,7 +49,7 @@ def fly(
     if not as_json:
         for sentence in ready.words:
             typer.echo(sentence, err=True)
-    with progress_bar("Flying") as progress:
+    with progress_bar("Flying") as bar, interruptible(bar) as progress:
         flight = ready.fly(progress)
     if not as_json:
         typer.echo(str(flight.attrs["controller"]), err=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -171,9 +170,10 @@ def _learned(
     Raises:
         Exit: With code 130 on Ctrl-C.
     """
-    from patagium.cli.interruption import Interrupted, interrupted_between_samples
+    from patagium.cli.interruption import interruptible
     from patagium.cli.state import keep_state
     from patagium.cli.words import progress_bar
+    from patagium.errors import Interrupted
     from patagium.learning import identify as identify_flight
     from patagium.learning.identify import identify_table
     from patagium.learning.long_log import identify_record
@@ -183,7 +183,7 @@ def _learned(
     resume = None if state is None else state.with_name(f"{state.name}.course")
     with progress_bar(f"Learning from {file.name}") as bar:
         try:
-            with interrupted_between_samples(bar) if state else nullcontext(bar) as progress:
+            with interruptible(bar) as progress:
                 if isinstance(learned, LogRecord):
                     return identify_record(
                         learned, learner, progress=progress, course=resume, **options
@@ -194,7 +194,7 @@ def _learned(
             if isinstance(learned, LogRecord):
                 if resume is not None and resume.exists():
                     typer.echo(f"The same command goes on from {resume}", err=True)
-            else:
+            elif state is not None:
                 keep_state(learner, state)
             raise typer.Exit(130) from None
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 from patagium.cli.words import Progress
+from patagium.errors import Interrupted
 
 
 @contextmanager
@@ -47,13 +48,9 @@ def interrupted(answers: Iterable[Callable[[], None]]) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-class Interrupted(Exception):
-    """Ctrl-C between two samples of a learner."""
-
-
 @contextmanager
-def interrupted_between_samples(progress: Progress) -> Iterator[Progress]:
-    """Ctrl-C held back until the learner is between two samples; a second one stops at once.
+def interruptible(progress: Progress) -> Iterator[Progress]:
+    """Ctrl-C held back until the work is between two steps; a second one stops at once.
 
     Yields:
         Function that calls it, and raises `Interrupted` after Ctrl-C.

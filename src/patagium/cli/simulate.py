@@ -228,7 +228,8 @@ def simulate(
 
     Quantities are SI numbers, or text with a unit: "5 Hz", "30 deg", "3 m/s". What is not given
     comes from the section `cruise` of the robot's file, and is said.
-    A flight that breaks down is kept up to there, in FILE.partial.nc; the exit code is then 2.
+    A flight that breaks down, or is ended by Ctrl-C, is kept up to there, in FILE.partial.nc; the
+    exit code is then 2 or 130.
     With --live it flies as the clock goes, shown and steered in a browser (see `docs/live.md`).
     """
     from patagium.aerodynamics import AddedMass, Air
@@ -468,6 +469,7 @@ def _fly(
     shown: live_options.LiveChoice | None,
 ) -> Any:
     from patagium import simulation
+    from patagium.cli.interruption import interruptible
     from patagium.cli.words import progress_bar
     from patagium.simulation.simulator import Simulator
 
@@ -477,7 +479,7 @@ def _fly(
             return Simulator(machine, model, moves, **conditions)
 
         return live_options.fly_live(shown, start, machine, gait, model.air)
-    with progress_bar(f"Flying {machine.name}") as progress:
+    with progress_bar(f"Flying {machine.name}") as bar, interruptible(bar) as progress:
         return simulation.simulate(
             machine, model, gait, throw=False, progress=progress, **conditions
         )
@@ -513,7 +515,7 @@ def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
         as_json: Whether facts are JSON.
 
     Raises:
-        Exit: With 2, if the flight broke.
+        Exit: With 2 if the flight broke, 130 if it was interrupted.
         PatagiumError: If something was not saved.
     """
     from patagium.cli.words import answer, say_next
@@ -536,6 +538,6 @@ def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
     outputs.check()
     if broken:
         typer.echo(f"patagium: {flight.attrs['message']}; the flight is kept in {output}", err=True)
-        raise typer.Exit(2)
+        raise typer.Exit(130 if flight.attrs["outcome"] == "INTERRUPTED" else 2)
     if not as_json:
         say_next(f"patagium view {output}", f"patagium identify {output}")

@@ -68,7 +68,8 @@ class LoopOptions(TypedDict, total=False):
         v: Initial velocities, (n,) [m/s, rad/s]; likewise.
         added_mass: Inertia of the air of the truth, in the same air as its model.
         throw: Whether a flight that breaks raises; True where not given.
-        progress: Function that takes the steps done and to do.
+        progress: Function that takes the steps done and to do; where it raises
+            `errors.Interrupted`, the flight ends there.
     """
 
     learner: Learner | None
@@ -209,10 +210,8 @@ class _Loop:
             ahead = [done - done % way + way for way in (self.period, every)]
             ahead += [first for first, *_ in self.due[:1]]
             last = min(*ahead, simulator.steps)
-            simulator.advance(last - done)
+            simulator.advance(last - done, progress)
             done = last
-            if progress is not None:
-                progress(done, simulator.steps)
 
     def _happen(self, event: Event, robot: Robot, aero: Aerodynamics) -> None:
         """Change the truth as an event says."""

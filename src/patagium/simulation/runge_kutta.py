@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics.gusts import GUST_COMPONENTS, CubicPieces, gusts_at_strips
-from patagium.errors import Outcome
+from patagium.errors import Interrupted, Outcome
 from patagium.native import NativeFunction, load_kernel
 from patagium.scratch import release, room_for
 from patagium.simulation.implicit_steps import LobattoStep, Rate
@@ -233,16 +233,20 @@ class Integration:
 
         Args:
             steps: Steps to take, fewer where fewer are left.
-            progress: Function that takes the steps done and to do, called after every chunk.
+            progress: Function that takes the steps done and to do, called after every chunk;
+                where it raises `Interrupted`, the integration ends there.
 
         Returns:
             COMPLETED while all is well.
         """
         last = min(self.steps, self.done + steps)
-        while self._outcome is Outcome.COMPLETED and self.done < last:
-            self._chunk(min(CHUNK, last - self.done))
-            if progress is not None:
-                progress(self.done, self.steps)
+        try:
+            while self._outcome is Outcome.COMPLETED and self.done < last:
+                self._chunk(min(CHUNK, last - self.done))
+                if progress is not None:
+                    progress(self.done, self.steps)
+        except Interrupted:
+            self._outcome = Outcome.INTERRUPTED
         return self._outcome
 
     def _chunk(self, count: int) -> None:

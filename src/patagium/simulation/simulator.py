@@ -344,8 +344,9 @@ class Simulator:
         Returns:
             COMPLETED while all is well.
         """
-        flown = self.outcome is Outcome.COMPLETED
-        if self._integration.advance(steps, progress) is not Outcome.COMPLETED and flown:
+        sound = Outcome.COMPLETED, Outcome.INTERRUPTED
+        flown = self.outcome in sound
+        if self._integration.advance(steps, progress) not in sound and flown:
             self._cause = self._failure_cause()
         return self.outcome
 
@@ -620,7 +621,8 @@ class SimulationOptions(FlightOptions, total=False):
 
     Attributes:
         throw: Whether a run that stops early raises; True where not given.
-        progress: Function that takes the steps done and to do, called from time to time.
+        progress: Function that takes the steps done and to do, called from time to time; where it
+            raises `errors.Interrupted`, the run stops.
         controller: Function from time and `FlightState` to commands of the gait by name.
         control_period: Time between two calls of it [s].
     """

@@ -312,6 +312,8 @@ def outcome_message(
         return f"completed {steps} steps of {time_step:g} s"
     when = f"stopped at t = {run.steps * time_step:.6g} s, step {run.steps + 1} of {steps}"
     value, remedy = run.state[run.which], run.outcome.remedy
+    if run.outcome is Outcome.INTERRUPTED:
+        return f"{when}: interrupted; {remedy}"
     if run.outcome is Outcome.NOT_FINITE:
         others = int((~np.isfinite(run.state)).sum()) - 1
         reason = f"{names[run.which]} became {value}" + (f", and {others} others" if others else "")

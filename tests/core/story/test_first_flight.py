@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import signal
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
 
 import patagium as pt
+from patagium.cli import words
 from patagium.cli.main import run
-from patagium.errors import ParameterError, RobotFileError
+from patagium.errors import Interrupted, ParameterError, RobotFileError
 from patagium.robot import load_robot_text
 from patagium.simulation.flight_summary import flight_summary
 from patagium.simulation.state_limits import tidy_step
@@ -103,6 +106,45 @@ def test_a_broken_run_leaves_the_good_file(tmp_path, capsys):
     assert code == 2 and "flight.partial.nc" in err
     assert path.read_bytes() == before
     assert pt.load_flight(tmp_path / "flight.partial.nc").attrs["outcome"] != "COMPLETED"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("verb", ["simulate", "fly"])
+def test_an_interrupted_flight_is_kept_up_to_there(verb, number, tmp_path, capsys, monkeypatch):
+    path = tmp_path / "flight.nc"
+    path.write_bytes(b"of before")
+
+    @contextmanager
+    def bar(label):
+        yield lambda done, total: signal.raise_signal(number) if done > 0.3 * total else None
+
+    monkeypatch.setattr(words, "progress_bar", bar)
+    code, _, err = say(capsys, verb, "ornithopter", "--duration", "4", "-o", path)
+    assert code == 130 and "interrupted; start it again for the rest" in err
+    assert path.read_bytes() == b"of before"
+    kept = pt.load_flight(tmp_path / "flight.partial.nc")
+    assert kept.attrs["outcome"] == "INTERRUPTED" and 1.2 < kept["time"].values[-1] < 4.0
+
+
+def test_progress_that_is_interrupted_ends_the_flight_between_steps():
+    robot = pt.load_robot("hawk")
+
+    def flown(progress=None):
+        return pt.simulate(
+            robot, pt.QuasiSteady(robot), pt.gaits.cruise(robot), duration=2.0, time_step=2e-4,
+            throw=False, progress=progress,
+        )  # fmt: skip
+
+    def tell(done, total):
+        if done > total // 2:
+            raise Interrupted
+
+    whole, half = flown(), flown(tell)
+    assert half.attrs["outcome"] == "INTERRUPTED"
+    assert half.sizes["time"] < whole.sizes["time"]
+    for name in ("q", "v", "aero_force"):
+        same = whole[name].isel(time=slice(half.sizes["time"]))
+        np.testing.assert_array_equal(half[name], same)
 
 
 def test_the_chosen_step_is_tidy_and_divides_the_duration():
