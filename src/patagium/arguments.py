@@ -134,6 +134,8 @@ def _fits(value: Any, kind: Any) -> bool:
         return len(kinds) == count and all(map(_fits, value, kinds))
     kind = bool | np.bool_ if kind is bool else origin or kind
     if getattr(kind, "_is_protocol", False):  # the nearest that can be asked for at run time
+        if isinstance(value, type):  # the class in place of one of its kind
+            return False
         kind = next((one for one in kind.__mro__ if vars(one).get("_is_runtime_protocol")), object)
     if isinstance(kind, type | UnionType):
         told = kind in type(value).__mro__  # a protocol may compile what it looks for

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.errors import ParameterError
+from patagium.errors import LogError, ParameterError
 
 _SHORT = Repr()
 _SHORT.maxstring = _SHORT.maxother = 60
@@ -34,6 +34,23 @@ def brief(record: Any) -> str:
             text = _SHORT.repr(value)
         said += [f"{one.name}={text[:200]}"] if one.repr else []
     return f"{type(record).__name__}({', '.join(said)})"
+
+
+def rising(times: Any) -> NDArray[np.float64]:
+    """Times of samples, (N,) [s], as float64.
+
+    Args:
+        times: Numbers, each above the one before.
+
+    Raises:
+        ParameterError: If they are no numbers.
+        LogError: If one is not finite, or not above the one before.
+    """
+    stamps = real_array("time", times)
+    for k in np.flatnonzero(~((np.diff(stamps) > 0) & np.isfinite(stamps[1:]))):
+        found = f"{stamps[k + 1]:.9g} s after {stamps[k]:.9g} s at sample {k + 1}"
+        raise LogError(f"time: expected to advance, found {found}")
+    return stamps
 
 
 def real_array(name: str, values: Any) -> NDArray[np.float64]:

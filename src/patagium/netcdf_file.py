@@ -60,9 +60,7 @@ class NetcdfDraft(Draft):
             raise
 
     def add(self, dataset: xr.Dataset, group: str | None = None, **encoding: Any) -> None:
-        """Store a dataset, names as characters.
-
-        HDF5 ends the whole program where it reads strings of a file that is open twice.
+        """Store a dataset, names as characters: HDF5 crashes at strings of a file open twice.
 
         Args:
             dataset: What is stored.

@@ -100,21 +100,25 @@ def comparison(
 
 
 @styled
-def histories(time: ArrayLike, values: Mapping[str, tuple[str, Mapping[str, ArrayLike]]]) -> Figure:
+def histories(
+    time: ArrayLike, groups: Sequence[_Group], events: Sequence[tuple[float, str]] = ()
+) -> Figure:
     """Signals over time, a panel for each group that shares a unit.
 
     Args:
         time: Time, (N,) [s].
-        values: Title of a panel -> (unit, signals by name, each (N,) [unit]).
+        groups: Title of a panel, unit, and signals by name, each (N,) [unit].
+        events: Times [s] and what happened then.
     """
     t = np.asarray(time, float)
-    figure, axes = _grid(len(values), 1)
-    for panel, (title, (unit, signals)) in zip(axes, values.items(), strict=True):
+    figure, axes = _grid(len(groups), 1)
+    for panel, (title, unit, signals) in zip(axes, groups, strict=True):
         for i, (label, signal) in enumerate(signals.items()):
             _curve(panel, t, np.asarray(signal, float), label, color=color(i), linestyle=dash(i))
+        for when, words in events:
+            panel.axvline(when, color=TRUTH, ls=":", label=words)
         _name(panel, title, unit)
-        if len(signals) > 1:
-            panel.legend(ncols=min(len(signals), 4), loc="best")
+        panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), fontsize="small")
     _time_axis(axes, 1)
     return figure
 
@@ -389,18 +393,7 @@ def flight_overview(flight: Any) -> Figure:
     missing = [name for name in wanted if name not in flight]
     if missing:
         raise FlightError(f"flight: expected the quantities {wanted}, missing {missing}")
-    time = np.asarray(flight["time"], float)
-    groups = _overview_groups(flight)
-    figure, axes = _grid(len(groups), 1)
-    for panel, (name, unit, signals) in zip(axes, groups, strict=True):
-        for i, (label, values) in enumerate(signals.items()):
-            _curve(panel, time, np.asarray(values), label, color=color(i), linestyle=dash(i))
-        for when, words in events_of(flight):
-            panel.axvline(when, color=TRUTH, ls=":", label=words)
-        _name(panel, name, unit)
-        panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), fontsize="small")
-    _time_axis(axes, 1)
-    return figure
+    return histories(flight["time"], _overview_groups(flight), events_of(flight))
 
 
 @styled

@@ -5,7 +5,6 @@ Each is made where it will be seen: on a page, in print, on slides (`report.styl
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
@@ -91,16 +90,13 @@ def _strips(flight: xr.Dataset) -> Figure:
     of_wing = [k for k, name in enumerate(names) if name.partition("[")[0] == wing]
     chosen = sorted({of_wing[0], of_wing[len(of_wing) // 2], of_wing[-1]})
     force = np.linalg.norm(flight["strip_force"].values, axis=-1)
-    groups: dict[str, tuple[str, Callable[[int], np.ndarray]]] = {
-        "Angle of attack": ("deg", lambda k: np.degrees(flight["angle_of_attack"].values[:, k])),
-        "Airspeed": ("m/s", lambda k: flight["strip_airspeed"].values[:, k]),
-        "Force": ("N", lambda k: force[:, k]),
-    }
-    values = {
-        title: (unit, {names[k]: signal(k) for k in chosen})
-        for title, (unit, signal) in groups.items()
-    }
-    return histories(flight["time"].values, values)
+    shown = (
+        ("Angle of attack", "deg", np.degrees(flight["angle_of_attack"].values)),
+        ("Airspeed", "m/s", flight["strip_airspeed"].values),
+        ("Force", "N", force),
+    )
+    groups = [(name, unit, {names[k]: one[:, k] for k in chosen}) for name, unit, one in shown]
+    return histories(flight["time"], groups)
 
 
 def _forces(flight: xr.Dataset, model: Trained) -> Figure:

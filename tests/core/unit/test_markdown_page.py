@@ -44,7 +44,7 @@ def test_a_table_keeps_its_cells_and_sets_numbers_right() -> None:
 
 
 def test_a_page_and_its_pictures(tmp_path: Path) -> None:
-    figure = figures.histories(np.linspace(0, 1, 5), {"Height": ("m", {"z": np.zeros(5)})})
+    figure = figures.histories(np.linspace(0, 1, 5), [("Height", "m", {"z": np.zeros(5)})])
     sections = [
         PageSection("First, of two", [picture(figure, "Rise"), picture(figure, "Again")]),
         PageSection("Second", ["Words.", Note("But"), Link("Elsewhere", "there.html")]),

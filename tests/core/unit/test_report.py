@@ -104,7 +104,7 @@ class Tags(HTMLParser):
 
 def example_page(folder: Path) -> str:
     time = np.linspace(0.0, 1.0, 50)
-    figure = figures.histories(time, {"Height": ("m", {"z": time**2})})
+    figure = figures.histories(time, [("Height", "m", {"z": time**2})])
     sections = [
         PageSection(
             "Forces", ["A `code` and **bold** <script>x</script>.", picture(figure, "Rise")]

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass
 from patagium.arguments import checked
+from patagium.arrays import real_array, rising
 from patagium.dynamics import equations
 from patagium.errors import FlightError, LogError, ParameterError
 from patagium.native import NativeFunction, load_functions
@@ -252,7 +253,7 @@ def training_data(
     form = SampleForm(machine, carried=carried)
     q, v, a, u1, *others = (recorded(flight, name, machine) for name in (*PARTS, *carried))
     x, y = form.function.batch(q, v, a, np.hstack([u1, *others]), form.parameters)
-    count, time = len(q), np.asarray(flight["time"].values, float)
+    count, time = len(q), rising(flight["time"].values)
     return time, np.array(x).reshape(count, -1), np.array(y).reshape(count, -1)
 
 
@@ -269,19 +270,19 @@ def recorded(flight: xr.Dataset, name: str, robot: Robot) -> Array:
         LogError: If a number is missing.
     """
     (dim,) = quantities(robot)[name].dims
-    size = robot.coordinate_count if name == "q" else robot.dof
-    if name not in flight:
-        held = ", ".join(map(str, flight.data_vars))
-        raise FlightError(f"flight: expected {name} (time, {dim}), but it holds {held}")
-    if dim not in flight[name].dims:
+    names = robot.coordinate_names if name == "q" else robot.dof_names
+    for part in ("time", name):
+        if part not in flight.variables:
+            held = ", ".join(map(str, flight.variables))
+            raise FlightError(f"flight: expected {part} (time, {dim}), but it holds {held}")
+    if {*flight[name].dims} != {"time", dim}:
         raise FlightError(f"{name}: expected (time, {dim}), found {flight[name].dims}")
-    given = flight[name].transpose("time", dim).values
-    if given.dtype.kind not in "fiu":
-        raise FlightError(f"{name}: expected real numbers, found {given.dtype}")
-    values = np.asarray(given, float)
-    if values.shape[1] != size:
+    values = real_array(name, flight[name].transpose("time", dim).values)
+    found = flight[dim].values.tolist() if dim in flight.coords else [*names]
+    if found != [*names] or values.shape[1] != len(names):
         raise FlightError(
-            f"{name}: expected {size} coordinates of robot {robot.name!r}, found {values.shape[1]}"
+            f"{name}: expected {len(names)} coordinates of robot {robot.name!r}, found "
+            f"{values.shape[1]}: {', '.join(map(str, found))} in place of {', '.join(names)}"
         )
     bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
     if len(bad):

@@ -16,6 +16,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arrays import rising
 from patagium.errors import FilterDiverged, LogError, ParameterError, ShapeError
 from patagium.sensing.motion.banded import SEEN, Information, Knots
 
@@ -239,14 +240,11 @@ def _solve(matrices: Array, right: Array) -> Array:
 def _checked(
     time: ArrayLike, values: ArrayLike, std: ArrayLike, density: ArrayLike, order: int
 ) -> tuple[Array, Array, Array, Array]:
-    stamps, y = np.asarray(time, float), np.asarray(values, float)
+    stamps, y = rising(time), np.asarray(values, float)
     if y.ndim != 2 or stamps.shape != (len(y),) or len(y) < 2:
         raise ShapeError("values", "(N, B) with N times, N >= 2", y.shape)
     if order not in ORDERS:
         raise ParameterError("order", f"one of {ORDERS}", order)
-    if not (np.diff(stamps) > 0).all():
-        k = int(np.argmin(np.diff(stamps)))
-        raise LogError(f"time: expected to advance, found {stamps[k + 1]:.9g} s after that of {k}")
     silent = np.flatnonzero(~np.isfinite(y).any(axis=0))
     if len(silent):
         raise LogError(f"values: expected measurements in column {silent[0]}, found none")
