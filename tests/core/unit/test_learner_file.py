@@ -14,7 +14,6 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError, ParameterError
-from patagium.learning import save_learner
 from patagium.learning.learners.learner import OnlineLearner
 from patagium.learning.learners.state_file import FORMAT
 from patagium.live import AutoSave
@@ -50,7 +49,7 @@ def rewritten(path: Path, change: Callable[[dict[str, Any]], object]) -> None:
 
 def test_it_stands_alone_in_a_new_folder(tmp_path: Path) -> None:
     learner = taught()
-    path = save_learner(tmp_path / "learner", learner)
+    path = learner.save(tmp_path / "learner")
     assert [file.name for file in path.parent.iterdir()] == ["learner"]
     assert path.stat().st_mode & 0o777 == 0o644
     again = pt.load_learner(path)

@@ -15,6 +15,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arguments import checked
 from patagium.arrays import real_array
 from patagium.errors import FilterDiverged, Outcome, ShapeError
 from patagium.learning.filters.screening import NEWER, Screen
@@ -219,6 +220,7 @@ class OnlineLearner(Learner):
             **{f"screen_{name}": array.copy() for name, array in self._screen.arrays.items()},
         }
 
+    @checked
     def resume(self, state: Mapping[str, Any]) -> None:
         """Go on from a state; wall-clock times of updates begin anew.
 
@@ -241,6 +243,7 @@ class OnlineLearner(Learner):
         self._screen.restore(seen)
         self._stopwatch = stopwatch
 
+    @checked
     def save(self, path: str | Path) -> Path:
         """Keep the learner in a file, from which `load_learner` makes one that goes on alike.
 
