@@ -104,20 +104,20 @@ class Bounds:
             self._keep_time(time)
             self._take(value, ~odd, known, width)
         told = np.flatnonzero(odd & ~stuck & np.isfinite(value)).tolist()
-        opened = [self._refuse(k, value[k], bool(known[k]), width[k]) for k in told]
+        opened = [self._refuse(k, value[k], known[k], width[k]) for k in told]
         events = {"jumps": int(jumps.sum()), "stuck": int(stuck.sum()), "reopened": sum(opened)}
         events["out_of_range"] = len(told) - events["jumps"]
         return not odd[:n].any(), np.where(odd[n:], np.nan, y), events
 
-    def _stuck(self, moved: Array) -> NDArray[np.bool_]:
+    def _stuck(self, moved: Array) -> Any:
         """Inputs that stand longer than they ever rest while another moves."""
-        rest, run = self.arrays["bound_rest"], self.arrays["bound_stood"]
+        rest, run, taken = (self.arrays[f"bound_{n}"] for n in ("rest", "stood", "taken"))
         ended = (moved > 0) & (moved <= _C.REST_STEPS * self.arrays["bound_step"])
         run += (moved == 0) & (moved > 0).any()
         rest[:] = np.where(ended, np.maximum(rest, run), rest) * (1.0 - _C.LEAK)
         run[moved > 0] = 0
         over = run - 2.0 * rest - _C.STANDS
-        return (self.arrays["bound_taken"] >= _C.MANY) & (over > 0) & (over <= _C.ODD_RUN)
+        return (taken >= _C.MANY) & (over > 0) & (over <= _C.ODD_RUN)
 
     def _width(self) -> Array:
         n, low, high = self.inputs, self.arrays["bound_low"], self.arrays["bound_high"]

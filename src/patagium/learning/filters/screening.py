@@ -222,7 +222,7 @@ class Screen:
 
     def stamp(self, time: float | None) -> None:
         """Note when the next sample was made [s]; None: not known, NaN: its clock told nothing."""
-        if not (time is None or isinstance(time, float)):
+        if type(time) not in (float, np.float64):
             of_kind("time", time, float | None)
         self.numbers[_STAMP] = np.nan if time is None else time
 

@@ -157,12 +157,12 @@ class OnlineLearner(Learner):
         """Events of the samples so far, and their number.
 
         Channels of samples: missing (no number), outliers (down-weighted, or too far off to be
-        used), stuck. Samples: bad_inputs (no numbers), late, duplicates, clock_resets (a clock
-        that went back was believed), blind (no channel left), refused (the filter could not be
-        moved by it), changes (the covariance was opened anew), covariance_resets (ten samples in a
-        row were refused, and the covariance begins anew). Values of sensors: out_of_range (no
-        sensor says that), jumps (an input moved too far in one step), reopened (a range was widened
-        to what a sensor kept saying).
+        used), stuck (inputs, while others move). Samples: bad_inputs (no numbers), late,
+        duplicates, clock_resets (a clock that went back was believed), blind (no channel left),
+        refused (the filter could not be moved by it), changes (the covariance was opened anew),
+        covariance_resets (ten samples in a row were refused, and it begins anew). Values of
+        sensors: out_of_range (no sensor says that), jumps (an input moved too far in one step),
+        reopened (a range was widened to what a sensor kept saying).
         """
         return self._screen.events
 
