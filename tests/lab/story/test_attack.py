@@ -12,6 +12,7 @@ import pytest
 import typer
 
 from patagium.cli.main import app
+from patagium.cli.main import run as program
 from patagium.errors import ParameterError
 from patagium_lab.attack.calls import call_targets
 from patagium_lab.attack.files import READERS, file_targets
@@ -21,7 +22,7 @@ from patagium_lab.attack.page import page
 from patagium_lab.attack.plan import AttackPlan
 from patagium_lab.attack.programs import LEFT_OUT, option_parameters, program_targets
 from patagium_lab.attack.run import AttackResults, drawn, run, targets
-from patagium_lab.attack.verbs import CALLS, STUDIES
+from patagium_lab.attack.verbs import CALLS, OWN, STUDIES, prepared
 from patagium_lab.attack.worker import attacked, attacked_here
 from patagium_lab.study import Stages
 
@@ -62,11 +63,23 @@ def _commands(group: Any, before: str = "") -> Iterator[tuple[str, Any]]:
 
 def test_every_verb_and_option_of_the_program_is_drawn() -> None:
     found = dict(_commands(typer.main.get_command(app)))
-    assert found.keys() == {call.verb for call in (*CALLS, *STUDIES)}
+    assert found.keys() == {call.verb for call in (*CALLS, *STUDIES)} | set(OWN)
     for verb, command in found.items():
         drawn = {option.name for option in option_parameters(verb)}
         options = {one.name for one in command.params if one.param_type_name == "option"}
         assert options - drawn <= LEFT_OUT, verb
+
+
+@pytest.mark.parametrize("place", [".", ""])
+def test_a_report_in_the_place_of_a_folder_is_refused_by_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], place: str
+) -> None:
+    call = next(c for c in CALLS if c.verb == "identify" and "--report" in c.words)
+    prepared(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as end:
+        program([*call.words, "--report", place])
+    assert end.value.code == 2 and "not saved: report" in capfd.readouterr().err
 
 
 def _bad(folder: Path):

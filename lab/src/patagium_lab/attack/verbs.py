@@ -125,10 +125,20 @@ CALLS = (
 """Calls of each verb, short."""
 STUDIES = tuple(
     Call(("study", name), {})
-    for name in ("attack", "bench", "damage", "feedback", "foreign", "latency", "reproduce", "rig",
-                 "stress", "validate")
-)  # fmt: skip
+    for name in (
+        "bench",
+        "damage",
+        "feedback",
+        "foreign",
+        "latency",
+        "reproduce",
+        "rig",
+        "validate",
+    )
+)
 """Calls of the studies, which are long: they get hostile options and are stopped."""
+OWN = ("study attack", "study stress")
+"""Verbs of the attack itself, which start such programs and wait for them."""
 
 
 def prepared(folder: Path) -> None:
