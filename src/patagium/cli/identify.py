@@ -305,7 +305,7 @@ def _report(
         from patagium.viewer import replay, still
 
         title = f"Flight {file.stem}, as it was learned"
-        page = report.with_name(f"{report.stem}-replay.html")
+        page = report.parent / f"{report.stem}-replay.html"
         show = partial(replay, flight, page, predicted=result, title=title)
         if outputs.attempt(page.name, show):
             with figures_for("phone"):

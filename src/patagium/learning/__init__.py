@@ -25,7 +25,6 @@ if TYPE_CHECKING:
         learner_from_description as learner_from_description,
     )
     from patagium.learning.learners.registry import load_learner as load_learner
-    from patagium.learning.learners.registry import save_learner as save_learner
     from patagium.learning.model_file import Model as Model
     from patagium.learning.model_file import load_model as load_model
     from patagium.learning.model_file import model_of as model_of
@@ -65,7 +64,7 @@ _NAMES = {
     "learners.extended": ("ExtendedLearner",),
     "learners.gradient": ("GradientLearner",),
     "learners.linear": ("LinearLearner",),
-    "learners.registry": ("learner_from_description", "load_learner", "save_learner"),
+    "learners.registry": ("learner_from_description", "load_learner"),
     "model_file": ("Model", "load_model", "model_of", "save_model"),
     "models.dense": ("DenseNetwork",),
     "models.grey_box": ("GreyBox",),

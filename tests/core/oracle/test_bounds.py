@@ -111,6 +111,32 @@ def test_kernels_bound_as_their_twins(structure: str, rng: np.random.Generator) 
     assert found["jumps"] >= 5 and found["out_of_range"] > 100 and found["reopened"] >= 2
 
 
+@pytest.mark.parametrize("structure", ["full", "layer", "node"])
+def test_kernels_refuse_what_stands_as_their_twins(structure: str) -> None:
+    """One encoder that stands, then both, which is a rest, and one that rests each beat."""
+    if compiler_name() is None:
+        pytest.skip("no C compiler here")
+    settings = FilterSettings(measurement_std=0.1, covariance=structure, spread=3**0.5)
+    numbers = filter_numbers(network(), settings, "cubature")
+    screens = [
+        WeightFilter(numbers, structure_and_kernel(numbers, one), network().initial(0))
+        for one in (True, False)
+    ]
+    x, y = flapping(1500)
+    x[200:260, 1], x[300:350] = x[200, 1], x[300]
+    x[500:, 0] = np.maximum(x[500:, 0], -0.5)
+    for k in range(1500):
+        ends = []
+        for each in screens:
+            each.screen.numbers[0] = STEP * k
+            ends.append((each.update(x[k], y[k])[0], each.screen.events))
+        assert ends[0] == ends[1]
+        for name, array in screens[0].screen.bounds.arrays.items():
+            other = screens[1].screen.bounds.arrays[name]
+            np.testing.assert_allclose(array, other, rtol=1e-12, err_msg=name)  # rounding
+    assert screens[0].screen.events["stuck"] > 54
+
+
 def test_clean_flapping_is_not_touched() -> None:
     """Flapping from rest, at any rate of the samples, with noise of the encoders."""
     x, y = flapping(6000)
@@ -134,6 +160,26 @@ def test_an_encoder_that_jumps_within_its_range_is_refused() -> None:
     np.testing.assert_array_equal(learner.weights, before)
     assert learner.events["jumps"] == 1
     assert np.isfinite(learner.update(x[901], y[901], 0.901)).all()
+
+
+def test_an_encoder_that_stands_while_another_moves_is_refused() -> None:
+    """After five samples, for a hundred at most; a joint that rests each beat is believed."""
+    x, y = flapping(2000)
+    x[900:950, 0] = x[900, 0]
+    x[1300:1600, 1] = x[1300, 1]
+    learner = pt.ExtendedLearner(network(), measurement_std=0.05)
+    refused = [bool(np.isnan(learner.update(x[k], y[k], STEP * k)).all()) for k in range(2000)]
+    # of the 49 and 299 repeats five are learned; the last few may wait for a step that is no jump
+    assert not any(refused[:906]) and all(refused[906:950]) and not any(refused[971:1306])
+    assert all(refused[1306:1406]) and not any(refused[1406:1600])
+    assert learner.events["stuck"] == 44 + 100
+
+    x, y = flapping(8000)
+    x[:, 0] = np.maximum(x[:, 0], -0.5)
+    learner = pt.ExtendedLearner(network(), measurement_std=0.05)
+    beats = [np.isnan(learner.update(x[k], y[k], STEP * k)).all() for k in range(8000)]
+    # the first rest of 63 samples after a hundred steps is refused but for its beginning
+    assert sum(beats[:1000]) < 70 and not any(beats[1000:])
 
 
 def test_a_command_may_jump_within_its_range() -> None:

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.errors import LogError, ParameterError
-from patagium.learning import save_learner
+from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.learners.learner import OnlineLearner
 from patagium.learning.learners.state_file import FORMAT
 from patagium.live import AutoSave
@@ -50,7 +49,7 @@ def rewritten(path: Path, change: Callable[[dict[str, Any]], object]) -> None:
 
 def test_it_stands_alone_in_a_new_folder(tmp_path: Path) -> None:
     learner = taught()
-    path = save_learner(tmp_path / "learner", learner)
+    path = learner.save(tmp_path / "learner")
     assert [file.name for file in path.parent.iterdir()] == ["learner"]
     assert path.stat().st_mode & 0o777 == 0o644
     again = pt.load_learner(path)
@@ -265,3 +264,37 @@ def test_a_clock_goes_on_unless_it_is_restarted(kind: str, tmp_path: Path) -> No
     again.restart_clock()
     again.update([1, 0, 0], [1, 1], 4.0)
     assert (again.count, again.events["late"]) == (2, 1)
+
+
+WRONG = (10**400, 1j, "1", "", b"1", [], {}, object(), True, np.array([1.0]), np.array(["a"]))
+
+
+def test_arguments_of_a_wrong_kind_are_refused_by_a_sentence() -> None:
+    """Each is a PatagiumError with the name of the argument, and nothing is learned."""
+    one = taught()
+    count, outputs = one.count, one.network.outputs
+    x, y = np.zeros(one.network.inputs), np.zeros(outputs)
+    for value in WRONG:
+        with pytest.raises(ParameterError, match="time"):
+            one.update(x, y, value)
+    for value in (None, 1, [], "a"):
+        with pytest.raises(ParameterError, match="state"):
+            one.resume(value)
+    for value in (None, 1, [], b"a"):
+        with pytest.raises(ParameterError, match="path"):
+            one.save(value)
+    assert one.count == count
+
+
+def test_arguments_of_filters_of_a_wrong_kind_are_refused_by_a_sentence() -> None:
+    one = pt.ExtendedLearner(pt.DenseNetwork(2, (3,), 1), measurement_std=0.1)
+    for value in (None, "a", [], {}, 1j, np.array([])):
+        with pytest.raises(ParameterError, match="share"):
+            one.reopen(value)
+    for value in (None, "a", [["a"], [1, 2]]):
+        with pytest.raises(ParameterError, match="outcomes"):
+            one.account_for(value, [1])
+        with pytest.raises(ParameterError, match="times"):
+            one.carried(value)
+    with pytest.raises(ShapeError, match="nanoseconds"):
+        one.account_for([0], 1)

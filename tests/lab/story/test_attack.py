@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 
+from patagium.cli.main import app
+from patagium.cli.main import run as program
 from patagium.errors import ParameterError
 from patagium_lab.attack.calls import call_targets
 from patagium_lab.attack.files import READERS, file_targets
@@ -15,8 +20,9 @@ from patagium_lab.attack.oracle import LostState, Target, WrongNumber, judged
 from patagium_lab.attack.packets import packet_targets
 from patagium_lab.attack.page import page
 from patagium_lab.attack.plan import AttackPlan
-from patagium_lab.attack.programs import program_targets
-from patagium_lab.attack.run import AttackResults, run
+from patagium_lab.attack.programs import LEFT_OUT, option_parameters, program_targets
+from patagium_lab.attack.run import AttackResults, drawn, run, targets
+from patagium_lab.attack.verbs import CALLS, OWN, STUDIES, prepared
 from patagium_lab.attack.worker import attacked, attacked_here
 from patagium_lab.study import Stages
 
@@ -45,6 +51,35 @@ def test_signals_and_failing_disks_lose_nothing(area: str) -> None:
     target = next(one for one in program_targets() if one.area == area)
     tally = attacked(target, 1, 2)
     assert tally.cases == 2 and not tally.findings
+
+
+def _commands(group: Any, before: str = "") -> Iterator[tuple[str, Any]]:
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from _commands(command, f"{before}{name} ")
+        elif before or not command.hidden:
+            yield before + name, command
+
+
+def test_every_verb_and_option_of_the_program_is_drawn() -> None:
+    found = dict(_commands(typer.main.get_command(app)))
+    assert found.keys() == {call.verb for call in (*CALLS, *STUDIES)} | set(OWN)
+    for verb, command in found.items():
+        drawn = {option.name for option in option_parameters(verb)}
+        options = {one.name for one in command.params if one.param_type_name == "option"}
+        assert options - drawn <= LEFT_OUT, verb
+
+
+@pytest.mark.parametrize("place", [".", ""])
+def test_a_report_in_the_place_of_a_folder_is_refused_by_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], place: str
+) -> None:
+    call = next(c for c in CALLS if c.verb == "identify" and "--report" in c.words)
+    prepared(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as end:
+        program([*call.words, "--report", place])
+    assert end.value.code == 2 and "not saved: report" in capfd.readouterr().err
 
 
 def _bad(folder: Path):
@@ -89,6 +124,12 @@ def test_a_death_costs_one_case() -> None:
     tally = attacked(Target("files", "dies", 1.0, _dies), 0, 12)
     assert tally.cases == 12 and 0 < tally.counts["crash"] < 12
     assert tally.answered == 12 - tally.counts["crash"]
+
+
+def test_a_plan_draws_all_of_its_cases() -> None:
+    every = list(targets())
+    share = AttackPlan().cases / sum(one.cases for one in every)
+    assert sum(drawn(one, share) for one in every) >= AttackPlan().cases
 
 
 @forks

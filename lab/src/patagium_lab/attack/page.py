@@ -147,9 +147,9 @@ def _hostile(results: AttackResults) -> list[Block]:
         Table(["area", "what is done, and what is asked for"], words, "Areas of hostile cases."),
         area_table(results),
         table_of({"area": "area", "target": "name", **_COLUMNS}, targets, "The same by target."),
-        "Not attacked: the verbs of the laboratory, plugins, arguments of `pt.trim` and "
-        "`pt.optimize` but for those of their verbs, power that is lost, and a stranger "
-        "who can write as the user. Times include what other programs on the machine took.",
+        "Not attacked: the attack itself, studies under signals and failing disks, plugins, power "
+        "that is lost, and a stranger who can write as the user. Times include what other "
+        "programs on the machine took.",
     ]
     if findings:
         cells: list[list[Cell]] = [

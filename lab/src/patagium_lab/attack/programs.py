@@ -2,7 +2,7 @@
 
 Whatever comes, a program ends with a sentence or its result, without a traceback, within ten
 seconds of being asked to stop; a file that it writes is the former one or a whole new one.
-Neglected: verbs of the laboratory, power that is lost.
+Neglected: studies under signals and failing disks, power that is lost.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import patagium as pt
 from patagium_lab.attack.disk_faults import FULL, KINDS, injector
 from patagium_lab.attack.mutation import HOSTILE, Draw, mutated_bytes
 from patagium_lab.attack.oracle import LostState, Refusal, Target, WrongNumber
-from patagium_lab.attack.verbs import CALLS, Call, prepared
+from patagium_lab.attack.verbs import CALLS, STUDIES, Call, prepared
 
 AREA_OPTIONS, AREA_SIGNALS, AREA_WRITES, AREA_CACHE = "options", "signals", "writes", "cache"
 _LIMIT = 40.0  # s of a case: five until a program at work is asked to stop, ten until it has
@@ -37,7 +37,8 @@ _PATHS = (
     "x.png", "x.html", "x.csv", "x.json", "\udcff.nc",
 )  # fmt: skip
 """Paths within the folder of a case; nothing outside is named."""
-_LEFT_OUT = {"live", "live_address", "cluster", "jobs", "help"}
+_STUDIED = 0.1  # of the cases
+LEFT_OUT = {"live", "live_address", "cluster", "jobs", "help"}
 """Options that serve until stopped, that call other machines, or that start processes."""
 
 
@@ -118,28 +119,38 @@ class Server:
 def _options(folder: Path) -> Callable[[Draw], None]:
     """Case of a verb with hostile options."""
     server = Server(folder)
-    parameters = {call.verb: _parameters(call.verb) for call in CALLS}
+    parameters = {call.verb: option_parameters(call.verb) for call in (*CALLS, *STUDIES)}
+    environment = {"PATAGIUM_CACHE": str(folder / "cache")}
+    (folder / "cache").mkdir(mode=0o700)
 
     def case(draw: Draw) -> None:
         server.fresh()
-        call = CALLS[int(draw.integers(len(CALLS)))]
+        calls = STUDIES if draw.random() < _STUDIED else CALLS
+        call = calls[int(draw.integers(len(calls)))]
         words, options = list(call.words), parameters[call.verb]
         for _ in range(int(draw.choice([1, 1, 2, 4]))):
             words += _option(options[int(draw.integers(len(options)))], draw)
         if draw.random() < 0.15:
             words[int(draw.integers(1, len(words)))] = str(draw.choice(_PATHS))
-        _judge(server.run(words), words, {0, 2, 130})
+        own = environment if call.verb == "cache" else {}  # `--clear` clears it
+        _judge(server.run(words, environment=own), words, {0, 2, 130})
 
     return case
 
 
-def _parameters(verb: str) -> list[Any]:
-    """Options of a verb that a case may draw, as the parser of the command line has them."""
+def option_parameters(verb: str) -> list[Any]:
+    """Options of a verb that a case may draw, as the parser of the command line has them.
+
+    Args:
+        verb: Its name, with that of its group.
+    """
     from patagium.cli.main import app
 
-    group: Any = typer.main.get_command(app)
-    options = [p for p in group.commands[verb].params if p.param_type_name == "option"]
-    return [p for p in options if p.name not in _LEFT_OUT]
+    command: Any = typer.main.get_command(app)
+    for word in verb.split():
+        command = command.commands[word]
+    options = [p for p in command.params if p.param_type_name == "option"]
+    return [p for p in options if p.name not in LEFT_OUT]
 
 
 def _option(parameter: Any, draw: Draw) -> list[str]:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from itertools import product
+from math import ceil
 from typing import Any
 
 from patagium_lab.attack.calibration import NOISES, flight_calibration, log_calibration
@@ -95,6 +96,16 @@ def targets() -> Iterator[Target]:
     yield from program_targets()
 
 
+def drawn(target: Target, share: float) -> int:
+    """Number of cases of a target, at least its share of the whole.
+
+    Args:
+        target: The target.
+        share: Cases for each unit of the targets' own shares.
+    """
+    return ceil(share * target.cases)
+
+
 def _tallied(
     plan: AttackPlan, areas: list[str], tell: Callable[[float], None]
 ) -> Iterator[dict[str, Any]]:
@@ -104,7 +115,7 @@ def _tallied(
     whole, done = sum(target.cases for target in chosen), 0.0
     with ThreadPoolExecutor(plan.workers) as pool:  # each thread watches a process
         waiting = {
-            pool.submit(attacked, target, plan.seed, max(1, round(share * target.cases))): target
+            pool.submit(attacked, target, plan.seed, drawn(target, share)): target
             for target in chosen
         }
         for future in as_completed(waiting):

@@ -35,8 +35,8 @@ class Call:
 
     @property
     def verb(self) -> str:
-        """Name of the verb."""
-        return self.words[0]
+        """Name of the verb, with that of its group."""
+        return " ".join(self.words[: 1 + (self.words[0] == "study")])
 
 
 def page(path: Path) -> None:
@@ -111,10 +111,34 @@ CALLS = (
     Call(("export", "flight.nc", "-o", "flight.mcap"), {"flight.mcap": _anything}),
     Call(("robots", "robot.yaml", "--draw", "robot.png"), {"robot.png": _picture}),
     Call(("check", "robot.yaml"), {}),
+    Call(("cache", "--json"), {}),
+    Call(
+        ("simulate", "robot.yaml", "--frequency", "5 Hz", "--plunge", "35 deg", "--ground", "1 m",
+         "--inflow", "--duration", "0.02", "--time-step", "1e-3", "-o", "near.nc"),
+        {"near.nc": pt.load_flight},
+    ),
+    Call(("trim", "ornithopter", "--along", "speed=4.29:4.31", "--figure", "branch.png"),
+         {"branch.png": _picture}),
     Call(("figures", "flight.nc", "--format", "png", "-o", "."),
          {"flight.png": _picture, "strips.png": _picture}),
 )  # fmt: skip
-"""A call of each verb, short."""
+"""Calls of each verb, short."""
+STUDIES = tuple(
+    Call(("study", name), {})
+    for name in (
+        "bench",
+        "damage",
+        "feedback",
+        "foreign",
+        "latency",
+        "reproduce",
+        "rig",
+        "validate",
+    )
+)
+"""Calls of the studies, which are long: they get hostile options and are stopped."""
+OWN = ("study attack", "study stress")
+"""Verbs of the attack itself, which start such programs and wait for them."""
 
 
 def prepared(folder: Path) -> None:

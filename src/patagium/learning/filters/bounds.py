@@ -11,6 +11,8 @@ sample. The first 20 values of a channel that moves are bounded by 1e6 of the ne
 A sample with an input that is refused is not learned; an output that is refused is missing. A
 hundred more refused than taken, none of them further off than 1e4 widths and no two in a row
 equal, are what the sensor says by now: the range opens up to them, which is an event.
+An input that moved, and now stands while another moves, for 5 samples more than twice its longest
+rest of late, is stuck, for a hundred samples; a rest ends within 3 median steps of where it was.
 `kernels/bounds.h` does the same in C on the same arrays, and defines the numbers. Neglected:
 values that are wrong within their range.
 """
@@ -31,8 +33,8 @@ Array = NDArray[np.float64]
 
 _C = header_numbers("bounds.h")
 _LAST, _USUAL, _MISSED = range(3)
-_VALUES = ("low", "high", "before", "step", "odd", "odd_low", "odd_high")
-_COUNTS = ("taken", "odd_run")
+_VALUES = ("low", "high", "before", "step", "odd", "odd_low", "odd_high", "rest")
+_COUNTS = ("taken", "odd_run", "stood")
 MEMORY = (*(f"bound_{name}" for name in (*_VALUES, *_COUNTS)), "bound_clock")
 """Names of the arrays of a memory."""
 
@@ -66,7 +68,7 @@ class Bounds:
             **{f"bound_{name}": np.zeros(len(self.scale), np.int64) for name in _COUNTS},
             "bound_clock": np.array([np.nan, 0.0, 0.0]),
         }
-        self.arrays["bound_step"][:] = 0.0
+        self.arrays["bound_step"][:] = self.arrays["bound_rest"][:] = 0.0
 
     def forget_place(self) -> None:
         """Take the next inputs however far they moved."""
@@ -91,20 +93,31 @@ class Bounds:
             most = np.maximum(_C.JUMP_SHARE * width, _C.JUMP * step)
             most += _C.AHEAD * step * (ahead - 1)
             stepped = (memory["bound_taken"] >= _C.MANY) & (ahead <= _C.GAP)
-            jumps = stepped & (np.abs(value - memory["bound_before"]) > most) & ~outside
-        jumps[self.smooth :] = False
-        finite, odd = np.isfinite(value), outside | jumps
+            moved = np.abs(value - memory["bound_before"])
+            moved[self.smooth :] = np.nan
+            jumps, stuck = stepped & (moved > most) & ~outside, self._stuck(moved)
+        odd = outside | jumps | stuck
         if odd[:n].any():
             memory["bound_clock"][_MISSED] += 1
             odd[n:] = False
         else:
             self._keep_time(time)
             self._take(value, ~odd, known, width)
-        told = np.flatnonzero(odd & finite).tolist()
-        opened = [self._refuse(k, float(value[k]), bool(known[k]), float(width[k])) for k in told]
-        jumped = sum(bool(jumps[k]) for k in told)
-        events = {"out_of_range": len(told) - jumped, "jumps": jumped, "reopened": sum(opened)}
+        told = np.flatnonzero(odd & ~stuck & np.isfinite(value)).tolist()
+        opened = [self._refuse(k, value[k], known[k], width[k]) for k in told]
+        events = {"jumps": int(jumps.sum()), "stuck": int(stuck.sum()), "reopened": sum(opened)}
+        events["out_of_range"] = len(told) - events["jumps"]
         return not odd[:n].any(), np.where(odd[n:], np.nan, y), events
+
+    def _stuck(self, moved: Array) -> Any:
+        """Inputs that stand longer than they ever rest while another moves."""
+        rest, run, taken = (self.arrays[f"bound_{n}"] for n in ("rest", "stood", "taken"))
+        ended = (moved > 0) & (moved <= _C.REST_STEPS * self.arrays["bound_step"])
+        run += (moved == 0) & (moved > 0).any()
+        rest[:] = np.where(ended, np.maximum(rest, run), rest) * (1.0 - _C.LEAK)
+        run[moved > 0] = 0
+        over = run - 2.0 * rest - _C.STANDS
+        return (taken >= _C.MANY) & (over > 0) & (over <= _C.ODD_RUN)
 
     def _width(self) -> Array:
         n, low, high = self.inputs, self.arrays["bound_low"], self.arrays["bound_high"]
@@ -132,7 +145,7 @@ class Bounds:
     def _take(self, value: Array, kept: NDArray[np.bool_], known: Any, width: Array) -> None:
         """Range and median step from a sample; channels that are not kept stay as they are."""
         low, high, before, step = (self.arrays[f"bound_{name}"] for name in _VALUES[:4])
-        taken, run = (self.arrays[f"bound_{name}"] for name in _COUNTS)
+        taken, run = (self.arrays[f"bound_{name}"] for name in _COUNTS[:2])
         span, most = _C.LEAK * (high - low), np.where(known, _C.GROWTH * width, inf)
         raised = np.where(value > high, np.minimum(value, high + most), high - span)
         lowered = np.where(value < low, np.maximum(value, low - most), low + span)
@@ -149,7 +162,7 @@ class Bounds:
 
     def _refuse(self, k: int, value: float, known: bool, width: float) -> bool:
         """Whether the range of a channel opens after one more value that was refused."""
-        low, high, before, _, odd, least, most = (self.arrays[f"bound_{name}"] for name in _VALUES)
+        low, high, before, _, odd, least, most, _ = (self.arrays[f"bound_{n}"] for n in _VALUES)
         run = self.arrays["bound_odd_run"]
         if not (known and max(low[k] - value, value - high[k]) <= _C.ODD * width):
             run[k] = 0

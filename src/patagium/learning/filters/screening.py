@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import betaincinv
 
+from patagium.arguments import of_kind
 from patagium.errors import Outcome
 from patagium.learning.filters.bounds import MEMORY, Bounds
 from patagium.learning.filters.misfit import PARTS as MISFIT_PARTS
@@ -219,6 +220,12 @@ class Screen:
             self.counts[EVENTS.index(event)] += count
         return within if usable else None
 
+    def stamp(self, time: float | None) -> None:
+        """Note when the next sample was made [s]; None: not known, NaN: its clock told nothing."""
+        if type(time) not in (float, np.float64):
+            of_kind("time", time, float | None)
+        self.numbers[_STAMP] = np.nan if time is None else time
+
     def restart_clock(self) -> None:
         """Take the next time stamp, whatever it is."""
         self.numbers[_LAST_STAMP], self.whole[_LATE_RUN] = -inf, 0
@@ -293,7 +300,7 @@ class Screen:
             y: Measurement, (n_y,) [unit of y].
             time: Of the sample [s]; None: not known.
         """
-        self.numbers[_STAMP] = np.nan if time is None else time
+        self.stamp(time)
         if self.admit():
             return None
         within = self.bounded(x, y)

@@ -190,6 +190,7 @@ class FilterLearner(OnlineLearner):
             with self._noisier(std):
                 mean, covariance = self._filter.predict(sample)
             if time is not None and self._screen.misfit.floor:
+                of_kind("time", time, float)
                 mean, covariance = self._screen.misfit.carry(mean, covariance, time)
         except MatrixLost as lost:
             raise diverged(lost.outcome, self.count, sample, nothing) from None
@@ -208,6 +209,7 @@ class FilterLearner(OnlineLearner):
         Returns:
             (N, n_y) [unit of y].
         """
+        times = np.ravel(real_array("times", times))
         misfit, shape = self._screen.misfit, (len(times), self._network.outputs)
         return np.broadcast_to(misfit.at(times), shape) if misfit.floor else np.zeros(shape)
 
@@ -244,7 +246,7 @@ class FilterLearner(OnlineLearner):
         started = perf_counter_ns()
         sample, measured = shaped_sample(self._network, x, y)
         screen = self._filter.screen
-        screen.numbers[0] = np.nan if time is None else time
+        screen.stamp(time)
         with self._noisier(std):
             outcome, prediction = self._filter.update(sample, measured)
         if outcome is not Outcome.COMPLETED:
@@ -282,11 +284,14 @@ class FilterLearner(OnlineLearner):
             nanoseconds: Time that each sample took, (N,) [ns].
 
         Raises:
+            ShapeError: If there are not as many times as outcomes.
             FilterDiverged: If the covariance cannot be opened.
         """
-        ends, screen, compiled = np.asarray(outcomes), self._filter.screen, self.compiled
-        learned = ends == Outcome.COMPLETED
-        for duration in np.asarray(nanoseconds)[learned].astype(np.int64).tolist():
+        ends, took = real_array("outcomes", outcomes), real_array("nanoseconds", nanoseconds)
+        if ends.ndim != 1 or took.shape != ends.shape:
+            raise ShapeError("nanoseconds", (ends.size,), took.shape)
+        screen, compiled, learned = self._filter.screen, self.compiled, ends == Outcome.COMPLETED
+        for duration in took[learned].astype(np.int64).tolist():
             self._stopwatch.add(duration)
         for done in learned[ends < Outcome.BAD_INPUT].tolist():
             self._refused_run = 0 if done else self._refused_run + 1
@@ -333,6 +338,7 @@ class FilterLearner(OnlineLearner):
             ParameterError: If it is out of its range.
             FilterDiverged: If the covariance was lost.
         """
+        of_kind("share", share, float)
         if not 0 < share <= 1:
             raise ParameterError("share", "above 0 and at most 1", share)
         try:

@@ -78,15 +78,7 @@ class GradientLearner(OnlineLearner):
         """The estimate W, (n,)."""
         return self._weights.copy()
 
-    @property
-    def covariance(self) -> None:
-        """None: backpropagation has no covariance of the weights."""
-        return None
-
-    @property
-    def variances(self) -> None:
-        """None, as there is no covariance."""
-        return None
+    covariance = variances = None  # of the weights there is none
 
     def predict(self, x: ArrayLike) -> tuple[Array, Array]:
         """Measurement at x, and the running mean square of the innovations.
@@ -129,13 +121,8 @@ class GradientLearner(OnlineLearner):
 
     def describe(self) -> dict[str, Any]:
         """Kind, network and settings of the learner as JSON values, without the weights."""
-        given = {
-            "kind": "gradient",
-            "network": self._network.describe(),
-            **asdict(self.settings),
-            "seed": self._seed,
-        }
-        return given | found_part(self.found)
+        given = {"kind": "gradient", "network": self._network.describe(), **asdict(self.settings)}
+        return given | {"seed": self._seed} | found_part(self.found)
 
     @property
     def found(self) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arguments import checked
 from patagium.arrays import real_array
 from patagium.errors import FilterDiverged, Outcome, ShapeError
 from patagium.learning.filters.screening import NEWER, Screen
@@ -156,12 +157,12 @@ class OnlineLearner(Learner):
         """Events of the samples so far, and their number.
 
         Channels of samples: missing (no number), outliers (down-weighted, or too far off to be
-        used), stuck. Samples: bad_inputs (no numbers), late, duplicates, clock_resets (a clock
-        that went back was believed), blind (no channel left), refused (the filter could not be
-        moved by it), changes (the covariance was opened anew), covariance_resets (ten samples in a
-        row were refused, and the covariance begins anew). Values of sensors: out_of_range (no
-        sensor says that), jumps (an input moved too far in one step), reopened (a range was widened
-        to what a sensor kept saying).
+        used), stuck (inputs, while others move). Samples: bad_inputs (no numbers), late,
+        duplicates, clock_resets (a clock that went back was believed), blind (no channel left),
+        refused (the filter could not be moved by it), changes (the covariance was opened anew),
+        covariance_resets (ten samples in a row were refused, and it begins anew). Values of
+        sensors: out_of_range (no sensor says that), jumps (an input moved too far in one step),
+        reopened (a range was widened to what a sensor kept saying).
         """
         return self._screen.events
 
@@ -219,6 +220,7 @@ class OnlineLearner(Learner):
             **{f"screen_{name}": array.copy() for name, array in self._screen.arrays.items()},
         }
 
+    @checked
     def resume(self, state: Mapping[str, Any]) -> None:
         """Go on from a state; wall-clock times of updates begin anew.
 
@@ -241,6 +243,7 @@ class OnlineLearner(Learner):
         self._screen.restore(seen)
         self._stopwatch = stopwatch
 
+    @checked
     def save(self, path: str | Path) -> Path:
         """Keep the learner in a file, from which `load_learner` makes one that goes on alike.
 

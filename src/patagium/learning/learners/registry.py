@@ -110,22 +110,6 @@ def load_learner(path: str | Path, like: Learner | None = None) -> OnlineLearner
         return learner
 
 
-def save_learner(path: str | Path, learner: OnlineLearner) -> Path:
-    """Keep a learner in a file; see `Saved.save`.
-
-    Args:
-        path: File, replaced whole or not at all, in a folder that is there.
-        learner: Learner, between two samples.
-
-    Returns:
-        The path.
-
-    Raises:
-        OutputError: If it cannot be written; the file is then as it was.
-    """
-    return learner.save(path)
-
-
 def first_difference(found: Mapping[str, Any], expected: Mapping[str, Any]) -> str | None:
     """First setting that differs, in words; centers, scales and what was found may differ.
 

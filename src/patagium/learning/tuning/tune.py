@@ -203,7 +203,7 @@ def tune(
 
 def _several(name: str, given: Any) -> tuple[Any, ...]:
     """One or several, as a tuple."""
-    found = tuple(given) if isinstance(given, Sequence) else (given,)
+    found = tuple(given) if isinstance(given, Sequence | np.ndarray) else (given,)
     if not found:
         raise ParameterError(name, "at least one", 0)
     return found

@@ -27,6 +27,8 @@
 #define ODD_RUN 100       /* values refused, less those taken, after which it does */
 #define FAST 0.5          /* share by which a value moves the median step before it is known, */
 #define SLOW 0.02         /* and at last */
+#define STANDS 5.0        /* samples, and rests of late twice, that an input stands before it is stuck */
+#define REST_STEPS 3.0    /* median steps by which a rest ends */
 #define STEPS 10.0        /* samples over which the usual time step is found, steps it counts at most */
 
 enum { IN_RANGE, OUTSIDE, JUMPED };
@@ -88,6 +90,18 @@ static void refuse(screening *s, int k, double value, double width, int why) {
   s->counts[REOPENED]++;
 }
 
+/* Whether an input stands longer than at rest while another moves; a rest that ended is kept. */
+static int stuck_input(const bounds *b, int k, int others) {
+  const double moved = fabs(b->x[k] - b->before[k]);
+  if (moved == 0) b->stood[k] += others;
+  if (moved > 0 && moved <= REST_STEPS * b->step[k])
+    b->rest[k] = larger(b->rest[k], (double)b->stood[k]);
+  b->rest[k] *= 1.0 - LEAK;
+  if (moved > 0) b->stood[k] = 0;
+  const double over = (double)b->stood[k] - 2.0 * b->rest[k] - STANDS;
+  return b->taken[k] >= MANY && over > 0 && over <= ODD_RUN;
+}
+
 /* Usual steps since the last sample that was taken; infinite where none can be told. */
 static double ahead_of(const bounds *b, double step) {
   if (!isfinite(step)) return 1 + b->clock[2];
@@ -100,12 +114,15 @@ static int bound(screening *s, double *measured) {
   const int n = (int)b->inputs;
   const double stamp = s->numbers[0], step = stamp - b->clock[0], ahead = ahead_of(b, step);
   double widths[n + s->channels], widest = 0;
-  int odd = 0;
+  int odd = 0, stuck = 0, others = 0;
+  for (int k = 0; k < b->smooth; k++) others |= fabs(b->x[k] - b->before[k]) > 0;
+  for (int k = 0; k < b->smooth; k++) stuck += stuck_input(b, k, others);
+  s->counts[STUCK] += stuck;
   for (int k = 0; k < n; k++) {
     widths[k] = larger(width_of(b, k), b->scale[k]);
     odd += judged(b, k, b->x[k], widths[k], ahead) != IN_RANGE;
   }
-  if (odd) {
+  if (odd || stuck) {
     for (int k = 0; k < n; k++) {
       const int why = judged(b, k, b->x[k], widths[k], ahead);
       if (why != IN_RANGE) refuse(s, k, b->x[k], widths[k], why);
