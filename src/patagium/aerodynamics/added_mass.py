@@ -50,8 +50,7 @@ class AddedMass:
     Args:
         robot: The machine.
         air: Its density; wind and gusts are those of the model it goes with.
-        factor: Share of the air of an infinite wing: 1 for long wings, .85 at an aspect
-            ratio of 3.
+        factor: Share of the air of an infinite wing: 1 for long wings, .85 at an aspect ratio of 3.
 
     Raises:
         ParameterError: If the factor is negative or not finite.
@@ -175,8 +174,7 @@ class AddedMass:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
             a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
-            wind: Velocity of the air, world axes, (3,) [m/s]; that of `air` at t = 0 by
-                default.
+            wind: Velocity of the air, world axes, (3,) [m/s]; that of `air` at t = 0 by default.
 
         Raises:
             ShapeError: If an argument has another shape.

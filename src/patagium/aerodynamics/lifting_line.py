@@ -208,8 +208,7 @@ class LiftingLine(Aerodynamics):
         Args:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
-            wind: Velocity of the air, world axes, (3,) [m/s]; that of `air` at t = 0 by
-                default.
+            wind: Velocity of the air, world axes, (3,) [m/s]; that of `air` at t = 0 by default.
 
         Raises:
             ShapeError: If an argument has another shape.

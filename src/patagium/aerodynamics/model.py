@@ -92,8 +92,7 @@ class Aerodynamics(Protocol):
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
             state: The model's own states, (n_z,) [m/s, -]; zero by default.
-            wind: Velocity of the air, world axes, (3,) [m/s]; that of `air` at t = 0
-                by default.
+            wind: Velocity of the air, world axes, (3,) [m/s]; that of `air` at t = 0 by default.
 
         Raises:
             ShapeError: If an argument has another shape.

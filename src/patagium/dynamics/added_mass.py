@@ -3,8 +3,7 @@
 A body that moves through an ideal fluid carries with it the energy 1/2 V^T M V, with V its
 twist relative to the fluid and M a constant symmetric matrix in its own axes; Kirchhoff's
 equations give the force. A steady wind only moves the observer. Neglected: the rate of a wind
-that changes (a gust's push on the apparent mass), the fluid between bodies, vorticity and its
-wake.
+that changes (a gust's push on the apparent mass), the fluid between bodies, vorticity and its wake.
 """
 
 from __future__ import annotations

@@ -66,8 +66,7 @@ class ErrorSums:
             measurement: y, (N, n_y) [unit of y]; NaN where it does not count.
             prediction: yhat, (N, n_y) [unit of y].
             held: Persistence, (N, n_y) [unit of y]; None for none.
-            keep: Factor on all that was counted from each sample to the next: 1 to forget
-                nothing.
+            keep: Factor on all that was counted from each sample to the next: 1 to forget nothing.
         """
         known = np.isfinite(measurement)
         share = known * keep ** np.arange(len(measurement) - 1, -1, -1.0)[:, None]
@@ -143,8 +142,7 @@ class IntervalSums:
         Args:
             error: y - yhat, (M, n_y) [unit of y]; NaN where it does not count.
             std: Predicted standard deviation, (M, n_y) [unit of y].
-            keep: Factor on all that was counted from each error to the next: 1 to forget
-                nothing.
+            keep: Factor on all that was counted from each error to the next: 1 to forget nothing.
         """
         size, weight = np.abs(error), keep ** np.arange(len(error) - 1, -1, -1.0)
         with np.errstate(divide="ignore", invalid="ignore"):

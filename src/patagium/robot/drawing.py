@@ -25,8 +25,7 @@ def draw_robot(robot: Robot, q: ArrayLike | None = None) -> Figure:
 
     Args:
         robot: The machine.
-        q: Generalized coordinates, (n_q,) [m, rad, 1]; those of zero angles
-            when None.
+        q: Generalized coordinates, (n_q,) [m, rad, 1]; those of zero angles when None.
 
     Raises:
         ShapeError: If `q` is not (n_q,).

@@ -185,8 +185,7 @@ def from_csv(
             with its unit in brackets, such as `time [s], plunge [deg]`.
         columns: Joint (or "time") to the name of its column, where they differ.
         units: Joint (or "time") to its unit, where the header has none.
-        period: Time after which it repeats [s]. Without it the last row must repeat
-            the first one.
+        period: Time after which it repeats [s]. Without it the last row must repeat the first one.
 
     Raises:
         LogError: If the table cannot be used as it stands; it says why.

@@ -37,8 +37,7 @@ class Mount:
     """Mount of a robot.
 
     Attributes:
-        kind: "free" in the air, "fixed" where it starts, "carried" along a path, or so by
-            an "arm".
+        kind: "free" in the air, "fixed" where it starts, "carried" along a path, or so by an "arm".
         path: Where the floating body goes, or None.
         plan: What the arm's joints do for it, or None.
     """
@@ -94,8 +93,7 @@ def on_arm(
 
     Args:
         arm: An arm of six joints, such as `load_robot("ur5e")`.
-        path: Motion of the robot's floating body in the world, where the arm stands at the
-            origin.
+        path: Motion of the robot's floating body in the world, where the arm stands at the origin.
         at: Body of the arm that holds the robot.
         position: Where the robot sits on that body, in its axes, (3,) [m].
         orientation: Roll, pitch, yaw of the robot's axes in that body's, (3,) [rad].

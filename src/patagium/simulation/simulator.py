@@ -2,8 +2,7 @@
 
 Joints follow the gait exactly, everything else the equations of motion; fourth order in the
 time step. The state goes from piece to piece, for those who look at the flight or steer it on
-its way, and the record of all of them is the flight. Neglected: contact, actuator limits,
-sensors.
+its way, and the record of all of them is the flight. Neglected: contact, actuator limits, sensors.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """A flight as a page to look at: poses by the robot's own kinematics, forces as recorded.
 
 The page shows samples of the flight, thinned to a few hundred a wingbeat, and interpolates
-between them; how far that errs at the wing tips is computed and said on it. The flow
-is not shown.
+between them; how far that errs at the wing tips is computed and said on it. The flow is not shown.
 """
 
 from __future__ import annotations

@@ -82,34 +82,43 @@ class Bounds:
             y: Measurement, (n_y,) [unit of y].
             time: Of the sample [s]; NaN: unknown.
         """
-        memory, n = self.arrays, self.inputs
-        value, width, ahead = np.concatenate([x[:n], y]), self._width(), self._ahead(time)
+        low, high, before, step = (self.arrays[f"bound_{name}"] for name in _VALUES[:4])
+        n = self.inputs
+        taken = self.arrays["bound_taken"]
+        value = np.concatenate([x[:n], y])
+        width = self._width()
+        ahead = self._ahead(time)
         with np.errstate(invalid="ignore", over="ignore"):
-            beyond = np.maximum(memory["bound_low"] - value, value - memory["bound_high"])
-            known = memory["bound_taken"] >= _C.KNOWN
+            beyond = np.maximum(low - value, value - high)
+            known = taken >= _C.KNOWN
+            room = np.where(known, inf, _C.BOUNDLESS * self.scale)
             outside = known & ~(beyond <= self._reach * width)
-            outside |= ~(np.abs(value) <= np.where(known, inf, _C.BOUNDLESS * self.scale))
-            step = memory["bound_step"]
+            outside |= ~(np.abs(value) <= room)
             most = np.maximum(_C.JUMP_SHARE * width, _C.JUMP * step)
             most += _C.AHEAD * step * (ahead - 1)
-            stepped = (memory["bound_taken"] >= _C.MANY) & (ahead <= _C.GAP)
-            moved = np.abs(value - memory["bound_before"])
+            stepped = (taken >= _C.MANY) & (ahead <= _C.GAP)
+            moved = np.abs(value - before)
             moved[self.smooth :] = np.nan
-            jumps, stuck = stepped & (moved > most) & ~outside, self._stuck(moved)
+            jumps = stepped & (moved > most) & ~outside
+            stuck = self._stuck(moved)
         odd = outside | jumps | stuck
         if odd[:n].any():
-            memory["bound_clock"][_MISSED] += 1
+            self.arrays["bound_clock"][_MISSED] += 1
             odd[n:] = False
         else:
             self._keep_time(time)
             self._take(value, ~odd, known, width)
         told = np.flatnonzero(odd & ~stuck & np.isfinite(value)).tolist()
         opened = [self._refuse(k, value[k], known[k], width[k]) for k in told]
-        events = {"jumps": int(jumps.sum()), "stuck": int(stuck.sum()), "reopened": sum(opened)}
-        events["out_of_range"] = len(told) - events["jumps"]
+        events = {
+            "out_of_range": len(told) - int(jumps.sum()),
+            "jumps": int(jumps.sum()),
+            "stuck": int(stuck.sum()),
+            "reopened": sum(opened),
+        }
         return not odd[:n].any(), np.where(odd[n:], np.nan, y), events
 
-    def _stuck(self, moved: Array) -> Any:
+    def _stuck(self, moved: Array) -> NDArray[np.bool_]:
         """Inputs that stand longer than they ever rest while another moves."""
         rest, run, taken = (self.arrays[f"bound_{n}"] for n in ("rest", "stood", "taken"))
         ended = (moved > 0) & (moved <= _C.REST_STEPS * self.arrays["bound_step"])
@@ -117,7 +126,7 @@ class Bounds:
         rest[:] = np.where(ended, np.maximum(rest, run), rest) * (1.0 - _C.LEAK)
         run[moved > 0] = 0
         over = run - 2.0 * rest - _C.STANDS
-        return (taken >= _C.MANY) & (over > 0) & (over <= _C.ODD_RUN)
+        return np.asarray((taken >= _C.MANY) & (over > 0) & (over <= _C.ODD_RUN))
 
     def _width(self) -> Array:
         n, low, high = self.inputs, self.arrays["bound_low"], self.arrays["bound_high"]
@@ -153,7 +162,8 @@ class Bounds:
         np.copyto(high, np.where(first, value, raised), where=kept)
         np.copyto(low, np.where(first, value, lowered), where=kept)
         moving = kept & (moved > 0)
-        rate = np.where(known, _C.SLOW * np.maximum(_C.MANY / np.maximum(taken, 1), 1.0), _C.FAST)
+        share = np.maximum(_C.MANY / np.maximum(taken, 1), 1.0)
+        rate = np.where(known, _C.SLOW * share, _C.FAST)
         after = step + step * np.where(moved > step, rate, -rate)
         np.copyto(step, np.where(step > 0, after, moved), where=moving)
         np.copyto(before, value, where=kept)

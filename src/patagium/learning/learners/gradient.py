@@ -121,8 +121,13 @@ class GradientLearner(OnlineLearner):
 
     def describe(self) -> dict[str, Any]:
         """Kind, network and settings of the learner as JSON values, without the weights."""
-        given = {"kind": "gradient", "network": self._network.describe(), **asdict(self.settings)}
-        return given | {"seed": self._seed} | found_part(self.found)
+        given = {
+            "kind": "gradient",
+            "network": self._network.describe(),
+            **asdict(self.settings),
+            "seed": self._seed,
+        }
+        return given | found_part(self.found)
 
     @property
     def found(self) -> dict[str, Any]:

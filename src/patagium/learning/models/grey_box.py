@@ -222,8 +222,7 @@ class GreyBox(GroupedNetwork):
         """A learner's process deviation from those of parameters in their own units, (n,).
 
         Args:
-            wandering: By which each parameter wanders between two updates, by name; others
-                stay.
+            wandering: By which each parameter wanders between two updates, by name; others stay.
 
         Raises:
             ParameterError: If a name is not learned.

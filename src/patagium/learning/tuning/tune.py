@@ -76,8 +76,7 @@ class SearchOptions(TypedDict, total=False):
             where nothing else can be left out; None: over the second half of the flight.
         jobs: Number of processes; None: one for each core.
         cluster: Address of a Dask scheduler whose workers do the work instead.
-        journal: File that keeps each trial as it ends; a search that was stopped goes on
-            from it.
+        journal: File that keeps each trial as it ends; a search that was stopped goes on from it.
         source: Name of the flights in the file of settings.
         progress: Function called with the number of trials done and of all trials.
     """
@@ -349,8 +348,7 @@ def _as_good_as(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
     """Trials within one standard error of the best.
 
     References:
-        Breiman et al. (1984), Classification and regression trees: the rule of one standard
-        error.
+        Breiman et al. (1984), Classification and regression trees: the rule of one standard error.
     """
     one = best.prediction
     most = one.crps + (one.left_out_error if np.isfinite(one.left_out_error) else 0.0)

@@ -45,8 +45,7 @@ class Imu(Sensor):
         orientation: Rotation from the unit's axes to body axes, (3, 3) [-].
         accelerometer_density: Noise density of the specific force, (3,) or one for all
             [m/s^2/sqrt(Hz)].
-        gyroscope_density: Noise density of the angular rate, (3,) or one for all
-            [rad/s/sqrt(Hz)].
+        gyroscope_density: Noise density of the angular rate, (3,) or one for all [rad/s/sqrt(Hz)].
         accelerometer_bias: Standard deviation of the initial bias [m/s^2].
         gyroscope_bias: Standard deviation of the initial bias [rad/s].
         accelerometer_walk: Random walk of the bias [m/s^2/sqrt(s)].
