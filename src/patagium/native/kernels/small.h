@@ -79,8 +79,10 @@ static inline void move_rows(int stride, int count, double gain, const double *s
       reals_store(x + i * stride + k, reals_load(x + i * stride + k) - reals_load(move + k));
 }
 
-/* G with G G' = M^-1: the transposed inverse of the lower factor; 0 where there is none. */
-static int invert_root(int m, int stride, const double *matrix, double *lower, double *g) {
+/* G with G G' = M^-1: the transposed inverse of the lower factor; 0 where there is none, or a
+ * pivot is not more than `least` of its variance. */
+static int invert_root(int m, int stride, double least, const double *matrix, double *lower,
+                       double *g) {
   for (int k = 0; k < m; k++)
     for (int l = 0; l <= k; l++) {
       double sum = matrix[k * stride + l];
@@ -88,7 +90,7 @@ static int invert_root(int m, int stride, const double *matrix, double *lower, d
       if (k > l) {
         lower[k * stride + l] = sum * lower[l * stride + l]; /* the diagonal is inverted */
       } else {
-        if (!(sum > 0) || !isfinite(sum)) return 0;
+        if (!(sum > least * matrix[k * stride + k]) || !isfinite(sum)) return 0;
         lower[k * stride + k] = 1 / sqrt(sum);
       }
     }
