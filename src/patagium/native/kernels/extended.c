@@ -74,12 +74,13 @@ static double *row_of(const extended_filter *e, int weight) {
 static void weight_rows(const extended_filter *e, int in, int out, const double *x,
                         const double *seed, int weight) {
   const int stride = e->filter.stride, items = e->filter.items, apart = out * stride;
+  const int used = used_columns(&e->filter);
   const int some = in < ROWS || e->place != NULL;
   for (int j = 0; some && j < in; j++)
     weighted_rows(stride, items, x + j, in, seed, apart, row_of(e, weight + j));
   for (int done = 0; !some && done < in; done += ROWS) {
     const int j = done + ROWS > in ? in - ROWS : done;
-    multiply_rows(0, stride, items, x + j, 1, in, seed, apart, row_of(e, weight + j), stride);
+    band_product(0, ROWS, used, items, x + j, 1, in, seed, apart, row_of(e, weight + j), stride);
   }
 }
 
@@ -175,13 +176,13 @@ static void visit(extended_filter *e) {
 /* Z = S' H' where the root is kept, and Z'Z of every block. */
 static void see_by_root(extended_filter *e) {
   panel_filter *f = &e->filter;
-  const int stride = f->stride;
+  const int stride = f->stride, used = used_columns(f);
   for (int b = 0, before = 0; b < f->blocks; before += f->counts[b++])
     for (int first = 0; first < f->counts[b]; first += FEW) {
       const int at = f->starts[b] + first;
       const double *s = panel_of(f, b, first / PANEL) + (ptrdiff_t)at * PANEL + first % PANEL;
       double *z = f->slopes + (ptrdiff_t)at * stride;
-      band_product(0, FEW, stride, f->counts[b] - first, s, 1, PANEL,
+      band_product(0, FEW, used, f->counts[b] - first, s, 1, PANEL,
                    e->derivative + (ptrdiff_t)(before + first) * stride, stride, z, stride);
       for (int k = 0; f->growth != 1 && k < FEW * stride; k++) z[k] *= f->growth;
     }
