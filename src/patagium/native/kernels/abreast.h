@@ -36,8 +36,11 @@ static inline __attribute__((always_inline)) void add_sums(
   int r = 0;
   for (; r + 4 <= count; r += 4)
     add_some(sign, 4, depth, a + r * a_apart, a_depth, a_apart, b, b_depth, x + r * apart, apart);
-  for (; r < count; r++)
-    add_some(sign, 1, depth, a + r * a_apart, a_depth, a_apart, b, b_depth, x + r * apart, apart);
+  a += r * a_apart;
+  x += r * apart;
+  if (count - r == 3) add_some(sign, 3, depth, a, a_depth, a_apart, b, b_depth, x, apart);
+  else if (count - r == 2) add_some(sign, 2, depth, a, a_depth, a_apart, b, b_depth, x, apart);
+  else if (count - r == 1) add_some(sign, 1, depth, a, a_depth, a_apart, b, b_depth, x, apart);
 }
 
 /* sum <- sum + x x' on the diagonal and left of it; x: (size, depth). */

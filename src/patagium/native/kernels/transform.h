@@ -192,8 +192,6 @@ static void change_panel(panel_filter *f, int block, int panel) {
         const REAL *step = steps + half * WIDTH;
         if (stride == WIDTH)
           change_rows(1, WIDTH, m, WIDTH, step, mix[half], grown[half], old, cross);
-        else if (stride == 2 * WIDTH && used == stride)
-          change_rows(2, stride, m, 2 * WIDTH, step, mix[half], grown[half], old, cross);
         else if (stride == 2 * WIDTH)
           change_rows(1, used, m, 2 * WIDTH, step, mix[half], grown[half], old, cross);
         else
