@@ -15,7 +15,7 @@
 #include "cubature.h"
 #include "small.h"
 
-#define LEAST 1e-6 /* of a variance that a pivot leaves: rounding grows by its inverse at most */
+#define LEAST_PIVOT 1e-6 /* of a variance that a pivot leaves: rounding grows by its inverse at most */
 #define DEEP 10    /* columns of a part, at most */
 
 /* x <- x + sign sum over `depth` of a b, `count` sums at once. */
@@ -58,7 +58,7 @@ static int factor_all(int size, wide *a) {
     const wide variance = row[l];
     add_sums(-1, size - l, l, row, 1, size, row, 1, row + l, size);
     for (int c = 0; c < WIDE; c++) {
-      large &= row[l][c] > LEAST * variance[c];
+      large &= row[l][c] > LEAST_PIVOT * variance[c];
       pivots[c] = 1 / sqrt(row[l][c]);
     }
     row[l] = wide_load(pivots);

@@ -75,7 +75,7 @@ static int invert_turned(const panel_filter *f, double least, const double *matr
  * is not positive definite. */
 static int invert_panels(void *memory, double *g, double *turned) {
   panel_filter *f = memory;
-  int done = invert_turned(f, LEAST, beside(f, f->blocks), g, turned);
+  int done = invert_turned(f, LEAST_PIVOT, beside(f, f->blocks), g, turned);
   for (int b = 0; done && b < f->blocks; b++) done = recur_abreast(f, b, beside(f, b));
   for (int b = 0; !done && b < f->blocks; b++) {
     if (!invert_turned(f, 0, beside(f, b), g, turned)) return 0;
