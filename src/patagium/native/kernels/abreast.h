@@ -15,7 +15,7 @@
 #include "cubature.h"
 #include "small.h"
 
-#define LEAST_PIVOT 1e-6 /* of a variance that a pivot leaves: rounding grows by its inverse at most */
+#define LEAST_PIVOT 1e-6 /* over its variance: rounding grows by the inverse at most */
 #define DEEP 10    /* columns of a part, at most */
 
 /* x <- x + sign sum over `depth` of a b, `count` sums at once. */
@@ -85,7 +85,7 @@ static void solve_back(int size, int count, const wide *a, wide *x) {
   }
 }
 
-/* Steps and shrinks of a block; rest: M and what the other blocks add to it. 0: a pivot is small. */
+/* Steps and shrinks of a block; rest: M and what other blocks add to it. 0: a pivot is small. */
 static int recur_abreast(panel_filter *f, int block, const double *rest) {
   const int m = f->outputs, stride = f->stride, start = f->starts[block], count = f->counts[block];
   const int rounds = (count + DEEP * WIDE - 1) / (DEEP * WIDE);
