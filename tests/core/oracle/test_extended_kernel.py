@@ -159,3 +159,22 @@ def test_an_input_that_is_no_number_changes_nothing(robot, states):
     assert ours.update(broken, y[1])[0] is Outcome.BAD_INPUT
     np.testing.assert_array_equal(ours.mean, mean)
     np.testing.assert_array_equal(ours.covariance().dense(), covariance)
+
+
+def test_a_measurement_far_better_than_the_prior_is_learned_as_if_alone(robot):
+    """The weights then say of y what was measured, with its noise: twice that with the next's.
+
+    The prior takes less than 1e-4 of it where it is 1e8 times wider.
+    """
+    noise = 1e-8
+    network = pt.learning.LinearStripNetwork(robot)
+    settings = FilterSettings(prior_std=1.0, measurement_std=noise)
+    setting = filter_numbers(network, settings, "extended")
+    std = setting.prior_variance**0.5
+    ours = WeightFilter(setting, structure_and_kernel(setting), network.initial(0), std)
+    x = np.random.default_rng(1).normal(size=network.inputs)
+    before = np.diag(ours.predict(x)[1])
+    assert ours.update(x, np.zeros(network.outputs))[0] == Outcome.COMPLETED
+    after = np.diag(ours.predict(x)[1])[before > 1e8 * noise**2] / noise**2
+    assert len(after) > 3
+    np.testing.assert_allclose(after, 2.0, rtol=1e-4)

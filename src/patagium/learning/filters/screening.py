@@ -320,7 +320,7 @@ class Screen:
             readout: Readout of the network at the sample, (n_y, r) [unit of y].
         """
         parts = self.parts
-        if self.share or self.misfit.floor:
+        if self.share or (self.misfit.floor and not self.misfit.parts["level"].any()):
             parts["load"][:] = np.einsum("ij,ij->i", readout, readout)
         if self.share:
             if self.relative:

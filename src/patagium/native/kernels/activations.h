@@ -51,6 +51,7 @@ typedef int64_t bits;
 
 typedef REAL reals __attribute__((vector_size(VECTOR_BYTES)));
 typedef bits masks __attribute__((vector_size(VECTOR_BYTES)));
+typedef REAL halves __attribute__((vector_size(VECTOR_BYTES / 2)));
 
 static inline reals reals_all(REAL x) { return x - (reals){0}; }
 

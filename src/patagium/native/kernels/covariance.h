@@ -306,7 +306,7 @@ static int invert_covariance(void *memory, double *g, double *turned) {
   for (int b = 0; b < f->blocks; b++)
     for (int k = 0; k < size; k++) total[k] += gram_of(f, b)[k];
   memset(g, 0, sizeof(double) * size);
-  if (!invert_root(m, stride, total, work, g)) return 0;
+  if (!invert_root(m, stride, 0, total, work, g)) return 0;
   for (int k = 0; k < stride; k++)
     for (int l = 0; l < stride; l++) turned[k * stride + l] = g[l * stride + k];
   return 1;

@@ -74,12 +74,13 @@ static double *row_of(const extended_filter *e, int weight) {
 static void weight_rows(const extended_filter *e, int in, int out, const double *x,
                         const double *seed, int weight) {
   const int stride = e->filter.stride, items = e->filter.items, apart = out * stride;
+  const int used = used_columns(&e->filter);
   const int some = in < ROWS || e->place != NULL;
   for (int j = 0; some && j < in; j++)
     weighted_rows(stride, items, x + j, in, seed, apart, row_of(e, weight + j));
   for (int done = 0; !some && done < in; done += ROWS) {
     const int j = done + ROWS > in ? in - ROWS : done;
-    multiply_rows(0, stride, items, x + j, 1, in, seed, apart, row_of(e, weight + j), stride);
+    band_product(0, ROWS, used, items, x + j, 1, in, seed, apart, row_of(e, weight + j), stride);
   }
 }
 
@@ -88,14 +89,15 @@ static const double *perceptron_slopes(extended_filter *e) {
   panel_filter *f = &e->filter;
   const int own = e->lags ? e->lags->own : 0, stride = f->stride, items = f->items;
   const int room = items * widest_of(f) * stride;
-  double ones[items], *seeds = e->seeds, *below = e->seeds + room;
+  const double *seeds = f->weighting;
+  double ones[items];
   const double *w = f->mean + f->weights;
   int weight = f->weights;
   for (int t = 0; t < items; t++) ones[t] = 1;
-  memcpy(seeds, f->weighting, sizeof(double) * items * f->widths[f->layers] * stride);
   for (int l = f->layers - 1; l >= 0; l--) {
     const int in = f->widths[l], out = f->widths[l + 1];
     const double *x = inputs_of(f, l);
+    double *below = e->seeds + l % 2 * room;
     w -= out * (in + 1);
     weight -= out * (in + 1);
     for (int o = 0; o < out; o++) {
@@ -112,9 +114,7 @@ static const double *perceptron_slopes(extended_filter *e) {
         const double a = x[t * in + j], slope = f->activation == TANH ? 1 - a * a : -expm1(-a);
         for (int k = 0; k < stride; k++) target[k] *= slope;
       }
-    double *swap = seeds;
     seeds = below;
-    below = swap;
   }
   return seeds;
 }
@@ -147,6 +147,16 @@ static void lag_slopes(extended_filter *e, const double *through) {
   }
 }
 
+/* Rows of m numbers as the beginnings of rows of stride. */
+static void pad_rows(int m, int stride, int count, const double *rows, double *padded) {
+  const int last = m - WIDE, whole = last < 0 ? 0 : m;
+  for (int r = 0; r < count; r++, rows += m, padded += stride) {
+    for (int k = 0; k < last; k += WIDE) wide_store(padded + k, wide_load(rows + k));
+    if (whole) wide_store(padded + last, wide_load(rows + last)); /* over some again */
+    for (int k = whole; k < m; k++) padded[k] = rows[k];
+  }
+}
+
 /* y at the mean in `predicted`, and H'. */
 static void visit(extended_filter *e) {
   panel_filter *f = &e->filter;
@@ -154,8 +164,7 @@ static void visit(extended_filter *e) {
   const int count = f->items * f->widths[f->layers];
   encode_sample(e);
   run_at_mean(f, own);
-  for (int r = 0; r < count; r++)
-    for (int k = 0; k < m; k++) f->weighting[r * stride + k] = f->readout[r * m + k];
+  pad_rows(m, stride, count, f->readout, f->weighting);
   const double *center = sums_of(f, f->layers - 1);
   double y[stride];
   combine(count, stride, center, f->weighting, y);
@@ -167,14 +176,14 @@ static void visit(extended_filter *e) {
 /* Z = S' H' where the root is kept, and Z'Z of every block. */
 static void see_by_root(extended_filter *e) {
   panel_filter *f = &e->filter;
-  const int stride = f->stride;
+  const int stride = f->stride, used = used_columns(f);
   for (int b = 0, before = 0; b < f->blocks; before += f->counts[b++])
     for (int first = 0; first < f->counts[b]; first += FEW) {
-      const int panel = first / PANEL, start = panel * PANEL, at = f->starts[b];
-      const double *s = panel_of(f, b, panel) + (ptrdiff_t)(at + start) * PANEL + first % PANEL;
-      double *z = f->slopes + (ptrdiff_t)(at + first) * stride;
-      band_product(0, FEW, stride, f->counts[b] - start, s, 1, PANEL,
-                   e->derivative + (ptrdiff_t)(before + start) * stride, stride, z, stride);
+      const int at = f->starts[b] + first;
+      const double *s = panel_of(f, b, first / PANEL) + (ptrdiff_t)at * PANEL + first % PANEL;
+      double *z = f->slopes + (ptrdiff_t)at * stride;
+      band_product(0, FEW, used, f->counts[b] - first, s, 1, PANEL,
+                   e->derivative + (ptrdiff_t)(before + first) * stride, stride, z, stride);
       for (int k = 0; f->growth != 1 && k < FEW * stride; k++) z[k] *= f->growth;
     }
   for (int b = 0; b < f->blocks; b++) gram(f, b, f->slopes, gram_of(f, b));

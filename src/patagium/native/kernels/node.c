@@ -292,7 +292,7 @@ static int invert_total(void *memory, double *g, double *turned) {
   node_filter *f = memory;
   const int m = f->outputs, stride = f->stride, size = stride * stride;
   memset(g, 0, sizeof(double) * size);
-  if (!invert_root(m, stride, f->small, f->small + size, g)) return 0;
+  if (!invert_root(m, stride, 0, f->small, f->small + size, g)) return 0;
   for (int k = 0; k < stride; k++)
     for (int l = 0; l < stride; l++) turned[k * stride + l] = g[l * stride + k];
   return 1;

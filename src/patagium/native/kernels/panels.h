@@ -6,21 +6,26 @@
 
 #include <math.h>
 
+#include "abreast.h"
 #include "sample.h"
 #include "transform.h"
 
 /* sum over the weights of a block of x x', (stride, stride), from rows of x. */
 static void gram(const panel_filter *f, int block, const REAL *x, double *sum) {
   const int stride = f->stride, size = stride * stride, count = f->counts[block];
-  double *doubles = f->small + 4 * size; /* stride rows at a time */
   memset(sum, 0, sizeof(double) * size);
   x += (ptrdiff_t)f->starts[block] * stride;
+#if SINGLE
+  double *doubles = f->small + 4 * size; /* stride rows at a time */
   for (int i = 0; i < count; i += stride) {
     const int rows = count - i < stride ? count - i : stride;
     for (int k = 0; k < rows * stride; k += WIDE) wide_store(doubles + k, wide_from(x + k));
     add_products(stride, rows, doubles, sum);
     x += size;
   }
+#else
+  add_products(stride, count, x, sum);
+#endif
   for (int k = 0; k < stride; k++)
     for (int l = 0; l < k; l++) sum[k * stride + l] = sum[l * stride + k];
 }
@@ -45,20 +50,35 @@ static double longest_row(const panel_filter *f) {
   return longest;
 }
 
-/* Steps and shrinks of all blocks, each with M and what the other blocks add to it; g becomes
- * the root of P_yy^-1, turned its transpose. 0 where M is not positive definite. */
+/* What y has beside a block, (stride, stride): M and what the other blocks add to it. */
+static const double *beside(const panel_filter *f, int block) {
+  const int size = f->stride * f->stride;
+  double *rest = f->small + 4 * size;
+  memcpy(rest, f->small, sizeof(double) * size);
+  for (int other = 0; other < f->blocks; other++)
+    for (int k = 0; k < size && other != block; k++) rest[k] += gram_of(f, other)[k];
+  return rest;
+}
+
+/* G with G G' of a matrix's inverse, turned its transpose; 0: a pivot is small. */
+static int invert_turned(const panel_filter *f, double least, const double *matrix, double *g,
+                         double *turned) {
+  const int stride = f->stride;
+  memset(g, 0, sizeof(double) * stride * stride);
+  if (!invert_root(f->outputs, stride, least, matrix, f->small + stride * stride, g)) return 0;
+  for (int k = 0; k < stride; k++)
+    for (int l = 0; l < stride; l++) turned[k * stride + l] = g[l * stride + k];
+  return 1;
+}
+
+/* Steps and shrinks of all blocks, in parts abreast or, where a pivot is small, column by column;
+ * g becomes the root of P_yy^-1, turned its transpose. 0 where M is not positive definite. */
 static int invert_panels(void *memory, double *g, double *turned) {
   panel_filter *f = memory;
-  const int m = f->outputs, stride = f->stride, size = stride * stride;
-  double *remainder = f->small, *work = remainder + size, *rest = remainder + 4 * size;
-  for (int b = 0; b < f->blocks; b++) {
-    memcpy(rest, remainder, sizeof(double) * size);
-    for (int other = 0; other < f->blocks; other++)
-      for (int k = 0; k < size && other != b; k++) rest[k] += gram_of(f, other)[k];
-    memset(g, 0, sizeof(double) * size);
-    if (!invert_root(m, stride, rest, work, g)) return 0;
-    for (int k = 0; k < stride; k++)
-      for (int l = 0; l < stride; l++) turned[k * stride + l] = g[l * stride + k];
+  int done = invert_turned(f, LEAST_PIVOT, beside(f, f->blocks), g, turned);
+  for (int b = 0; done && b < f->blocks; b++) done = recur_abreast(f, b, beside(f, b));
+  for (int b = 0; !done && b < f->blocks; b++) {
+    if (!invert_turned(f, 0, beside(f, b), g, turned)) return 0;
     recur(f, b, g, turned);
   }
   return 1;

@@ -53,7 +53,9 @@ static void run_at_mean(panel_filter *f, int first) {
   for (int j = 0; j < f->weights; j++) f->near[j] = R(f->mean[j]);
   const REAL *w = f->near + first;
   REAL *x = inputs_of(f, 0);
-  for (int k = 0; k < f->items * f->widths[0]; k++) x[k] = R(f->features[k]);
+  const double *features = f->features;
+  const int features_count = f->items * f->widths[0];
+  for (int k = 0; k < features_count; k++) x[k] = R(features[k]);
   for (int l = 0; l < f->layers; l++) {
     const int in = f->widths[l], out = f->widths[l + 1], count = f->items * out;
     REAL *z = sums_of(f, l);

@@ -83,8 +83,10 @@ static int follow_scale(screening *s, int k, double y) {
 static void find_noise(screening *s, int rows, const double *readout) {
   if (s->share == 0 && s->floor == 0) return;
   const int m = s->channels;
-  for (int k = 0; k < m; k++) s->load[k] = 0;
-  for (int r = 0; r < rows; r++)
+  int measured = 0; /* whether y has a scale of its own */
+  for (int k = 0; k < m && s->floor != 0; k++) measured |= s->level[k] > 0;
+  for (int k = 0; k < m && !measured; k++) s->load[k] = 0;
+  for (int r = 0; r < rows && !measured; r++)
     for (int k = 0; k < m; k++) s->load[k] += readout[r * m + k] * readout[r * m + k];
   if (s->floor != 0) {
     assume(s);

@@ -79,27 +79,36 @@ static inline void move_rows(int stride, int count, double gain, const double *s
       reals_store(x + i * stride + k, reals_load(x + i * stride + k) - reals_load(move + k));
 }
 
-/* G with G G' = M^-1: the transposed inverse of the lower factor; 0 where there is none. */
-static int invert_root(int m, int stride, const double *matrix, double *lower, double *g) {
-  for (int k = 0; k < m; k++)
-    for (int l = 0; l <= k; l++) {
-      double sum = matrix[k * stride + l];
-      for (int i = 0; i < l; i++) sum -= lower[k * stride + i] * lower[l * stride + i];
-      if (k > l) {
-        lower[k * stride + l] = sum * lower[l * stride + l]; /* the diagonal is inverted */
-      } else {
-        if (!(sum > 0) || !isfinite(sum)) return 0;
-        lower[k * stride + k] = 1 / sqrt(sum);
-      }
-    }
+/* G with G G' = M^-1: the transposed inverse of the lower factor; 0 where there is none, or a
+ * pivot is not more than `least` of its variance. Rows of the factor's transpose stand in upper. */
+static int invert_root(int m, int stride, double least, const double *matrix, double *upper,
+                       double *g) {
+  memcpy(upper, matrix, sizeof(double) * m * stride);
+  memset(g, 0, sizeof(double) * m * stride);
   for (int l = 0; l < m; l++) {
-    g[l * stride + l] = lower[l * stride + l];
+    double *row = upper + l * stride, *own = g + l * stride;
+    const double pivot = row[l];
+    if (!(pivot > least * matrix[l * stride + l]) || !isfinite(pivot)) return 0;
+    const double scale = 1 / sqrt(pivot);
+    own[l] = 1;
+    for (int v = 0; v < stride; v += WIDE) {
+      wide_store(row + v, scale * wide_load(row + v));
+      wide_store(own + v, scale * wide_load(own + v));
+    }
     for (int k = l + 1; k < m; k++) {
-      double sum = 0;
-      for (int i = l; i < k; i++) sum -= lower[k * stride + i] * g[l * stride + i];
-      g[l * stride + k] = sum * lower[k * stride + k];
+      const double share = row[k];
+      double *below = upper + k * stride, *later = g + k * stride;
+      for (int v = k / WIDE * WIDE; v < stride; v += WIDE)
+        wide_store(below + v, wide_load(below + v) - share * wide_load(row + v));
+      for (int v = 0; v <= l; v += WIDE)
+        wide_store(later + v, wide_load(later + v) - share * wide_load(own + v));
     }
   }
+  for (int k = 0; k < m; k++)
+    for (int l = 0; l < k; l++) {
+      g[l * stride + k] = g[k * stride + l];
+      g[k * stride + l] = 0;
+    }
   return 1;
 }
 

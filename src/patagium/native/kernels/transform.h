@@ -37,7 +37,20 @@ static inline __attribute__((always_inline)) void block_product(
     for (int v = 0; v < vectors; v++) reals_store(target + r * stride + v * WIDTH, sum[r][v]);
 }
 
-/* The same over all columns of the target. */
+/* The same for half a vector of columns. */
+static inline __attribute__((always_inline)) void half_product(
+    int keep, int rows, int depth, const REAL *a, int a_row, int a_depth, const REAL *b,
+    int b_stride, REAL *target, int stride) {
+  halves sum[ROWS] = {{0}}, column;
+  for (int r = 0; r < rows && keep; r++) memcpy(sum + r, target + r * stride, sizeof column);
+  for (int k = 0; k < depth; k++) {
+    memcpy(&column, b + k * b_stride, sizeof column);
+    for (int r = 0; r < rows; r++) sum[r] += a[r * a_row + k * a_depth] * column;
+  }
+  for (int r = 0; r < rows; r++) memcpy(target + r * stride, sum + r, sizeof column);
+}
+
+/* The same over all columns of the target, a multiple of half a vector. */
 static inline __attribute__((always_inline)) void band_product(
     int keep, int rows, int columns, int depth, const REAL *a, int a_row, int a_depth,
     const REAL *b, int b_stride, REAL *target, int stride) {
@@ -45,8 +58,15 @@ static inline __attribute__((always_inline)) void band_product(
   for (; v + VECTORS * WIDTH <= columns; v += VECTORS * WIDTH)
     block_product(keep, rows, VECTORS, depth, a, a_row, a_depth, b + v, b_stride, target + v,
                   stride);
-  for (; v < columns; v += WIDTH)
+  for (; v + WIDTH <= columns; v += WIDTH)
     block_product(keep, rows, 1, depth, a, a_row, a_depth, b + v, b_stride, target + v, stride);
+  if (v < columns)
+    half_product(keep, rows, depth, a, a_row, a_depth, b + v, b_stride, target + v, stride);
+}
+
+/* Columns that hold outputs: of `stride`, what is not half a vector of zeros. */
+static int used_columns(const panel_filter *f) {
+  return (2 * f->outputs + WIDTH - 1) / WIDTH * WIDTH / 2;
 }
 
 /* The recursion over WIDE columns from `first` on, the last one first. rows: (m, stride + WIDE),
@@ -112,8 +132,8 @@ static void recur(panel_filter *f, int block, double *g, double *turned) {
 /* ROWS rows of WIDTH columns of S after the sample, and the columns' part of C: the old S is
  * read once for both. `vectors` of the rows of C stay in registers. */
 static inline __attribute__((always_inline)) void change_rows(
-    int vectors, int m, int stride, const REAL *steps, const REAL *mix, const REAL *grown, REAL *s,
-    REAL *cross) {
+    int vectors, int used, int m, int stride, const REAL *steps, const REAL *mix,
+    const REAL *grown, REAL *s, REAL *cross) {
   reals fresh[ROWS], sum[ROWS][VECTORS];
   for (int r = 0; r < ROWS; r++) fresh[r] = (reals){0};
   for (int k = 0; k < m; k++) {
@@ -134,8 +154,8 @@ static inline __attribute__((always_inline)) void change_rows(
   }
   for (int r = 0; r < ROWS; r++)
     for (int v = 0; v < vectors; v++) reals_store(cross + r * stride + v * WIDTH, sum[r][v]);
-  if (stride > vectors * WIDTH)
-    band_product(1, ROWS, stride - vectors * WIDTH, WIDTH, s, PANEL, 1, grown + vectors * WIDTH,
+  if (used > vectors * WIDTH)
+    band_product(1, ROWS, used - vectors * WIDTH, WIDTH, s, PANEL, 1, grown + vectors * WIDTH,
                  stride, cross + vectors * WIDTH, stride);
   for (int r = 0; r < ROWS; r++) reals_store(s + r * PANEL, fresh[r]);
 }
@@ -158,6 +178,7 @@ static void mix_columns(const panel_filter *f, int first, const REAL *steps, REA
  * then the other, a square of rows at a time. */
 static void change_panel(panel_filter *f, int block, int panel) {
   const int start = f->starts[block] + panel * PANEL, m = f->outputs, stride = f->stride;
+  const int used = used_columns(f);
   const REAL *steps = f->steps + (ptrdiff_t)start * m;
   REAL *s = panel_of(f, block, panel), mix[2][WIDTH * WIDTH], grown[2][WIDTH * stride];
   for (int half = 0; half < 2; half++)
@@ -170,11 +191,11 @@ static void change_panel(panel_filter *f, int block, int panel) {
         REAL *cross = f->cross + (ptrdiff_t)j * stride;
         const REAL *step = steps + half * WIDTH;
         if (stride == WIDTH)
-          change_rows(1, m, WIDTH, step, mix[half], grown[half], old, cross);
+          change_rows(1, WIDTH, m, WIDTH, step, mix[half], grown[half], old, cross);
         else if (stride == 2 * WIDTH)
-          change_rows(2, m, 2 * WIDTH, step, mix[half], grown[half], old, cross);
+          change_rows(1, used, m, 2 * WIDTH, step, mix[half], grown[half], old, cross);
         else
-          change_rows(VECTORS, m, stride, step, mix[half], grown[half], old, cross);
+          change_rows(VECTORS, used, m, stride, step, mix[half], grown[half], old, cross);
       }
     }
 }
