@@ -7,7 +7,7 @@
  * lower triangular.
  *
  * Products have the square of the condition of what `recur` does. Where a pivot is small beside
- * its variance, the sample is left to that.
+ * its variance, or outputs are many, the sample is left to that.
  */
 #ifndef PATAGIUM_ABREAST_H
 #define PATAGIUM_ABREAST_H
@@ -16,7 +16,8 @@
 #include "small.h"
 
 #define LEAST_PIVOT 1e-6 /* over its variance: rounding grows by the inverse at most */
-#define DEEP 10    /* columns of a part, at most */
+#define DEEP 10           /* columns of a part, at most */
+#define MOST_ABREAST 64   /* outputs, whose squares times a vector stand on the stack */
 
 /* x <- x + sign sum over `depth` of a b, `count` sums at once. */
 static inline __attribute__((always_inline)) void add_some(

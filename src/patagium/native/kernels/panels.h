@@ -71,11 +71,13 @@ static int invert_turned(const panel_filter *f, double least, const double *matr
   return 1;
 }
 
-/* Steps and shrinks of all blocks, in parts abreast or, where a pivot is small, column by column;
- * g becomes the root of P_yy^-1, turned its transpose. 0 where M is not positive definite. */
+/* Steps and shrinks of all blocks, in parts abreast or, where a pivot is small or outputs are
+ * many, column by column; g becomes the root of P_yy^-1, turned its transpose. 0 where M is not
+ * positive definite. */
 static int invert_panels(void *memory, double *g, double *turned) {
   panel_filter *f = memory;
-  int done = invert_turned(f, LEAST_PIVOT, beside(f, f->blocks), g, turned);
+  int done = f->outputs <= MOST_ABREAST
+             && invert_turned(f, LEAST_PIVOT, beside(f, f->blocks), g, turned);
   for (int b = 0; done && b < f->blocks; b++) done = recur_abreast(f, b, beside(f, b));
   for (int b = 0; !done && b < f->blocks; b++) {
     if (!invert_turned(f, 0, beside(f, b), g, turned)) return 0;
