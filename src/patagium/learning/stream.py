@@ -67,8 +67,10 @@ def gap_starts(gaps: ArrayLike, count: int) -> Indices:
         ParameterError: If one is no sample.
     """
     places = np.atleast_1d(real_array("gaps", gaps))
-    if not ((places >= 0) & (places <= count)).all():
-        raise ParameterError("gaps", f"numbers of samples, at most {count}", places.tolist())
+    inside = (places >= 0) & (places <= count)
+    if places.ndim > 1 or not inside.all():
+        expected = f"numbers of samples, at most {count}"
+        raise ParameterError("gaps", expected, places.tolist())
     return places.astype(np.int64)
 
 

@@ -68,14 +68,14 @@ def cycle_statistics(
         raise ParameterError("skip, phases", expected, (skip, phases))
     time = np.asarray(flight["time"].values, float)
     begin = time[0] + skip * beat
+    if time[-1] - begin > beat * len(time):
+        raise ParameterError("period", "more than the time between two samples", beat)
     count = int(np.floor((time[-1] - begin) / beat + 1e-6))
     if count < 1:
         raise FlightError(
             f"flight: expected {skip + 1} wingbeats of {beat:.6g} s at least, "
             f"found {time[-1] - time[0]:.6g} s; fly longer, or skip fewer"
         )
-    if count > len(time):
-        raise ParameterError("period", "more than the time between two samples", beat)
     robot = robot_of(flight)
     phase = np.arange(phases) / phases
     stamps = begin + beat * (np.arange(count)[:, None] + phase)

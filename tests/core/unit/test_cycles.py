@@ -128,6 +128,7 @@ def test_a_wing_without_a_floating_body_has_its_added_mass_counted() -> None:
     ("arguments", "problem", "words"),
     [
         ({"period": -1.0}, ParameterError, "period"),
+        ({"period": 1e-320}, ParameterError, "more than the time between two samples"),
         ({"skip": 40}, FlightError, "41 wingbeats"),
         ({"phases": 1}, ParameterError, "points"),
     ],

@@ -263,3 +263,11 @@ def test_the_page_shows_scores_gaps_and_silence(tmp_path: Path) -> None:
     assert (
         "Forecast 0.05 s ahead from samples up to a time alone" in text and "one in 5 used" in text
     )
+
+
+@pytest.mark.parametrize("gaps", [[[1.0]], [-1], [1e9], ["a"]])
+def test_gaps_that_are_no_samples_are_refused(gaps: Any) -> None:
+    time = np.arange(30) * 0.01
+    x, y = np.ones((30, 3)), np.ones((30, 2))
+    with pytest.raises(ParameterError, match="gaps: expected"):
+        stream(Kalman(3, 2), time, x, y, every=10, gaps=gaps)

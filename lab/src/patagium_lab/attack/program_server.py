@@ -74,7 +74,8 @@ def _answer(request: dict[str, Any]) -> dict[str, Any]:
     late = False
     if ended is None:
         with suppress(ProcessLookupError):
-            os.kill(child, number or signal.SIGINT)
+            # Ctrl-C reaches all that the terminal runs, compilers among it
+            os.kill(child, number) if number else os.killpg(child, signal.SIGINT)
         ended = _wait(child, time.monotonic() + _PATIENCE)
     if ended is None:
         late = True
