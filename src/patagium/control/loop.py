@@ -251,7 +251,7 @@ class _Loop:
         flight, orbit = self.simulator.flight(), self.orbit
         names = self.robot.dof_names
         states = [*self.robot.coordinate_names, *(f"velocity of {name}" for name in names)]
-        time = self.controller.period * np.arange(len(self.estimates))
+        time = float(self.controller.period) * np.arange(len(self.estimates))
         beat = orbit.flight(beats=1.0)
         known = np.hstack([beat["q"].values, beat["v"].values])
         travel = known[-1] - known[0]

@@ -20,7 +20,7 @@ from patagium.control import (
     WingLossEvent,
     off_nominal,
 )
-from patagium.errors import ParameterError, SimulationFailed
+from patagium.errors import ParameterError, PatagiumError, SimulationFailed
 from patagium.simulation.flight_summary import flight_summary
 from patagium.simulation.simulator import FlightState
 
@@ -245,3 +245,14 @@ def test_samples_in_the_loop_are_those_of_a_log(orbit):
     assert len(rows) > 30 and np.abs(rows - own[: len(rows)]).max() < 1e-9
     late = [time for name, time, _ in given if name == "prime_x_13"]
     assert late[-1] <= flight["control_time"].values[-1] - camera.delay + 1e-9
+
+
+def test_a_period_beyond_all_whole_numbers_of_c_is_an_error_of_the_package(orbit):
+    class Still:
+        period = 10**30
+
+        def __call__(self, time, state):
+            return None
+
+    with pytest.raises(PatagiumError):
+        flown(orbit, Still(), duration=0.01)

@@ -259,7 +259,9 @@ def _signed_states(name: str) -> Callable[[Path], Case]:
             found = {name: _odd_array(array, draw) for name, array in arrays.items()}
             try:
                 state = {**found, **words["s"]}
-                path.write_bytes(_bytes_of(words["d"], state))
+                told: Any = words["d"]
+                told = told[:9] if isinstance(told, list) else told
+                path.write_bytes(_bytes_of(told, state))  # a long list takes long to write
             except (TypeError, KeyError, ValueError):
                 return  # the mutation left no two mappings
             learner = pt.load_learner(path)
