@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.arguments import checked
 from patagium.arrays import brief
-from patagium.errors import LogError, ParameterError, ShapeError
+from patagium.errors import LogError, ParameterError, ShapeError, shown
 from patagium.learning.filters.misfit import widened
 from patagium.learning.filters.weight_covariance import (
     BlockCovariance,
@@ -180,7 +180,8 @@ def load_model(path: str | Path) -> Model:
     words = json_object(text_of(file, free_memory() // 8), str(file))
     found = words.get("format")
     if found != FORMAT:
-        raise LogError(f"{file}: expected a file of format {FORMAT!r}, found {found!r}")
+        found = shown(found)
+        raise LogError(f"{file}: expected a file of format {FORMAT!r}, found {found}")
     with made_again(f"{file}: the model"):
         return _model(words)
 

@@ -172,3 +172,11 @@ def test_files_that_are_no_models(tmp_path: Path, text: str, message: str) -> No
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"none\.json: .*found no such file"):
         load_model(tmp_path / "none.json")
+
+
+def test_a_format_that_is_long_is_not_repeated(tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps({"format": ["patagium"] * 10_000}))
+    with pytest.raises(LogError, match="expected a file of format") as refused:
+        load_model(path)
+    assert len(str(refused.value)) < 1000

@@ -117,6 +117,7 @@ def _run(request: dict[str, Any]) -> None:
     code, aside = 1, Path(request["aside"])
     try:
         os.setsid()
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job may ignore it
         for stream, name in ((1, "output"), (2, "errors")):
             os.dup2(os.open(aside / name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), stream)
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
