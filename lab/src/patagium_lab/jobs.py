@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import active_children, get_context
+from multiprocessing import get_context
 from typing import Any
 
 WORKERS = 2
@@ -119,7 +119,5 @@ def _results(jobs: Sequence[Job], workers: int) -> Iterator[tuple[int, Any]]:
                     done.add(number)
                     yield number, future.result()
         except BaseException:
-            for worker in active_children():  # in a call of C it hears no signal
-                worker.kill()
             pool.shutdown(wait=True, cancel_futures=True)
             raise

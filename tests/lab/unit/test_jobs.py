@@ -2,7 +2,6 @@
 
 import operator
 import os
-import subprocess
 
 import pytest
 
@@ -37,15 +36,3 @@ def test_a_job_waits_for_those_before_it(tmp_path):
     assert told == sorted(told) and told[-1] == pytest.approx(1.0)
     with pytest.raises(FileExistsError):
         run_jobs(jobs[:2], workers=1)
-
-
-def test_an_interrupt_waits_for_no_job_that_runs(tmp_path):
-    late = tmp_path / "late"
-    slow = Job(subprocess.run, (["sh", "-c", f"sleep 8; touch {late}"],), 1.0)
-
-    def stop(share):
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        run_jobs([Job(len, ("a",), 2.0), slow], stop)
-    assert not late.exists()
