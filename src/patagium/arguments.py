@@ -106,7 +106,7 @@ def _kinds(owner: Any) -> dict[str, Any]:
 
 @cache
 def _typed(owner: Any) -> dict[str, Any]:
-    """Type hints of the keyword options of a function, which a `TypedDict` names."""
+    """Type hints of a function's `**options`, taken from their `TypedDict`; empty without one."""
     options = get_args(get_type_hints(owner).get("options"))
     return get_type_hints(options[0]) if options else {}
 

@@ -37,7 +37,7 @@ def brief(record: Any) -> str:
 
 
 def rising(times: Any) -> NDArray[np.float64]:
-    """Times of samples, (N,) [s], as float64.
+    """Times of samples, checked to increase, (N,) [s], as float64.
 
     Args:
         times: Numbers, each above the one before.
@@ -46,7 +46,7 @@ def rising(times: Any) -> NDArray[np.float64]:
         ParameterError: If they are no numbers.
         LogError: If one is not finite, or not above the one before.
     """
-    stamps = real_array("time", times)
+    stamps = real_array("time", times).ravel()
     for k in np.flatnonzero(~((np.diff(stamps) > 0) & np.isfinite(stamps[1:]))):
         found = f"{stamps[k + 1]:.9g} s after {stamps[k]:.9g} s at sample {k + 1}"
         raise LogError(f"time: expected to advance, found {found}")

@@ -50,7 +50,7 @@ def interrupted(answers: Iterable[Callable[[], None]]) -> Iterator[None]:
 
 @contextmanager
 def interruptible(progress: Progress) -> Iterator[Progress]:
-    """Ctrl-C held back until the work is between two steps; a second one stops at once.
+    """Context in which Ctrl-C ends the work after the current step; a second one ends it at once.
 
     Yields:
         Function that calls it, and raises `Interrupted` after Ctrl-C.

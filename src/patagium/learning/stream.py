@@ -61,10 +61,10 @@ class Hold(NamedTuple):
 
 
 def gap_starts(gaps: ArrayLike, count: int) -> Indices:
-    """First sample after each gap, of so many samples.
+    """Indices of the first sample after each gap, checked against the number of samples.
 
     Raises:
-        ParameterError: If one is no sample.
+        ParameterError: If one is not the index of a sample.
     """
     places = np.atleast_1d(real_array("gaps", gaps))
     inside = (places >= 0) & (places <= count)

@@ -112,8 +112,8 @@ def test_kernels_bound_as_their_twins(structure: str, rng: np.random.Generator) 
 
 
 @pytest.mark.parametrize("structure", ["full", "layer", "node"])
-def test_kernels_refuse_what_stands_as_their_twins(structure: str) -> None:
-    """One encoder that stands, then both, which is a rest, and one that rests each beat."""
+def test_compiled_and_python_filters_refuse_the_same_stuck_encoders(structure: str) -> None:
+    """Cases: one encoder stuck, both joints at rest, and one joint at rest in each wingbeat."""
     if compiler_name() is None:
         pytest.skip("no C compiler here")
     settings = FilterSettings(measurement_std=0.1, covariance=structure, spread=3**0.5)
@@ -162,8 +162,8 @@ def test_an_encoder_that_jumps_within_its_range_is_refused() -> None:
     assert np.isfinite(learner.update(x[901], y[901], 0.901)).all()
 
 
-def test_an_encoder_that_stands_while_another_moves_is_refused() -> None:
-    """After five samples, for a hundred at most; a joint that rests each beat is believed."""
+def test_a_stuck_encoder_is_refused_while_another_moves() -> None:
+    """From the sixth equal value, for at most 100 samples; a rest in each wingbeat is accepted."""
     x, y = flapping(2000)
     x[900:950, 0] = x[900, 0]
     x[1300:1600, 1] = x[1300, 1]

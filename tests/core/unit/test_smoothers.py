@@ -142,6 +142,8 @@ def test_what_cannot_be_smoothed_is_refused() -> None:
         smooth_chain(time, values, 0.0, 1.0)
     with pytest.raises(LogError, match="to advance"):
         smooth_chain(time[::-1], values, 1.0, 1.0)
+    with pytest.raises(LogError, match="to advance"):
+        smooth_chain(np.zeros((10, 2)), values, 1.0, 1.0)
     with pytest.raises(LogError, match="column 0"):
         smooth_chain(time, np.full_like(values, np.nan), 1.0, 1.0)
     with pytest.raises(LogError, match="more than 4 samples"):

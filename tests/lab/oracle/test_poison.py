@@ -32,7 +32,7 @@ def test_a_learner_is_soon_as_good_as_its_twin(options: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("spread", [None, network().size ** 0.5])
 def test_near_points_keep_a_clean_learner_at_the_noise(spread: float | None) -> None:
-    """With a prior share, cubature points at sqrt(n) bias the mean; the default of 1 does not.
+    """With a prior share, a spread of sqrt(n) biases the predicted mean; the default, 1, does not.
 
     Measured at 5 to 6 s: three to four times the noise, and less than one and a half times.
     """

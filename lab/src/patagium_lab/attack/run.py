@@ -97,11 +97,11 @@ def targets() -> Iterator[Target]:
 
 
 def drawn(target: Target, share: float) -> int:
-    """Number of cases of a target, at least its share of the whole.
+    """Number of cases to draw for a target, rounded up.
 
     Args:
-        target: The target.
-        share: Cases for each unit of the targets' own shares.
+        target: The target, with its weight `cases`.
+        share: Number of cases for a weight of one.
     """
     return ceil(share * target.cases)
 

@@ -119,7 +119,7 @@ class Bounds:
         return not odd[:n].any(), np.where(odd[n:], np.nan, y), events
 
     def _stuck(self, moved: Array) -> NDArray[np.bool_]:
-        """Inputs that stand longer than they ever rest while another moves."""
+        """Inputs that are stuck: constant for longer than at rest, while another input moves."""
         rest, run, taken = (self.arrays[f"bound_{n}"] for n in ("rest", "stood", "taken"))
         ended = (moved > 0) & (moved <= _C.REST_STEPS * self.arrays["bound_step"])
         run += (moved == 0) & (moved > 0).any()

@@ -63,9 +63,9 @@ static const double *beside(const panel_filter *f, int block) {
 /* G with G G' of a matrix's inverse, turned its transpose; 0: a pivot is small. */
 static int invert_turned(const panel_filter *f, double least, const double *matrix, double *g,
                          double *turned) {
-  const int stride = f->stride;
-  memset(g, 0, sizeof(double) * stride * stride);
-  if (!invert_root(f->outputs, stride, least, matrix, f->small + stride * stride, g)) return 0;
+  const int m = f->outputs, stride = f->stride;
+  memset(g + m * stride, 0, sizeof(double) * (stride - m) * stride); /* the others are set below */
+  if (!invert_root(m, stride, least, matrix, f->small + stride * stride, g)) return 0;
   for (int k = 0; k < stride; k++)
     for (int l = 0; l < stride; l++) turned[k * stride + l] = g[l * stride + k];
   return 1;
