@@ -1,19 +1,26 @@
 """Jobs that depend on each other, in worker processes of one thread each.
 
-The processes are those of `concurrent.futures`. The order is our own, because the jobs of a study
-wait for each other (a flight before the learners that learn it) and joblib runs independent calls
-only; a graph scheduler such as Dask's would be a dependency of every study for these few lines.
+The order is our own, because the jobs of a study wait for each other (a flight before the learners
+that learn it) and joblib runs independent calls only; a graph scheduler such as Dask's would be a
+dependency of every study for these few lines. So are the processes: the threads and locks of
+`concurrent.futures` can stand still for good if Ctrl-C comes between two of their lines.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
+import signal
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
+from multiprocessing.resource_tracker import ensure_running
+from traceback import format_exc
 from typing import Any
+
+from patagium.errors import PatagiumError
 
 WORKERS = 2
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -47,7 +54,8 @@ def run_jobs(
     """Results of all jobs; among jobs that can begin, the longest chain of work begins first.
 
     Processes are started afresh, not forked: a script that calls this needs the usual guard
-    of its main module.
+    of its main module. They ignore Ctrl-C, which this process answers: an exception here, or one
+    of a job, ends those that run at once.
 
     Args:
         jobs: The jobs.
@@ -57,16 +65,21 @@ def run_jobs(
 
     Returns:
         Result of each job, in the order of the jobs.
+
+    Raises:
+        PatagiumError: If a process ends before its job.
+        Exception: What a job raised.
     """
     total, done = sum(job.cost for job in jobs), 0.0
     found = dict[int, Any]()
-    for number, result in _results(jobs, workers):
-        found[number] = result
-        if done_one is not None:
-            done_one(number, result)
-        done += jobs[number].cost
-        if progress is not None:
-            progress(done / total)
+    with closing(_results(jobs, workers)) as results:
+        for number, result in results:
+            found[number] = result
+            if done_one is not None:
+                done_one(number, result)
+            done += jobs[number].cost
+            if progress is not None:
+                progress(done / total)
     return [found[k] for k in range(len(jobs))]
 
 
@@ -101,23 +114,82 @@ def one_thread() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _results(jobs: Sequence[Job], workers: int) -> Iterator[tuple[int, Any]]:
+@contextmanager
+def _no_interrupt() -> Iterator[None]:
+    """Context in which Ctrl-C waits, for processes that are started in it as well.
+
+    A terminal sends Ctrl-C to all of its foreground group; this process answers it for the others.
+    """
+    ensure_running()  # which lets signals through when it begins
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _serve(calls: Connection) -> None:
+    """Answer calls until there are no more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # for what a job starts
+    answer: tuple[Any, Exception | None]
+    while True:
+        try:
+            function, arguments = calls.recv()
+        except EOFError:
+            return
+        try:
+            answer = function(*arguments), None
+        except Exception as error:
+            error.add_note(format_exc())
+            answer = None, error
+        calls.send(answer)
+
+
+def _answer(process: SpawnProcess, calls: Connection) -> Any:
+    """Result of the call that a process answers."""
+    try:
+        result, error = calls.recv()
+    except (EOFError, ConnectionError):
+        process.join()
+        raise PatagiumError(
+            f"a process ended with exit code {process.exitcode} before its job was done; run the "
+            "command again, where memory is short with fewer jobs at a time"
+        ) from None
+    if error is not None:
+        raise error
+    return result
+
+
+def _results(jobs: Sequence[Job], workers: int) -> Generator[tuple[int, Any]]:
     """Place and result of each job as it is done."""
     if not workers:
         yield from ((k, job.function(*job.arguments)) for k, job in enumerate(jobs))
         return
-    order, done, running = by_urgency(jobs), set[int](), dict[Future[Any], int]()
-    with one_thread(), ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        try:
-            while len(done) < len(jobs):
-                ready = [k for k in order if done.issuperset(jobs[k].after)]
-                for k in ready[: workers - len(running)]:
-                    running[pool.submit(jobs[k].function, *jobs[k].arguments)] = k
-                    order.remove(k)
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    number = running.pop(future)
-                    done.add(number)
-                    yield number, future.result()
-        except BaseException:
-            pool.shutdown(wait=True, cancel_futures=True)
-            raise
+    order, done, running = by_urgency(jobs), set[int](), dict[Connection, int]()
+    processes = dict[Connection, SpawnProcess]()
+    try:
+        for _ in range(min(workers, len(jobs))):
+            calls, theirs = get_context("spawn").Pipe()
+            process = get_context("spawn").Process(target=_serve, args=(theirs,))
+            with one_thread(), _no_interrupt():
+                process.start()
+            theirs.close()
+            processes[calls] = process
+        while len(done) < len(jobs):
+            idle = [calls for calls in processes if calls not in running]
+            ready = [k for k in order if done.issuperset(jobs[k].after)]
+            for k, calls in zip(ready, idle, strict=False):
+                running[calls] = k
+                order.remove(k)
+                with suppress(BrokenPipeError):  # its answer is then missing, too
+                    calls.send((jobs[k].function, jobs[k].arguments))
+            answered = wait(list(running))
+            for calls in [calls for calls in running if calls in answered]:
+                done.add(number := running.pop(calls))
+                yield number, _answer(processes[calls], calls)
+    finally:
+        for process in processes.values():
+            process.kill()  # in a call of C it hears nothing else
+        for process in processes.values():
+            process.join()
