@@ -224,7 +224,8 @@ class NoiseEstimation:
     by forgetting only.
 
     Args:
-        memory: Samples over which it is estimated; a wingbeat or more.
+        memory: Samples over which it is estimated; ten wingbeats or more, where the learner gets
+            so many: over less than one it follows their phase.
 
     Raises:
         ParameterError: If it is no integer of at least 10.

@@ -170,6 +170,7 @@ def _poison(rows: list[dict[str, Any]]) -> list[Block]:
             sum(row["beyond"].values()),
             sum(row["below"].values()),
             max(row["ratio"].values()),
+            *row["missing"],
             row["clean"][1],
             row["clean"][-1],
         ]
@@ -187,6 +188,7 @@ def _poison(rows: list[dict[str, Any]]) -> list[Block]:
     ]
     tail = ["bursts with a ratio above 1.5", "below 1/1.5", "largest ratio [1]"]
     heads = ["learner", "samples", "bursts", "crash", "samples that were not counted", *tail]
+    heads += ["above 1.5 where the samples are missing instead", "largest there [1]"]
     heads += ["error of the twin in the second tenth of the flight [N]", "in the last [N]"]
     return [
         f"Bursts of up to {LONGEST} samples that no sensor should give, to 1e300, in a flight of a "
@@ -195,7 +197,8 @@ def _poison(rows: list[dict[str, Any]]) -> list[Block]:
         f"{RECOVERY} clean samples after a burst. A sample that is not learned must be counted as "
         "an event. Learners that had other samples differ, and a hundred samples are 0.3 to 0.5 "
         "of a wingbeat of a joint: states where they differ return later. How often the twin is "
-        "the worse one tells how often this alone is more than 1.5. An encoder that jumps within "
+        "the worse one tells how often this alone is more than 1.5, and so does a third learner, "
+        "which never gets the samples of the bursts. An encoder that jumps within "
         "its range is believed after 20 samples at most; the samples from then on are learned. "
         "Learners of the three joints have a prior share, so that cubature points lie one standard "
         "deviation off. `wings` is the default network of a winged robot in flight, with the "

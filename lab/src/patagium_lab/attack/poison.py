@@ -57,6 +57,8 @@ class Poisoned(NamedTuple):
         beyond: By kind, bursts after which it is above 1.5.
         below: By kind, bursts after which it is below 1 / 1.5: by so much learners that had other
             samples differ, poisoned or not.
+        missing: Bursts after which the ratio of a learner that never gets their samples is above
+            1.5, and the largest such ratio [1].
         events: Events that it counted.
         clean: Error of the twin in each tenth of the flight, root of the median square [N].
     """
@@ -68,6 +70,7 @@ class Poisoned(NamedTuple):
     ratio: dict[str, float]
     beyond: dict[str, int]
     below: dict[str, int]
+    missing: tuple[int, float]
     events: dict[str, int]
     clean: list[float]
 
@@ -229,23 +232,28 @@ def poisoned(learner: FilterLearner, seed: int, count: int, of: str = "joints") 
         count: Number of samples, those of the bursts included.
         of: Subject, see `subject`.
     """
-    on, twin = subject(of), deepcopy(learner)
+    on, twin, spared = subject(of), deepcopy(learner), deepcopy(learner)
     found: dict[str, list[float]] = {kind: [] for kind in KINDS}
-    clean, crash = [], ""
+    missing, clean, crash = list[float](), [], ""
     for start, x, y, wrong_x, wrong_y, ends in _segments(on, seed, count):
-        errors = np.full((2, *y.shape), np.nan)
+        errors = np.full((3, *y.shape), np.nan)
+        wrong = (wrong_x != x).any(axis=1) | (wrong_y != y).any(axis=1)
         try:
             for k in range(len(x)):
                 time = STEP * (start + k)
                 errors[1, k] = twin.update(x[k], y[k], time)
                 errors[0, k] = learner.update(wrong_x[k], wrong_y[k], time)
+                if not wrong[k]:
+                    errors[2, k] = spared.update(x[k], y[k], time)
         except (ArithmeticError, ValueError, PatagiumError) as problem:
             crash = f"sample {start + k}: {type(problem).__name__}: {problem}"
         squares = (errors / on.scale) ** 2
         squares[~np.isfinite(squares)] = np.nan
         for kind, end in ends:
-            own, other = np.nanmean(squares[:, end + RECOVERY : end + 2 * RECOVERY], axis=(1, 2))
+            after = squares[:, end + RECOVERY : end + 2 * RECOVERY]
+            own, other, without = np.nanmean(after, axis=(1, 2))
             found[kind].append(float(np.sqrt(own / other)))
+            missing.append(float(np.sqrt(without / other)))
         clean += [float(np.nanmedian(part)) for part in np.array_split(squares[1], 10)]
         if crash:
             break
@@ -258,6 +266,7 @@ def poisoned(learner: FilterLearner, seed: int, count: int, of: str = "joints") 
         {kind: max(each, default=0.0) for kind, each in found.items()},
         {kind: sum(not ratio <= 1.5 for ratio in each) for kind, each in found.items()},
         {kind: sum(ratio < 1 / 1.5 for ratio in each) for kind, each in found.items()},
+        (sum(not ratio <= 1.5 for ratio in missing), max(missing, default=0.0)),
         learner.events,
         [float(np.sqrt(np.mean(tenth))) for tenth in np.array_split(clean, 10)],
     )
@@ -283,7 +292,7 @@ def _segments(
 
 
 NOISE_MODELS: dict[str, dict[str, Any]] = {
-    "EM": {"noise_estimation": NoiseEstimation(300)},
+    "EM": {"noise_estimation": NoiseEstimation(3000)},  # some ten wingbeats of the joints
     "Misfit": {"misfit": Misfit()},
 }
 """Ways in which a learner finds its noise, by name."""
