@@ -224,8 +224,7 @@ class NoiseEstimation:
     by forgetting only.
 
     Args:
-        memory: Samples over which it is estimated; ten wingbeats or more, where the learner gets
-            so many: over less than one it follows their phase.
+        memory: Samples over which it is estimated; a wingbeat at least, better ten of them.
 
     Raises:
         ParameterError: If it is no integer of at least 10.
