@@ -66,9 +66,10 @@ def test_an_interrupt_waits_for_no_job_that_runs(tmp_path):
     def stop(share):
         raise KeyboardInterrupt
 
+    others = set(active_children())  # joblib's workers outlive the tests that asked for them
     with pytest.raises(KeyboardInterrupt):
         run_jobs([Job(len, ("a",), 2.0), slow, after], stop)
-    assert not late.exists() and not active_children()
+    assert not late.exists() and set(active_children()) <= others
 
 
 def test_ctrl_c_at_a_terminal_ends_jobs_without_a_word_of_theirs(tmp_path):
@@ -84,9 +85,10 @@ def test_ctrl_c_at_a_terminal_ends_jobs_without_a_word_of_theirs(tmp_path):
 
 
 def test_a_job_whose_process_dies_is_an_error_with_its_exit_code():
+    others = set(active_children())
     with pytest.raises(PatagiumError, match="exit code 3 before its job"):
         run_jobs([Job(len, ("a",), 1.0), Job(os._exit, (3,), 1.0)])
-    assert not active_children()
+    assert set(active_children()) <= others
 
 
 def test_an_error_of_a_job_tells_where_it_came_from():
