@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import quantity
+from patagium.cli.words import FLIGHT, FlightArgument, quantity
 
 EXAMPLES = (
     "patagium cycles flight.nc --figure wingbeat.svg",
@@ -17,7 +17,7 @@ EXAMPLES = (
 
 
 def cycles(
-    flight: Annotated[Path, typer.Argument(help="Flight that patagium simulate wrote (.nc).")],
+    flight: FlightArgument = FLIGHT,
     period: Annotated[
         float | None,
         typer.Option(

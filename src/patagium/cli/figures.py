@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import OUTPUT, PredictedOption
+from patagium.cli.words import FLIGHT, OUTPUT, FlightArgument, PredictedOption
 
 EXAMPLES = (
     "patagium figures flight.nc --for paper",
@@ -35,7 +35,7 @@ class Format(StrEnum):
 
 
 def figures(
-    flight: Annotated[Path, typer.Argument(help="Flight that patagium simulate wrote (.nc).")],
+    flight: FlightArgument = FLIGHT,
     look: Annotated[
         Look, typer.Option("--for", help="Medium, which decides the sizes of letters and lines.")
     ] = Look.PAPER,

@@ -26,7 +26,7 @@ from patagium.cli.learner_options import (
     with_learner_options,
 )
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import MappingOption
+from patagium.cli.words import FLIGHT, MappingOption
 from patagium.removed import refuse_removed
 
 if TYPE_CHECKING:
@@ -60,8 +60,10 @@ _START = 1 << 18  # samples of a long log that a network is made from
 
 @with_learner_options()
 def identify(
-    file: Annotated[Path, typer.Argument(help="Flight or imported log (.nc), or another log.")],
     choice: LearnerChoice,
+    file: Annotated[
+        Path, typer.Argument(help="Flight or imported log (.nc), or another log.")
+    ] = FLIGHT,
     mapping: MappingOption = None,
     every: Annotated[
         int | None,

@@ -2,13 +2,33 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 from patagium.cli.words import Progress
 from patagium.errors import Interrupted
+
+
+def hear_again() -> None:
+    """Ask for Ctrl-C again where Python drops it: in a destructor or a weak reference's callback.
+
+    After long work in compiled code, such as drawing, that is often where it arrives.
+    """
+    tell = sys.unraisablehook
+
+    def answer(dropped: sys.UnraisableHookArgs) -> None:
+        if dropped.exc_type is KeyboardInterrupt:
+            again = threading.Timer(0.02, os.kill, (os.getpid(), signal.SIGINT))  # s; over by then
+            again.daemon = True
+            again.start()
+        else:
+            tell(dropped)
+
+    sys.unraisablehook = answer
 
 
 @contextmanager

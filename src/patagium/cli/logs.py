@@ -76,7 +76,7 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
         LogError: If the log cannot be read.
     """
     from patagium.cli.inspect import show_findings
-    from patagium.cli.words import MEANING, existing, no_robot
+    from patagium.cli.words import MEANING, existing, flight_file, no_robot
     from patagium.errors import ParameterError
     from patagium.sensing import read_table
     from patagium.simulation import load_flight
@@ -90,7 +90,7 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
     if file.suffix.lower() == ".nc":
         if mapping is not None:
             raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
-        return load_flight(existing(file)), None
+        return load_flight(flight_file(file)), None
     if mapping is None:
         raise ParameterError("--mapping", f"a YAML file {MEANING.format(no_robot(file))}", None)
     place = file if file.is_dir() else existing(file)

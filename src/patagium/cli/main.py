@@ -23,6 +23,7 @@ from patagium.cli import (  # isort: skip
     cache, check, cycles, evaluate, export, figures, fly, identify, import_log, inspect, motion,
     optimize, robots, send, simulate, stream, trim, tune, view,
 )  # fmt: skip
+from patagium.cli.interruption import hear_again
 from patagium.cli.outputs import check_files
 from patagium.cli.usage import UsageError, usage_sentence
 from patagium.errors import PatagiumError, RobotFileWarning
@@ -63,6 +64,10 @@ def _command(verb: ModuleType) -> type[TyperCommand]:
             for one in self.params:
                 if one.name in places:
                     one.rich_help_panel = places[one.name]  # type: ignore[attr-defined]
+
+        def parse_args(self, context: Any, words: list[str]) -> list[str]:
+            alone = getattr(verb, "ALONE", {}).get(words[-1] if words else None, [])
+            return super().parse_args(context, [*words, *alone])
 
         def invoke(self, context: Any) -> Any:
             check_files(context.params)
@@ -117,6 +122,7 @@ def run(arguments: Sequence[str] | None = None) -> None:
     if isinstance(sys.stdout, TextIOWrapper):  # names of files may hold what is no text
         sys.stdout.reconfigure(errors="backslashreplace")
     sys.stderr = cast(TextIO, _Messages(stderr))
+    hear_again()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("always", RobotFileWarning)

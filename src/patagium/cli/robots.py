@@ -16,6 +16,8 @@ EXAMPLES = (
     "patagium robots my-robot.yaml --json",
     "patagium robots --new my_robot",
 )
+ALONE = {"--new": ["my_robot"]}
+"""Value of an option that is the last word."""
 
 
 def robots(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.words import OUTPUT, PredictedOption, quantity
+from patagium.cli.words import FLIGHT, OUTPUT, PredictedOption, quantity
 
 if TYPE_CHECKING:
     from patagium.viewer.predicted_forces import Predicted
@@ -27,7 +27,7 @@ PANELS = {"A picture or a film instead of a page": "still at film"}
 def view(
     flights: Annotated[
         list[Path], typer.Argument(help="Flight (.nc), or two: the second is drawn as a ghost.")
-    ],
+    ] = [FLIGHT],  # noqa: B006
     out: Annotated[
         Path | None,
         typer.Option(*OUTPUT, help="File for the page; in the folder of the flight by default."),

@@ -71,6 +71,9 @@ def quantity(unit: str, noun: str) -> Callable[[str], float]:
 _TURN = 2 * 3.14159265358979
 OUTPUT = ("--output", "--out", "-o")
 """Words of the option for the file that a verb writes."""
+FLIGHT = Path("flight.nc")
+"""Flight that simulate writes and the verbs after it read, where none is named."""
+FlightArgument = Annotated[Path, typer.Argument(help="Flight that patagium simulate wrote (.nc).")]
 _FILES = "A CSV, Parquet, MAT, ULog, ArduPilot or MCAP file, a ROS bag, or parts of one."
 FilesArgument = Annotated[list[Path], typer.Argument(help=_FILES)]
 MappingOption = Annotated[
@@ -272,10 +275,12 @@ def no_robot(path: Path) -> Path:
     """Path that is not a robot's, which is refused with what flies it.
 
     Raises:
-        LogError: If it is a preset's name or a robot file.
+        LogError: If it is a preset's name or a robot file, or the usual flight, not made yet.
     """
     from patagium.robot import preset_names
 
+    if path == FLIGHT and not path.exists():
+        raise LogError(f"{path}: expected a flight, found none; make it: patagium simulate aerobat")
     if path.suffix.lower() in (".yaml", ".yml", ".urdf") or str(path) in preset_names():
         robot = f"a robot; fly it first: patagium simulate {path}"
         raise LogError(f"{path}: expected a flight or log, found {robot}")

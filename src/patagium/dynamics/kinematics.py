@@ -64,7 +64,8 @@ def coordinate_rates(robot: Robot, q: Any, v: Any) -> Any:
         if not body.by_quaternion or body.floating_dofs is None:
             continue
         places = robot.floating_coordinates(body)[3:]
-        (w, x, y, z), (a, b, c) = (q[k] for k in places), (v[k] / 2 for k in body.floating_dofs[3:])
+        w, x, y, z = (q[k] for k in places)
+        a, b, c = (v[k] / 2 for k in body.floating_dofs[3:])
         turned = (
             *(-(x * a + y * b + z * c), w * a + y * c - z * b),
             *(w * b + z * a - x * c, w * c + x * b - y * a),

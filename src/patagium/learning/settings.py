@@ -141,40 +141,43 @@ def group(kind: type, text: str, **meaning: Any) -> Any:
     return field(default=None, metadata={"meaning": Meaning(text, **meaning), "group": kind})
 
 
-def _check_fields(record: Any) -> None:
-    """Refuse numbers out of range in a record whose fields are made by `setting`.
+@dataclass(frozen=True)
+class _Checked:
+    """Record whose fields are made by `setting`: numbers out of range are refused.
 
     Several numbers, in whatever sequence, are kept as a tuple.
     """
-    for one in fields(record):
-        value = getattr(record, one.name)
-        if value is None and one.default is not None:
-            raise ParameterError(one.name, one.metadata["meaning"].range, value)
-        if str(one.type).startswith("Numbers") and value is not None:
-            value = _plain_numbers(one.name, value)
-            object.__setattr__(record, one.name, value)
-        if "group" not in one.metadata and one.name != "covariance":
-            one.metadata["meaning"].check(one.name, value)
-        if one.type in ("int", "int | None") and value is not None and type(value) is not int:
-            raise ParameterError(one.name, "a whole number", value)
-        kind = one.metadata.get("group")
-        if kind is not None and not isinstance(value, kind | None):
-            raise ParameterError(one.name, f"{kind.__name__}(...) or None", value)
-        number = one.type == "float" or (one.type == "float | None" and value is not None)
-        if number and not (isinstance(value, int | float) and isfinite(value)):
-            raise ParameterError(one.name, "a finite number", value)
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if value is None and one.default is not None:
+                raise ParameterError(one.name, one.metadata["meaning"].range, value)
+            if str(one.type).startswith("Numbers") and value is not None:
+                value = _plain_numbers(one.name, value)
+                object.__setattr__(self, one.name, value)
+            if "group" not in one.metadata and one.name != "covariance":
+                one.metadata["meaning"].check(one.name, value)
+            if one.type in ("int", "int | None") and value is not None and type(value) is not int:
+                raise ParameterError(one.name, "a whole number", value)
+            kind = one.metadata.get("group")
+            if kind is not None and not isinstance(value, kind | None):
+                raise ParameterError(one.name, f"{kind.__name__}(...) or None", value)
+            number = one.type == "float" or (one.type == "float | None" and value is not None)
+            if number and not (isinstance(value, int | float) and isfinite(value)):
+                raise ParameterError(one.name, "a finite number", value)
 
 
 BLOCKS = ("full", "layer", "node")
+"""Covariance structures of independent blocks of weights."""
 OWN_BLOCKS: set[str] = set()
 """Names of structures that `register_blocks` added."""
-"""Covariance structures of independent blocks of weights."""
 Structure: TypeAlias = Literal["full", "layer", "node"]
 Numbers: TypeAlias = float | tuple[float, ...]
 
 
 @dataclass(frozen=True)
-class Screening:
+class Screening(_Checked):
     """Settings of the screening of samples.
 
     A channel whose innovation e is further off than c predicted standard deviations,
@@ -206,12 +209,9 @@ class Screening:
         high=_MOST_SAMPLES,
     )
 
-    def __post_init__(self) -> None:
-        _check_fields(self)
-
 
 @dataclass(frozen=True)
-class NoiseEstimation:
+class NoiseEstimation(_Checked):
     """Variances of the measurement as the innovations show them, channel by channel.
 
     R_k = a_k + b_k s_k^2 / <s_k^2>, with s_k the norm of the channel's row of the network's
@@ -243,12 +243,9 @@ class NoiseEstimation:
         option="noise-memory",
     )
 
-    def __post_init__(self) -> None:
-        _check_fields(self)
-
 
 @dataclass(frozen=True)
-class Misfit:
+class Misfit(_Checked):
     """Error of the model itself, as the data show it; see `learning/filters/misfit.py`.
 
     No model of the air is the air. Its error comes again with the same flow, so that it is
@@ -272,12 +269,9 @@ class Misfit:
         option="misfit",
     )
 
-    def __post_init__(self) -> None:
-        _check_fields(self)
-
 
 @dataclass(frozen=True)
-class ChangeDetection:
+class ChangeDetection(_Checked):
     """Settings of change detection: alarm rate and growth of the covariance.
 
     Where the innovations are white and Gaussian, a sample raises a false alarm with
@@ -328,12 +322,9 @@ class ChangeDetection:
         option="change-reopening",
     )
 
-    def __post_init__(self) -> None:
-        _check_fields(self)
-
 
 @dataclass(frozen=True, kw_only=True)
-class FilterSettings:
+class FilterSettings(_Checked):
     """Settings of a filter that learns weights.
 
     Between two samples P <- (1 - s) P / forgetting_factor + s P0 + Q, with s = prior_share, P0
@@ -450,7 +441,7 @@ class FilterSettings:
 
     def __post_init__(self) -> None:
         checked_structure(self.covariance)
-        _check_fields(self)
+        super().__post_init__()
         if self.misfit is not None and self.noise_estimation is not None:
             raise ParameterError(
                 "noise_estimation", "None where misfit is given", self.noise_estimation
@@ -499,7 +490,7 @@ def _same_as_filters(name: str) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True)
-class GradientSettings:
+class GradientSettings(_Checked):
     """Settings of backpropagation, one step of Adam a sample.
 
     Args:
@@ -527,12 +518,9 @@ class GradientSettings:
         learners=("gradient",),
     )
 
-    def __post_init__(self) -> None:
-        _check_fields(self)
-
 
 @dataclass(frozen=True, kw_only=True)
-class LinearSettings:
+class LinearSettings(_Checked):
     """Settings of recursive least squares, linear or on random features.
 
     Args:
@@ -557,7 +545,7 @@ class LinearSettings:
     )
 
     def __post_init__(self) -> None:
-        _check_fields(self)
+        super().__post_init__()
         if isinstance(self.prior_std, tuple):
             raise ParameterError("prior_std", "one number", self.prior_std)
 

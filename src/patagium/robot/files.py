@@ -139,7 +139,9 @@ def _robot(described: Any, text: str, name: str, numbered: bool = True) -> Robot
     model = CompositionFile if mounted else RobotFile
     try:
         file = model.model_validate(described)
-        return _composed(file, text) if isinstance(file, CompositionFile) else assemble(file, text)
+        if isinstance(file, CompositionFile):
+            return _composed(file, text)
+        return assemble(file, text)
     except ValidationError as error:
         problems = faults(error.errors(), model)
     except AssemblyError as error:

@@ -51,7 +51,8 @@ class LiveView:
             raise ParameterError("live view", "viser: pip install 'patagium[viewer]'", None)
         self.loopback = is_loopback(_bound(host, port))
         self._token = secrets.token_urlsafe(32)
-        self.letters, self._commands = Mailbox(subject.layout, SLOTS), Mailbox(COMMAND, _COMMANDS)
+        self.letters = Mailbox(subject.layout, SLOTS)
+        self._commands = Mailbox(COMMAND, _COMMANDS)
         self.subject = subject
         self._command: Any = None
         spawn = get_context("spawn")

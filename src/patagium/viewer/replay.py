@@ -352,7 +352,8 @@ def _arrows(
             for name in ("strip_force", "strip_point")
         )
         whole = whole or TotalForce(force.sum(axis=1), None)
-        point, guess = point - origin[:, None], None if prediction is None else prediction.strips
+        point = point - origin[:, None]
+        guess = None if prediction is None else prediction.strips
     if whole is None or not (robot.strips or air.any()):
         return None
     told = std = None

@@ -91,7 +91,6 @@ simulate aerobat -o nowhere/flight.nc
 simulate aerobat -o .
 simulate aerobat -o
 robots aerobat --draw
-identify
 identify flght.nc
 identify text.nc
 identify aerobat

@@ -17,15 +17,20 @@ from patagium.report import Table
 from patagium.robot import load_robot, preset_names, write_template
 from patagium.simulation.flight_summary import flight_summary
 
-SIX = (
+BARE = (
     "simulate aerobat",
     "identify flight.nc",
     "view flight.nc --model model.json",
-    "cycles flight.nc",
-    "figures flight.nc",
-    "robots --new my_robot",
+    "cycles",
+    "figures",
+    "robots --new",
+    "identify",
+    "view",
 )
-WRITTEN = ("flight.nc", "model.json", "flight.html", None, "flight/robot.pdf", "my_robot.yaml")
+WRITTEN = (
+    *("flight.nc", "model.json", "flight.html", None, "flight/robot.pdf", "my_robot.yaml"),
+    *("model.json", "flight.html"),
+)
 
 
 def _said(words: str, capsys: pytest.CaptureFixture[str]) -> str:
@@ -36,16 +41,29 @@ def _said(words: str, capsys: pytest.CaptureFixture[str]) -> str:
     return said.out
 
 
-def test_six_commands_work_at_the_first_try(
+def test_commands_without_options_work_at_the_first_try(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for words, file in zip(SIX, WRITTEN, strict=True):
+    for words, file in zip(BARE, WRITTEN, strict=True):
         began = time.monotonic()
         said = _said(words, capsys)
         assert time.monotonic() - began < 60.0, words  # 15 s warm, and the compiler when cold
         assert said.splitlines()[-1].startswith("Next: "), said
         assert file is None or (tmp_path / file).stat().st_size > 1_000
+
+
+@pytest.mark.parametrize("verb", ["identify", "view", "cycles", "figures"])
+def test_a_verb_without_a_flight_says_how_to_make_one(
+    verb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as left:
+        run([verb])
+    assert left.value.code == 2
+    made = "flight.nc: expected a flight, found none; make it: patagium simulate aerobat"
+    assert made in " ".join(capsys.readouterr().err.split())
+    assert not list(tmp_path.iterdir())
 
 
 class _Terminal(io.StringIO):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -56,3 +58,26 @@ def test_beside_the_main_thread_nothing_is_caught() -> None:
     thread.start()
     thread.join()
     assert found == [before]
+
+
+def test_ctrl_c_that_a_destructor_drops_is_heard_again() -> None:
+    program = """
+import time
+from patagium.cli.interruption import hear_again
+
+class Held:
+    def __del__(self):
+        raise KeyboardInterrupt
+
+hear_again()
+Held()
+try:
+    time.sleep(60)  # s; the test waits for less
+except KeyboardInterrupt:
+    print("heard")
+"""
+    ran = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=30, check=True
+    )
+    assert ran.stdout == "heard\n"
+    assert not ran.stderr, "Python's own words on what it ignored"

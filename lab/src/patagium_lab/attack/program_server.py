@@ -66,6 +66,8 @@ def _answer(request: dict[str, Any]) -> dict[str, Any]:
         request: words (arguments), folder, aside (folder of what is said); signal and delay [s];
             nth and fault of the disk; environment.
     """
+    for left in Path(request["aside"]).iterdir():
+        left.unlink()  # a run that ends at once says nothing
     begun, child = time.monotonic(), os.fork()
     if child == 0:
         _run(request)
@@ -133,13 +135,13 @@ def _run(request: dict[str, Any]) -> None:
             run([str(word) for word in request["words"]])
         except SystemExit as end:
             code = end.code if isinstance(end.code, int) else int(end.code is not None)
-        except KeyboardInterrupt:
-            code = 130
         finally:
             if disk is not None:
                 seen = disk.disk_fault_seen()
                 disk.disk_fault_arm(b"/nowhere", -1, 0)
                 (aside / "operations").write_text(str(seen))
+    except KeyboardInterrupt:  # before the program begins, too
+        code = 130
     except BaseException:
         traceback.print_exc()
     finally:

@@ -556,7 +556,10 @@ def estimate_motion(
     if order not in MOTION_ORDERS:
         raise ParameterError("order", f"one of {MOTION_ORDERS}", order)
     streams = streams_of(log, machine, shifts or {})
-    wanted = common_times(streams) if times is None else np.atleast_1d(real_array("times", times))
+    if times is None:
+        wanted = common_times(streams)
+    else:
+        wanted = np.atleast_1d(real_array("times", times))
     if smoother is not None:
         found = smoothed_motion(machine, streams, wanted, smoother)
         return _dataset(machine, wanted, found, log)
@@ -576,7 +579,8 @@ def in_coordinates(robot: Robot, found: SmoothedMotion) -> tuple[Array, Array]:
         robot: The machine.
         found: Motion with its attitude as a rotation.
     """
-    levels, covariance, base = found.levels.copy(), found.covariance.copy(), floating_base(robot)
+    levels, covariance = found.levels.copy(), found.covariance.copy()
+    base = floating_base(robot)
     if base is None:
         return levels, covariance
     turn, n = list(base.turn), robot.dof

@@ -231,7 +231,8 @@ class MotionTracker:
         """
         self._require_started()
         moments, n = np.asarray(times, float), self.robot.dof
-        levels, attitude = np.zeros((len(moments), 3, n)), np.tile(np.eye(3), (len(moments), 1, 1))
+        levels = np.zeros((len(moments), 3, n))
+        attitude = np.tile(np.eye(3), (len(moments), 1, 1))
         for part in self._parts:
             for k, motion in enumerate(part.past(moments)):
                 levels[k][:, part.filter.columns] = motion.levels[:3, part.filter.columns]

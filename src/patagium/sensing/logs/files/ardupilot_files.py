@@ -21,6 +21,7 @@ from patagium.errors import LogError
 from patagium.sensing.logs.files.channels import (
     Block,
     Channel,
+    LogFile,
     Request,
     StampSource,
     Topic,
@@ -39,21 +40,13 @@ _PADDING = 528
 """Most bytes that fill the last page of a whole log."""
 
 
-class ArdupilotFile:
-    """Open DataFlash log; see `LogFile`.
-
-    Args:
-        path: The file.
-
-    Raises:
-        LogError: If the file cannot be read, or pymavlink is missing.
-    """
+class ArdupilotFile(LogFile):
+    """Open DataFlash log."""
 
     format = "ArduPilot DataFlash"
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.notes: list[str] = []
+        super().__init__(path)
         convert = f"or convert it: mavlogdump.py --format mat --mat_file log.mat {path.name}"
         with (
             reading(path, self.format, extra="ardupilot", otherwise=convert),

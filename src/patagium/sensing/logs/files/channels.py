@@ -125,6 +125,12 @@ class Topic:
 class LogFile(Protocol):
     """Open log file.
 
+    Args:
+        *paths: The file, or the parts of one log.
+
+    Raises:
+        LogError: If it cannot be read.
+
     Attributes:
         path: Path of the log.
         format: Name of its format.
@@ -137,6 +143,10 @@ class LogFile(Protocol):
     notes: list[str]
     topics: dict[str, Topic]
 
+    def __init__(self, *paths: Path) -> None:
+        self.path = paths[0] if len(paths) == 1 else paths[0].parent
+        self.notes = []
+
     def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
         """Requested rows, topic by topic or interleaved as in the file.
 
@@ -146,8 +156,8 @@ class LogFile(Protocol):
         ...
 
     def close(self) -> None:
-        """Close the file."""
-        ...
+        """Close the file, if it is open between two reads."""
+        return
 
 
 class ColumnError(LogError):

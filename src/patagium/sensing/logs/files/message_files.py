@@ -32,6 +32,7 @@ from patagium.sensing.logs.files.channels import (
     NO_STAMP,
     Block,
     Channel,
+    LogFile,
     Request,
     StampSource,
     Topic,
@@ -483,8 +484,8 @@ def _idl(definition: str, parse: Callable[[str], Any]) -> dict[str, Any]:
     return types
 
 
-class BagFile:
-    """Open bag, or the open parts of one; see `LogFile`.
+class BagFile(LogFile):
+    """Open bag, or the open parts of one.
 
     Args:
         paths: `.bag` files; or `.db3` files, or folders with a metadata.yaml.
@@ -494,8 +495,7 @@ class BagFile:
     """
 
     def __init__(self, paths: list[Path]) -> None:
-        self.path = paths[0] if len(paths) == 1 else paths[0].parent
-        self.notes: list[str] = []
+        super().__init__(*paths)
         self._ros2 = paths[0].suffix != ".bag"
         self.format = "ROS 2 bag" if self._ros2 else "ROS 1 bag"
         self._readers: list[Any] = []
@@ -588,21 +588,13 @@ def _bound_chunks(path: Path, reader: Any) -> None:
             reader.chunks[place] = chunk._replace(decompressor=bounded)
 
 
-class McapFile:
-    """Open MCAP file, or the parts of one recording; see `LogFile`.
-
-    Args:
-        paths: The file, or the parts.
-
-    Raises:
-        LogError: If a file cannot be read.
-    """
+class McapFile(LogFile):
+    """Open MCAP file, or the parts of one recording."""
 
     format = "MCAP"
 
     def __init__(self, paths: list[Path]) -> None:
-        self.path = paths[0] if len(paths) == 1 else paths[0].parent
-        self.notes: list[str] = []
+        super().__init__(*paths)
         self._paths, self._types = paths, MessageTypes(ros2=True)
         self._old_types = MessageTypes(ros2=False)
         self._decoders: dict[tuple[Any, ...], Callable[[bytes], Any]] = {}
@@ -618,9 +610,6 @@ class McapFile:
         topics = {one.topic for one in wanted}
         with reading(self.path, self.format):
             yield from message_blocks([self._messages(p, topics) for p in self._paths], wanted)
-
-    def close(self) -> None:
-        """Close the log; no file is open, because each is opened only while it is read."""
 
     def _look(self) -> dict[str, Topic]:
         counts: Counter[str] = Counter()

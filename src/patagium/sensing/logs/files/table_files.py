@@ -34,6 +34,7 @@ from patagium.sensing.logs.files.channels import (
     Block,
     Channel,
     ColumnError,
+    LogFile,
     Request,
     StampSource,
     Topic,
@@ -361,8 +362,8 @@ class _Headed(io.TextIOBase):
         return head or self._text.read(size)
 
 
-class CsvFile:
-    """Open CSV file; see `LogFile`.
+class CsvFile(LogFile):
+    """Open CSV file.
 
     Args:
         path: The file, plain or gzip.
@@ -375,8 +376,7 @@ class CsvFile:
     format = "CSV"
 
     def __init__(self, path: Path, skip_rows: int | None = None) -> None:
-        self.path = path
-        self.notes: list[str] = []
+        super().__init__(path)
         with reading(path, "CSV"), self._opened() as text:
             lines = list(islice(text, (skip_rows or 0) + _LOOK))
         head = header_place(lines) if skip_rows is None else skip_rows
@@ -444,9 +444,6 @@ class CsvFile:
         sources = {source for source, _ in self._lists.values()}
         names = [*(name for name in held if name not in sources), *self._lists]
         return pd.DataFrame(self._columns(held, names, 0, calendar=False), columns=names)
-
-    def close(self) -> None:
-        """Do nothing: the file is open only while it is read."""
 
     def _columns(
         self, frame: Any, names: Iterable[str], row: int, *, calendar: bool = True
@@ -604,21 +601,13 @@ def _comma_decimal(rows: Sequence[Sequence[str]]) -> bool:
     return any("," in cell for cell in numbers) and not any("." in cell for cell in numbers)
 
 
-class ParquetFile:
-    """Open Parquet file; see `LogFile`.
-
-    Args:
-        path: The file.
-
-    Raises:
-        LogError: If the file cannot be read.
-    """
+class ParquetFile(LogFile):
+    """Open Parquet file."""
 
     format = "Parquet"
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.notes: list[str] = []
+        super().__init__(path)
         with reading(path, "Parquet"):
             from pyarrow import parquet, types
 
@@ -729,21 +718,13 @@ def _is_list_type(kind: Any) -> bool:
     return _is_numeric_type(inner) or _is_list_type(inner)
 
 
-class MatFile:
-    """MATLAB file in memory; see `LogFile`.
-
-    Args:
-        path: The file.
-
-    Raises:
-        LogError: If the file cannot be read, is of version 7.3, or holds no arrays of numbers.
-    """
+class MatFile(LogFile):
+    """MATLAB file in memory."""
 
     format = "MAT"
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.notes: list[str] = []
+        super().__init__(path)
         with reading(path, "MAT"):
             with path.open("rb") as file:
                 if b"7.3 MAT" in file.read(16):
@@ -821,21 +802,13 @@ def _some_of(unplaced: Mapping[str, str]) -> str:
     return f", but {', '.join(some)}" if some else ""
 
 
-class UlogFile:
-    """ULog file in memory; see `LogFile`.
-
-    Args:
-        path: The file.
-
-    Raises:
-        LogError: If the file cannot be read.
-    """
+class UlogFile(LogFile):
+    """ULog file in memory."""
 
     format = "PX4 ULog"
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.notes: list[str] = []
+        super().__init__(path)
         with reading(path, "ULog"), redirect_stdout(io.StringIO()):
             from pyulog import ULog
 
