@@ -64,12 +64,14 @@ def check_fields(record: Any) -> None:
     owner: Any = type(record)
     kinds = _kinds(owner)
     for name, value in list(vars(record).items()):
-        of_kind(name, value, kinds[name])
+        of_kind(name, value, kind := kinds[name])
+        either = get_origin(kind) in (Union, UnionType)
+        origins = [get_origin(one) for one in (get_args(kind) if either else (kind,))]
         if isinstance(value, np.generic):
             object.__setattr__(record, name, value.item())
-        elif get_origin(kinds[name]) is tuple and not isinstance(value, tuple):
+        elif tuple in origins and _listed(value) and not isinstance(value, tuple):
             object.__setattr__(record, name, tuple(np.asarray(value).tolist()))
-        elif get_origin(kinds[name]) is Mapping:
+        elif Mapping in origins and isinstance(value, Mapping):
             object.__setattr__(record, name, dict(value))
 
 

@@ -91,3 +91,11 @@ def test_an_option_of_a_flight_that_cannot_be_called_is_refused(name: str) -> No
     air = pt.QuasiSteady(ROBOT)
     with pytest.raises(ParameterError, match=f"^{name}: expected"):
         pt.fly(ROBOT, air, law, orbit=ORBIT, duration=0.02, **{name: 5})
+
+
+def test_an_array_is_as_good_as_a_tuple_where_none_may_stand_too() -> None:
+    told = [
+        pt.control.PayloadEvent(time=0.1, body="body", mass=0.01, position=where)
+        for where in (np.ones(3), [1.0, 1.0, 1.0], (1.0, 1.0, 1.0))
+    ]
+    assert told[0] == told[1] == told[2] and told[0].position == (1.0, 1.0, 1.0)
