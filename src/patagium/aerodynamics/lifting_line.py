@@ -256,15 +256,7 @@ class LiftingLine(Aerodynamics):
     def _stall(
         self, motion: StripMotion, wash: tuple[Any, Any], gain: Any, own: ca.SX, p: _Numbers
     ) -> _Stall:
-        """Separation of a strip, from its lagged normalwash and the geometric less the effective.
-
-        Args:
-            motion: How the strip moves.
-            wash: W, and the geometric normalwash less the effective one [m/s].
-            gain: Lift of the lifting surface over that of the line.
-            own: p, s and y, or nothing without a stall delay.
-            p: Parameters.
-        """
+        """Separation of a strip; `wash` is its lagged, and its geometric less its effective one."""
         lagged, late = wash
         forward = motion.forward
         effective = section_flow(forward, -lagged)

@@ -95,14 +95,7 @@ _NAMES = ("lift", "drag", "moment", "angle_of_attack", "effective_angle_of_attac
 
 
 class _Motion:
-    """Splines through a motion.
-
-    Args:
-        times: Times, (N,) [s].
-        pitch: Scalar or (N,) [rad].
-        plunge: Scalar or (N,) [m].
-        airspeed: Scalar or (N,) [m/s].
-    """
+    """Splines through a motion; each part is one number or (N,) [rad, m, m/s]."""
 
     def __init__(
         self, times: Array, pitch: ArrayLike, plunge: ArrayLike, airspeed: ArrayLike

@@ -271,7 +271,8 @@ def _chosen(found: dict[str, Any]) -> LearnerChoice:
     for word, dotted, _ in setting_options():
         value = given.get(word.replace("-", "_"))
         if value is not None:
-            settings[dotted] = [_plain(v) for v in value] if type(value) is list else _plain(value)
+            several = type(value) is list
+            settings[dotted] = [_plain(v) for v in value] if several else _plain(value)
     given_one = bool(shape or settings or path)
     unchosen = given.keys().isdisjoint(("learner", "network", "hidden", "activation"))
     own = {one.name for one in settings_of("extended")}
@@ -292,13 +293,7 @@ def _plain(value: Any) -> Any:
 
 
 def _completed(choice: LearnerChoice, given: set[str], path: Path) -> LearnerChoice:
-    """Choice completed by a file of settings, as far as the learner has them.
-
-    Args:
-        choice: Choice of the command line.
-        given: Its attributes that were given there.
-        path: File that `patagium tune` wrote.
-    """
+    """Choice completed by a file of settings, as far as the learner has them."""
     from patagium.learning import load_settings
 
     found = load_settings(existing(path))

@@ -110,7 +110,8 @@ def vector(unit: str, noun: str) -> Callable[[str], Vector]:
         if len(parts) != 3:
             raise typer.BadParameter(f"expected three numbers such as -3,0,0, found {text!r}")
         last = parts[2].partition(" ")[2]
-        return Vector(*(one(part if " " in part else f"{part} {last}".strip()) for part in parts))
+        whole = [part if " " in part else f"{part} {last}".strip() for part in parts]
+        return Vector(*map(one, whole))
 
     read.__name__ = "X,Y,Z"
     return read

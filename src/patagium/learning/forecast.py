@@ -250,10 +250,6 @@ class _LeastSquares:
 class _Choice:
     """Choice of a way to forecast, output by output, by the last outcomes that are known.
 
-    Args:
-        y: Outputs, (N, n_y) [unit of y]; NaN where one is missing.
-        ways: Number of ways.
-
     Attributes:
         taken: Way taken last for each output, (n_y,) [1].
     """

@@ -325,11 +325,6 @@ class MotionPackets:
 class _Torque:
     """Forces of the joints u1 from the currents of their motors.
 
-    Args:
-        robot: The machine.
-        sensors: Its sensors by name.
-        mount: Words on what holds it.
-
     Attributes:
         shifts: Shift of late stamps by name of the sensor [s].
         unknown: Whether the force that drives a coordinate is not measured, (n,).

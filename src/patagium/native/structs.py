@@ -139,11 +139,13 @@ BOUNDS = struct(
     double *odd: n: last value refused
     double *odd_low: n: least of those refused of late
     double *odd_high: n: largest of those refused of late
+    double *seen: n: last inputs, refused or not
     double *rest: n: longest rest of late, in samples
     int64_t *taken: n: values taken that moved
     int64_t *odd_run: n: values refused of late, less those taken
     int64_t *stood: n: samples in a row that did not move while an input did
     double *clock: stamp of the last sample taken, usual step, samples refused since then
+    double *track: samples taken smoothly one after the other, whether one jumped since the last
     """,
 )
 

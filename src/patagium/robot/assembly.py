@@ -325,7 +325,9 @@ def _check_inertia(robot: Robot, paths: list[str]) -> None:
         axes = [turns[k + 1] @ j.axis for j in body.joints if j.kind == "revolute"]
         if not axes and not free:
             continue
-        place = np.average(np.array(centers)[below], 0, masses[below]) if free else places[k + 1]
+        place = places[k + 1]
+        if free:
+            place = np.average(np.array(centers)[below], 0, masses[below])
         arms = np.array(centers)[below] - place
         tensor = np.sum(np.array(tensors)[below], axis=0)
         for mass, arm in zip(masses[below], arms, strict=True):

@@ -199,7 +199,8 @@ def _poison(rows: list[dict[str, Any]]) -> list[Block]:
         "of a wingbeat of a joint: states where they differ return later. How often the twin is "
         "the worse one tells how often this alone is more than 1.5, and so does a third learner, "
         "which never gets the samples of the bursts. An encoder that jumps within "
-        "its range is believed after 20 samples at most; the samples from then on are learned. "
+        "its range is believed after 100 samples at most, and a small or random jump may look like "
+        "motion; such samples are learned. "
         "Learners of the three joints have a prior share, so that cubature points lie one standard "
         "deviation off. `wings` is the default network of a winged robot in flight, with the "
         "default filter; its errors are over the scale of each force.",

@@ -1,12 +1,15 @@
 """Bounds of inputs and outputs, ahead of every filter: what a sensor can say.
 
 A value is refused that lies further than 3 widths of its range (10 for an output) outside of that
-range. So is an input, no acceleration and no command, that moves by more than 15 times its median
+range. So is an input, no acceleration and no command, that jumps: by more than 15 times its median
 step and a quarter of its range, and 2 steps more for each usual time step since it was last taken,
-of which there are 20 at most: what it did in a longer gap nobody knows. The range is that of the
-values taken so far, at least the network's own scale of an input and a hundredth of the widest
-output. A value outside of it widens it by a quarter at most, and 1e-4 of it is forgotten with each
-sample. The first 20 values of a channel that moves are bounded by 1e6 of the network's scale alone.
+but not after a gap of 20. After a jump an input is taken again within 5 median steps for each of
+these time steps, unless all inputs go on smoothly from what was refused. It is refused for as many
+samples as the inputs went on smoothly before it, 20 to 100; then it is believed, and moves of its
+size are no jumps any more. The range is that of the values taken so far, at least the network's own
+scale of an input and a hundredth of the widest output. A value outside of it widens it by a quarter
+at most, and 1e-4 of it is forgotten with each sample. The first 20 values of a channel that moves
+are bounded by 1e6 of the network's scale alone.
 
 A sample with an input that is refused is not learned; an output that is refused is missing. A
 hundred more refused than taken, none of them further off than 1e4 widths and no two in a row
@@ -33,9 +36,10 @@ Array = NDArray[np.float64]
 
 _C = header_numbers("bounds.h")
 _LAST, _USUAL, _MISSED = range(3)
-_VALUES = ("low", "high", "before", "step", "odd", "odd_low", "odd_high", "rest")
+_TAKEN, _JUMPED = range(2)
+_VALUES = ("low", "high", "before", "step", "odd", "odd_low", "odd_high", "rest", "seen")
 _COUNTS = ("taken", "odd_run", "stood")
-MEMORY = (*(f"bound_{name}" for name in (*_VALUES, *_COUNTS)), "bound_clock")
+MEMORY = (*(f"bound_{name}" for name in (*_VALUES, *_COUNTS)), "bound_clock", "bound_track")
 """Names of the arrays of a memory."""
 
 
@@ -51,7 +55,7 @@ class Bounds:
         x: Inputs of a sample where a kernel does not read them itself, (n_x,) [units of x].
         scale: Scale of each channel before it is known, (n,) [units of x and y].
         arrays: Memory by name, (n,) each; clock: last stamp [s], usual step [s], samples
-            refused since then.
+            refused since then; track: samples taken smoothly, whether one jumped since then.
     """
 
     def __init__(self, network: Network) -> None:
@@ -67,12 +71,14 @@ class Bounds:
             **{f"bound_{name}": np.full(len(self.scale), np.nan) for name in _VALUES},
             **{f"bound_{name}": np.zeros(len(self.scale), np.int64) for name in _COUNTS},
             "bound_clock": np.array([np.nan, 0.0, 0.0]),
+            "bound_track": np.zeros(2),
         }
         self.arrays["bound_step"][:] = self.arrays["bound_rest"][:] = 0.0
 
     def forget_place(self) -> None:
         """Take the next inputs however far they moved."""
         self.arrays["bound_before"][:] = np.nan
+        self.arrays["bound_track"][:] = 0.0
 
     def bounded(self, x: Array, y: Array, time: float) -> tuple[bool, Array, dict[str, int]]:
         """Whether a sample can be learned; y, NaN where it is refused, (n_y,); events.
@@ -84,7 +90,8 @@ class Bounds:
         """
         low, high, before, step = (self.arrays[f"bound_{name}"] for name in _VALUES[:4])
         n = self.inputs
-        taken = self.arrays["bound_taken"]
+        taken, stood = self.arrays["bound_taken"], self.arrays["bound_stood"]
+        track = self.arrays["bound_track"]
         value = np.concatenate([x[:n], y])
         width = self._width()
         ahead = self._ahead(time)
@@ -94,29 +101,56 @@ class Bounds:
             room = np.where(known, inf, _C.BOUNDLESS * self.scale)
             outside = known & ~(beyond <= self._reach * width)
             outside |= ~(np.abs(value) <= room)
-            most = np.maximum(_C.JUMP_SHARE * width, _C.JUMP * step)
-            most += _C.AHEAD * step * (ahead - 1)
-            stepped = (taken >= _C.MANY) & (ahead <= _C.GAP)
             moved = np.abs(value - before)
             moved[self.smooth :] = np.nan
-            jumps = stepped & (moved > most) & ~outside
-            stuck = self._stuck(moved)
+            stuck, judged = self._stuck(moved), self._compares(ahead)
+            jumps = judged & (taken >= _C.MANY) & (moved > self._most(width, ahead)) & ~outside
+            along = self._goes_along(value) and judged
+            rough = (moved > _C.SMOOTH * step * ahead) | (stood > _C.STANDS)
         odd = outside | jumps | stuck
-        if odd[:n].any():
-            self.arrays["bound_clock"][_MISSED] += 1
-            odd[n:] = False
-        else:
+        wrong = bool((outside | jumps)[:n].any())
+        usable = not (odd[:n].any() or along)
+        if usable:
+            if track[_JUMPED] and not judged:  # it is believed
+                step[:] = np.fmax(step, moved / _C.JUMP)
+            smooth = not (rough.any() or track[_JUMPED])
+            track[:] = smooth * (track[_TAKEN] + 1), 0.0
             self._keep_time(time)
             self._take(value, ~odd, known, width)
+        else:
+            self.arrays["bound_clock"][_MISSED] += 1
+            track[_JUMPED] = max(track[_JUMPED], float(jumps.any()))
+            odd[n:] = False
         told = np.flatnonzero(odd & ~stuck & np.isfinite(value)).tolist()
         opened = [self._refuse(k, value[k], known[k], width[k]) for k in told]
         events = {
             "out_of_range": len(told) - int(jumps.sum()),
-            "jumps": int(jumps.sum()),
+            "jumps": int(jumps.sum()) + (along and not wrong),
             "stuck": int(stuck.sum()),
             "reopened": sum(opened),
         }
-        return not odd[:n].any(), np.where(odd[n:], np.nan, y), events
+        return usable, np.where(odd[n:], np.nan, y), events
+
+    def _compares(self, ahead: float) -> bool:
+        """Whether inputs are compared with the last ones taken; not after a gap, nor for ever."""
+        missed, smooth = self.arrays["bound_clock"][_MISSED], self.arrays["bound_track"][_TAKEN]
+        patience = max(_C.GAP, min(smooth, _C.ODD_RUN))
+        return bool(ahead <= missed + _C.GAP and missed < patience)
+
+    def _most(self, width: Array, ahead: float) -> Array:
+        """Largest move of each channel that is no jump, (n,) [units of x and y]."""
+        step = self.arrays["bound_step"]
+        if self.arrays["bound_track"][_JUMPED]:
+            return np.asarray(_C.SMOOTH * step * ahead)
+        most = np.maximum(_C.JUMP_SHARE * width, _C.JUMP * step)
+        return np.asarray(most + _C.AHEAD * step * (ahead - 1))
+
+    def _goes_along(self, value: Array) -> bool:
+        """Whether inputs go on smoothly from a sample that was refused for a jump."""
+        seen, near = self.arrays["bound_seen"], _C.SMOOTH * self.arrays["bound_step"]
+        moved, own = np.abs(value - seen), slice(0, self.smooth)
+        seen[: self.inputs] = value[: self.inputs]
+        return bool(self.arrays["bound_track"][_JUMPED] and (moved[own] <= near[own]).all())
 
     def _stuck(self, moved: Array) -> NDArray[np.bool_]:
         """Inputs that are stuck: constant for longer than at rest, while another input moves."""
@@ -172,7 +206,7 @@ class Bounds:
 
     def _refuse(self, k: int, value: float, known: bool, width: float) -> bool:
         """Whether the range of a channel opens after one more value that was refused."""
-        low, high, before, _, odd, least, most, _ = (self.arrays[f"bound_{n}"] for n in _VALUES)
+        low, high, before, _, odd, least, most, *_ = (self.arrays[f"bound_{n}"] for n in _VALUES)
         run = self.arrays["bound_odd_run"]
         if not (known and max(low[k] - value, value - high[k]) <= _C.ODD * width):
             run[k] = 0

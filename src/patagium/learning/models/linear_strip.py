@@ -296,13 +296,7 @@ class _Flow(NamedTuple):
 
 
 def _flow(strip: Strip, airflow: Twist, acceleration: tuple[ca.SX, ca.SX, ca.SX]) -> _Flow:
-    """Motion of a strip.
-
-    Args:
-        strip: The strip.
-        airflow: Velocity of its body relative to the air, body axes.
-        acceleration: Of the body: angular velocity, angular acceleration, acceleration.
-    """
+    """Motion of a strip."""
     forward, normal = vector(strip.forward), vector(strip.normal)
     span, chord = cross(normal, forward), strip.chord
     middle = vector(strip.quarter_chord) - forward * (chord / 4)
@@ -482,14 +476,7 @@ def _sample(robot: Robot) -> _Sample:
 
 
 def _section_load(flow: _Flow, density: ca.SX, coefficients: ca.SX, terms: ca.SX) -> ca.SX:
-    """Force forward, normal, along the span [N], and moment over the chord [N], (4, 1).
-
-    Args:
-        flow: Motion of the strip.
-        density: Of the air [kg/m^3].
-        coefficients: Corrections of its section, (4, 1) [m^2/s^2].
-        terms: Weights of `STRIP_TERMS`, (m, 1) [1].
-    """
+    """Force forward, normal, along the span [N], and moment over the chord [N], (4, 1)."""
     area = flow.strip.chord * flow.strip.width
     return density * area / 2 * (coefficients + _strip_terms(flow) @ terms)
 
@@ -519,13 +506,7 @@ def _strip_forces(machine: Robot, surfaces: Sequence[str]) -> ca.Function:
 
 
 def _function(machine: Robot, rows: Sequence[int], surfaces: Sequence[str]) -> ca.Function:
-    """Encoder: polynomials of each strip, then one row a slot; forces of unit outputs.
-
-    Args:
-        machine: The robot.
-        rows: Places of the outputs among the coordinates.
-        surfaces: Kinds of wings with weights of their own.
-    """
+    """Encoder: polynomials of each strip, then one row a slot; forces of unit outputs."""
     robot, robot_parameters = machine.symbolic()
     x, wind, density, (q, v, a), airflows, flows = _sample(robot)
     strips, slots = len(flows), _slots(len(_terms(machine, surfaces)))

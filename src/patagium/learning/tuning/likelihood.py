@@ -258,13 +258,7 @@ class _Part(NamedTuple):
 
 
 def _frozen(learner: FilterLearner, prior: Array, fold: Fold) -> _Part:
-    """Score of predictions with weights that stay.
-
-    Args:
-        learner: Learner that has learned its part; it is not taught.
-        prior: Weights before any sample, (n,) [1].
-        fold: What is predicted.
-    """
+    """Score of predictions with weights that stay."""
     flown, network = fold.flown, learner.network
     heard = flown.scored.any(axis=0)
     rows = thin(fold.judged[flown.scored[fold.judged].any(axis=1)], MOST_JUDGED)

@@ -21,6 +21,7 @@
 #define JUMP_SHARE 0.25   /* or widths, */
 #define AHEAD 2.0         /* and median steps for each usual step of time in between */
 #define GAP 20.0          /* usual steps of time after which an input may have moved anywhere */
+#define SMOOTH 5.0        /* median steps that an input moves at most in a usual step of time, smoothly */
 #define GROWTH 0.25       /* widths by which one value widens a range */
 #define LEAK 1e-4         /* of a range that a sample forgets */
 #define ODD 1e4           /* widths beyond which a range never opens */
@@ -41,14 +42,22 @@ static double width_of(const bounds *b, int k) {
   return isnan(b->low[k]) ? 0 : b->high[k] - b->low[k];
 }
 
+/* Whether inputs are compared with the last ones taken. After a gap they are not; a jump is refused
+ * for as many samples as the inputs went on smoothly before it. */
+static int compares(const bounds *b, double ahead) {
+  const double missed = b->clock[2];
+  return ahead <= missed + GAP && missed < larger(GAP, smaller(b->track[0], ODD_RUN));
+}
+
 static int judged(const bounds *b, int k, double value, double width, double ahead) {
   if (b->taken[k] < KNOWN) return fabs(value) <= BOUNDLESS * b->scale[k] ? IN_RANGE : OUTSIDE;
   const double reach = (k < b->inputs ? INPUT_REACH : OUTPUT_REACH) * width;
   if (!(b->low[k] - value <= reach && value - b->high[k] <= reach)) return OUTSIDE;
-  if (k >= b->smooth || b->taken[k] < MANY || !(ahead <= GAP)) return IN_RANGE;
-  const double most =
-      larger(JUMP_SHARE * width, JUMP * b->step[k]) + AHEAD * b->step[k] * (ahead - 1);
-  return fabs(value - b->before[k]) > most ? JUMPED : IN_RANGE;
+  if (k >= b->smooth || b->taken[k] < MANY || !compares(b, ahead)) return IN_RANGE;
+  const double most = larger(JUMP_SHARE * width, JUMP * b->step[k]);
+  const double far = b->track[1] > 0 ? SMOOTH * b->step[k] * ahead
+                                     : most + AHEAD * b->step[k] * (ahead - 1);
+  return fabs(value - b->before[k]) > far ? JUMPED : IN_RANGE;
 }
 
 static void take(const bounds *b, int k, double value, double width) {
@@ -118,23 +127,37 @@ static int bound(screening *s, double *measured) {
   for (int k = 0; k < b->smooth; k++) others |= fabs(b->x[k] - b->before[k]) > 0;
   for (int k = 0; k < b->smooth; k++) stuck += stuck_input(b, k, others);
   s->counts[STUCK] += stuck;
+  int along = b->track[1] > 0 && compares(b, ahead), fell = 0;
+  for (int k = 0; k < b->smooth; k++) along &= fabs(b->x[k] - b->seen[k]) <= SMOOTH * b->step[k];
+  for (int k = 0; k < n; k++) b->seen[k] = b->x[k];
   for (int k = 0; k < n; k++) {
     widths[k] = larger(width_of(b, k), b->scale[k]);
     odd += judged(b, k, b->x[k], widths[k], ahead) != IN_RANGE;
   }
-  if (odd || stuck) {
+  if (odd || stuck || along) {
     for (int k = 0; k < n; k++) {
       const int why = judged(b, k, b->x[k], widths[k], ahead);
       if (why != IN_RANGE) refuse(s, k, b->x[k], widths[k], why);
+      fell |= why == JUMPED;
     }
+    if (along && !odd) s->counts[JUMPS]++;
+    if (fell) b->track[1] = 1;
     b->clock[2]++;
     s->counts[BAD_INPUTS]++;
     return 0;
   }
   if (isfinite(step) && step > 0)
     b->clock[1] += b->clock[1] > 0 ? (fmin(step, STEPS * b->clock[1]) - b->clock[1]) / STEPS : step;
+  const int jumped = b->track[1] > 0, believed = jumped && !compares(b, ahead);
+  int smooth = !jumped;
+  for (int k = 0; k < b->smooth; k++) {
+    const double moved = fabs(b->x[k] - b->before[k]);
+    smooth &= !(moved > SMOOTH * b->step[k] * ahead) && (double)b->stood[k] <= STANDS;
+    if (believed && moved > JUMP * b->step[k]) b->step[k] = moved / JUMP;
+  }
+  b->track[0] = smooth ? b->track[0] + 1 : 0;
   b->clock[0] = stamp;
-  b->clock[2] = 0;
+  b->clock[2] = b->track[1] = 0;
   for (int k = 0; k < n; k++) take(b, k, b->x[k], widths[k]);
   for (int k = 0; k < s->channels; k++) widest = larger(widest, widths[n + k] = width_of(b, n + k));
   for (int k = 0; k < s->channels; k++) {

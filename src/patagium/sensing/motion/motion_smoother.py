@@ -250,7 +250,10 @@ class MotionFit:
     def run(self, guess: FirstMotion) -> None:
         """Fit the motion."""
         shortest = min(float(np.median(np.diff(s.stream.time))) for s in self.samples)
-        self.density = guess.density(self.columns, self.order) if self.given is None else self.given
+        if self.given is None:
+            self.density = guess.density(self.columns, self.order)
+        else:
+            self.density = self.given
         first = shortest if self.biases else _FIRST_STEP * shortest
         self._place(lambda times: guess.at(times, self.columns), first)
         settled = 0

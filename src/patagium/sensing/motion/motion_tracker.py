@@ -250,12 +250,7 @@ class MotionTracker:
 class _Part:
     """Filter of coordinates that sensors link, with its samples of late.
 
-    Args:
-        robot: The machine.
-        group: Coordinates of the filter.
-        density: Density of the noise that drives each of them.
-        order: Number of levels of each.
-        models: Measurement models of the sensors; encoders that see none of them are left out.
+    Encoders that see none of them are left out of the models.
     """
 
     def __init__(

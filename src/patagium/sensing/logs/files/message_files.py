@@ -263,7 +263,9 @@ def _leaves(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]
     elif isinstance(value, float | np.floating):
         yield path, "float", ""
     elif isinstance(value, str | bytes) or value is None:
-        what = f"text such as {value[:40]!r}" if isinstance(value, str) else type(value).__name__
+        what = type(value).__name__
+        if isinstance(value, str):
+            what = f"text such as {value[:40]!r}"
         yield path, "", what
     elif isinstance(value, np.ndarray) or _is_list(value):
         yield from _entries(value, path, above)

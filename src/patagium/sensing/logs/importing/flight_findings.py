@@ -21,7 +21,9 @@ _SHOWN = 6
 
 def flight_labels(robot: Robot | None) -> frozenset[str]:
     """Names of the numbers that make a log a flight of a robot; none without a robot."""
-    return frozenset() if robot is None else frozenset(c.name for c in packet_columns(robot)[1:])
+    if robot is None:
+        return frozenset()
+    return frozenset(c.name for c in packet_columns(robot)[1:])
 
 
 def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...]) -> list[Finding]:

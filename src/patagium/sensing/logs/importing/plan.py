@@ -180,7 +180,10 @@ def rate_of(rate: str | float, where: str) -> float:
     from patagium.robot.units import UnitMismatch, in_si
 
     try:
-        found = float(rate) if isinstance(rate, int | float) else in_si(str(rate), "Hz", "a rate")
+        if isinstance(rate, int | float):
+            found = float(rate)
+        else:
+            found = in_si(str(rate), "Hz", "a rate")
     except UnitMismatch as problem:
         raise LogError(f"{where}: {problem}") from None
     if not 0 < found < 1e7:
