@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import typer
 
@@ -17,12 +16,12 @@ if TYPE_CHECKING:
     from patagium.learning import Identification
 
 
-class GreyModel(StrEnum):
-    """Models of the air whose numbers can be learned."""
-
-    QUASI_STEADY = "quasi-steady"
-    LIFTING_LINE = "lifting-line"
-    DELAURIER = "delaurier"
+GreyModel: TypeAlias = Literal[
+    "quasi-steady",
+    "lifting-line",
+    "delaurier",
+]
+"""Models of the air whose numbers can be learned."""
 
 
 EstimateOption: TypeAlias = Annotated[
@@ -62,7 +61,7 @@ def check_estimate(
     from patagium.errors import ParameterError
 
     if aero is not None and not words:
-        raise ParameterError("--aero", "--estimate to go with it", aero.value)
+        raise ParameterError("--aero", "--estimate to go with it", aero)
     if refine and not words:
         raise ParameterError("--refine", "--estimate to go with it", refine)
     if words and not is_flight:
@@ -128,8 +127,8 @@ def _model(flight: xr.Dataset, aero: GreyModel | None) -> Aerodynamics:
     if own is not None and (aero is None or isinstance(own, air_class(aero))):
         return own
     if aero is None:
-        aero = GreyModel.QUASI_STEADY
-        typer.echo(f"Model of the air: {aero.value}; --aero takes another.", err=True)
+        aero = "quasi-steady"
+        typer.echo(f"Model of the air: {aero}; --aero takes another.", err=True)
     return air_class(aero)(robot_of(flight), air_of(flight))  # type: ignore[no-any-return]
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal, TypeAlias
 
 import typer
 
@@ -18,28 +17,24 @@ EXAMPLES = (
 )
 
 
-class Look(StrEnum):
-    """Media that figures are drawn for."""
+Look: TypeAlias = Literal[
+    "page",
+    "paper",
+    "slides",
+]
+"""Media that figures are drawn for."""
 
-    PAGE = "page"
-    PAPER = "paper"
-    SLIDES = "slides"
 
-
-class Format(StrEnum):
-    """Formats of figures; pdf and svg stay sharp."""
-
-    PDF = "pdf"
-    SVG = "svg"
-    PNG = "png"
+Format: TypeAlias = Literal["pdf", "svg", "png"]
+"""Formats of figures; pdf and svg stay sharp."""
 
 
 def figures(
     flight: FlightArgument = FLIGHT,
     look: Annotated[
         Look, typer.Option("--for", help="Medium, which decides the sizes of letters and lines.")
-    ] = Look.PAPER,
-    form: Annotated[Format, typer.Option("--format", help="Format of the files.")] = Format.PDF,
+    ] = "paper",
+    form: Annotated[Format, typer.Option("--format", help="Format of the files.")] = "pdf",
     model: PredictedOption = None,
     place: Annotated[
         Path | None,
@@ -59,14 +54,14 @@ def figures(
     from patagium.whole_file import make_folder
 
     learned = None if model is None else load_model(existing(model))
-    drawn = flight_figures(load_flight(flight_file(flight)), look.value, learned)
+    drawn = flight_figures(load_flight(flight_file(flight)), look, learned)
     folder = make_folder(flight.with_suffix("") if place is None else place)
     outputs, files = Outputs(), {}
     for name, figure in drawn.items():
-        file = folder / f"{name}.{form.value}"
+        file = folder / f"{name}.{form}"
         if outputs.attempt(file.name, partial(save_figure, figure, file)):
             files[name] = str(file)
-    title = f"Figures for {look.value}"
+    title = f"Figures for {look}"
     outputs.attempt("names on stdout", lambda: answer(files, as_json=as_json, title=title))
     outputs.check()
     if not as_json:

@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import Annotated, Any, TextIO, cast
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperOption
 
 from patagium.cli import (  # isort: skip
     cache, check, cycles, evaluate, export, figures, fly, identify, import_log, inspect, motion,
@@ -51,7 +51,7 @@ def _add(verb: ModuleType, where: typer.Typer = app, *, hidden: bool = False) ->
 
 
 def _command(verb: ModuleType) -> type[TyperCommand]:
-    """Command whose help shows the usual options first, and the others of a verb in panels."""
+    """Command whose help shows the usual options, and names the others by panel or shows all."""
     places = {
         name: panel
         for panel, names in getattr(verb, "PANELS", {}).items()
@@ -61,13 +61,30 @@ def _command(verb: ModuleType) -> type[TyperCommand]:
     class Command(TyperCommand):
         def __init__(self, *words: Any, **options: Any) -> None:
             super().__init__(*words, **options)
-            for one in self.params:
+            for one in cast(list[TyperOption], self.params):
                 if one.name in places:
-                    one.rich_help_panel = places[one.name]  # type: ignore[attr-defined]
+                    one.rich_help_panel = places[one.name]
+
+        def get_help_option_names(self, context: Any) -> list[str]:
+            return ["--help", "--help-all", "-h"]
 
         def parse_args(self, context: Any, words: list[str]) -> list[str]:
+            self.brief = "--help-all" not in words
             alone = getattr(verb, "ALONE", {}).get(words[-1] if words else None, [])
             return super().parse_args(context, [*words, *alone])
+
+        def format_help(self, context: Any, formatter: Any) -> None:
+            further: dict[str, list[str]] = {}
+            for one in cast(list[TyperOption], self.params):
+                panel = one.rich_help_panel
+                one.hidden = self.brief and panel is not None
+                if panel and one.hidden:
+                    further.setdefault(panel, []).append(one.opts[0])
+            named = [f"- {panel}: {' '.join(names)}" for panel, names in further.items()]
+            told = ["Further options, which --help-all describes:", "\n".join(named)]
+            examples = ["Examples:", *verb.EXAMPLES[: 2 if named else None]]
+            self.epilog = "\n\n".join([*told, *examples] if named else examples)
+            super().format_help(context, formatter)
 
         def invoke(self, context: Any) -> Any:
             check_files(context.params)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import typer
 
@@ -20,13 +19,13 @@ PATHS = ("line", "circle", "figure-of-eight", "sinusoid")
 """Paths by name; any other word is a file."""
 
 
-class MountKind(StrEnum):
-    """Mounts that hold the robot."""
-
-    FREE = "free"
-    FIXED = "fixed"
-    CARRIED = "carried"
-    ARM = "arm"
+MountKind: TypeAlias = Literal[
+    "free",
+    "fixed",
+    "carried",
+    "arm",
+]
+"""Mounts that hold the robot."""
 
 
 class Sizes(tuple[float, ...]):
@@ -97,12 +96,12 @@ def mount_from(
     from patagium.robot import load_robot
     from patagium.simulation import mounts
 
-    if kind not in (MountKind.CARRIED, MountKind.ARM):
+    if kind not in ("carried", "arm"):
         if words.kind is not None:
             raise ParameterError("--path", "--mount arm or carried with it", kind)
-        return None if kind is None else getattr(mounts, kind.value)()
+        return None if kind is None else getattr(mounts, kind)()
     path = _path(words)
-    if kind is MountKind.CARRIED:
+    if kind == "carried":
         return mounts.carried(path)
     machine = load_robot(arm)
     return mounts.on_arm(machine, path, at=at, position=shift or _ZERO, orientation=turn or _ZERO)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import typer
 
@@ -27,12 +26,12 @@ MOST_SPEEDS = 100
 PANELS = {"Air and flight": "climb aero density", "Files": "output beats gait figure"}
 
 
-class Aim(StrEnum):
-    """Goals of an optimization."""
-
-    POWER = "power"
-    RANGE = "range"
-    SPEED = "speed"
+Aim: TypeAlias = Literal[
+    "power",
+    "range",
+    "speed",
+]
+"""Goals of an optimization."""
 
 
 def optimize(
@@ -50,7 +49,7 @@ def optimize(
     ] = 0.0,
     goal: Annotated[
         Aim, typer.Option(help="Least mean power, least energy a meter, or greatest speed.")
-    ] = Aim.POWER,
+    ] = "power",
     harmonics: Annotated[
         int, typer.Option(min=1, help="Order of the Fourier series of the joints.")
     ] = 3,
@@ -65,7 +64,7 @@ def optimize(
         Numbers | None,
         typer.Option(parser=numbers, help="Speeds of a front of speed and power, in m/s."),
     ] = None,
-    aero: Annotated[GreyModel, typer.Option(help="Model of the air.")] = GreyModel.QUASI_STEADY,
+    aero: Annotated[GreyModel, typer.Option(help="Model of the air.")] = "quasi-steady",
     density: DensityOption = 1.225,
     output: Annotated[
         Path | None, typer.Option(*OUTPUT, help="File for a flight with the gait (.nc).")
@@ -98,7 +97,7 @@ def optimize(
     machine = load_robot(robot)
     model = air_class(aero)(machine, Air(density=density))
     if front is not None:
-        if speed is not None or output is not None or gait is not None or goal != Aim.POWER:
+        if speed is not None or output is not None or gait is not None or goal != "power":
             raise ParameterError("--front", "no --speed, --goal, --output or --gait with it", front)
         if len(front) > MOST_SPEEDS:
             raise ParameterError("--front", f"at most {MOST_SPEEDS} speeds", len(front))
@@ -113,7 +112,7 @@ def optimize(
         speed=speed,
         climb=climb,
         harmonics=harmonics,
-        goal=goal.value,
+        goal=goal,
         **options,
     )
     if not isinstance(found, control.OptimalGait):

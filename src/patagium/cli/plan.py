@@ -61,7 +61,7 @@ class TrimPart(_Part):
     climb: Speed | None = None
     turn_rate: TurnRate = 0.0
     free: tuple[str, ...] = ()
-    air: GreyModel = GreyModel.QUASI_STEADY
+    air: GreyModel = "quasi-steady"
     density: Density = 1.225
 
 
@@ -69,7 +69,7 @@ class TruthPart(_Part):
     """Truth that flies: masses and inertias off the file's, other air."""
 
     masses: PureNumber = 0.01
-    air: GreyModel = GreyModel.QUASI_STEADY
+    air: GreyModel = "quasi-steady"
     density: Density = 1.2
     wind: Velocity = (0.0, 0.0, 0.0)
     added_mass: PureNumber | None = None

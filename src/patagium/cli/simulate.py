@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import typer
 
@@ -31,27 +30,21 @@ if TYPE_CHECKING:
     from patagium.simulation.gait_models import Gait
 
 
-class AirModel(StrEnum):
-    """Models of the air."""
-
-    QUASI_STEADY = "quasi-steady"
-    LIFTING_LINE = "lifting-line"
-    DELAURIER = "delaurier"
-    PUBLISHED = "published"
-
-
-class AttitudeKind(StrEnum):
-    """Coordinates of a floating body's attitude."""
-
-    EULER = "euler"
-    QUATERNION = "quaternion"
+AirModel: TypeAlias = Literal[
+    "quasi-steady",
+    "lifting-line",
+    "delaurier",
+    "published",
+]
+"""Models of the air."""
 
 
-class Stepping(StrEnum):
-    """Steppings of joints: exactly on the gait, or overwritten as in the published experiment."""
+AttitudeKind: TypeAlias = Literal["euler", "quaternion"]
+"""Coordinates of a floating body's attitude."""
 
-    PRESCRIBED = "prescribed"
-    PUBLISHED = "published"
+
+Stepping: TypeAlias = Literal["prescribed", "published"]
+"""Steppings of joints: exactly on the gait, or overwritten as in the published experiment."""
 
 
 _ANGLE = {"parser": quantity("rad", "an angle")}
@@ -123,7 +116,7 @@ def simulate(
     offset: Annotated[
         list[str] | None, typer.Option(help="Mean of a joint: elbow='-10 deg'. Repeat it.")
     ] = None,
-    aero: Annotated[AirModel, typer.Option(help="Model of the air.")] = AirModel.QUASI_STEADY,
+    aero: Annotated[AirModel, typer.Option(help="Model of the air.")] = "quasi-steady",
     inflow: Annotated[
         bool, typer.Option("--inflow", help="Wings meet the air that they have thrown down.")
     ] = False,
@@ -213,7 +206,7 @@ def simulate(
     stepping: Annotated[
         Stepping,
         typer.Option(help="Stepping of the joints; published for comparison with the paper only."),
-    ] = Stepping.PRESCRIBED,
+    ] = "prescribed",
     output: Annotated[Path, typer.Option(*OUTPUT, help="File for the flight (netCDF).")] = Path(
         "flight.nc"
     ),
@@ -240,14 +233,14 @@ def simulate(
     shown = live_options.live_choice(live, live_address, choice)
     machine = load_robot(robot)
     if attitude is not None:
-        machine = machine.with_attitude(attitude.value)
+        machine = machine.with_attitude(attitude)
     asked = (gait, plunge, elbow, feather, amplitude or None, phase or None, offset or None)
     own = None if any(one is not None for one in asked) else machine.cruise
-    standing = not machine.floating or mount is MountKind.FIXED
+    standing = not machine.floating or mount == "fixed"
     air = Air(density, wind or (-own.speed if own and standing else 0.0, 0, 0), ground=ground)
     model = _air_model(aero, machine, air, inflow)
     carried = None if added_mass is None else AddedMass(machine, air, factor=added_mass)
-    if stepping is Stepping.PUBLISHED:
+    if stepping == "published":
         if time_step is None or duration is None:
             raise ParameterError("--time-step, --duration", "both with --stepping published", None)
         for option, given in (("--added-mass", added_mass), ("--live", shown and live)):
@@ -362,7 +355,7 @@ def _air_model(aero: AirModel, machine: Robot, air: Air, inflow: bool) -> Aerody
     from patagium.aerodynamics import Inflow
     from patagium.plugins import AIR_MODELS, plugin
 
-    published = aero is AirModel.PUBLISHED
+    published = aero == "published"
     make = _of_laboratory(plugin(AIR_MODELS, "published"), "--aero") if published else None
     made: Aerodynamics = (make or air_class(aero))(machine, air)
     return Inflow(made) if inflow else made

@@ -50,7 +50,7 @@ def trim(
             "default the actuators of the robot's file, else all. Repeat it."
         ),
     ] = None,
-    aero: Annotated[GreyModel, typer.Option(help="Model of the air.")] = GreyModel.QUASI_STEADY,
+    aero: Annotated[GreyModel, typer.Option(help="Model of the air.")] = "quasi-steady",
     density: DensityOption = 1.225,
     beats: Annotated[
         float, typer.Option(min=1e-3, max=1e4, help="Wingbeats of the flight that -o writes.")
@@ -87,9 +87,7 @@ def trim(
     level = 0.0 if gait.period else None
     if not as_json:
         kind = "Wingbeat" if gait.period else "Glide"
-        typer.echo(
-            f"{kind} of the file's cruise, {aero.value} air; free: {', '.join(chosen)}", err=True
-        )
+        typer.echo(f"{kind} of the file's cruise, {aero} air; free: {', '.join(chosen)}", err=True)
     model = air_class(aero)(machine, Air(density=density))
     orbit = control.trim(
         machine,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -84,6 +85,20 @@ def test_the_first_screen_of_help_is_enough_for_the_usual_work(
     start = next(k for k, line in enumerate(lines) if "─ Options ─" in line)
     end = next(k for k, line in enumerate(lines) if k > start and line.startswith("╰"))
     assert end < SCREEN, "\n".join(lines[: end + 1])
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_names_every_option_briefly_and_describes_all_where_asked(
+    verb: str, speak: Speak, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    whole, brief = speak(verb, "--help-all").out, speak(verb, "--help").out
+    described = set(re.findall(r"^│ (?:\*  | {3})?(--[\w-]+)", whole, re.MULTILINE))
+    assert described <= set(re.findall(r"--[\w-]+", brief)), verb
+    assert len(brief.splitlines()) <= 60  # two screens; simulate had 268 lines
+    panels = len(re.findall(r"^╭", whole, re.MULTILINE))
+    assert ("which --help-all describes" in brief) == (panels > 2)
+    assert "which --help-all describes" not in whole
 
 
 def test_help_is_quick() -> None:

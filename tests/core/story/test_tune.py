@@ -229,5 +229,5 @@ def test_identify_shows_a_forecast_and_says_what_is_none(folder: Path, speak: Sp
     assert scores["forecast_10ms_count"] > 10 and scores["forecast_10ms_seconds"] == 0.01
     assert speak(*words, "--horizon", "soon").code == 2
     assert "--horizon scores a true forecast" in " ".join(
-        re.sub("[│╭╮╰╯─]", " ", speak("identify", "--help").out).split()
+        re.sub("[│╭╮╰╯─]", " ", speak("identify", "--help-all").out).split()
     )
