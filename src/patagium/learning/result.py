@@ -69,7 +69,8 @@ class Identification:
             "nis": "normalized innovation squared, per output",
         }
         facts = [(text, self.scores.get(name)) for name, text in named.items()]
-        found = [(text, f"{value:.4g}") for text, value in facts if isinstance(value, int | float)]
+        found = [(text, str(value)) for text, value in facts if isinstance(value, int)]
+        found += [(text, f"{value:.4g}") for text, value in facts if isinstance(value, float)]
         return found + [("learner", repr(self.learner))] * (self.learner is not None)
 
     def save(self, path: str | Path) -> None:

@@ -80,7 +80,7 @@ def test_imports_only_go_down() -> None:
 
 
 def test_public_names_are_the_ones_promised() -> None:
-    assert set(patagium.__all__) == PUBLIC
+    assert set(patagium.__all__) == set(dir(patagium)) == PUBLIC
 
 
 @pytest.mark.parametrize("name", sorted(PUBLIC))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from dataclasses import replace
 from html.parser import HTMLParser
 from typing import Any
 
@@ -92,6 +93,8 @@ def test_every_public_object_says_what_it_is_in_a_few_lines(things: dict[str, An
         text = repr(thing)
         assert name in text and " at 0x" not in text
         assert len(text.splitlines()) <= 10 and len(text) <= 1000, name
+    many = replace(things["Identification"], scores={"samples": 10_001})
+    assert "samples: 10001\n" in repr(many)  # a count, all its digits
 
 
 def test_what_equations_depend_on_is_not_what_a_person_reads(robot: pt.Robot) -> None:
