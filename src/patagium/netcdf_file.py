@@ -5,18 +5,20 @@ forced to the disk first, where a failure is an exception. What closing still wr
 of it only the head of the file is new, that it was closed, and is written from there; the rest
 repeats what is on the disk. Without memory files (not Linux) closing writes itself.
 
-Whatever the libraries raise of a damaged file is one error, and its size is bounded. Neglected:
-damage that leaves a readable file, such as a flipped bit of a number.
+Whatever the libraries raise of a damaged file is one error, and its size is bounded. A file ends
+in a checksum of all before it, beyond what HDF5 reads: a flipped bit could give another number, or
+keep HDF5 reading for ever. Other programs read such a file, and drop its end where they change it.
 """
 
 from __future__ import annotations
 
 import os
+import zlib
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import netCDF4
 
@@ -32,6 +34,8 @@ _GROWTH, _SPARE = 1000, 100_000_000
 """Bytes of memory for a byte of a file (compression), and besides that [B]."""
 _PIECE, _COLUMN = 2048, 16384  # samples that are compressed at once: of all columns, of one
 _HEAD = 4096  # B, of which HDF5's superblock takes 48 or 96
+_BLOCK = 1 << 20  # B that are read at once
+_SEAL = b"patagium crc32 "
 
 
 class NetcdfDraft(Draft):
@@ -94,6 +98,8 @@ class NetcdfDraft(Draft):
                 last = b"" if memory is None else os.pread(memory, len(head), 0)
             with self.path.open("rb+") as stream:
                 stream.write(last)
+                stream.seek(0)
+                stream.write(_seal(stream, self.path.stat().st_size))
         return super().publish()
 
     def discard(self) -> None:
@@ -204,6 +210,7 @@ def loaded_dataset(
 
     with netcdf_content(path, error, expected):
         file = regular_file(path)
+        check_seal(file)
         options = {"group": group, "engine": "netcdf4", "decode_times": False}
         with xr.open_dataset(file, **options) as opened:  # type: ignore[arg-type]
             most = min(_GROWTH * file.stat().st_size + _SPARE, free_memory() // 2)
@@ -225,6 +232,31 @@ def loaded_dataset(
 def _texts(dataset: xr.Dataset) -> dict[str, xr.Variable]:
     variables = dataset.variables.items()
     return {str(name): one for name, one in variables if one.dtype.kind in "OUT"}
+
+
+def _seal(stream: BinaryIO, size: int) -> bytes:
+    """End of a file of so many bytes, which are read from here on."""
+    checksum = 0
+    while size > 0:
+        piece = stream.read(min(_BLOCK, size))
+        checksum, size = zlib.crc32(piece, checksum), size - (len(piece) or size)
+    return _SEAL + b"%08x\n" % checksum
+
+
+def check_seal(file: Path) -> None:
+    """Refuse a file that is not as it was written; one without a checksum passes.
+
+    Raises:
+        Unreadable: If its checksum is another one.
+    """
+    size = file.stat().st_size - len(_SEAL) - 9
+    with file.open("rb") as stream:
+        stream.seek(max(0, size))
+        kept = stream.read()
+        stream.seek(0)
+        if kept.startswith(_SEAL) and kept != _seal(stream, size):
+            found = "others: it is damaged, so take it from a copy or make it anew"
+            raise Unreadable(str(file), "", "the bytes that were written", found)
 
 
 @contextmanager

@@ -261,12 +261,9 @@ class DrydenGust:
         return {"name": self.name, **field_values(self)}
 
     def _unit(self, axis: int, noise: Array, past: Array) -> Array:
-        """Stationary turbulence of unit variance, (before + count,), from normal noise.
+        """Stationary turbulence of unit variance along an axis, (before + count,) [1].
 
-        Args:
-            axis: Which axis.
-            noise: From time zero on, (count, 2).
-            past: Before it, backward in time, (before, 2).
+        Of normal noise from time zero on, (count, 2), and before it, backward, (before, 2).
         """
         step = self.step * self.airspeed / self.length_scale[axis]
         decay = exp(-step)
@@ -555,12 +552,8 @@ def _moments(
 ) -> Array:
     """Contribution of a part of the chord to mean, first moment and rate, (N, 3, 3).
 
-    Args:
-        coefficients: a, (N, 4, 3) [m/s, m/s^2, ...], of g = sum_m a_m (offset + slope y)^m.
-        offset: (N,) [s].
-        slope: (N,) [s].
-        rates: Of offset and slope, (2, N).
-        between: Integrals of y^k over the part, (6, N) [-].
+    The gust is g = sum_m a_m (offset + slope y)^m, with coefficients a (N, 4, 3) [m/s, m/s^2, ...];
+    `between` holds the integrals of y^k over the part, (6, N) [-].
     """
     powers = np.zeros((4, 4, len(offset)))  # of y, in (offset + slope y)^m
     powers[0, 0] = 1.0

@@ -12,23 +12,53 @@ from contextlib import contextmanager
 from patagium.cli.words import Progress
 from patagium.errors import Interrupted
 
+_MAIN = threading.main_thread()
+_waiting: list[threading.Timer] = []
 
-def hear_again() -> None:
-    """Ask for Ctrl-C again where Python drops it: in a destructor or a weak reference's callback.
 
-    After long work in compiled code, such as drawing, that is often where it arrives.
+def got_through() -> None:
+    """Ask no more for a Ctrl-C that was heard."""
+    for timer in _waiting:
+        timer.cancel()
+
+
+@contextmanager
+def heard() -> Iterator[None]:
+    """Context in which Ctrl-C is asked again, every tenth of a second, until it gets through.
+
+    CasADi drops what is raised in code that it calls, as does Python in a destructor or the
+    callback of a weak reference: two of ten requests were lost while expressions were made.
     """
-    tell = sys.unraisablehook
+    before, tell = signal.getsignal(signal.SIGINT), sys.unraisablehook
+    repeats = threading.Event()
 
-    def answer(dropped: sys.UnraisableHookArgs) -> None:
-        if dropped.exc_type is KeyboardInterrupt:
-            again = threading.Timer(0.02, os.kill, (os.getpid(), signal.SIGINT))  # s; over by then
-            again.daemon = True
-            again.start()
-        else:
-            tell(dropped)
+    def repeat() -> None:
+        repeats.set()
+        os.kill(os.getpid(), signal.SIGINT)
 
-    sys.unraisablehook = answer
+    def answer(number: int, frame: object) -> None:
+        cause, repeated = sys.exception(), repeats.is_set()
+        repeats.clear()
+        got_through()
+        _waiting[:] = [threading.Timer(0.1, repeat)]  # s
+        _waiting[0].daemon = True
+        _waiting[0].start()
+        while cause is not None and not isinstance(cause, KeyboardInterrupt):
+            cause = cause.__context__
+        if cause is None or not repeated:  # else it is on its way, through what tidies up
+            raise KeyboardInterrupt
+
+    if before is not signal.default_int_handler or threading.current_thread() is not _MAIN:
+        yield
+        return
+    sys.unraisablehook = lambda lost: lost.exc_type is KeyboardInterrupt or tell(lost)
+    signal.signal(signal.SIGINT, answer)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        sys.unraisablehook = tell
+        got_through()
 
 
 @contextmanager
@@ -54,7 +84,7 @@ def interrupted(answers: Iterable[Callable[[], None]]) -> Iterator[None]:
             raise KeyboardInterrupt
         act()
 
-    if threading.current_thread() is not threading.main_thread():
+    if threading.current_thread() is not _MAIN:
         yield
         return
     numbers = [signal.SIGINT, signal.SIGTERM]

@@ -23,7 +23,7 @@ from patagium.cli import (  # isort: skip
     cache, check, cycles, evaluate, export, figures, fly, identify, import_log, inspect, motion,
     optimize, robots, send, simulate, stream, trim, tune, view,
 )  # fmt: skip
-from patagium.cli.interruption import hear_again
+from patagium.cli.interruption import heard
 from patagium.cli.outputs import check_files
 from patagium.cli.usage import UsageError, usage_sentence
 from patagium.errors import PatagiumError, RobotFileWarning
@@ -139,9 +139,8 @@ def run(arguments: Sequence[str] | None = None) -> None:
     if isinstance(sys.stdout, TextIOWrapper):  # names of files may hold what is no text
         sys.stdout.reconfigure(errors="backslashreplace")
     sys.stderr = cast(TextIO, _Messages(stderr))
-    hear_again()
     try:
-        with warnings.catch_warnings():
+        with heard(), warnings.catch_warnings():
             warnings.simplefilter("always", RobotFileWarning)
             warnings.showwarning = _say_warning
             said = [word for word in words if word != "--debug"]

@@ -12,15 +12,10 @@ from patagium.cli.estimates import air_class
 from patagium.cli.learner_options import LearnerChoice, with_learner_options
 from patagium.cli.mounting import MountKind, PathWords, Sizes, mount_from, sizes
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import (
-    OUTPUT,
-    DensityOption,
-    DrawingOption,
-    DurationOption,
-    Vector,
-    quantity,
-    vector,
-)
+
+from patagium.cli.words import (  # isort: skip
+    OUTPUT, DensityOption, DrawingOption, DurationOption, Vector, quantity, vector,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

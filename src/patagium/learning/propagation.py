@@ -138,12 +138,8 @@ class RobotMotion:
     ) -> tuple[Array, Array]:
         """Mean acceleration of what is forecast over a step, and the measured inputs of its middle.
 
-        Args:
-            state: q (n_q,) of the middle of the step; v and a (n,), of the joints there and of
-                the rest at the begin [SI].
-            step: Step [s]; 0 for the acceleration at a state.
-            at: Model, and its memory, which moves on.
-            time: Time of the middle [s].
+        The state is q (n_q,) of the middle of the step, v and a (n,), of the joints there and of
+        the rest at the begin [SI]; a step of 0 gives the acceleration there. The memory moves on.
         """
         (network, weights, _), memory = at
         q, v, a = state

@@ -23,21 +23,11 @@ from pydantic import (
 
 from patagium.limits import LEAST_MASS
 from patagium.robot.model import CAPACITIES, capacity_units
-from patagium.robot.units import (
-    Acceleration,
-    Angle,
-    BeamStiffness,
-    Duration,
-    Frequency,
-    Inertia,
-    Length,
-    Mass,
-    PureNumber,
-    Speed,
-    UnitMismatch,
-    in_si,
-    mismatch,
-)
+
+from patagium.robot.units import (  # isort: skip
+    Acceleration, Angle, BeamStiffness, Duration, Frequency, Inertia, Length, Mass, PureNumber,
+    Speed, UnitMismatch, in_si, mismatch,
+)  # fmt: skip
 
 
 class _Part(BaseModel):

@@ -46,6 +46,7 @@ PITCH_LIMIT = np.pi / 2 - 0.02
 
 AnyPath = TypeVar("AnyPath", bound=Gait)
 _CLOSURE = 1e-9  # how far a last way-point may be from the first and still repeat it
+_BRIEFEST = 1e-9 * (1 - 1e-6)  # s between two points, below which accelerations may overflow
 
 
 @dataclass(frozen=True)
@@ -227,8 +228,8 @@ def waypoints(
     if not (np.isfinite(times).all() and np.isfinite(places).all()):
         raise ParameterError("waypoints", "finite numbers", "others")
     fewest = 7 if closed else 2
-    if len(times) < fewest or not np.all(np.diff(times) > 0):
-        expected = f"at least {fewest}, each later than the one before"
+    if len(times) < fewest or not np.all(np.diff(times) > _BRIEFEST):
+        expected = f"at least {fewest}, each later than the one before, by a nanosecond or more"
         raise ParameterError("waypoints.time", expected, times.tolist()[:8])
     if places.shape[1] == 3:
         fixed = np.broadcast_to(finite_triple("attitude", attitude), places.shape)

@@ -127,6 +127,7 @@ def test_a_path_comes_from_a_table(tmp_path):
         (lambda: pt.paths.circle((0, 0, 0), 1.0, speed=1, normal=(0, 0, 0)), "normal"),
         (lambda: pt.paths.line((0, 0), (1, 0, 0), duration=1), "start: expected three"),
         (lambda: pt.paths.line((0, 0, 0), (1, 0, 0), duration=-1), "duration"),
+        (lambda: pt.paths.line((0, 0, 0), (1, 0, 0), duration=1e-300), "a nanosecond or more"),
         (
             lambda: pt.paths.figure_of_eight((0, 0, 0), 1, 1, speed=1, across=(1, 1, 0)),
             "across: expected a direction square to along",

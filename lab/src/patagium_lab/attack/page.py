@@ -148,8 +148,9 @@ def _hostile(results: AttackResults) -> list[Block]:
         area_table(results),
         table_of({"area": "area", "target": "name", **_COLUMNS}, targets, "The same by target."),
         "Not attacked: the attack itself, studies under signals and failing disks, plugins, power "
-        "that is lost, and a stranger who can write as the user. Times include what other "
-        "programs on the machine took.",
+        "that is lost, netCDF files whose checksum a stranger makes right (see SECURITY.md), and a "
+        "stranger who can write as the user. Times include what other programs on the machine "
+        "took.",
     ]
     if findings:
         cells: list[list[Cell]] = [

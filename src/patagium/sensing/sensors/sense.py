@@ -16,7 +16,7 @@ import xarray as xr
 from patagium.arguments import checked
 from patagium.arrays import brief
 from patagium.errors import FlightError, LogError, ParameterError
-from patagium.netcdf_file import loaded_dataset, write_netcdf
+from patagium.netcdf_file import check_seal, loaded_dataset, write_netcdf
 from patagium.reading import json_object, made_again
 from patagium.robot import Robot, load_robot_text
 from patagium.sensing.sensors.imu import Imu
@@ -154,6 +154,7 @@ def save_sensor_log(log: SensorLog, path: str | Path) -> Path:
 def is_sensor_log(path: str | Path) -> bool:
     """Whether a file is what `save_sensor_log` wrote."""
     try:
+        check_seal(Path(path))
         with netCDF4.Dataset(str(path)) as opened:
             return bool(opened.groups)
     except OSError:

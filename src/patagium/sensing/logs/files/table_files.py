@@ -291,12 +291,7 @@ def _separator(line: str) -> str:
 
 
 def _units_below(rows: Sequence[Sequence[str]], count: int) -> list[str] | None:
-    """Units of the columns in the row below the names; None if that row holds samples.
-
-    Args:
-        rows: Entries of the rows below the names.
-        count: Number of names.
-    """
+    """Units of the columns in the first row below the names; None if that row holds samples."""
     if len(rows) < 2 or len(rows[0]) > count or not any(map(_is_number, rows[1])):
         return None
     units = [cell.strip().strip("[]()") for cell in rows[0]]
