@@ -61,8 +61,14 @@ def test_beside_the_main_thread_nothing_is_caught() -> None:
 
 
 def spoken(program: str) -> str:
-    """What a program in a process of its own prints; nothing may come on stderr."""
-    begin = "import os, signal, time\nfrom patagium.cli.interruption import got_through, heard\n"
+    """What a program in a process of its own prints; nothing may come on stderr.
+
+    A shell that starts the tests in the background has Ctrl-C ignored, which is inherited.
+    """
+    begin = (
+        "import os, signal, time\nfrom patagium.cli.interruption import got_through, heard\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    )
     ran = subprocess.run(
         [sys.executable, "-c", begin + program],
         capture_output=True, text=True, timeout=60, check=True,
