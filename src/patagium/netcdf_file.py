@@ -5,9 +5,9 @@ forced to the disk first, where a failure is an exception. What closing still wr
 of it only the head of the file is new, that it was closed, and is written from there; the rest
 repeats what is on the disk. Without memory files (not Linux) closing writes itself.
 
-Whatever the libraries raise of a damaged file is one error, and its size is bounded. A file ends
-in a checksum of all before it, beyond what HDF5 reads: a flipped bit could give another number, or
-keep HDF5 reading for ever. Other programs read such a file, and drop its end where they change it.
+Whatever the libraries raise for a damaged file is one error, and its size is bounded. The last
+line of a file is a checksum of all bytes before it, because a flipped bit may give a wrong number
+or an endless loop in HDF5. HDF5 does not read this line, and removes it when it changes the file.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import os
 import zlib
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -35,7 +36,7 @@ _GROWTH, _SPARE = 1000, 100_000_000
 _PIECE, _COLUMN = 2048, 16384  # samples that are compressed at once: of all columns, of one
 _HEAD = 4096  # B, of which HDF5's superblock takes 48 or 96
 _BLOCK = 1 << 20  # B that are read at once
-_SEAL = b"patagium crc32 "
+_MARK = b"patagium crc32 "
 
 
 class NetcdfDraft(Draft):
@@ -99,7 +100,7 @@ class NetcdfDraft(Draft):
             with self.path.open("rb+") as stream:
                 stream.write(last)
                 stream.seek(0)
-                stream.write(_seal(stream, self.path.stat().st_size))
+                stream.write(_checksum_line(stream, self.path.stat().st_size))
         return super().publish()
 
     def discard(self) -> None:
@@ -209,8 +210,7 @@ def loaded_dataset(
     import xarray as xr
 
     with netcdf_content(path, error, expected):
-        file = regular_file(path)
-        check_seal(file)
+        file = _undamaged(path)
         options = {"group": group, "engine": "netcdf4", "decode_times": False}
         with xr.open_dataset(file, **options) as opened:  # type: ignore[arg-type]
             most = min(_GROWTH * file.stat().st_size + _SPARE, free_memory() // 2)
@@ -234,29 +234,46 @@ def _texts(dataset: xr.Dataset) -> dict[str, xr.Variable]:
     return {str(name): one for name, one in variables if one.dtype.kind in "OUT"}
 
 
-def _seal(stream: BinaryIO, size: int) -> bytes:
-    """End of a file of so many bytes, which are read from here on."""
-    checksum = 0
-    while size > 0:
-        piece = stream.read(min(_BLOCK, size))
-        checksum, size = zlib.crc32(piece, checksum), size - (len(piece) or size)
-    return _SEAL + b"%08x\n" % checksum
+def open_netcdf(path: str | Path) -> netCDF4.Dataset:
+    """NetCDF file open for reading, after its checksum was compared.
 
-
-def check_seal(file: Path) -> None:
-    """Refuse a file that is not as it was written; one without a checksum passes.
+    Args:
+        path: The file.
 
     Raises:
-        Unreadable: If its checksum is another one.
+        Unreadable: If it is no file, or was damaged since it was written.
+        OSError: If it is no netCDF file.
     """
-    size = file.stat().st_size - len(_SEAL) - 9
+    return netCDF4.Dataset(_undamaged(path))
+
+
+def _undamaged(path: str | Path) -> Path:
+    """Path of a file whose checksum is right, or that has none; compared once while it is there."""
+    file = regular_file(path)
+    state = file.stat()
+    _compare_checksum(file, state.st_ino, state.st_size, state.st_mtime_ns)
+    return file
+
+
+@lru_cache(maxsize=100)
+def _compare_checksum(file: Path, inode: int, size: int, changed: int) -> None:
+    """Refuse a damaged file; inode and time of change tell a later state of it from this one."""
+    content = max(0, size - len(_MARK) - 9)
     with file.open("rb") as stream:
-        stream.seek(max(0, size))
-        kept = stream.read()
+        stream.seek(content)
+        kept = stream.read(size - content)
         stream.seek(0)
-        if kept.startswith(_SEAL) and kept != _seal(stream, size):
+        if kept.startswith(_MARK) and kept != _checksum_line(stream, content):
             found = "others: it is damaged, so take it from a copy or make it anew"
             raise Unreadable(str(file), "", "the bytes that were written", found)
+
+
+def _checksum_line(stream: BinaryIO, size: int) -> bytes:
+    """Last line of a netCDF file: the checksum of the next `size` bytes of a stream."""
+    checksum = 0
+    for start in range(0, size, _BLOCK):
+        checksum = zlib.crc32(stream.read(min(_BLOCK, size - start)), checksum)
+    return _MARK + b"%08x\n" % checksum
 
 
 @contextmanager

@@ -263,7 +263,8 @@ class DrydenGust:
     def _unit(self, axis: int, noise: Array, past: Array) -> Array:
         """Stationary turbulence of unit variance along an axis, (before + count,) [1].
 
-        Of normal noise from time zero on, (count, 2), and before it, backward, (before, 2).
+        It filters white noise: `noise`, (count, 2), from time zero on, and `past`, (before, 2),
+        which runs backward from time zero.
         """
         step = self.step * self.airspeed / self.length_scale[axis]
         decay = exp(-step)

@@ -16,11 +16,7 @@ if TYPE_CHECKING:
     from patagium.learning import Identification
 
 
-GreyModel: TypeAlias = Literal[
-    "quasi-steady",
-    "lifting-line",
-    "delaurier",
-]
+GreyModel: TypeAlias = Literal["quasi-steady", "lifting-line", "delaurier"]
 """Models of the air whose numbers can be learned."""
 
 

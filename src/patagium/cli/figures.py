@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal
 
 import typer
 
@@ -17,24 +17,15 @@ EXAMPLES = (
 )
 
 
-Look: TypeAlias = Literal[
-    "page",
-    "paper",
-    "slides",
-]
-"""Media that figures are drawn for."""
-
-
-Format: TypeAlias = Literal["pdf", "svg", "png"]
-"""Formats of figures; pdf and svg stay sharp."""
-
-
 def figures(
     flight: FlightArgument = FLIGHT,
     look: Annotated[
-        Look, typer.Option("--for", help="Medium, which decides the sizes of letters and lines.")
+        Literal["page", "paper", "slides"],
+        typer.Option("--for", help="Medium, which decides the sizes of letters and lines."),
     ] = "paper",
-    form: Annotated[Format, typer.Option("--format", help="Format of the files.")] = "pdf",
+    form: Annotated[
+        Literal["pdf", "svg", "png"], typer.Option("--format", help="Format of the files.")
+    ] = "pdf",
     model: PredictedOption = None,
     place: Annotated[
         Path | None,

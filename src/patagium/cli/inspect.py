@@ -67,7 +67,7 @@ def inspect(
 
 
 def _begun(found: Inspection) -> list[str]:
-    """Lines of a mapping to begin from, of the first topic with numbers: the last is learned."""
+    """Lines of a mapping to begin from: of the first topic with numbers, the last is the output."""
     first = next((one for one in found.topics if len(one.channels) > 1), None)
     if first is None:
         return []

@@ -16,18 +16,18 @@ _MAIN = threading.main_thread()
 _waiting: list[threading.Timer] = []
 
 
-def got_through() -> None:
-    """Ask no more for a Ctrl-C that was heard."""
+def stop_repeating() -> None:
+    """End the repetitions of a Ctrl-C that the program has answered."""
     for timer in _waiting:
         timer.cancel()
 
 
 @contextmanager
-def heard() -> Iterator[None]:
-    """Context in which Ctrl-C is asked again, every tenth of a second, until it gets through.
+def repeated_interrupt() -> Iterator[None]:
+    """Context in which Ctrl-C is repeated every 0.1 s until it has ended the work.
 
-    CasADi drops what is raised in code that it calls, as does Python in a destructor or the
-    callback of a weak reference: two of ten requests were lost while expressions were made.
+    One KeyboardInterrupt is not enough: CasADi discards exceptions of Python code that it calls,
+    and Python those of destructors and of callbacks of weak references.
     """
     before, tell = signal.getsignal(signal.SIGINT), sys.unraisablehook
     repeats = threading.Event()
@@ -39,13 +39,13 @@ def heard() -> Iterator[None]:
     def answer(number: int, frame: object) -> None:
         cause, repeated = sys.exception(), repeats.is_set()
         repeats.clear()
-        got_through()
+        stop_repeating()
         _waiting[:] = [threading.Timer(0.1, repeat)]  # s
         _waiting[0].daemon = True
         _waiting[0].start()
         while cause is not None and not isinstance(cause, KeyboardInterrupt):
             cause = cause.__context__
-        if cause is None or not repeated:  # else it is on its way, through what tidies up
+        if cause is None or not repeated:  # a repetition leaves `finally` blocks alone
             raise KeyboardInterrupt
 
     if before is not signal.default_int_handler or threading.current_thread() is not _MAIN:
@@ -58,7 +58,7 @@ def heard() -> Iterator[None]:
     finally:
         signal.signal(signal.SIGINT, before)
         sys.unraisablehook = tell
-        got_through()
+        stop_repeating()
 
 
 @contextmanager

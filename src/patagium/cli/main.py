@@ -23,7 +23,7 @@ from patagium.cli import (  # isort: skip
     cache, check, cycles, evaluate, export, figures, fly, identify, import_log, inspect, motion,
     optimize, robots, send, simulate, stream, trim, tune, view,
 )  # fmt: skip
-from patagium.cli.interruption import heard
+from patagium.cli.interruption import repeated_interrupt
 from patagium.cli.outputs import check_files
 from patagium.cli.usage import UsageError, usage_sentence
 from patagium.errors import PatagiumError, RobotFileWarning
@@ -46,12 +46,18 @@ app = typer.Typer(
 def _add(verb: ModuleType, where: typer.Typer = app, *, hidden: bool = False) -> None:
     name = verb.__name__.rpartition(".")[2]
     word = getattr(verb, "NAME", name)  # `import` names no function
-    epilog = "\n\n".join(("Examples:", *verb.EXAMPLES))
-    where.command(word, epilog=epilog, hidden=hidden, cls=_command(verb))(getattr(verb, name))
+    command = where.command(word, epilog=_epilog(verb), hidden=hidden, cls=_command(verb))
+    command(getattr(verb, name))
+
+
+def _epilog(verb: ModuleType, further: Sequence[str] = ()) -> str:
+    """End of a verb's help: names of options that are not described, and examples."""
+    told = ["Further options, which --help-all describes:", "\n".join(further)] if further else []
+    return "\n\n".join([*told, "Examples:", *verb.EXAMPLES[: 2 if further else None]])
 
 
 def _command(verb: ModuleType) -> type[TyperCommand]:
-    """Command whose help shows the usual options, and names the others by panel or shows all."""
+    """Command whose help describes the usual options and names the others, panel by panel."""
     places = {
         name: panel
         for panel, names in getattr(verb, "PANELS", {}).items()
@@ -81,9 +87,7 @@ def _command(verb: ModuleType) -> type[TyperCommand]:
                 if panel and one.hidden:
                     further.setdefault(panel, []).append(one.opts[0])
             named = [f"- {panel}: {' '.join(names)}" for panel, names in further.items()]
-            told = ["Further options, which --help-all describes:", "\n".join(named)]
-            examples = ["Examples:", *verb.EXAMPLES[: 2 if named else None]]
-            self.epilog = "\n\n".join([*told, *examples] if named else examples)
+            self.epilog = _epilog(verb, named)
             super().format_help(context, formatter)
 
         def invoke(self, context: Any) -> Any:
@@ -140,7 +144,7 @@ def run(arguments: Sequence[str] | None = None) -> None:
         sys.stdout.reconfigure(errors="backslashreplace")
     sys.stderr = cast(TextIO, _Messages(stderr))
     try:
-        with heard(), warnings.catch_warnings():
+        with repeated_interrupt(), warnings.catch_warnings():
             warnings.simplefilter("always", RobotFileWarning)
             warnings.showwarning = _say_warning
             said = [word for word in words if word != "--debug"]

@@ -19,12 +19,7 @@ PATHS = ("line", "circle", "figure-of-eight", "sinusoid")
 """Paths by name; any other word is a file."""
 
 
-MountKind: TypeAlias = Literal[
-    "free",
-    "fixed",
-    "carried",
-    "arm",
-]
+MountKind: TypeAlias = Literal["free", "fixed", "carried", "arm"]
 """Mounts that hold the robot."""
 
 

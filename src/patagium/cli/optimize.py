@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -26,14 +26,6 @@ MOST_SPEEDS = 100
 PANELS = {"Air and flight": "climb aero density", "Files": "output beats gait figure"}
 
 
-Aim: TypeAlias = Literal[
-    "power",
-    "range",
-    "speed",
-]
-"""Goals of an optimization."""
-
-
 def optimize(
     robot: Annotated[str, typer.Argument(help="Preset (see patagium robots) or robot file.")],
     speed: Annotated[
@@ -48,7 +40,8 @@ def optimize(
         typer.Option(parser=quantity("m/s", "a speed"), help="Mean speed upward, in m/s."),
     ] = 0.0,
     goal: Annotated[
-        Aim, typer.Option(help="Least mean power, least energy a meter, or greatest speed.")
+        Literal["power", "range", "speed"],
+        typer.Option(help="Least mean power, least energy a meter, or greatest speed."),
     ] = "power",
     harmonics: Annotated[
         int, typer.Option(min=1, help="Order of the Fourier series of the joints.")

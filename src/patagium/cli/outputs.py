@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from patagium.cli.interruption import got_through
+from patagium.cli.interruption import stop_repeating
 from patagium.errors import ParameterError, PatagiumError
 from patagium.whole_file import placed
 
@@ -75,7 +75,7 @@ class Outputs:
         try:
             write()
         except KeyboardInterrupt:
-            got_through()
+            stop_repeating()
             reason = "interrupted"
         except Exception as problem:
             known = isinstance(problem, (PatagiumError, OSError))

@@ -8,14 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import typer
 
 from patagium.cli import live as live_options
-from patagium.cli.estimates import air_class
+from patagium.cli.estimates import GreyModel, air_class
 from patagium.cli.learner_options import LearnerChoice, with_learner_options
 from patagium.cli.mounting import MountKind, PathWords, Sizes, mount_from, sizes
 from patagium.cli.outputs import Outputs
-
-from patagium.cli.words import (  # isort: skip
-    OUTPUT, DensityOption, DrawingOption, DurationOption, Vector, quantity, vector,
-)  # fmt: skip
+from patagium.cli.words import (
+    OUTPUT,
+    DensityOption,
+    DrawingOption,
+    DurationOption,
+    Vector,
+    quantity,
+    vector,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -25,21 +30,8 @@ if TYPE_CHECKING:
     from patagium.simulation.gait_models import Gait
 
 
-AirModel: TypeAlias = Literal[
-    "quasi-steady",
-    "lifting-line",
-    "delaurier",
-    "published",
-]
+AirModel: TypeAlias = Literal[GreyModel, "published"]
 """Models of the air."""
-
-
-AttitudeKind: TypeAlias = Literal["euler", "quaternion"]
-"""Coordinates of a floating body's attitude."""
-
-
-Stepping: TypeAlias = Literal["prescribed", "published"]
-"""Steppings of joints: exactly on the gait, or overwritten as in the published experiment."""
 
 
 _ANGLE = {"parser": quantity("rad", "an angle")}
@@ -141,7 +133,7 @@ def simulate(
         float | None, typer.Option(**_ANGLE, help="Initial pitch, positive nose down, in rad.")
     ] = None,
     attitude: Annotated[
-        AttitudeKind | None,
+        Literal["euler", "quaternion"] | None,
         typer.Option(help="Coordinates of the attitude: quaternion for loops and vertical climbs."),
     ] = None,
     mount: Annotated[
@@ -199,7 +191,7 @@ def simulate(
         typer.Option(help="Body or joint whose wrench to record: body. Repeat it."),
     ] = None,
     stepping: Annotated[
-        Stepping,
+        Literal["prescribed", "published"],
         typer.Option(help="Stepping of the joints; published for comparison with the paper only."),
     ] = "prescribed",
     output: Annotated[Path, typer.Option(*OUTPUT, help="File for the flight (netCDF).")] = Path(

@@ -69,8 +69,10 @@ class Identification:
             "nis": "normalized innovation squared, per output",
         }
         facts = [(text, self.scores.get(name)) for name, text in named.items()]
-        found = [(text, str(value)) for text, value in facts if isinstance(value, int)]
-        found += [(text, f"{value:.4g}") for text, value in facts if isinstance(value, float)]
+        numbers = [(text, one) for text, one in facts if isinstance(one, int | float)]
+        found = [
+            (text, f"{one:{'.4g' if isinstance(one, float) else 'd'}}") for text, one in numbers
+        ]
         return found + [("learner", repr(self.learner))] * (self.learner is not None)
 
     def save(self, path: str | Path) -> None:

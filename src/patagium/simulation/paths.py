@@ -46,7 +46,7 @@ PITCH_LIMIT = np.pi / 2 - 0.02
 
 AnyPath = TypeVar("AnyPath", bound=Gait)
 _CLOSURE = 1e-9  # how far a last way-point may be from the first and still repeat it
-_BRIEFEST = 1e-9 * (1 - 1e-6)  # s between two points, below which accelerations may overflow
+_SHORTEST = 1e-9 * (1 - 1e-6)  # s between two way-points; accelerations of less may overflow
 
 
 @dataclass(frozen=True)
@@ -228,7 +228,7 @@ def waypoints(
     if not (np.isfinite(times).all() and np.isfinite(places).all()):
         raise ParameterError("waypoints", "finite numbers", "others")
     fewest = 7 if closed else 2
-    if len(times) < fewest or not np.all(np.diff(times) > _BRIEFEST):
+    if len(times) < fewest or not np.all(np.diff(times) > _SHORTEST):
         expected = f"at least {fewest}, each later than the one before, by a nanosecond or more"
         raise ParameterError("waypoints.time", expected, times.tolist()[:8])
     if places.shape[1] == 3:

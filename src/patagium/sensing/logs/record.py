@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from patagium.arguments import checked
 from patagium.errors import FlightError, LogError
-from patagium.netcdf_file import netcdf_content
-from patagium.reading import parsed_json, regular_file
+from patagium.netcdf_file import netcdf_content, open_netcdf
+from patagium.reading import parsed_json
 from patagium.robot import Robot, load_robot_text
 from patagium.sensing.force.air_force import OPTIONAL_PARTS, PARTS, packet_columns
 from patagium.sensing.logs.table import LogTable, find_gaps
@@ -35,10 +35,8 @@ def is_log(path: str | Path) -> bool:
     file = Path(path)
     if file.suffix.lower() != ".nc" or not file.is_file():
         return False
-    from netCDF4 import Dataset
-
     try:
-        with Dataset(file) as opened:
+        with open_netcdf(file) as opened:
             return bool(getattr(opened, "format", "") == FORMAT)
     except (OSError, RuntimeError, ValueError):
         return False
@@ -63,11 +61,9 @@ class LogRecord:
     """
 
     def __init__(self, path: str | Path) -> None:
-        from netCDF4 import Dataset
-
         self.path = Path(path)
         with self._content():
-            self._file = Dataset(regular_file(self.path))
+            self._file = open_netcdf(self.path)
         try:
             with self._content():
                 self._read_header()

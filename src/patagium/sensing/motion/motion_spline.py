@@ -184,8 +184,8 @@ def _turning(weights: Array, parts: Array) -> tuple[Array, Array, Array, Array]:
     With the path q = sum of weights times quaternions, of length one at the time, and p = q* q_j:
     w = 2 vec(q* q'), w' = 2 vec(q* q'') - 2 (q . q') w. A change of the points by rotation
     vectors turns the body by s0, and w, w' change by s1 + w x s0 / 2 ... with s_l the sum of the
-    derivatives of order l of the weights times vec(p phi). Of the points come the weights,
-    (N, 3, 6) [1/s per level], and the quaternions, (N, 6, 4) [-].
+    derivatives of order l of the weights times vec(p phi). `weights`, (N, 3, 6)
+    [1/s per level], are those of the control points, and `parts`, (N, 6, 4), their quaternions.
     """
     path = np.einsum("nlj,njc->nlc", weights, parts)
     length = np.linalg.norm(path[:, 0], axis=1)

@@ -9,14 +9,13 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-import netCDF4
 import numpy as np
 import xarray as xr
 
 from patagium.arguments import checked
 from patagium.arrays import brief
 from patagium.errors import FlightError, LogError, ParameterError
-from patagium.netcdf_file import check_seal, loaded_dataset, write_netcdf
+from patagium.netcdf_file import loaded_dataset, open_netcdf, write_netcdf
 from patagium.reading import json_object, made_again
 from patagium.robot import Robot, load_robot_text
 from patagium.sensing.sensors.imu import Imu
@@ -152,10 +151,13 @@ def save_sensor_log(log: SensorLog, path: str | Path) -> Path:
 
 
 def is_sensor_log(path: str | Path) -> bool:
-    """Whether a file is what `save_sensor_log` wrote."""
+    """Whether a file is what `save_sensor_log` wrote.
+
+    Raises:
+        LogError: If it is no file, or was damaged since it was written.
+    """
     try:
-        check_seal(Path(path))
-        with netCDF4.Dataset(str(path)) as opened:
+        with open_netcdf(path) as opened:
             return bool(opened.groups)
     except OSError:
         return False
@@ -176,7 +178,7 @@ def load_sensor_log(path: str | Path) -> SensorLog:
     path = Path(path)
     origin = loaded_dataset(path, LogError, "a sensor log").attrs
     with made_again(f"{path}: the sensor log"):
-        with netCDF4.Dataset(str(path)) as whole:
+        with open_netcdf(path) as whole:
             labels = list(whole.groups)
         readings = {
             label: loaded_dataset(path, LogError, "a sensor log", label) for label in labels
