@@ -388,8 +388,8 @@ class FilterSettings(_Checked):
         None,
         "Cubature point spread, in standard deviations",
         found="the cubature rule's root of the number of weights, or 1 with a prior share",
-        low=0.0,
-        above=True,
+        low=1e-6,
+        high=1e6,
         learners=("cubature",),
         search=LogRange(0.3, 4.0),
     )

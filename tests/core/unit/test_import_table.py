@@ -140,6 +140,22 @@ def test_a_rate_makes_an_even_time_base_and_bridges_no_gap(tmp_path: Path) -> No
     np.testing.assert_allclose(log.x[:, 3], source, atol=1e-9)
 
 
+def test_a_stamp_years_away_costs_no_time_in_its_gap(tmp_path: Path) -> None:
+    stamps = frame()["t"].to_numpy().copy()
+    stamps[100:] += 1e11  # ms; at 1 kHz a gap of 10^11 samples
+    words = {**WORDS, "time": {**WORDS["time"], "rate": 1000}}
+    told: list[tuple[int, int]] = []
+    path = written(tmp_path, frame(t=stamps))
+    found = import_log(
+        path, parse_mapping(words), tmp_path / "log.nc", progress=lambda *one: told.append(one)
+    )
+    assert found.samples == 2 * 300 - 2 and len(told) < 20  # 2 kHz bridges 2 ms in each half
+    with LogRecord(found.path) as record:
+        time = record.table().time
+    assert np.diff(time).max() == pytest.approx(1e8 + 0.002, abs=1e-6)  # s
+    assert np.sort(np.diff(time))[-2] == pytest.approx(0.001, abs=1e-6)
+
+
 def test_angles_go_the_short_way_round(tmp_path: Path) -> None:
     heading = (170.0 + np.arange(300)) % 360.0
     heading = np.where(heading > 180, heading - 360, heading)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from patagium.errors import ParameterError
 from patagium.learning.filters.numbers import spread_rule
 from patagium.learning.filters.spread import moments_of
+from patagium.learning.settings import FilterSettings
 
 SIZE = 6
 
@@ -79,7 +80,7 @@ def test_the_covariance_is_never_indefinite(spread, seed):
     assert np.linalg.eigvalsh(found.covariance).min() > 0
 
 
-@pytest.mark.parametrize("spread", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_spread_is_a_positive_number(spread):
-    with pytest.raises(ParameterError, match="spread"):
-        spread_rule(5, spread)
+@pytest.mark.parametrize("spread", [0.0, -1.0, 1e-300, 1e300, float("nan"), float("inf")])
+def test_a_spread_is_a_number_whose_powers_are_numbers(spread):
+    with pytest.raises(ParameterError, match="at least 1e-06 and at most 1e"):
+        FilterSettings(spread=spread)

@@ -89,9 +89,11 @@ def mutated_yaml(content: bytes, draw: Draw) -> bytes:
     if draw.random() < 0.4:
         return mutated_text(content, draw)
     tree = mutated_tree(yaml.safe_load(content), draw)
-    return yaml.safe_dump(tree, sort_keys=False, allow_unicode=True).encode(
-        "utf-8", "surrogatepass"
-    )
+    try:
+        text = yaml.safe_dump(tree, sort_keys=False, allow_unicode=True)
+    except RecursionError:  # too deep for this writer; JSON is YAML too
+        text = json.dumps(tree)
+    return text.encode("utf-8", "surrogatepass")
 
 
 def mutated_json(content: bytes, draw: Draw) -> bytes:

@@ -7,13 +7,12 @@ the covariance before any sample and Q = diag(process_std^2).
 from __future__ import annotations
 
 from dataclasses import replace
-from math import isfinite, sqrt
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.errors import ParameterError
 from patagium.learning.models.network import Network, center_of, scale_of
 from patagium.learning.models.physical import own_prior
 from patagium.learning.settings import FilterSettings, NoiseEstimation, Numbers, Structure
@@ -46,15 +45,11 @@ def spread_rule(weights: int, spread: float | None) -> SpreadRule:
 
     Args:
         weights: n.
-        spread: kappa [standard deviations]; None is sqrt(n), the cubature rule.
-
-    Raises:
-        ParameterError: If the spread is not a positive number.
+        spread: kappa, as the settings hold it [standard deviations]; None is sqrt(n), the cubature
+            rule.
     """
     if spread is None or spread == sqrt(weights):
         return SpreadRule(sqrt(weights), 1.0 / weights, 1.0, 0.0)
-    if not (isfinite(spread) and spread > 0):
-        raise ParameterError("spread", "a positive number, or None for sqrt(n)", spread)
     square = spread * spread
     center = 1.0 - weights / square
     if center > -1e-12:  # sqrt(n) squared is n to rounding

@@ -34,6 +34,7 @@ from patagium.sensing.logs.importing.resample import (
     CHUNK,
     Spool,
     TimeBase,
+    after_gaps,
     resampled,
     stamps_in,
     time_base,
@@ -306,8 +307,8 @@ def _write(
     writer: Writer, spool: Spool, base: TimeBase, gap: float, progress: Progress | None
 ) -> tuple[int, float]:
     """Number of samples written where all quantities are valid, and their duration [s]."""
-    samples, first, last = 0, 0.0, 0.0
-    for begin in range(0, base.count, CHUNK):
+    samples, first, last, end = 0, 0.0, 0.0, 0
+    while (begin := after_gaps(spool, base, end, gap)) < base.count:
         end = min(begin + CHUNK, base.count)
         stamps = stamps_in(spool, base, begin, end)
         parts = [resampled(spool, item, stamps, gap) for item in spool.plan.items]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
 from tempfile import TemporaryFile
 
@@ -209,6 +210,20 @@ def stamps_in(spool: Spool, base: TimeBase, begin: int, end: int) -> Stamps:
         return np.array(spool.stamps_of(base.stream)[base.first + begin : base.first + end])
     offsets: Stamps = np.rint(np.arange(begin, end) * (base.step * SECOND)).astype(np.int64)
     return offsets + base.origin
+
+
+def after_gaps(spool: Spool, base: TimeBase, begin: int, gap: float) -> int:
+    """Number of the first sample of a time base, from `begin` on, that is in no stream's gap."""
+    step, former = base.step * SECOND, -1
+    while base.stream is None and former < begin < base.count:
+        former, stamp = begin, stamps_in(spool, base, begin, begin + 1)[0]
+        for stream in {item.stream for item in spool.plan.items}:
+            known, longest = spool.stamps_of(stream), gap * spool.surveys[stream].stamps.median
+            right = int(np.searchsorted(known, stamp))
+            if 0 < right < len(known) and known[right] > stamp:
+                if known[right] - known[right - 1] > longest * SECOND:
+                    begin = max(begin, ceil((int(known[right]) - base.origin - 0.5) / step))
+    return begin
 
 
 def resampled(
