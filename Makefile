@@ -35,7 +35,7 @@ $(STAMP): requirements.lock pyproject.toml lab/pyproject.toml
 	@test -x $(BIN)/python || { echo "Making .venv with $(PYTHON)"; $(PYTHON) -m venv .venv || { \
 	  rm -rf .venv; echo "$(PYTHON) has no working venv module (Debian: apt install python3-venv)." >&2; exit 1; }; }
 	@echo "Installing requirements.lock into .venv (once)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	@$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --require-hashes -r requirements.lock
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e . -e lab
 	@touch $@
 

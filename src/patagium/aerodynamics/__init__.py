@@ -1,18 +1,10 @@
 """Aerodynamics: wind and gusts, local flow of the strips, models of their loads."""
 
-from patagium.aerodynamics.added_mass import AddedMass, added_mass_from_description
+from patagium.aerodynamics.added_mass import AddedMass
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.delaurier import DeLaurier
-from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.gusts import DrydenGust, OneMinusCosineGust, RampGust, TravelingGust
-from patagium.aerodynamics.indicial import (
-    FOUR_STATE,
-    NO_STATE,
-    ONE_STATE,
-    TWO_STATE,
-    Indicial,
-    fitted_indicial,
-)
+from patagium.aerodynamics.indicial import Indicial, fitted_indicial
 from patagium.aerodynamics.inflow import Inflow
 from patagium.aerodynamics.learned_air import LearnedAir
 from patagium.aerodynamics.lifting_line import LiftingLine, StateSpace
@@ -32,19 +24,12 @@ from patagium.aerodynamics.sections import (
     MeasuredSection,
     Section,
     StallDelay,
-    StripSection,
     measured_section,
 )
-from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.aerodynamics.wind_shear import WindShear
 
 __all__ = [
-    "FOUR_STATE",
-    "NO_STATE",
-    "ONE_STATE",
-    "TWO_STATE",
     "AddedMass",
-    "AeroExpressions",
     "Aerodynamics",
     "Air",
     "DeLaurier",
@@ -65,12 +50,9 @@ __all__ = [
     "SmoothPolar",
     "StallDelay",
     "StateSpace",
-    "StripSection",
     "TablePolar",
     "TravelingGust",
     "WindShear",
-    "added_mass_from_description",
-    "aero_from_description",
     "fitted_indicial",
     "measured_section",
     "read_polar",

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from patagium.cli.words import FilesArgument
+from patagium.cli.words import OUTPUT, FilesArgument
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from patagium.sensing.logs.importing.inspection import Inspection
 
 EXAMPLES = (
-    "patagium inspect flight.ulg",
+    "patagium inspect rig.csv -o map.yaml",
     "patagium inspect recording.bag --topic /imu --json",
     "patagium inspect ros2_bag_folder",
 )
@@ -32,6 +33,9 @@ def inspect(
         int | None,
         typer.Option(min=0, help="Lines before the line of names of a CSV file; found by default."),
     ] = None,
+    output: Annotated[
+        Path | None, typer.Option(*OUTPUT, help="New file for a mapping to begin from (.yaml).")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Result as JSON on stdout.")] = False,
 ) -> None:
     """Show the topics, rates, gaps and ranges of a log, and suspicious facts.
@@ -40,9 +44,12 @@ def inspect(
     is listed with the reason.
     """
     from patagium.cli.words import progress_bar, say_json, say_next
-    from patagium.errors import LogError
+    from patagium.errors import LogError, ParameterError
     from patagium.sensing.logs.importing.inspection import inspect_log
+    from patagium.whole_file import write_whole
 
+    if output is not None and output.exists():
+        raise ParameterError("--output", "a file that is not there yet", str(output))
     with progress_bar(f"Reading {files[0].name}") as progress:
         found = inspect_log(files, skip_rows=skip_rows, progress=progress)
     if as_json:
@@ -59,36 +66,42 @@ def inspect(
     for note in found.notes:
         typer.echo(f"Note: {note}")
     if len(names) > 1 and not topic:
-        typer.echo("Numbers of a topic: --topic NAME; of all: --json")
-    brought = f"patagium import {' '.join(map(str, files))} --mapping map.yaml"
-    for line in _begun(found):
-        typer.echo(line)
-    say_next(f"say in map.yaml what the fields mean, as above or in docs/logs.md, then {brought}")
+        if output is not None:
+            raise ParameterError("--topic", f"topics of the mapping, such as {names[0]}", None)
+        typer.echo("Numbers of a topic, and a mapping to begin from: --topic NAME; all: --json")
+    elif output is not None:
+        write_whole(output, _mapping(found, topic or names))
+    else:
+        typer.echo("A map.yaml to begin from (-o map.yaml writes it):")
+        typer.echo(_mapping(found, topic or names), nl=False)
+    mapping = output or "map.yaml"
+    brought = f"patagium import {' '.join(map(str, files))} --mapping {mapping}"
+    say_next(f"say in {mapping} what the fields mean (docs/logs.md), then {brought}")
 
 
-def _begun(found: Inspection) -> list[str]:
-    """Lines of a mapping to begin from: of the first topic with numbers, the last is the output."""
-    first = next((one for one in found.topics if len(one.channels) > 1), None)
-    if first is None:
-        return []
-    place = f'topic: "{first.name}", field' if first.name else "column"
-    entries = {
-        one.name: f"{{{place}: {json.dumps(_UNIT.sub('', one.name))}, unit: {one.unit or _NONE}}}"
-        for one in first.channels
-    }
-    time = "{rate: 100 Hz}" if first.name else entries.pop(first.stamps, "{rate: 100 Hz}")
-    *inputs, output = entries.values()
-    shown = [f"  - {one}" for one in inputs[:_SHOWN]]
-    begin = ["A map.yaml to begin from:", f"time: {time}", "inputs:", *shown]
-    return [*begin, "outputs:", f"  - {output}"]
+def _mapping(found: Inspection, topics: Sequence[str]) -> str:
+    """Mapping to begin from: forces and moments of the topics, or the last field, are outputs."""
+    time, fields = "{rate: 100 Hz}", list[tuple[bool, str]]()
+    for one in found.topics:
+        place = f"topic: {json.dumps(one.name)}, field" if one.name else "column"
+        for field in one.channels if one.name in topics else ():
+            name, unit = json.dumps(_UNIT.sub("", field.name)), field.unit or json.dumps("1")
+            text = f"{{{place}: {name}, unit: {unit}}}"
+            if field.name != one.stamps:
+                forced = field.unit in ("N", "N m", "N mm") or _FORCES.search(field.name)
+                fields.append((bool(forced), f"  - {text}"))
+            elif not one.name:
+                time = text
+    if len({forced for forced, _ in fields}) < 2:
+        fields = [(text is fields[-1][1], text) for _, text in fields]
+    inputs, outputs = ([text for own, text in fields if own is kind] for kind in (False, True))
+    return "\n".join([f"time: {time}", "inputs:", *inputs, "outputs:", *outputs, ""])
 
 
-_SHOWN = 4
-"""Inputs of a mapping to begin from."""
-_UNIT = re.compile(r"\s*\[[^\]]*\]$")
-"""Unit in the head of a column."""
-_NONE = '"1"'
-"""Unit of a plain number, in a mapping."""
+_UNIT = re.compile(r"\s*\[(?!\d+\])[^\]]*\]$")
+"""Unit in the head of a column, which is no index."""
+_FORCES = re.compile(r"(?i)(^|[._/])([fmt][xyz]|force|lift|drag|thrust|moment|torque)(?![a-z])")
+"""Names of forces and moments."""
 
 
 def show_findings(findings: Sequence[Finding], *, err: bool = False) -> None:

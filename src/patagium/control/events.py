@@ -15,8 +15,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.aerodynamics import Aerodynamics, OneMinusCosineGust, RampGust, aero_from_description
-from patagium.aerodynamics.description import innermost
+from patagium.aerodynamics import Aerodynamics, OneMinusCosineGust, RampGust
+from patagium.aerodynamics.description import aero_from_description, innermost
 from patagium.aerodynamics.gusts import Gust, triple
 from patagium.arguments import check_fields, checked
 from patagium.errors import ParameterError, finite, positive

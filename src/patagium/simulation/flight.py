@@ -21,14 +21,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from patagium.aerodynamics import (
-    AddedMass,
-    Aerodynamics,
-    Air,
-    LiftingLine,
-    added_mass_from_description,
-    aero_from_description,
-)
+from patagium.aerodynamics import AddedMass, Aerodynamics, Air, LiftingLine
+from patagium.aerodynamics.added_mass import added_mass_from_description
+from patagium.aerodynamics.description import aero_from_description
 from patagium.arguments import checked, of_kind
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, Outcome

@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from patagium.aerodynamics import AddedMass, Aerodynamics, AeroExpressions
+from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.aerodynamics.gusts import GUST, GUST_COMPONENTS, gust_rates, strip_delays, strip_winds
+from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.dynamics.chain import QuaternionTurn, cross
 from patagium.dynamics.equations import (
     BodyAddedMass,

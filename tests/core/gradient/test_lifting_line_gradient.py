@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from patagium.aerodynamics import ONE_STATE, LiftingLine
+from patagium.aerodynamics import LiftingLine
+from patagium.aerodynamics.indicial import ONE_STATE
 from patagium.robot import Robot, load_robot
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.aerodynamics import ONE_STATE
+from patagium.aerodynamics.indicial import ONE_STATE
 from patagium.dynamics import equations
 
 ROUNDING = 1e-11  # differentiated expressions, some hundred roundings

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from patagium.aerodynamics import (
-    ONE_STATE,
     AddedMass,
     Aerodynamics,
     DeLaurier,
@@ -14,6 +13,7 @@ from patagium.aerodynamics import (
     QuasiSteady,
     Section,
 )
+from patagium.aerodynamics.indicial import ONE_STATE
 from patagium.robot import Robot, load_robot
 
 FREQUENCY, STEPS, COUNT, CYCLES = 5.0, 100, 24, 3

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from patagium.aerodynamics import ONE_STATE, TWO_STATE, Air, LiftingLine, Section
+from patagium.aerodynamics import Air, LiftingLine, Section
+from patagium.aerodynamics.indicial import ONE_STATE, TWO_STATE
 from patagium.native import compiler_name
 from patagium.robot import Robot, load_robot
 

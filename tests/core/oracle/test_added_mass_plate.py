@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.aerodynamics import NO_STATE, LiftingLine, Section, SmoothPolar
+from patagium.aerodynamics import LiftingLine, Section, SmoothPolar
+from patagium.aerodynamics.indicial import NO_STATE
 from patagium.robot import Body, Robot, Strip
 
 DENSITY, CHORD, WIDTH, SPEED = 1.225, 0.08, 0.3, 4.0

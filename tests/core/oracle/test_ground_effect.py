@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.aerodynamics import NO_STATE, DeLaurier, LiftingLine, QuasiSteady, Section
+from patagium.aerodynamics import DeLaurier, LiftingLine, QuasiSteady, Section
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.ground import ground_share
+from patagium.aerodynamics.indicial import NO_STATE
 from patagium.aerodynamics.model import Aerodynamics, aero_functions
 from patagium.errors import ParameterError
 from patagium.robot import Body, Robot, Strip

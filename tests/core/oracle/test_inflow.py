@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.aerodynamics import Aerodynamics, aero_from_description
+from patagium.aerodynamics import Aerodynamics
+from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.inflow import strokes_of
 from patagium.errors import ParameterError
 from patagium.robot import Robot, load_robot_text

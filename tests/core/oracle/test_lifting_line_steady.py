@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from patagium.aerodynamics import NO_STATE, TWO_STATE, Air, Indicial, LiftingLine, Section
+from patagium.aerodynamics import Air, Indicial, LiftingLine, Section
+from patagium.aerodynamics.indicial import NO_STATE, TWO_STATE
 from patagium.aerodynamics.model import aero_functions
 from patagium.robot import Body, Robot, Strip
 

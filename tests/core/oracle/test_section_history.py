@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.aerodynamics import FOUR_STATE
-from patagium.aerodynamics.indicial import theodorsen_function
+from patagium.aerodynamics.indicial import FOUR_STATE, theodorsen_function
 from patagium.errors import ParameterError
 
 CHORD, SPEED, STEPS = 0.2, 8.0, 160

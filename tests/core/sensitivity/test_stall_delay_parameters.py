@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from patagium.aerodynamics import ONE_STATE, LiftingLine, QuasiSteady, StallDelay, measured_section
+from patagium.aerodynamics import LiftingLine, QuasiSteady, StallDelay, measured_section
+from patagium.aerodynamics.indicial import ONE_STATE
 from patagium.aerodynamics.model import aero_functions
 from patagium.robot import load_robot
 

@@ -15,6 +15,7 @@ from patagium.cli.main import run
 from patagium.cli.words import show_table
 from patagium.report import Table
 from patagium.robot import load_robot, preset_names, write_template
+from patagium.sensing.logs.mapping import load_mapping
 from patagium.simulation.flight_summary import flight_summary
 
 BARE = (
@@ -110,12 +111,36 @@ def test_a_log_is_brought_to_a_model_by_what_comes_next(
     time = np.arange(0.0, 4.0, 0.01)
     columns = np.column_stack([time, np.sin(5 * time), 0.2 * np.sin(5 * time) ** 3])
     np.savetxt("log.csv", columns, delimiter=",", header="t [s],angle [rad],lift [N]", comments="")
-    *_, begun = _said("inspect log.csv", capsys).partition("A map.yaml to begin from:\n")
-    mapping, last = begun.split("Next: say in map.yaml what the fields mean")
-    Path("map.yaml").write_text(mapping)
+    shown = _said("inspect log.csv", capsys)
+    *_, begun = shown.partition("A map.yaml to begin from (-o map.yaml writes it):\n")
+    mapping = begun.partition("Next: ")[0]
+    last = _said("inspect log.csv -o map.yaml", capsys).splitlines()[-1]
+    assert Path("map.yaml").read_text() == mapping
     said = _said(last.partition("then patagium ")[2], capsys)
     (learn, _) = re.findall(r"patagium ([^,\n]+)", said.splitlines()[-1])
     assert learn == "identify log.nc" and "NMSE" in _said(learn, capsys)
+
+
+def test_a_mapping_to_begin_from_has_all_fields_with_forces_as_outputs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = "time_ms,Fx_N,stroke_deg,pitch_deg,airspeed_mps,rate_hz,Mx_Nm,lift_force"
+    values = np.random.default_rng(0).normal(size=(200, 8))
+    values[:, 0] = 2.0 * np.arange(200)
+    np.savetxt("rig.csv", values, delimiter=",", header=names, comments="")
+    _said("inspect rig.csv -o map.yaml", capsys)
+    mapping = load_mapping("map.yaml")
+    assert mapping.time.column == "time_ms" and mapping.time.unit == "ms"
+    assert [(one.column, one.unit) for one in mapping.inputs] == [
+        ("stroke_deg", "deg"), ("pitch_deg", "deg"), ("airspeed_mps", "m/s"), ("rate_hz", "Hz")
+    ]  # fmt: skip
+    assert [(one.column, one.unit) for one in mapping.outputs] == [
+        ("Fx_N", "N"), ("Mx_Nm", "N m"), ("lift_force", "1")
+    ]  # fmt: skip
+    with pytest.raises(SystemExit):
+        run(["inspect", "rig.csv", "-o", "map.yaml"])
+    assert "--output: expected a file that is not there yet" in capsys.readouterr().err
 
 
 def test_the_file_of_a_new_robot_flies_and_is_never_written_over(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.aerodynamics import added_mass_from_description
+from patagium.aerodynamics.added_mass import added_mass_from_description
 from patagium.errors import FlightError, ParameterError, ShapeError
 from patagium.simulation import added_mass_of, load_flight, save_flight
 

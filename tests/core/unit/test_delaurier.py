@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from patagium.aerodynamics import Air, DeLaurier, aero_from_description
+from patagium.aerodynamics import Air, DeLaurier
+from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.model import aero_functions, compile_aero
 from patagium.errors import ParameterError
 from patagium.robot import Robot, load_robot

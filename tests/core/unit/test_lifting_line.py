@@ -8,16 +8,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from patagium.aerodynamics import (
-    NO_STATE,
-    ONE_STATE,
-    TWO_STATE,
-    Air,
-    LiftingLine,
-    Section,
-    SmoothPolar,
-    aero_from_description,
-)
+from patagium.aerodynamics import Air, LiftingLine, Section, SmoothPolar
+from patagium.aerodynamics.description import aero_from_description
+from patagium.aerodynamics.indicial import NO_STATE, ONE_STATE, TWO_STATE
 from patagium.aerodynamics.model import aero_functions, compile_aero
 from patagium.aerodynamics.polars import section_flow
 from patagium.aerodynamics.trailing_vortices import horseshoe_function

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from patagium.aerodynamics import ONE_STATE, Air, LiftingLine, StallDelay, measured_section
+from patagium.aerodynamics import Air, LiftingLine, StallDelay, measured_section
+from patagium.aerodynamics.indicial import ONE_STATE
 from patagium.aerodynamics.sections import Section, StripSection
 from patagium.robot import Robot, load_robot
 from patagium_lab.validation.pitching import load_pitching_case

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patagium.aerodynamics import (
+from patagium.aerodynamics import Indicial, fitted_indicial
+from patagium.aerodynamics.indicial import (
     FOUR_STATE,
     NO_STATE,
     ONE_STATE,
     TWO_STATE,
-    Indicial,
-    fitted_indicial,
+    circulation_function,
+    theodorsen_function,
 )
-from patagium.aerodynamics.indicial import circulation_function, theodorsen_function
 from patagium.aerodynamics.named_descriptions import from_field_values
 from patagium.errors import ParameterError, ShapeError
 from patagium_lab.validation.exact_functions import (

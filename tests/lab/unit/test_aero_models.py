@@ -15,8 +15,8 @@ from patagium.aerodynamics import (
     OneMinusCosineGust,
     QuasiSteady,
     SmoothPolar,
-    aero_from_description,
 )
+from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.local_flow import strip_motions
 from patagium.errors import ParameterError, ShapeError
 from patagium.robot import Body, Joint, Robot, Strip, load_robot

@@ -10,16 +10,15 @@ import numpy as np
 import pytest
 
 from patagium.aerodynamics import (
-    NO_STATE,
-    ONE_STATE,
     Air,
     LiftingLine,
     QuasiSteady,
     StallDelay,
     TablePolar,
-    aero_from_description,
     measured_section,
 )
+from patagium.aerodynamics.description import aero_from_description
+from patagium.aerodynamics.indicial import NO_STATE, ONE_STATE
 from patagium.aerodynamics.model import aero_functions
 from patagium.aerodynamics.polars import section_flow
 from patagium.aerodynamics.sections import held_share

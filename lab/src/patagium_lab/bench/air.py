@@ -13,9 +13,6 @@ import casadi as ca
 import numpy as np
 
 from patagium.aerodynamics import (
-    FOUR_STATE,
-    ONE_STATE,
-    TWO_STATE,
     AddedMass,
     Aerodynamics,
     Air,
@@ -24,6 +21,7 @@ from patagium.aerodynamics import (
     QuasiSteady,
     StallDelay,
 )
+from patagium.aerodynamics.indicial import FOUR_STATE, ONE_STATE, TWO_STATE
 from patagium.dynamics.equations import kirchhoff_force
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot, Strip

@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from patagium.aerodynamics import TWO_STATE, LiftingLine, Section
+from patagium.aerodynamics import LiftingLine, Section
+from patagium.aerodynamics.indicial import TWO_STATE
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.learner import Learner

@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import (
-    FOUR_STATE,
-    TWO_STATE,
     AddedMass,
     Air,
     Indicial,
@@ -20,6 +18,7 @@ from patagium.aerodynamics import (
     TravelingGust,
 )
 from patagium.aerodynamics.gusts import gusts_at_strips
+from patagium.aerodynamics.indicial import FOUR_STATE, TWO_STATE
 from patagium.simulation import gaits, mounts, simulate
 from patagium_lab.validation.cases.case import CaseResult, ErrorLimit, largest_difference
 from patagium_lab.validation.cases.theodorsen import section_transfer

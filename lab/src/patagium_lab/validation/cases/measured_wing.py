@@ -4,16 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from patagium.aerodynamics import (
-    FOUR_STATE,
-    TWO_STATE,
-    AddedMass,
-    Aerodynamics,
-    Air,
-    DeLaurier,
-    LiftingLine,
-    QuasiSteady,
-)
+from patagium.aerodynamics import AddedMass, Aerodynamics, Air, DeLaurier, LiftingLine, QuasiSteady
+from patagium.aerodynamics.indicial import FOUR_STATE, TWO_STATE
 from patagium.robot import load_robot
 from patagium.simulation import gaits, simulate
 from patagium_lab.measured.yeo_case import YeoCase, load_yeo_case

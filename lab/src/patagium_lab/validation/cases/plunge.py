@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from patagium.aerodynamics import TWO_STATE
+from patagium.aerodynamics.indicial import TWO_STATE
 from patagium.aerodynamics.trailing_vortices import SURFACE_CONSTANT
 from patagium_lab.validation.cases.case import CaseResult, ErrorLimit, largest_difference
 from patagium_lab.validation.cases.wings import (

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from patagium.aerodynamics import NO_STATE
+from patagium.aerodynamics.indicial import NO_STATE
 from patagium.robot import Robot
 from patagium_lab.validation.cases.case import (
     CaseResult,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from patagium.aerodynamics import FOUR_STATE, ONE_STATE, TWO_STATE, Indicial
-from patagium.aerodynamics.indicial import theodorsen_function
+from patagium.aerodynamics import Indicial
+from patagium.aerodynamics.indicial import FOUR_STATE, ONE_STATE, TWO_STATE, theodorsen_function
 from patagium_lab.validation.cases.case import Array, CaseResult, ErrorLimit
 from patagium_lab.validation.cases.wings import (
     AIRSPEED,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from patagium.aerodynamics import FOUR_STATE, ONE_STATE, TWO_STATE
+from patagium.aerodynamics.indicial import FOUR_STATE, ONE_STATE, TWO_STATE
 from patagium_lab.validation.cases.case import CaseResult, ErrorLimit, largest_difference
 from patagium_lab.validation.cases.wings import (
     INFINITE,
