@@ -74,34 +74,45 @@ def inspect(
     else:
         typer.echo("A map.yaml to begin from (-o map.yaml writes it):")
         typer.echo(_mapping(found, topic or names), nl=False)
+    words = " ".join(map(str, files))
     mapping = output or "map.yaml"
-    brought = f"patagium import {' '.join(map(str, files))} --mapping {mapping}"
-    say_next(f"say in {mapping} what the fields mean (docs/logs.md), then {brought}")
+    say_next(
+        f"say in {mapping} what the fields mean (docs/logs.md), "
+        f"then patagium import {words} --mapping {mapping}"
+    )
 
 
 def _mapping(found: Inspection, topics: Sequence[str]) -> str:
     """Mapping to begin from: forces and moments of the topics, or the last field, are outputs."""
-    time, fields = "{rate: 100 Hz}", list[tuple[bool, str]]()
+    time = "{rate: 100 Hz}"
+    inputs, outputs = list[str](), list[str]()
     for one in found.topics:
-        place = f"topic: {json.dumps(one.name)}, field" if one.name else "column"
+        place = "column"
+        if one.name:
+            place = f"topic: {json.dumps(one.name)}, field"
         for field in one.channels if one.name in topics else ():
-            name, unit = json.dumps(_UNIT.sub("", field.name)), field.unit or json.dumps("1")
+            name = json.dumps(_UNIT.sub("", field.name))
+            unit = field.unit or json.dumps("1")
             text = f"{{{place}: {name}, unit: {unit}}}"
-            if field.name != one.stamps:
-                forced = field.unit in ("N", "N m", "N mm") or _FORCES.search(field.name)
-                fields.append((bool(forced), f"  - {text}"))
-            elif not one.name:
-                time = text
-    if len({forced for forced, _ in fields}) < 2:
-        fields = [(text is fields[-1][1], text) for _, text in fields]
-    inputs, outputs = ([text for own, text in fields if own is kind] for kind in (False, True))
-    return "\n".join([f"time: {time}", "inputs:", *inputs, "outputs:", *outputs, ""])
+            if field.name == one.stamps:
+                time = time if one.name else text
+            elif field.unit in _FORCE_UNITS or _FORCES.search(field.name):
+                outputs.append(f"  - {text}")
+            else:
+                inputs.append(f"  - {text}")
+    if not inputs:
+        inputs, outputs = outputs, inputs
+    if inputs and not outputs:
+        outputs = [inputs.pop()]
+    lines = [f"time: {time}", "inputs:", *inputs, "outputs:", *outputs]
+    return "\n".join([*lines, ""])
 
 
 _UNIT = re.compile(r"\s*\[(?!\d+\])[^\]]*\]$")
 """Unit in the head of a column, which is no index."""
 _FORCES = re.compile(r"(?i)(^|[._/])([fmt][xyz]|force|lift|drag|thrust|moment|torque)(?![a-z])")
 """Names of forces and moments."""
+_FORCE_UNITS = ("N", "N m", "N mm")
 
 
 def show_findings(findings: Sequence[Finding], *, err: bool = False) -> None:

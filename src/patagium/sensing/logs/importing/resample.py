@@ -214,15 +214,20 @@ def stamps_in(spool: Spool, base: TimeBase, begin: int, end: int) -> Stamps:
 
 def after_gaps(spool: Spool, base: TimeBase, begin: int, gap: float) -> int:
     """Number of the first sample of a time base, from `begin` on, that is in no stream's gap."""
-    step, former = base.step * SECOND, -1
+    step = base.step * SECOND
+    former = -1
     while base.stream is None and former < begin < base.count:
-        former, stamp = begin, stamps_in(spool, base, begin, begin + 1)[0]
+        former = begin
+        stamp = stamps_in(spool, base, begin, begin + 1)[0]
         for stream in {item.stream for item in spool.plan.items}:
-            known, longest = spool.stamps_of(stream), gap * spool.surveys[stream].stamps.median
+            known = spool.stamps_of(stream)
+            longest = gap * spool.surveys[stream].stamps.median * SECOND
             right = int(np.searchsorted(known, stamp))
-            if 0 < right < len(known) and known[right] > stamp:
-                if known[right] - known[right - 1] > longest * SECOND:
-                    begin = max(begin, ceil((int(known[right]) - base.origin - 0.5) / step))
+            if not 0 < right < len(known) or known[right] == stamp:
+                continue
+            if known[right] - known[right - 1] > longest:
+                end = int(known[right]) - base.origin
+                begin = max(begin, ceil((end - 0.5) / step))
     return begin
 
 
