@@ -13,6 +13,7 @@ from patagium.aerodynamics.polar_files import PolarTable, read_polar
 from patagium.aerodynamics.polars import (
     DickinsonPolar,
     Polar,
+    ReynoldsPolar,
     SectionFlow,
     SmoothPolar,
     TablePolar,
@@ -45,6 +46,7 @@ __all__ = [
     "PolarTable",
     "QuasiSteady",
     "RampGust",
+    "ReynoldsPolar",
     "Section",
     "SectionFlow",
     "SmoothPolar",

@@ -14,7 +14,7 @@ from typing import Any
 
 import casadi as ca
 
-from patagium.dynamics.chain import vector
+from patagium.aerodynamics.local_flow import quarter_chord
 from patagium.dynamics.kinematics import body_poses
 from patagium.robot.model import Robot
 
@@ -80,9 +80,5 @@ def strip_ground_shares(robot: Robot, q: ca.SX, spans: list[Any], ground: ca.SX)
     if not ground.numel():
         return [0.0] * len(robot.strips)
     poses = body_poses(robot, q)
-    heights = [
-        (poses[strip.body].position + poses[strip.body].rotation @ vector(strip.quarter_chord))[2]
-        - ground[0]
-        for strip in robot.strips
-    ]
+    heights = [quarter_chord(poses, strip)[2] - ground[0] for strip in robot.strips]
     return [ground_share(height, span) for height, span in zip(heights, spans, strict=True)]

@@ -8,7 +8,6 @@ stroke, the wake's swirl and contraction, the part of a wing in another wing's w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite, pi
@@ -20,14 +19,14 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics.ground import ground_share
 from patagium.aerodynamics.indicial import Relaxation
-from patagium.aerodynamics.local_flow import velocity_at
+from patagium.aerodynamics.local_flow import quarter_chord, velocity_at
 from patagium.aerodynamics.on_model import OnModel
 from patagium.aerodynamics.smooth_functions import smooth_norm
 from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.dynamics.chain import cross, vector
-from patagium.dynamics.kinematics import Pose, body_poses, body_velocities
+from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import ParameterError
-from patagium.robot.model import Robot, Strip
+from patagium.robot.model import Robot
 from patagium.robot.planform import placed, poses
 
 Array = NDArray[np.float64]
@@ -160,11 +159,11 @@ class Wing:
 
     Attributes:
         strips: Places of its strips in `robot.strips`, from the root outwards.
-        levels: Bodies on the way from the body of its outermost strip inwards to that of its hinge.
+        hinge: Place of the body that its hinge moves in `robot.bodies`.
     """
 
     strips: tuple[int, ...]
-    levels: int
+    hinge: int
 
 
 @dataclass(frozen=True)
@@ -196,8 +195,8 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
     for name in {strip.wing: None for strip in robot.strips}:
         strips = tuple(i for i, strip in enumerate(robot.strips) if strip.wing == name)
         outermost = robot.strips[strips[-1]]
-        wing = Wing(strips, _levels(robot, outermost.body))
-        root = bodies[_hinge(robot, outermost, wing.levels)][0]
+        wing = Wing(strips, _hinge(robot, outermost.body))
+        root = bodies[wing.hinge][0]
         tip = placed(bodies[outermost.body], np.array(outermost.quarter_chord, float))
         one = wing, root, tip
         for group in groups:
@@ -213,25 +212,13 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
     )
 
 
-def _levels(robot: Robot, body: int) -> int:
-    """Number of bodies from a wing's outermost one inwards to the one that its hinge moves."""
-    levels, parent = 0, robot.bodies[body].parent
+def _hinge(robot: Robot, body: int) -> int:
+    """Place of the body that a wing's hinge moves, from that of its outermost strip inwards."""
+    parent = robot.bodies[body].parent
     while parent >= 0 and robot.bodies[parent].parent >= 0:
-        levels, parent = levels + 1, robot.bodies[parent].parent
+        body, parent = parent, robot.bodies[parent].parent
     held = parent < 0 or robot.bodies[parent].floating_dofs is not None
-    return levels if held or not robot.bodies[parent].joints else levels + 1
-
-
-def _hinge(robot: Robot, strip: Strip, levels: int) -> int:
-    body = strip.body
-    for _ in range(levels):
-        body = robot.bodies[body].parent
-    return body
-
-
-def _tip(poses: Sequence[Pose], strip: Strip) -> ca.SX:
-    """Quarter-chord point of a strip in the world, (3, 1) [m]."""
-    return poses[strip.body].position + poses[strip.body].rotation @ vector(strip.quarter_chord)
+    return body if held or not robot.bodies[parent].joints else parent
 
 
 class _Moving:
@@ -256,9 +243,9 @@ class _Moving:
         lengths, roots = [], []
         for wing in stroke.wings:
             strip = self.robot.strips[wing.strips[-1]]
-            root = self._at_zero[_hinge(self.robot, strip, wing.levels)].position
+            root = self._at_zero[wing.hinge].position
             roots.append(root[1])
-            away = ca.sqrt(ca.sumsqr(_tip(self._at_zero, strip) - root))
+            away = ca.sqrt(ca.sumsqr(quarter_chord(self._at_zero, strip) - root))
             lengths.append(away + strip.width / 2)
         longest = ca.mmax(ca.vertcat(*lengths))
         between = ca.mmax(ca.vertcat(*roots)) - ca.mmin(ca.vertcat(*roots))
@@ -267,11 +254,10 @@ class _Moving:
     def direction(self, wing: Wing) -> tuple[ca.SX, ca.SX]:
         """Unit vector from hinge to tip in the axes that the hinge is fixed to, its rate [1/s]."""
         strip = self.robot.strips[wing.strips[-1]]
-        hinge = _hinge(self.robot, strip, wing.levels)
-        parent = self.robot.bodies[hinge].parent
+        hinge, parent = wing.hinge, self.robot.bodies[wing.hinge].parent
         axes = self.poses[parent].rotation if parent >= 0 else ca.SX.eye(3)
         turn = self._twists[parent].angular if parent >= 0 else ca.SX.zeros(3, 1)
-        away = axes.T @ (_tip(self.poses, strip) - self.poses[hinge].position)
+        away = axes.T @ (quarter_chord(self.poses, strip) - self.poses[hinge].position)
         at_tip = velocity_at(self._twists[strip.body], vector(strip.quarter_chord))
         velocity = axes.T @ (self.poses[strip.body].rotation @ at_tip - self._speed(hinge))
         distance = ca.sqrt(ca.sumsqr(away))
@@ -287,17 +273,13 @@ class _Moving:
         """
         if self.ground is None:
             return 1.0
-        hinges = [
-            self.poses[_hinge(self.robot, self.robot.strips[wing.strips[-1]], wing.levels)]
-            for wing in stroke.wings
-        ]
-        height = sum((pose.position[2] for pose in hinges), ca.SX(0)) / len(hinges) - self.ground
+        heights = [self.poses[wing.hinge].position[2] for wing in stroke.wings]
+        height = sum(heights, ca.SX(0)) / len(heights) - self.ground
         return 1.0 - ground_share(height, 2 * ca.sqrt(circle / pi))
 
     def velocity(self, stroke: Stroke) -> ca.SX:
         """Mean velocity of the wings' hinges, world axes, (3, 1) [m/s]."""
-        tips = [(self.robot.strips[wing.strips[-1]], wing.levels) for wing in stroke.wings]
-        moving = [self._speed(_hinge(self.robot, strip, levels)) for strip, levels in tips]
+        moving = [self._speed(wing.hinge) for wing in stroke.wings]
         return sum(moving, ca.SX.zeros(3, 1)) / len(moving)
 
     def _speed(self, body: int) -> ca.SX:

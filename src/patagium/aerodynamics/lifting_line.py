@@ -266,7 +266,7 @@ class LiftingLine(Aerodynamics):
         pressure, separated, shed = own[0], own[1], own[2]
         held = held_share(effective)
         camber = p.section["zero_lift_angle"] * forward * effective.forward_sign
-        flow = section_flow(forward, -(pressure + late + camber))
+        flow = section_flow(forward, -(pressure + late + camber), motion.strip.chord)
         across, _ = self.section.stalled.coefficients(flow, p.stalled)
         attached = gain * p.section["lift_slope"] * lagged / effective.speed
         fed = held * separated * (attached - across * effective.forward_sign)
@@ -381,7 +381,7 @@ def _load(
     ahead = (sign - 1.0) * (strip.chord / 4) - shift * strip.chord
     normal = motion.normal_ahead(ahead)
 
-    flow = section_flow(forward, normal)
+    flow = section_flow(forward, normal, strip.chord)
     lift = attached_lift(vortices, wash, i, gain, _pressure(motion, p), normal)
     density_area = p.density * strip.chord * strip.width
     friction = attached * density_area * p.section["profile_drag"] / 2

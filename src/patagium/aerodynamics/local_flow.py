@@ -8,6 +8,7 @@ Neglected: what the wings do to the air (induced velocity).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +16,7 @@ import casadi as ca
 
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.dynamics.chain import cross, vector
-from patagium.dynamics.kinematics import Twist, body_poses, body_velocities, in_body_axes
+from patagium.dynamics.kinematics import Pose, Twist, body_poses, body_velocities, in_body_axes
 from patagium.robot.model import Robot, Strip
 
 
@@ -92,6 +93,11 @@ def strip_airflows(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[Twist]
         )
         for i, strip in enumerate(robot.strips)
     ]
+
+
+def quarter_chord(poses: Sequence[Pose], strip: Strip) -> ca.SX:
+    """Quarter-chord point of a strip in the world, (3, 1) [m]."""
+    return poses[strip.body].position + poses[strip.body].rotation @ vector(strip.quarter_chord)
 
 
 def velocity_at(twist: Twist, offset: ca.SX) -> ca.SX:

@@ -29,8 +29,8 @@ from patagium.robot.model import Robot
 ROTATIONAL_COEFFICIENT = pi / 2
 """C_rot = pi (3/4 - x0) at x0 = 1/4 of the chord, where the incidence is taken."""
 
-_GROUND_ROUNDS = 2
-"""Times that lift and the downwash which ground takes away are found from each other."""
+_ROUNDS = 3
+"""Times that lift is found where there is ground, which takes a part of the last one's downwash."""
 
 
 @dataclass(frozen=True)
@@ -132,16 +132,14 @@ class QuasiSteady(Aerodynamics):
         ahead = ca.SX(0.0)
         if self.force_point_switches:
             ahead = (smooth_sign(motion.forward) - 1.0) * (strip.chord / 4)
-        flow = section_flow(motion.forward, motion.normal_ahead(ahead))
-        lift, drag = self.polar.coefficients(flow, polar)
-        for _ in range(_GROUND_ROUNDS if self.air.ground_parameters else 0):
-            own = lift * flow.forward_sign * flow.speed * self.polar.downwash_factor(polar)
-            flow = section_flow(motion.forward, motion.normal_ahead(ahead) - ground * own)
+        factor, own = self.polar.downwash_factor(polar), ca.SX(0.0)
+        for _ in range(_ROUNDS if self.air.ground_parameters else 1):
+            normal = motion.normal_ahead(ahead) - ground * own
+            flow = section_flow(motion.forward, normal, strip.chord)
             lift, drag = self.polar.coefficients(flow, polar)
+            own = lift * flow.forward_sign * flow.speed * factor
         mass_flow = density * strip.width * strip.chord * flow.speed / 2
         across, along = mass_flow * lift, mass_flow * drag
-        downwash = lift * flow.forward_sign * flow.speed * self.polar.downwash_factor(polar)
-        downwash = downwash * (1.0 - ground)
         if self.rotational:
             circulation = parameters[1 + polar.numel()] * strip.chord**2 * motion.pitch_rate
             across = across + density * strip.width * circulation
@@ -151,5 +149,5 @@ class QuasiSteady(Aerodynamics):
             normal=across * flow.forward - along * flow.normal,
             ahead=ahead,
             effective_angle_of_attack=flow.angle_of_attack,
-            downwash=downwash,
+            downwash=own * (1.0 - ground),
         )

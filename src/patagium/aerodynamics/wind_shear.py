@@ -11,10 +11,10 @@ from typing import Any
 
 import casadi as ca
 
+from patagium.aerodynamics.local_flow import quarter_chord
 from patagium.aerodynamics.on_model import OnModel
 from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.arguments import check_fields
-from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import body_poses
 from patagium.errors import ParameterError, positive
 from patagium.robot.model import Robot
@@ -84,8 +84,7 @@ class WindShear(OnModel):
         ground = parameters[names.index("ground")] if "ground" in names else 0.0
         poses, winds = body_poses(robot, q), []
         for i, strip in enumerate(robot.strips):
-            pose = poses[strip.body]
-            height = (pose.position + pose.rotation @ vector(strip.quarter_chord))[2] - ground
+            height = quarter_chord(poses, strip)[2] - ground
             met = wind[:, i] if wind.shape[1] > 1 else wind
             winds.append(met * self._share(height, parameters[own], parameters[own + 1]))
         given = ca.horzcat(*winds) if winds else wind

@@ -6,12 +6,20 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from patagium.aerodynamics import Aerodynamics, Air, DickinsonPolar, QuasiSteady, SmoothPolar
+from patagium.aerodynamics import (
+    Aerodynamics,
+    Air,
+    DickinsonPolar,
+    QuasiSteady,
+    ReynoldsPolar,
+    SmoothPolar,
+)
 from patagium.robot import load_robot
 
 MODELS = {
     "dickinson": {"polar": DickinsonPolar()},
     "smooth": {"polar": SmoothPolar()},
+    "reynolds": {"polar": ReynoldsPolar()},
     "rotational": {"polar": DickinsonPolar(), "rotational": True},
 }
 
@@ -36,9 +44,9 @@ class Gradient:
         columns = []
         for k in range(x.size):
             shift = np.zeros(x.size)
-            shift[k] = step
+            shift[k] = step * min(1.0, abs(x[k]) or 1.0)  # a viscosity is of the step's own size
             ahead, behind = np.asarray(self.force(x + shift)), np.asarray(self.force(x - shift))
-            columns.append((ahead - behind).ravel() / (2 * step))
+            columns.append((ahead - behind).ravel() / (2 * shift[k]))
         return np.stack(columns, axis=-1)
 
 

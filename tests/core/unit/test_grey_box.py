@@ -239,6 +239,7 @@ def test_a_number_that_cannot_be_zero_does_not_start_there(robot):
         ("wind.y", "m/s", "m/s"),
         ("polar.lift_phase", "rad", "rad"),
         ("polar.lift_offset", "1", ""),
+        ("polar.viscosity", "m^2/s", "m^2/s"),
         ("gravity", "m/s^2", "m/s^2"),
     ],
 )

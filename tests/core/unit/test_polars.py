@@ -16,6 +16,7 @@ from patagium.aerodynamics.polars import (
     _KINDS,
     DickinsonPolar,
     Polar,
+    ReynoldsPolar,
     SmoothPolar,
     polar_from_description,
     register_polar,
@@ -93,7 +94,46 @@ def test_smooth_polar_is_the_fit_of_the_published_one() -> None:
     assert SmoothPolar().parameters == pytest.approx([amplitude, base, rise], abs=0.006)  # rounded
 
 
-@pytest.mark.parametrize("polar", [DickinsonPolar(lift_rate=2.0), SmoothPolar(1.5, 0.1, 2.0)])
+@pytest.mark.parametrize("reynolds", [100.0, 1400.0, 14_000.0])
+@pytest.mark.parametrize("degrees", [-60.0, 0.0, 20.0, 45.0, 90.0])
+def test_coefficients_by_reynolds_number_are_the_published_fit(
+    reynolds: float, degrees: float
+) -> None:
+    angle, chord, viscosity = np.radians(degrees), 0.004, 1.5e-5
+    speed = reynolds * viscosity / chord
+    polar = ReynoldsPolar(viscosity=viscosity)
+    flow = section_flow(ca.DM(speed * np.cos(angle)), ca.DM(-speed * np.sin(angle)), chord)
+    lift, drag = polar.coefficients(flow, ca.DM(polar.parameters))
+    # as in Lee et al. (2016); a limit of rounding
+    amplitude = 1.966 - 3.94 * reynolds**-0.429
+    expected = 0.031 + 10.48 * reynolds**-0.764
+    expected += (1.873 - 3.14 * reynolds**-0.369) * (1 - np.cos(2 * angle))
+    assert float(lift) == pytest.approx(amplitude * np.sin(2 * angle), rel=1e-12, abs=1e-12)
+    assert float(drag) == pytest.approx(expected, rel=1e-12)
+
+
+def test_drag_by_reynolds_number_is_positive_however_slow_the_air() -> None:
+    polar = ReynoldsPolar()
+    for speed in 10 ** np.linspace(-6, 3, 91):
+        for angle in np.radians([0.0, 30.0, 60.0, 90.0]):
+            flow = section_flow(ca.DM(speed * np.cos(angle)), ca.DM(speed * np.sin(angle)), 1e-3)
+            lift, drag = polar.coefficients(flow, ca.DM(polar.parameters))
+            assert float(drag) > 0
+            assert -1e-3 < -float(lift) < 1.966  # rounding off at Re = 6 leaves lift, and no more
+
+
+def test_downwash_of_the_polar_by_reynolds_number_hardly_knows_viscosity() -> None:
+    viscosity = 1.47e-5
+    amplitude = 1.966 - 3.94 * viscosity**0.429  # of a section of a meter at 1 m/s
+    slope = amplitude * np.sin(np.radians(10.0)) / np.radians(5.0)  # within 5 degrees of zero
+    found = ReynoldsPolar(viscosity=viscosity).downwash_factor(ca.DM(ReynoldsPolar().parameters))
+    assert float(found) == pytest.approx(1 / slope - 1 / (2 * np.pi), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "polar",
+    [DickinsonPolar(lift_rate=2.0), SmoothPolar(1.5, 0.1, 2.0), ReynoldsPolar(viscosity=1e-5)],
+)
 def test_polar_survives_its_description(polar: object) -> None:
     assert polar_from_description(polar.describe()) == polar  # type: ignore[attr-defined]
 
@@ -105,6 +145,8 @@ def test_polar_survives_its_description(polar: object) -> None:
         lambda: SmoothPolar(zero_lift_drag=-0.1),
         lambda: SmoothPolar(zero_lift_drag=1.0, drag_rise=-2.0),
         lambda: DickinsonPolar(drag_offset=1.0, drag_amplitude=1.1),
+        lambda: ReynoldsPolar(viscosity=0.0),
+        lambda: ReynoldsPolar(drag_rise=0.9),
         lambda: polar_from_description({"name": "flat"}),
         lambda: polar_from_description({"name": "smooth", "lift": 1.0}),
     ],

@@ -7,7 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patagium.aerodynamics import Air, DickinsonPolar, QuasiSteady, SmoothPolar, TablePolar
+from patagium.aerodynamics import (
+    Air,
+    DickinsonPolar,
+    QuasiSteady,
+    ReynoldsPolar,
+    SmoothPolar,
+    TablePolar,
+)
 from patagium.native import compiler_name
 from patagium.robot import Body, Robot, Strip, load_robot
 from patagium_lab.published.aerodynamics import PUBLISHED_ERRORS, Published
@@ -22,6 +29,7 @@ QUASI_STEADY = [
     pytest.param({"polar": TABLE}, id="table"),
     pytest.param({"polar": DickinsonPolar()}, id="dickinson"),
     pytest.param({"polar": SmoothPolar()}, id="smooth"),
+    pytest.param({"polar": ReynoldsPolar()}, id="reynolds"),
     pytest.param({"polar": DickinsonPolar(), "rotational": True}, id="rotational"),
 ]
 

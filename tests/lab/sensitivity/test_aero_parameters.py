@@ -8,7 +8,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from patagium.aerodynamics import Aerodynamics, Air, DickinsonPolar, QuasiSteady, SmoothPolar
+from patagium.aerodynamics import (
+    Aerodynamics,
+    Air,
+    DickinsonPolar,
+    QuasiSteady,
+    ReynoldsPolar,
+    SmoothPolar,
+)
 from patagium.aerodynamics.model import aero_functions
 from patagium.robot import load_robot
 from patagium_lab.published.aerodynamics import Published
@@ -26,11 +33,13 @@ EXPECTED = {
     "polar.drag_phase": (0, -1),
     "polar.zero_lift_drag": (0, 1),
     "polar.drag_rise": (0, 1),
+    "polar.viscosity": (-1, -1),  # at Re = 27,000; below some 1000 it adds drag
     "rotational_coefficient": (1, 0),
 }
 MODELS = {
     "dickinson": lambda robot: QuasiSteady(robot, polar=DickinsonPolar()),
     "smooth": lambda robot: QuasiSteady(robot, polar=SmoothPolar()),
+    "reynolds": lambda robot: QuasiSteady(robot, polar=ReynoldsPolar()),
     "rotational": lambda robot: QuasiSteady(robot, rotational=True),
     "published": lambda robot: Published(robot, errors=()),
 }

@@ -36,12 +36,12 @@ _POSITIVE = {
     **dict.fromkeys(("rate",), "1/semichord"),
     **dict.fromkeys(("pressure", "separation"), "semichords"),
     **dict.fromkeys(("profile_drag", "friction_drag", "crossflow_drag"), "1"),
-    **dict.fromkeys(("suction_efficiency", "surface_constant", "factor"), "1"),
+    **dict.fromkeys(("suction_efficiency", "surface_constant", "factor", "exponent"), "1"),
     **dict.fromkeys(("chord", "width", "reference_height", "roughness"), "m"),
-    **dict.fromkeys(("exponent",), "1"),
     **dict.fromkeys(("mass",), "kg"),
     **dict.fromkeys(("xx", "yy", "zz"), "kg m^2"),
     **dict.fromkeys(("gravity",), "m/s^2"),
+    **dict.fromkeys(("viscosity",), "m^2/s"),
     **dict.fromkeys(("damping",), "N s/m or N m s"),
 }
 _SIGNED = {

@@ -8,18 +8,17 @@ little until the weight is carried.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from patagium.aerodynamics import Aerodynamics, Air, Inflow, QuasiSteady
+from patagium.aerodynamics import Air
 from patagium.control import Floquet, NoOrbit, floquet, trim
 from patagium.errors import ParameterError
 from patagium.robot import load_robot_text
 from patagium.simulation import gaits
 from patagium_lab.validation.cases.case import CaseResult, ErrorLimit, largest_relative_difference
-from patagium_lab.validation.cases.hover import INSECTS, series, stations
+from patagium_lab.validation.cases.hover import INSECTS, MODELS, Make, plain, series, stations
 
 STEPS = 400
 """Time steps a wingbeat."""
@@ -53,12 +52,8 @@ subsidence halve [s]: Sun & Xiong (2005)."""
 
 def compute() -> list[CaseResult]:
     """Times of the longitudinal modes of a bumblebee."""
-    makes: dict[str, Callable[..., Aerodynamics]] = {
-        "quasi-steady": QuasiSteady,
-        "quasi-steady and inflow": lambda robot, air: Inflow(QuasiSteady(robot, air)),
-    }
-    models = {name: _times(modes_of("bumblebee", make)) for name, make in makes.items()}
-    fails = {name: _averaging(modes_of(name, QuasiSteady)) for name in ("dronefly", "hawkmoth")}
+    models = {name: _times(modes_of("bumblebee", make)) for name, make in MODELS.items()}
+    fails = {name: _averaging(modes_of(name, plain)) for name in ("dronefly", "hawkmoth")}
     told = "; ".join(
         f"{name}: {'fails, ' + words if words else 'holds'}" for name, words in fails.items()
     )
@@ -86,7 +81,7 @@ def compute() -> list[CaseResult]:
     ]
 
 
-def modes_of(name: str, make: Callable[..., Aerodynamics]) -> Floquet:
+def modes_of(name: str, make: Make) -> Floquet:
     """Modes of an insect's hover.
 
     Args:
