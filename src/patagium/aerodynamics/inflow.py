@@ -159,11 +159,11 @@ class Wing:
 
     Attributes:
         strips: Places of its strips in `robot.strips`, from the root outwards.
-        hinge: Place of the body that its hinge moves in `robot.bodies`.
+        levels: Bodies on the way from the body of its outermost strip inwards to that of its hinge.
     """
 
     strips: tuple[int, ...]
-    hinge: int
+    levels: int
 
 
 @dataclass(frozen=True)
@@ -195,8 +195,8 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
     for name in {strip.wing: None for strip in robot.strips}:
         strips = tuple(i for i, strip in enumerate(robot.strips) if strip.wing == name)
         outermost = robot.strips[strips[-1]]
-        wing = Wing(strips, _hinge(robot, outermost.body))
-        root = bodies[wing.hinge][0]
+        wing = Wing(strips, _levels(robot, outermost.body))
+        root = bodies[_hinge(robot, wing)][0]
         tip = placed(bodies[outermost.body], np.array(outermost.quarter_chord, float))
         one = wing, root, tip
         for group in groups:
@@ -212,13 +212,20 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
     )
 
 
-def _hinge(robot: Robot, body: int) -> int:
-    """Place of the body that a wing's hinge moves, from that of its outermost strip inwards."""
-    parent = robot.bodies[body].parent
+def _levels(robot: Robot, body: int) -> int:
+    """Number of bodies from a wing's outermost one inwards to the one that its hinge moves."""
+    levels, parent = 0, robot.bodies[body].parent
     while parent >= 0 and robot.bodies[parent].parent >= 0:
-        body, parent = parent, robot.bodies[parent].parent
+        levels, parent = levels + 1, robot.bodies[parent].parent
     held = parent < 0 or robot.bodies[parent].floating_dofs is not None
-    return body if held or not robot.bodies[parent].joints else parent
+    return levels if held or not robot.bodies[parent].joints else levels + 1
+
+
+def _hinge(robot: Robot, wing: Wing) -> int:
+    body = robot.strips[wing.strips[-1]].body
+    for _ in range(wing.levels):
+        body = robot.bodies[body].parent
+    return body
 
 
 class _Moving:
@@ -243,7 +250,7 @@ class _Moving:
         lengths, roots = [], []
         for wing in stroke.wings:
             strip = self.robot.strips[wing.strips[-1]]
-            root = self._at_zero[wing.hinge].position
+            root = self._at_zero[_hinge(self.robot, wing)].position
             roots.append(root[1])
             away = ca.sqrt(ca.sumsqr(quarter_chord(self._at_zero, strip) - root))
             lengths.append(away + strip.width / 2)
@@ -254,7 +261,8 @@ class _Moving:
     def direction(self, wing: Wing) -> tuple[ca.SX, ca.SX]:
         """Unit vector from hinge to tip in the axes that the hinge is fixed to, its rate [1/s]."""
         strip = self.robot.strips[wing.strips[-1]]
-        hinge, parent = wing.hinge, self.robot.bodies[wing.hinge].parent
+        hinge = _hinge(self.robot, wing)
+        parent = self.robot.bodies[hinge].parent
         axes = self.poses[parent].rotation if parent >= 0 else ca.SX.eye(3)
         turn = self._twists[parent].angular if parent >= 0 else ca.SX.zeros(3, 1)
         away = axes.T @ (quarter_chord(self.poses, strip) - self.poses[hinge].position)
@@ -273,13 +281,13 @@ class _Moving:
         """
         if self.ground is None:
             return 1.0
-        heights = [self.poses[wing.hinge].position[2] for wing in stroke.wings]
+        heights = [self.poses[_hinge(self.robot, wing)].position[2] for wing in stroke.wings]
         height = sum(heights, ca.SX(0)) / len(heights) - self.ground
         return 1.0 - ground_share(height, 2 * ca.sqrt(circle / pi))
 
     def velocity(self, stroke: Stroke) -> ca.SX:
         """Mean velocity of the wings' hinges, world axes, (3, 1) [m/s]."""
-        moving = [self._speed(wing.hinge) for wing in stroke.wings]
+        moving = [self._speed(_hinge(self.robot, wing)) for wing in stroke.wings]
         return sum(moving, ca.SX.zeros(3, 1)) / len(moving)
 
     def _speed(self, body: int) -> ca.SX:

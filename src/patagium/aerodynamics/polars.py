@@ -300,10 +300,11 @@ class ReynoldsPolar(SmoothPolar):
 
     def coefficients(self, flow: SectionFlow, parameters: Any) -> tuple[Any, Any]:
         """Coefficient of lift along (-normal, forward) velocity, and of drag."""
-        reynolds = smooth_norm((flow.speed * flow.chord / parameters[3]) ** 2, 20.0)
-        lift = parameters[0] - 3.94 * reynolds**-0.429
-        drag = parameters[1] + 10.48 * reynolds**-0.764
-        return super().coefficients(flow, [lift, drag, parameters[2] - 6.28 * reynolds**-0.369])
+        re = smooth_norm((flow.speed * flow.chord / parameters[3]) ** 2, 20.0)
+        lift = parameters[0] - 3.94 * re**-0.429
+        drag = parameters[1] + 10.48 * re**-0.764
+        rise = parameters[2] - 6.28 * re**-0.369
+        return super().coefficients(flow, [lift, drag, rise])
 
 
 @dataclass(frozen=True)

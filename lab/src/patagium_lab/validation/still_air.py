@@ -82,6 +82,9 @@ def models() -> dict[str, tuple[Make, bool]]:
         "lifting line": pt.LiftingLine,
         "lifting line, stall delay": line,
         "quasi-steady, inflow": lambda robot: pt.air.Inflow(pt.QuasiSteady(robot)),
+        "quasi-steady by Reynolds number, inflow": lambda robot: pt.air.Inflow(
+            pt.QuasiSteady(robot, polar=pt.air.ReynoldsPolar())
+        ),
         "DeLaurier, inflow": lambda robot: pt.air.Inflow(pt.DeLaurier(robot)),
         "lifting line, stall delay, inflow": lambda robot: pt.air.Inflow(line(robot)),
     }

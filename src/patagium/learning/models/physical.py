@@ -41,7 +41,7 @@ _POSITIVE = {
     **dict.fromkeys(("mass",), "kg"),
     **dict.fromkeys(("xx", "yy", "zz"), "kg m^2"),
     **dict.fromkeys(("gravity",), "m/s^2"),
-    **dict.fromkeys(("viscosity",), "m^2/s"),
+    "viscosity": "m^2/s",
     **dict.fromkeys(("damping",), "N s/m or N m s"),
 }
 _SIGNED = {
