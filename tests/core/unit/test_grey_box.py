@@ -142,6 +142,23 @@ def test_numbers_of_the_robot_and_added_mass_are_found_in_a_flight(robot):
     assert model.robot.strips[1].chord == result.scores["parameter_value"]["wing[1].chord"]
 
 
+def test_viscosity_of_a_polar_is_found_in_a_flight(robot):
+    """Slow air, Reynolds numbers of some 2000; the viscosity is twice that of air."""
+    gait = pt.gaits.sinusoidal(robot, frequency=1.0, plunge=0.6, feather=0.5)
+    true, believed = (
+        pt.QuasiSteady(robot, pt.Air(wind=(-0.5, 0.0, 0.0)), polar=pt.air.ReynoldsPolar(**other))
+        for other in ({"viscosity": 3e-5}, {})
+    )
+    flight = pt.simulate(robot, true, gait, duration=2.0, time_step=2e-3)
+    grey = pt.GreyBox(believed, {"polar.viscosity": 1e-5})
+    result = pt.identify(flight, pt.ExtendedLearner(grey, measurement_std=1e-4), every=5)
+    value, std = (
+        result.scores[f"parameter_{kind}"]["polar.viscosity"] for kind in ("value", "std")
+    )
+    # the filter linearizes its logarithm, at half of it to begin with
+    assert value == pytest.approx(3e-5, rel=0.02) and std < 1e-6
+
+
 def test_added_mass_is_part_of_y_or_not(robot):
     gait = pt.gaits.sinusoidal(robot, frequency=4.0, plunge=0.6, feather=0.2)
     carried = pt.AddedMass(robot, AIR, factor=0.9)
