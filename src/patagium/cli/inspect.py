@@ -96,7 +96,7 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
             text = f"{{{place}: {name}, unit: {unit}}}"
             if field.name == one.stamps:
                 time = time if one.name else text
-            elif field.unit in _FORCE_UNITS or _FORCES.search(field.name):
+            elif field.unit in ("N", "N m", "N mm") or _FORCES.search(field.name):
                 outputs.append(f"  - {text}")
             else:
                 inputs.append(f"  - {text}")
@@ -112,7 +112,6 @@ _UNIT = re.compile(r"\s*\[(?!\d+\])[^\]]*\]$")
 """Unit in the head of a column, which is no index."""
 _FORCES = re.compile(r"(?i)(^|[._/])([fmt][xyz]|force|lift|drag|thrust|moment|torque)(?![a-z])")
 """Names of forces and moments."""
-_FORCE_UNITS = ("N", "N m", "N mm")
 
 
 def show_findings(findings: Sequence[Finding], *, err: bool = False) -> None:

@@ -1,11 +1,10 @@
 """C text of a CasADi function: straight-line, shared subexpressions once.
 
 Each function can be written for one state, and for many, a vector of them side by side
-(`<name>_batch`). All sines and cosines whose angles are known at the same time
-are taken in one branch-free vector call. A function that CasADi was told never to
-inline stays one call of a kernel written by hand (`KERNELS`), if there is one: its SX form
-is the kernel's oracle and its fallback. Differs from CasADi's own generator
-in these things only; the operations and their order are CasADi's.
+(`<name>_batch`). All sines and cosines whose angles are known at the same time are taken in one
+branch-free vector call. A function that CasADi was told never to inline stays one call of a kernel
+written by hand (`KERNELS`), if there is one: its SX form is the kernel's oracle and its fallback.
+The operations and their order are CasADi's.
 """
 
 from __future__ import annotations
@@ -254,7 +253,7 @@ def emit_batch(function: ca.Function) -> list[str]:
     dialect = _Dialect("lanes", "lanes_", load, store, angle_block, "{0}{1}_{2}")
     statements = _Writer(graph, dialect).statements()
     heads, parts = list[str](), list[str]()
-    if len(statements) > LONG_BODY and not graph.callees:
+    if len(statements) > LONG_BODY:
         given = [f"  const double *const x{k} = tile[{k}]; (void)x{k};" for k in range(len(sizes))]
         heads, parts, statements = _in_parts(name, [*_pointers(function), *given], statements)
         held = ", ".join("0" if common else f"x{k}" for k, common in enumerate(shared))
@@ -422,11 +421,21 @@ class _Writer:
         if node.callee:
             values = [self._argument(i) for i in node.inputs]
             callee = self._graph.callees[node.callee]
-            self._lines.extend(_call_block(callee, f"call{k}", dialect.kind, values))
+            block = _call_block(callee, f"call{k}", dialect.kind, values)
+            nodes = enumerate(self._graph.nodes)
+            for own in [one for one, other in nodes if other.inputs == (k,)]:
+                block += self._statements(own)
+            self._lines.append("\n".join(block))
             return
-        self._lines.append(f"  const {dialect.kind} t{k} = {self._value(node)};")
+        self._lines += self._statements(k)
+
+    def _statements(self, k: int) -> list[str]:
+        """Statements of the value of a node, and of the results that it is."""
+        self._written[k] = True
+        dialect = self._dialect
+        value = f"  const {dialect.kind} t{k} = {self._value(self._graph.nodes[k])};"
         places = self._stores.get(k, ())
-        self._lines.extend(dialect.store(result, entry, f"t{k}") for result, entry in places)
+        return [value, *(dialect.store(result, entry, f"t{k}") for result, entry in places)]
 
     def _argument(self, k: int) -> str:
         text, constant = _operand(self._graph, k), self._graph.nodes[k].op == ca.OP_CONST

@@ -31,9 +31,8 @@ from patagium.native.function import Compiled, NativeFunction, Signature
 LONG = 200_000
 """Length of a text from which on it is spared what gains nothing and takes long [B]."""
 SPARED = ("-fno-tree-pre", "-fno-code-hoisting", "-fno-tree-dse", "-fno-dse", "-fira-region=one")
-"""Partial redundancies, code to be hoisted out of branches and dead stores: there are none in
-straight lines, and GCC's search takes a time that grows with the square of the text (one pass does
-the first two: it takes both flags to be rid of it). Registers are handed out for all the text."""
+"""What straight code lacks (partial redundancies, branches, dead stores) and GCC seeks in a time
+that grows with the square of the text. Registers are handed out for all the text."""
 _SOURCES = (
     *("native", "robot", "dynamics", "aerodynamics"),
     *("simulation", "sensing", "learning", "live", "control"),

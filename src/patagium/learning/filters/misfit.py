@@ -1,18 +1,16 @@
 """Error of the model, found from the data: noise that a filter assumes, interval that it states.
 
-A model of the air that is not the air errs in the same way whenever the same flow comes again:
-its error is correlated, so that many samples of one wingbeat tell no more of the weights than a
-few. A filter that takes the error for white noise becomes sure of weights that fit one gait and
-no other. Here the variance that the filter assumes of a sample is
+A model that is not the air errs in the same way whenever the same flow comes again. A filter that
+takes such errors for white noise becomes sure of weights that fit one gait and no other. Here the
+variance that the filter assumes of a sample is
 
     R_k = c max((floor s_k)^2, min(3 <r_k^2>, s_k^2)),
 
 s the standard deviation of y_k so far, its network's offset counted as one sample, and r = y - y(W)
 what a sample leaves after it was learned, averaged over 100 spans of correlation; a span has
 c = s / rms(change of y from sample to sample) samples, for a sine 1 / (2 pi f) s whatever the rate
-of the samples. A force that hardly changes, such as the drag of a wing that beats little, tells no
-less than another: its mean is no part of s. No model errs by more than s for long, for a constant
-would do better. The measurement's own noise, where it is known, is added.
+of the samples. The mean of y is no part of s, and a model that errs by more than s for long is
+worse than a constant. The measurement's own noise, where it is known, is added.
 
 What a sample leaves is still there a moment later: the next sample is predicted with rho r on
 top, rho = <e_k r_(k-1)> / <r_(k-1)^2> over 20 spans, at most .99, to the power of the time since

@@ -19,13 +19,10 @@ was used. With e = y - mean the innovation of an output and s^2 its variance,
     log L = sum over samples and outputs of -1/2 (e^2 / s^2 + log s^2 + log 2 pi):
 
 the density that the learner gave beforehand to each number it then measured. It punishes errors,
-and standard deviations too small or too large for them. An output that stands still is predicted
-by any standard deviation, the smaller the better: where it does (`moving`) it is left out, or a
-robot on the ground would decide how the learner learns in flight. This likelihood rewards
-learners that follow the misfit of the last samples, and then err on other kinematics. Neglected:
-correlation of the outputs (with it, on a flight without noise, the likelihood follows directions
-in which P_yy is all but singular, and the standard deviations of the outputs come out too large);
-samples between those used.
+and standard deviations too small or too large for them, and rewards learners that follow the
+misfit of the last samples and then err on other kinematics. An output that stands still, which any
+small standard deviation predicts, is left out (`moving`). Neglected: correlation of the outputs
+(docs/decisions.md says why); samples between those used.
 
 References:
     Gneiting & Raftery (2007), Strictly proper scoring rules, prediction, and estimation, J. Am.
