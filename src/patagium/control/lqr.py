@@ -3,9 +3,8 @@
 The design model is that of `predictive.OrbitModel`: exact derivatives of every interval of the
 beat, the lags by which the steered gait answers as states, and the commands in force, u. They
 change by -K(phase) [x, u], where K follows from the periodic Riccati equation; of the averaged
-regulator one K from the mean of the intervals. Changes cost, because gains for which they are free
-ask for more within a beat than the actuators follow. Neglected in the design: that ranges and
-rates are limits, which the answers keep.
+regulator one K from the mean of the intervals. Changes cost: gains for which they are free ask for
+more within a beat than actuators follow. Neglected in the design: limits, which the answers keep.
 """
 
 from __future__ import annotations
@@ -67,7 +66,8 @@ class LinearRegulator(OrbitController):
     @property
     def multipliers(self) -> NDArray[np.complex128]:
         """Multipliers of the beat under feedback, those of lags and commands included, (n,) [1]."""
-        beat = closed_beat(*_with_commands(self.model), self.gains)
+        a, b = _with_commands(self.model)
+        beat = closed_beat(a, b, self.gains)
         return np.asarray(np.linalg.eigvals(beat), complex)
 
     def _law(self, model: OrbitModel) -> tuple[Array, Array]:
@@ -83,8 +83,9 @@ class LinearRegulator(OrbitController):
         """Departures of the commands within their ranges and rates, of many flights at once too."""
         neutral = self.model.neutral
         gain = self.gains[first % self.model.parts]
-        wanted = -np.concatenate([start, before], axis=-1) @ gain.T
-        change = np.clip(wanted, -self.fastest, self.fastest)
+        whole = np.concatenate([start, before], axis=-1)
+        change = -whole @ gain.T
+        change = np.clip(change, -self.fastest, self.fastest)
         values = np.clip(neutral + before + change, self.low, self.high)
         return np.asarray(values - neutral)
 

@@ -444,10 +444,7 @@ def periodic_riccati(
 
 
 def closed_beat(by_state: Array, by_input: Array, gains: Array) -> Array:
-    """Derivative of the state after a beat under feedback by that before it, (n_x, n_x).
-
-    Its arguments are as of `periodic_riccati`, gains as that returns.
-    """
+    """Derivative of the state after a beat with the gains of `periodic_riccati`, (n_x, n_x)."""
     beat = np.eye(by_state.shape[1])
     for a, b, gain in zip(by_state, by_input, gains, strict=True):
         beat = (a - b @ gain) @ beat
@@ -537,8 +534,9 @@ class OrbitController:
 
     def _law(self, model: OrbitModel) -> tuple[Array, Array]:
         """Costs to go and gains of a model."""
-        matrices = model.by_state, model.by_input
-        return periodic_riccati(*matrices, self.state_cost, self.input_cost)
+        a, b = model.by_state, model.by_input
+        costs = self.state_cost, self.input_cost
+        return periodic_riccati(a, b, *costs)
 
     def follow(self, orbit: Reference, parameters: Mapping[str, float], first: int) -> None:
         """Follow another orbit of the same frequency from an interval on.
@@ -745,7 +743,8 @@ class PredictiveController(OrbitController):
         self._place_limits(first)
         horizon = len(self.iteration.inputs)
         self.iteration.final_cost = self.costs[(first + horizon) % self.model.parts]
-        if self.iteration.iterate(first, start, before) is not ProgramStatus.SOLVED:
+        status = self.iteration.iterate(first, start, before)
+        if status is not ProgramStatus.SOLVED:
             return None
         return np.array(self.iteration.inputs[0])
 
