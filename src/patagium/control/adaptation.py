@@ -208,12 +208,7 @@ class Departures:
         self._without, self._with = [0.0, 0], [0.0, 0]  # mean square [1], beats
 
     def take(self, square: float, followed: bool) -> bool:
-        """Take a beat, and say whether the weights do harm.
-
-        Args:
-            square: Square of the mean departure, over what is tolerable [1].
-            followed: Whether learned weights were followed.
-        """
+        """Take the square of a beat's mean departure [1], and say whether weights do harm."""
         mean, memory = self._without, DISTURBANCE_BEATS
         if followed:
             mean, memory = self._with, TRIAL
@@ -317,15 +312,7 @@ class AdaptiveController:
         return self.controller.period
 
     def __call__(self, time: float, state: FlightState | None) -> dict[str, float]:
-        """Commands for the interval that begins now.
-
-        Args:
-            time: Now, since the beginning of the orbit's first beat [s].
-            state: State of the flight now, or None where no sample came.
-
-        Returns:
-            Commands by name; none where the last ones are held.
-        """
+        """Commands for the interval that begins now; see `OrbitController`."""
         first, parts = round(time / self.period), self.controller.model.parts
         if state is not None and abs(time - state.time) <= 0.5 * self.period:
             self._samples[first] = self.controller.measured(state, first)
@@ -508,12 +495,7 @@ class AdaptiveController:
         return _Beat(slopes[known], missed[known] + slopes[known] @ self.weights)
 
     def _rows(self, time: float, steps: int) -> PrescribedRows:
-        """Prescribed rows of a beat as the gait was steered.
-
-        Args:
-            time: Its beginning [s].
-            steps: Time steps.
-        """
+        """Prescribed rows of a beat that begins at a time [s], as the gait was steered."""
         model = self.controller.model
         step = model.parts * self.period / steps
         times = time + 0.5 * step * np.arange(2 * steps + 1)

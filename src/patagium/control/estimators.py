@@ -69,11 +69,7 @@ class Estimator(Protocol):
     """Estimator of the state of a flight."""
 
     def __call__(self, truth: Truth) -> Estimate | None:
-        """Estimate by now, or None where there is none.
-
-        Args:
-            truth: All motion so far, of which its sensors see something.
-        """
+        """Estimate by now from what its sensors see of all motion so far, or None."""
 
 
 @dataclass(frozen=True)

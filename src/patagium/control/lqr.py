@@ -1,9 +1,10 @@
 """Linear-quadratic regulators of a periodic orbit: gains over the phase, or of the averaged beat.
 
 The design model is that of `predictive.OrbitModel`: exact derivatives of every interval of the
-beat, and the lags by which the steered gait answers as states. u = -K(phase) x, where K follows
-from the periodic Riccati equation; of the averaged regulator one K from the mean of the intervals.
-Neglected: limits of commands, which the steered gait keeps.
+beat, the lags by which the steered gait answers as states, and the commands in force, u. They
+change by -K(phase) [x, u], where K follows from the periodic Riccati equation; of the averaged
+regulator one K from the mean of the intervals. Changes cost: gains for which they are free ask for
+more within a beat than actuators follow. Neglected in the design: limits, which the answers keep.
 """
 
 from __future__ import annotations
@@ -12,9 +13,17 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from patagium.arguments import checked
-from patagium.control.predictive import OrbitController, Reference, closed_beat
+from patagium.control.predictive import (
+    OrbitController,
+    OrbitModel,
+    Reference,
+    closed_beat,
+    periodic_riccati,
+)
+from patagium.errors import ParameterError
 
 Array = NDArray[np.float64]
 
@@ -29,10 +38,12 @@ class LinearRegulator(OrbitController):
         tolerable: Departures by name of a state, such as `z` or `velocity of x`, that cost as much
             as a command over half its range [SI].
         averaged: Whether one gain from the mean of the intervals serves the whole beat.
+        change_cost: Cost of a change as fast as an actuator allows, over that of a command over
+            half its range; 0 where changes are free, which damps small departures most [1].
 
     Raises:
-        ParameterError: If a name is none, a command has no range, or the commands cannot hold
-            the orbit.
+        ParameterError: If a name is none, a command has no range, a cost is below zero, or the
+            commands cannot hold the orbit.
     """
 
     @checked
@@ -44,18 +55,45 @@ class LinearRegulator(OrbitController):
         parts: int = 10,
         tolerable: Mapping[str, float] | None = None,
         averaged: bool = False,
+        change_cost: float = 1.0,
     ) -> None:
-        super().__init__(orbit, commands, parts, tolerable, averaged)
+        if not 0 <= change_cost < np.inf:
+            raise ParameterError("change_cost", "zero or more", change_cost)
+        self._averaged = averaged
+        self._change_cost = change_cost
+        super().__init__(orbit, commands, parts, tolerable)
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
-        """Multipliers of the beat under feedback, lags of the commands included, (n_x,) [1]."""
-        beat = closed_beat(self.model.by_state, self.model.by_input, self.gains)
+        """Multipliers of the beat under feedback, those of lags and commands included, (n,) [1]."""
+        a, b = _with_commands(self.model)
+        beat = closed_beat(a, b, self.gains)
         return np.asarray(np.linalg.eigvals(beat), complex)
 
-    def answer(self, first: int, start: Array) -> Array | None:
-        """Departures of the commands, u = -K x, within their ranges; see `OrbitController`."""
+    def _law(self, model: OrbitModel) -> tuple[Array, Array]:
+        """Costs to go and gains of a model."""
+        a, b = _with_commands(model)
+        if self._averaged:
+            a, b = (np.broadcast_to(part.mean(axis=0), part.shape) for part in (a, b))
+        share = self._change_cost * (self.half / self.fastest) ** 2
+        costs = block_diag(self.state_cost, self.input_cost)
+        return periodic_riccati(a, b, costs, share * self.input_cost)
+
+    def answer(self, first: int, start: Array, before: Array) -> Array | None:
+        """Departures of the commands within their ranges and rates, of many flights at once too."""
         neutral = self.model.neutral
-        low, high, _ = np.array(self.ends).T
-        wanted = -self.gains[first % self.model.parts] @ start
-        return np.asarray(np.clip(wanted, low - neutral, high - neutral))
+        gain = self.gains[first % self.model.parts]
+        whole = np.concatenate([start, before], axis=-1)
+        change = -whole @ gain.T
+        change = np.clip(change, -self.fastest, self.fastest)
+        values = np.clip(neutral + before + change, self.low, self.high)
+        return np.asarray(values - neutral)
+
+
+def _with_commands(model: OrbitModel) -> tuple[Array, Array]:
+    """Derivatives of [x, u] after each interval, by [x, u] before it and by the change of u."""
+    a, b = model.by_state, model.by_input
+    own = np.tile(np.eye(b.shape[2]), (len(b), 1, 1))
+    below = np.zeros_like(b).transpose(0, 2, 1)
+    whole = np.block([[a, b], [below, own]])
+    return whole, np.concatenate([b, own], 1)

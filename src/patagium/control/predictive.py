@@ -383,11 +383,7 @@ class OrbitModel:
         return np.concatenate(parts)
 
     def along(self, first: int) -> Array:
-        """State of the orbit at the beginning of an interval, (n,) [SI].
-
-        Args:
-            first: Number of the interval.
-        """
+        """State of the orbit at the beginning of an interval by its number, (n,) [SI]."""
         beat, part = divmod(first, self.parts)
         return np.asarray(self.origin + self.states[part] + beat * self.travel)
 
@@ -448,13 +444,7 @@ def periodic_riccati(
 
 
 def closed_beat(by_state: Array, by_input: Array, gains: Array) -> Array:
-    """Derivative of the state after a beat under feedback by that before it, (n_x, n_x).
-
-    Args:
-        by_state: Derivative of each interval of a beat by its state, (parts, n_x, n_x).
-        by_input: Derivative by the inputs, (parts, n_x, n_u).
-        gains: K of u = -K x, (parts, n_u, n_x).
-    """
+    """Derivative of the state after a beat with the gains of `periodic_riccati`, (n_x, n_x)."""
     beat = np.eye(by_state.shape[1])
     for a, b, gain in zip(by_state, by_input, gains, strict=True):
         beat = (a - b @ gain) @ beat
@@ -480,21 +470,19 @@ class OrbitController:
     command in force; `held` counts them by their cause. A time before the last one begins another
     flight, and the controller starts anew.
 
-    Args:
-        orbit: The orbit, and the model of robot and air that it was found with.
-        commands: Names of the commands, with a range each in the robot's `actuators`.
-        parts: Intervals of a beat; one command each.
-        tolerable: Departures by name of a state, such as `z` or `velocity of x`, that cost as much
-            as a command over half its range [SI].
-        averaged: Whether costs and gains follow from the mean of the intervals.
+    Its arguments are those of its laws, `LinearRegulator` and `PredictiveController`.
 
     Raises:
         ParameterError: If a name is none, a command has no range, or the commands cannot hold
             the orbit.
 
     Attributes:
-        costs: Least cost to go without limits from each phase on, (parts, n_x, n_x).
-        gains: Feedback gain of each interval of a beat that gives it, (parts, n_u, n_x)
+        low: Least value of each command's response, (n_u,) [response's unit].
+        high: Greatest, (n_u,) [response's unit].
+        half: Half the range, (n_u,) [response's unit].
+        fastest: Change in an interval, at most, (n_u,) [response's unit].
+        costs: Least cost to go without limits from each phase on, (parts, n, n).
+        gains: Feedback gain of each interval of a beat that gives it, (parts, n_u, n)
             [unit over SI].
         held: Number of samples at which the last command was held, by cause.
     """
@@ -505,20 +493,21 @@ class OrbitController:
         commands: Sequence[str],
         parts: int,
         tolerable: Mapping[str, float] | None,
-        averaged: bool = False,
     ) -> None:
         self.model = model = OrbitModel(orbit, commands, parts)
-        self._averaged = averaged
         self.weights = self._weights(tolerable or {})
         self.ends = [model.steered.limits(name) for name in commands]
         for name, (low, high, _) in zip(commands, self.ends, strict=True):
             if not np.isfinite(high - low):
                 raise ParameterError(f"actuators.{name}", "a range of every command", "none")
-        half = np.array([(high - low) / 2 for low, high, _ in self.ends])
+        self.low, self.high, rates = np.array(self.ends).T
+        self.half = (self.high - self.low) / 2
+        self.fastest = rates * model.period
         costs = np.array([model.robot.actuators[k].cost if k in model.robot.actuators else 1.0
                           for k in commands])  # fmt: skip
         self.state_cost = np.diag(self.weights)
-        self.input_cost = np.diag(costs / half**2)
+        self.input_cost = np.diag(costs / self.half**2)
+        self._before = np.zeros(len(commands))
         self.costs, self.gains = self._law(model)
         self.held: Counter[str] = Counter()
         self._time = 0.0
@@ -540,14 +529,14 @@ class OrbitController:
         )
         self.model = copy(self.model)
         self.model.steered = steered
+        self._before = np.zeros(len(self.ends))
         self.held = Counter()
 
     def _law(self, model: OrbitModel) -> tuple[Array, Array]:
         """Costs to go and gains of a model."""
         a, b = model.by_state, model.by_input
-        if self._averaged:
-            a, b = (np.broadcast_to(part.mean(axis=0), part.shape) for part in (a, b))
-        return periodic_riccati(a, b, self.state_cost, self.input_cost)
+        costs = self.state_cost, self.input_cost
+        return periodic_riccati(a, b, *costs)
 
     def follow(self, orbit: Reference, parameters: Mapping[str, float], first: int) -> None:
         """Follow another orbit of the same frequency from an interval on.
@@ -574,6 +563,7 @@ class OrbitController:
         places = [model.names.index(name) for name in ("x", "y", "z")]
         model.origin[places] = gap[places]
         self._followed = True
+        self._before = self._before + before.neutral - model.neutral
         self.model, self.costs, self.gains = model, costs, gains
 
     @property
@@ -581,12 +571,13 @@ class OrbitController:
         """Length of an interval: the `control_period` of a flight [s]."""
         return self.model.period
 
-    def answer(self, first: int, start: Array) -> Array | None:
+    def answer(self, first: int, start: Array, before: Array) -> Array | None:
         """Departures of the commands for the interval that begins now, (n_u,) [response's unit].
 
         Args:
             first: Number of the interval.
             start: Departure of the flight from the orbit, (n_x,) [SI].
+            before: Departures of the commands in force, (n_u,) [response's unit].
 
         Returns:
             The departures; None where there is no answer.
@@ -618,9 +609,10 @@ class OrbitController:
         start = model.departure(first, self.measured(state, first), time)
         if not np.isfinite(start).all():
             return self._hold("not finite")
-        inputs = self.answer(first, start)
+        inputs = self.answer(first, start, self._before)
         if inputs is None:
             return self._hold("not solved")
+        self._before = inputs
         values = inputs + model.neutral
         given = {
             name: float(value / model.steered.scale(name))
@@ -659,12 +651,7 @@ class OrbitController:
         return weights
 
     def measured(self, state: FlightState, first: int) -> Array:
-        """State of the model, its unmeasured lags as on the orbit, (n,) [SI].
-
-        Args:
-            state: State of the flight.
-            first: Number of the interval.
-        """
+        """State of the model, its unmeasured lags as on the orbit at an interval, (n,) [SI]."""
         found = self.model.along(first)
         robot = self.model.robot
         for k, name in enumerate(self.model.names):
@@ -727,29 +714,27 @@ class PredictiveController(OrbitController):
         )
         program = self.iteration.program
         self._place_ranges()
-        program["rise"][...] = [rate * model.period for _, _, rate in self.ends]
-        program["fall"][...] = -program["rise"]
+        program["rise"][...] = self.fastest
+        program["fall"][...] = -self.fastest
         for place in self._limits:
             program["weight"][:, place] = SOFT * max(self.weights[place], 1.0)
-        self._before = np.zeros(len(model.commands))
         self._last: int | None = None
 
     def follow(self, orbit: Reference, parameters: Mapping[str, float], first: int) -> None:
         """Follow another orbit from an interval on; see `OrbitController.follow`."""
         before = self.model.neutral
         super().follow(orbit, parameters, first)
-        self._before = self._before + before - self.model.neutral
         self.iteration.inputs = self.iteration.inputs + before - self.model.neutral
         self.iteration.predict = self.model.predict
         self._place_ranges()
 
     def _place_ranges(self) -> None:
         """Ranges of the commands about the orbit."""
-        low, high, _ = np.array(self.ends).T
-        self.iteration.program["lower"][...] = low - self.model.neutral
-        self.iteration.program["upper"][...] = high - self.model.neutral
+        program = self.iteration.program
+        program["lower"][...] = self.low - self.model.neutral
+        program["upper"][...] = self.high - self.model.neutral
 
-    def answer(self, first: int, start: Array) -> Array | None:
+    def answer(self, first: int, start: Array, before: Array) -> Array | None:
         """Departures of the commands by one iteration; None where the program is not solved."""
         if self._last is not None and first > self._last:
             for _ in range(min(first - self._last, len(self.iteration.inputs))):
@@ -758,10 +743,10 @@ class PredictiveController(OrbitController):
         self._place_limits(first)
         horizon = len(self.iteration.inputs)
         self.iteration.final_cost = self.costs[(first + horizon) % self.model.parts]
-        if self.iteration.iterate(first, start, self._before) is not ProgramStatus.SOLVED:
+        status = self.iteration.iterate(first, start, before)
+        if status is not ProgramStatus.SOLVED:
             return None
-        self._before = self.iteration.inputs[0].copy()
-        return self._before
+        return np.array(self.iteration.inputs[0])
 
     def _place_limits(self, first: int) -> None:
         """Soft limits about the orbit, at each interval of the horizon."""

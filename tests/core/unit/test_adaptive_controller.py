@@ -114,8 +114,9 @@ def damaged(robot):
 
 def test_damaged_robot_comes_back_to_height_and_heading(orbit):
     robot, beats = damaged(orbit.robot), 60
-    fixed = flown(orbit, LinearRegulator(orbit, COMMANDS, tolerable=FIRM), robot, beats)
-    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=FIRM), orbit)
+    words = {"tolerable": FIRM, "change_cost": 0.0}
+    fixed = flown(orbit, LinearRegulator(orbit, COMMANDS, **words), robot, beats)
+    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, **words), orbit)
     learned = flown(orbit, controller, robot, beats)
     assert abs(learned[0]) < 0.02 and abs(fixed[0]) < 0.02  # m: the regulator alone does that
     assert abs(learned[1]) < 0.5 * abs(fixed[1])  # .04 and .17 rad

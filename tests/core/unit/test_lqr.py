@@ -7,6 +7,7 @@ import pytest
 
 import patagium as pt
 from patagium.control import LinearRegulator
+from patagium.control.predictive import periodic_riccati
 from patagium.errors import ParameterError
 
 COMMANDS = ("frequency", "elevation_offset", "rudder_offset")
@@ -31,7 +32,7 @@ def flown(orbit, controller, beats, size):
 
 def test_a_periodic_regulator_keeps_an_unstable_orbit(orbit):
     assert not pt.control.floquet(orbit).stable
-    regulator = LinearRegulator(orbit, COMMANDS)
+    regulator = LinearRegulator(orbit, COMMANDS, change_cost=0.0)
     sizes = np.sort(np.abs(regulator.multipliers))[::-1]
     assert sizes[0] == pytest.approx(1.0, abs=1e-6)  # the way along y, which costs nothing
     assert sizes[1] < 0.95
@@ -41,12 +42,51 @@ def test_a_periodic_regulator_keeps_an_unstable_orbit(orbit):
     assert regulator.report() == "Every sample was answered."
 
 
+def test_changes_that_cost_leave_room_for_larger_departures(orbit):
+    """Free ones ask for more within a beat than actuators follow, and lose the height."""
+    firm, default = (LinearRegulator(orbit, COMMANDS, change_cost=cost) for cost in (0.0, 1.0))
+    sizes = np.sort(np.abs(default.multipliers))[::-1]
+    assert sizes[0] == pytest.approx(1.0, abs=1e-6) and sizes[1] < 0.98
+    assert flown(orbit, default, 30, 0.3) < 0.5 < 2.0 < flown(orbit, firm, 30, 0.3)
+
+
+def test_no_actuator_is_asked_for_more_than_its_rate_and_range(orbit):
+    regulator = LinearRegulator(orbit, COMMANDS)
+    low, high, rate = np.array(regulator.ends).T
+    far = np.full(regulator.model.size, 0.3)
+    given = [np.zeros(3)]
+    for k in range(30):
+        given.append(regulator.answer(k, far, given[-1]))
+    given = np.array(given)
+    assert (np.abs(np.diff(given, axis=0)) <= rate * regulator.period * (1 + 1e-12)).all()
+    inside = np.array([low, high]) - regulator.model.neutral
+    assert (inside[0] <= given).all() and (given <= inside[1]).all()
+    assert (given == inside[0]).any() or (given == inside[1]).any()
+
+
+def test_free_changes_are_the_regulator_without_commands_in_force(orbit):
+    """K = [K of u = -K x, 1], by the Riccati equation of the model alone."""
+    regulator = LinearRegulator(orbit, COMMANDS, change_cost=0.0)
+    model = regulator.model
+    costs = regulator.state_cost, regulator.input_cost
+    _, alone = periodic_riccati(model.by_state, model.by_input, *costs)
+    size = np.abs(alone).max()
+    assert np.abs(regulator.gains[:, :, : model.size] - alone).max() < 1e-6 * size  # sweeps end
+    assert np.abs(regulator.gains[:, :, model.size :] - np.eye(len(COMMANDS))).max() < 1e-6
+
+
+def test_a_cost_of_changes_below_zero_is_refused(orbit):
+    with pytest.raises(ParameterError, match="change_cost"):
+        LinearRegulator(orbit, COMMANDS, change_cost=-1.0)
+
+
 def test_an_averaged_regulator_says_where_it_fails_and_does(orbit):
-    averaged = LinearRegulator(orbit, COMMANDS, averaged=True)
+    words = {"averaged": True, "change_cost": 0.0}
+    averaged = LinearRegulator(orbit, COMMANDS, **words)
     assert np.ptp(averaged.gains, axis=0).max() < 1e-8  # 1e-9 of the gains ends the sweeps
     grows = np.abs(averaged.multipliers).max()
     assert grows > 1.01
-    each = (LinearRegulator(orbit, COMMANDS, averaged=True) for _ in range(2))
+    each = (LinearRegulator(orbit, COMMANDS, **words) for _ in range(2))
     early, late = (
         flown(orbit, one, beats, 1e-4) for one, beats in zip(each, (40, 80), strict=True)
     )

@@ -9,13 +9,7 @@ import patagium as pt
 from patagium import control
 from patagium_lab.feedback.flights import Flights
 from patagium_lab.feedback.page import page
-from patagium_lab.feedback.plan import (
-    AVERAGED,
-    ORNITHOPTER,
-    PERIODIC,
-    PREDICTIVE,
-    SOFTER,
-)
+from patagium_lab.feedback.plan import AVERAGED, ORNITHOPTER, PERIODIC, PREDICTIVE
 from patagium_lab.feedback.run import controller, design, in_flight, law_of, region, truth
 from patagium_lab.gallery import Gallery
 from patagium_lab.study import Results
@@ -56,7 +50,7 @@ def test_flights_side_by_side_are_those_of_the_loop(kind: str) -> None:
 def test_a_delay_too_long_and_a_start_too_far_are_lost() -> None:
     delays = np.array([0, 200])  # time steps, of which a beat has 80
     assert in_flight(ORNITHOPTER, PERIODIC, range(2), delays, 10, 1, 20) == [True, False]
-    found = region(ORNITHOPTER, SOFTER, 5, 12, 20)
+    found = region(ORNITHOPTER, PERIODIC, 5, 12, 20)
     sizes, recovered = np.array(found["sizes"]), np.array(found["recovered"])
     assert recovered.any() and not recovered[sizes > 0.6].all()
 
@@ -66,7 +60,7 @@ def test_the_page_says_which_order_holds(tmp_path) -> None:
         {"robot": "bird", "controller": PERIODIC, "beat": 0.2, "doubling": 7.0, "delay": 0.5}
         | {"delay_longest": False, "interval": 0.25, "interval_longest": False}
     ]
-    many = {PREDICTIVE: 9, PERIODIC: 5, AVERAGED: 7, SOFTER: 8}
+    many = {PREDICTIVE: 9, PERIODIC: 5, AVERAGED: 7}
     regions = [
         {"robot": "bird", "controller": kind, "lost": 1, "largest_multiplier": None}
         | {"sizes": [k / 10 for k in range(10)], "recovered": [k < count for k in range(10)]}

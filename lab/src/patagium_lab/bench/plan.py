@@ -63,6 +63,12 @@ PARTS: tuple[tuple[str, tuple[str, ...], str], ...] = (
         "Quadratic programs of predictive control, from nothing and as the next sample of a "
         "controller, beside solvers with a wheel of their own.",
     ),
+    (
+        "From sensors to commands",
+        ("tick",),
+        "A tick of a controller that learns, each part as it is today: the motion tracker in "
+        "Python, the default learner in C, the linear regulator in Python.",
+    ),
     ("A flight", ("simulation",), "Simulating free flight, everything recorded."),
     (
         "Compiling",

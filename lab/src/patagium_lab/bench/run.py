@@ -13,7 +13,7 @@ from typing import Any
 
 from patagium.robot import Robot, load_robot
 from patagium_lab.bench import air as benchmark_air
-from patagium_lab.bench import learning, programs
+from patagium_lab.bench import learning, programs, tick
 from patagium_lab.bench.dynamics import DynamicsBench
 from patagium_lab.bench.plan import BenchPlan
 from patagium_lab.bench.result import Result
@@ -134,6 +134,7 @@ TIMERS: dict[str, Timer] = {
     "update": lambda bench: learning.on_one_thread("update"),
     "pipeline": lambda bench: learning.pipeline_results(),
     "programs": _on_one_core(lambda bench: programs.program_results()),
+    "tick": _on_one_core(lambda bench: tick.tick_results()),
     "simulation": _on_one_core(lambda bench: [learning.flight_result(bench.robot)]),
     "compile": lambda bench: learning.compile_results(),
 }

@@ -71,6 +71,7 @@ TARGETS = (
     SpeedTarget("pipeline", f"{_NODE}: median", 40e-6),
     SpeedTarget("pipeline", f"{_NODE}: 99 % within", 100e-6),
     SpeedTarget("pipeline", f"{_STRIP}: median", 60e-6),
+    SpeedTarget("tick", "whole tick: median", 100e-6),
     SpeedTarget("simulation", "simulation of 1 s of flight", 0.2),
     SpeedTarget("compile", "compiling one robot on a fresh cache", 15.0),
     SpeedTarget("compile", f"{_FLIGHT}, 10 strips", 15.0),

@@ -23,6 +23,8 @@ TOLERABLE = {
     **{f"velocity of {name}": 10.0 for name in ("roll", "pitch", "yaw")},
 }
 """Departures that cost as much as a command over half its range [m, rad, m/s, rad/s]."""
+CHANGE_COST = 0.0
+"""Cost of changes of the commands: free, since these departures are small and are to be damped."""
 NOISE = {
     "x": 1e-3,
     "y": 1e-3,

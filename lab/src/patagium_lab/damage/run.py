@@ -23,6 +23,7 @@ from patagium.simulation.simulator import FlightState
 from patagium.simulation.steered_gait import SteeredGait
 from patagium_lab.conditions import conditions
 from patagium_lab.damage.plan import (
+    CHANGE_COST,
     COMMANDS,
     FROZEN,
     KNOWN,
@@ -174,7 +175,9 @@ def fly(flight: Flight) -> dict[str, Any]:
 def _law(name: str, orbit: Orbit) -> OrbitController:
     """Controller along the orbit, by its name in the plan."""
     if name == "linear":
-        return control.LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE)
+        return control.LinearRegulator(
+            orbit, COMMANDS, tolerable=TOLERABLE, change_cost=CHANGE_COST
+        )
     return control.PredictiveController(orbit, COMMANDS, tolerable=TOLERABLE)
 
 

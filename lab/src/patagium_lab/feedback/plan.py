@@ -6,10 +6,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 PERIODIC, AVERAGED, PREDICTIVE = "periodic LQR", "averaged LQR", "predictive"
-SOFTER = "periodic LQR, softer"
-"""Controllers: linear-quadratic regulators with gains over the phase and of the averaged beat, the
-model predictive controller, and the first with departures `EASE` times as tolerable."""
-EASE = 5.0
+"""Controllers: linear-quadratic regulators with gains over the phase and of the averaged beat, and
+the model predictive controller."""
 
 NOISE = MappingProxyType(
     {
@@ -123,7 +121,8 @@ class FeedbackPlan:
     Attributes:
         seed: First seed; seeds from 0 on are those that settings were chosen with.
         flights: Flights of each delay and each rate.
-        starts: Starts of each controller.
+        starts: Starts of each regulator.
+        few: Of these the first that the predictive controller flies, which takes ten times as long.
         beats: Beats of a flight.
         longest: Longest delay that is tried [beats].
         shares: Delays that are tried to a beat.
@@ -137,6 +136,7 @@ class FeedbackPlan:
     seed: int = 1000
     flights: int = 6
     starts: int = 200
+    few: int = 60
     beats: int = 40
     longest: float = 3.0
     shares: int = 10

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Mapping
 from copy import copy
@@ -17,7 +18,7 @@ import patagium as pt
 from patagium import control
 from patagium.aerodynamics import Aerodynamics, QuasiSteady, SmoothPolar
 from patagium.control import LinearRegulator, Orbit, PredictiveController, RealTimeIteration
-from patagium.control.predictive import OrbitController, closed_beat
+from patagium.control.predictive import OrbitController
 from patagium.robot import Robot
 from patagium.robot.model import Actuator
 from patagium.simulation.steered_gait import SteeredGait
@@ -25,7 +26,6 @@ from patagium_lab.conditions import conditions
 from patagium_lab.feedback.flights import Flights, Law, Numbers
 from patagium_lab.feedback.plan import (
     AVERAGED,
-    EASE,
     IN_FLIGHT,
     MASSES,
     NOISE,
@@ -35,7 +35,6 @@ from patagium_lab.feedback.plan import (
     PREDICTIVE,
     PUSHED,
     RECOVERED,
-    SOFTER,
     STARTS,
     Case,
     FeedbackPlan,
@@ -92,19 +91,13 @@ def controller(case: Case, kind: str, parts: int = PARTS) -> OrbitController:
 
     Args:
         case: The case.
-        kind: `PERIODIC`, `SOFTER`, `AVERAGED` or `PREDICTIVE`.
+        kind: `PERIODIC`, `AVERAGED` or `PREDICTIVE`.
         parts: Commands of a beat.
     """
     orbit = design(case)
     if kind == PREDICTIVE:
         return PredictiveController(orbit, case.commands, parts=parts)
-    ease = {}
-    if kind == SOFTER:
-        firm = controller(case, PERIODIC, parts)
-        kept = [firm.model.names[k] for k in firm.model.kept]
-        ease = {k: EASE / np.sqrt(w) for k, w in zip(kept, firm.weights, strict=False) if w > 0}
-    averaged = kind == AVERAGED
-    return LinearRegulator(orbit, case.commands, parts=parts, averaged=averaged, tolerable=ease)
+    return LinearRegulator(orbit, case.commands, parts=parts, averaged=kind == AVERAGED)
 
 
 def law_of(one: OrbitController, count: int) -> Law:
@@ -115,20 +108,20 @@ def law_of(one: OrbitController, count: int) -> Law:
         count: Number of flights, each with a controller of its own where it has a memory.
     """
     model = one.model
-    low, high, _ = np.array(one.ends).T
-    if not isinstance(one, PredictiveController):
+    last = np.zeros((count, len(model.commands)))
+    if isinstance(one, LinearRegulator):
 
         def linear(first: int, flights: Numbers, departures: Array) -> Array:
-            wanted = -departures @ one.gains[first % model.parts].T
-            return np.asarray(np.clip(wanted, low - model.neutral, high - model.neutral))
+            last[flights] = one.answer(first, departures, last[flights])
+            return last[flights]
 
         return linear
+    assert isinstance(one, PredictiveController)
     pilots = [fresh(one) for _ in range(count)]
-    last = np.zeros((count, len(model.commands)))
 
     def predictive(first: int, flights: Numbers, departures: Array) -> Array:
         for k, departure in zip(flights, departures, strict=True):
-            answer = pilots[k].answer(first, departure)
+            answer = pilots[k].answer(first, departure, last[k])
             last[k] = last[k] if answer is None else answer
         return last[flights]
 
@@ -231,15 +224,16 @@ def margins(case: Case, kind: str, plan: FeedbackPlan) -> dict[str, Any]:
 def starts_of(case: Case, seed: int, count: int) -> tuple[Array, Array]:
     """Sizes of starts, (count,), even from 0 to 1, and starts on boxes of that size, (count, n).
 
+    The first of many are those of a few.
+
     Args:
         case: The case.
         seed: Seed.
         count: Number of starts.
     """
     orbit = design(case)
-    draw = np.random.default_rng([seed, 0x5A27])
-    ways = draw.uniform(-1, 1, (count, len(orbit.names)))
-    sizes = draw.uniform(0, 1, count)
+    draws = np.random.default_rng([seed, 0x5A27]).uniform(-1, 1, (count, len(orbit.names) + 1))
+    ways, sizes = draws[:, 1:], 0.5 * (1 + draws[:, 0])
     scale = vector(orbit, STARTS, 0.0)
     ways /= np.abs(ways[:, scale > 0]).max(axis=1)[:, None]
     return sizes, controller(case, PERIODIC).model.states[0] + sizes[:, None] * ways * scale
@@ -284,11 +278,8 @@ def periodic_multipliers(regulator: LinearRegulator) -> NDArray[np.complex128]:
     Args:
         regulator: The regulator.
     """
-    names = [regulator.model.names[k] for k in regulator.model.kept]
-    kept = [k for k in range(regulator.model.size) if k >= len(names) or names[k] != "y"]
-    model = regulator.model
-    beat = closed_beat(model.by_state, model.by_input, regulator.gains)
-    return np.asarray(np.linalg.eigvals(beat[np.ix_(kept, kept)]), complex)
+    found = regulator.multipliers
+    return np.asarray(np.delete(found, np.argmin(np.abs(found - 1.0))), complex)
 
 
 def run(plan: FeedbackPlan, out: Path, stages: Stages) -> Results:
@@ -306,20 +297,53 @@ def run(plan: FeedbackPlan, out: Path, stages: Stages) -> Results:
             jobs.append(Job(margins, (case, kind, plan), cost * plan.flights))
     first = len(jobs)
     for case in plan.regions:
-        for kind in (PREDICTIVE, PERIODIC, AVERAGED, SOFTER):
-            cost = 1.0 if kind == PREDICTIVE else 0.05
-            words = case, kind, plan.seed, plan.starts, plan.beats
-            jobs.append(Job(region, words, cost * plan.starts))
-    with stages.stage("flights", 0.0, 1.0) as tell:
-        found = run_jobs(jobs, tell, plan.workers)
+        for kind in (PREDICTIVE, PERIODIC, AVERAGED):
+            few = kind == PREDICTIVE
+            count = min(plan.few, plan.starts) if few else plan.starts
+            words = case, kind, plan.seed, count, plan.beats
+            jobs.append(Job(region, words, (5.0 if few else 0.3) * count))
+    kept = out / "jobs.jsonl"
+    done = _read(kept)
+    left = [job for job in jobs if _key(job) not in done]
+    with stages.stage("flights", 0.0, 1.0) as tell, kept.open("a") as file:
+
+        def keep(number: int, row: Mapping[str, Any]) -> None:
+            file.write(json.dumps([_key(left[number]), row], default=_plain) + "\n")
+            file.flush()
+
+        run_jobs(left, tell, plan.workers, keep)
+    done = _read(kept)
+    found = [done[_key(job)] for job in jobs]
     metrics = {
         "environment": conditions(),
         "seed": plan.seed,
         "flights": plan.flights,
         "starts": plan.starts,
+        "few": plan.few,
         "beats": plan.beats,
         "longest": plan.longest,
         "margins": found[:first],
         "regions": found[first:],
     }
     return Results(metrics, Gallery(out))
+
+
+def _read(path: Path) -> dict[str, dict[str, Any]]:
+    """Results that are there already, by the call that gave each."""
+    return dict(json.loads(line) for line in path.read_text().splitlines()) if path.exists() else {}
+
+
+def _key(job: Job) -> str:
+    """Call of a job, without what does not bear on it."""
+    words = [
+        replace(one, starts=0, few=0, workers=0, margins=(), regions=())
+        if isinstance(one, FeedbackPlan)
+        else one
+        for one in job.arguments
+    ]
+    return f"{job.function.__name__} {words}"
+
+
+def _plain(number: Any) -> Any:
+    """Number of NumPy as one of Python."""
+    return number.item()

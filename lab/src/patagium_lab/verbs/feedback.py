@@ -16,7 +16,10 @@ EXAMPLES = (
 
 def feedback(
     out: Annotated[Path, typer.Option(help="Folder of the report and its figures.")],
-    starts: Annotated[int, typer.Option(min=1, help="Starts of each controller.")] = 200,
+    starts: Annotated[int, typer.Option(min=1, help="Starts of each regulator.")] = 200,
+    few: Annotated[
+        int, typer.Option(min=1, help="Of these, starts of the predictive controller.")
+    ] = 60,
     flights: Annotated[int, typer.Option(min=1, help="Flights of each delay and each rate.")] = 6,
     beats: Annotated[int, typer.Option(min=2, help="Beats of each flight.")] = 40,
     seed: Annotated[int, typer.Option(min=0, help="First seed.")] = 1000,
@@ -30,7 +33,8 @@ def feedback(
 ) -> None:
     """Find the largest delay, the slowest rate and the region of attraction of feedback.
 
-    Writes report.html, metrics.json and figures.
+    Writes report.html, metrics.json, jobs.jsonl and figures. Results that are there already are
+    kept, so that the same command goes on where it stopped.
     """
     from patagium_lab.feedback import page as pages
     from patagium_lab.feedback.plan import ORNITHOPTER, FeedbackPlan
@@ -38,7 +42,7 @@ def feedback(
     from patagium_lab.stage_bar import stage_bar
     from patagium_lab.study import write_study
 
-    plan = FeedbackPlan(seed, flights, starts, beats, workers=jobs)
+    plan = FeedbackPlan(seed, flights, starts, few, beats, workers=jobs)
     if quick:
         bird = (ORNITHOPTER,)
         plan = replace(plan, flights=1, starts=20, beats=20, margins=bird, regions=bird)
