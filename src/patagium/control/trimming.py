@@ -107,7 +107,7 @@ class Conditions:
             way[x], way[y] = longer * np.cos(half), longer * np.sin(half)
             ways.append(way)
             rates.append(self.speed)
-        slope, rate = np.array(ways).reshape(-1, frame.size), np.array(rates)
+        slope, rate = np.array(ways).reshape(-1, frame.size), np.array(rates, float)
         return slope @ end - rate * period, slope, -rate
 
 

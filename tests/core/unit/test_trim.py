@@ -177,6 +177,8 @@ def test_segments_that_diverge_lead_nowhere_and_are_told(aerobat):
     void = pt.QuasiSteady(aerobat, pt.Air(density=1e-300))
     failed = pt.trim(aerobat, void)
     assert not failed.found and "stalled" in failed.reason
+    # An integer beyond 64 bits ended in a TypeError of NumPy.
+    assert not pt.trim(aerobat, speed=10**30).found
 
 
 def test_refusals(aerobat):
