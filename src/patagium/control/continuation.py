@@ -288,9 +288,10 @@ class _Curve:
         matrix, slope, _, _ = self.equations(at)
         moving = np.r_[np.ones(self.count, bool), ~self.search.still]
         tangent = np.zeros(matrix.shape[1])
-        tangent[moving] = np.linalg.svd(matrix[:, moving])[2][-1]
-        ahead = way * (slope @ tangent) if before is None else before @ tangent
-        tangent *= 1.0 if ahead >= 0 else -1.0
+        _, sizes, ways = np.linalg.svd(matrix[:, moving])
+        ways = ways[np.count_nonzero(sizes > _ROUNDING * sizes[0]) :]  # several at a branch point
+        goes = ways @ (way * slope if before is None else before)[moving]
+        tangent[moving] = goes @ ways / max(np.linalg.norm(goes), _ROUNDING)
         pace = float(slope @ tangent)
         size = multipliers(self.orbit(at))
         return _Place(at, self.value(at), tangent, pace, size)
@@ -365,8 +366,7 @@ def _marks(
         kind = crossing_kind(crossing)
         if not (kind == "branch point" and turned):
             marks.append((part, _bifurcation(curve, kind, place, crossing)))
-    ordered = [mark for _, mark in sorted(marks, key=lambda one: way * one[0])]
-    return tuple(ordered)
+    return tuple(mark for _, mark in sorted(marks, key=lambda one: way * one[0]))
 
 
 def crossing_kind(multiplier: complex) -> str:

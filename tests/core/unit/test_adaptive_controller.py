@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
+from patagium.aerodynamics.description import aero_from_description
 from patagium.air import LearnedAir, QuasiSteady, SmoothPolar
 from patagium.control import (
     AdaptiveController,
@@ -56,7 +57,7 @@ def test_learned_air_is_its_model_with_strips_scaled_and_a_wrench_added(orbit):
 def test_learned_air_is_made_again_from_its_description(orbit):
     weights = np.linspace(0.5, 1.0, len(orbit.robot.strips) + 3)
     model = LearnedAir(orbit.aero, weights)
-    again = pt.aerodynamics.aero_from_description(orbit.robot, model.describe())
+    again = aero_from_description(orbit.robot, model.describe())
     assert again == model
     np.testing.assert_array_equal(again.parameters[-13:], weights)
 

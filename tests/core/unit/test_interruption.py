@@ -66,7 +66,8 @@ def spoken(program: str) -> str:
     A shell that starts the tests in the background has Ctrl-C ignored, which is inherited.
     """
     begin = (
-        "import os, signal, time\nfrom patagium.cli.interruption import got_through, heard\n"
+        "import os, signal, time\n"
+        "from patagium.cli.interruption import repeated_interrupt, stop_repeating\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     )
     ran = subprocess.run(
@@ -105,7 +106,7 @@ def work():
 @pytest.mark.parametrize("where", LOST)
 def test_ctrl_c_that_is_dropped_is_heard_again(where: str) -> None:
     program = """
-with heard():
+with repeated_interrupt():
     try:
         work()
         print("dropped")
@@ -119,7 +120,7 @@ time.sleep(0.3)  # s; nothing is asked any more
 
 def test_what_tidies_up_after_ctrl_c_is_left_in_peace() -> None:
     program = """
-with heard():
+with repeated_interrupt():
     try:
         try:
             signal.raise_signal(signal.SIGINT)
@@ -130,7 +131,7 @@ with heard():
                 time.sleep(0.4)  # s; asked again meanwhile, and not heard
             print("tidy")
     except KeyboardInterrupt:
-        got_through()
+        stop_repeating()
         time.sleep(0.4)  # s; told to be heard, it is asked no more
         print("ended")
 """
@@ -139,7 +140,7 @@ with heard():
 
 def test_a_second_press_ends_what_tidies_up() -> None:
     program = """
-with heard():
+with repeated_interrupt():
     try:
         try:
             signal.raise_signal(signal.SIGINT)
@@ -155,7 +156,7 @@ with heard():
 def test_an_ignored_ctrl_c_stays_so() -> None:
     program = """
 signal.signal(signal.SIGINT, signal.SIG_IGN)
-with heard():
+with repeated_interrupt():
     signal.raise_signal(signal.SIGINT)
 print("went on", signal.getsignal(signal.SIGINT) is signal.SIG_IGN)
 """

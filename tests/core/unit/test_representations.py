@@ -55,6 +55,7 @@ def things(robot: pt.Robot, flight: Any) -> dict[str, Any]:
             pt.Simulator(robot, aero, gait, duration=0.1, time_step=1e-3),
             A.SmoothPolar(),
             A.DickinsonPolar(),
+            A.ReynoldsPolar(),
         ),
         *(gust, A.RampGust(up, 0.0, 0.1), A.TravelingGust(gust, up, 5.0), A.StallDelay(), table),
         A.DrydenGust((0.5, 0.5, 0.5), (0.5, 0.5, 0.5), airspeed=4.0, seed=2),
