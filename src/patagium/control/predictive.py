@@ -267,7 +267,7 @@ class OrbitModel:
         robot = flight.robot
         if not 1 <= parts <= orbit.steps:
             raise ParameterError("parts", f"from 1 to the orbit's {orbit.steps} steps", parts)
-        if not commands:
+        if len(commands) == 0:
             raise ParameterError("commands", "one of the robot's at least", commands)
         self.robot, self.commands, self.parts = robot, tuple(commands), parts
         self.names = flight.names
