@@ -65,13 +65,13 @@ class LinearRegulator(OrbitController):
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
-        """Multipliers of the beat under feedback, those of lags and commands included, (n,) [1]."""
+        """Floquet multipliers of the closed loop with lags and commands as states, (n,) [1]."""
         a, b = _with_commands(self.model)
         beat = closed_beat(a, b, self.gains)
         return np.asarray(np.linalg.eigvals(beat), complex)
 
     def _law(self, model: OrbitModel) -> tuple[Array, Array]:
-        """Costs to go and gains of a model."""
+        """Cost-to-go matrices and feedback gains of a model."""
         a, b = _with_commands(model)
         if self._averaged:
             a, b = (np.broadcast_to(part.mean(axis=0), part.shape) for part in (a, b))
@@ -80,7 +80,7 @@ class LinearRegulator(OrbitController):
         return periodic_riccati(a, b, costs, share * self.input_cost)
 
     def answer(self, first: int, start: Array, before: Array) -> Array | None:
-        """Departures of the commands within their ranges and rates, of many flights at once too."""
+        """Departures of the commands, limited in range and rate, for one flight or several."""
         neutral = self.model.neutral
         gain = self.gains[first % self.model.parts]
         whole = np.concatenate([start, before], axis=-1)

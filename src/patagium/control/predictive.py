@@ -444,7 +444,7 @@ def periodic_riccati(
 
 
 def closed_beat(by_state: Array, by_input: Array, gains: Array) -> Array:
-    """Derivative of the state after a beat with the gains of `periodic_riccati`, (n_x, n_x)."""
+    """State transition matrix of one beat under feedback with gains K, (n_x, n_x)."""
     beat = np.eye(by_state.shape[1])
     for a, b, gain in zip(by_state, by_input, gains, strict=True):
         beat = (a - b @ gain) @ beat

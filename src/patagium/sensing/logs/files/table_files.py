@@ -52,7 +52,7 @@ _TIME = re.compile(
 _SUFFIXES = {
     "_rad_s": "rad/s", "_rad": "rad", "_deg_s": "deg/s", "_deg": "deg", "_m_s2": "m/s^2",
     "_m_s": "m/s", "_mm": "mm", "_pa": "Pa", "_celsius": "degC", "_ms": "ms", "_us": "µs",
-    "_ns": "ns", "_nm": "N m", "_n_m": "N m", "_nmm": "N mm", "x_n": "N", "y_n": "N", "z_n": "N",
+    "_ns": "ns", "_nm": "N m", "_n_m": "N m", "_nmm": "N mm", "fx_n": "N", "fy_n": "N", "fz_n": "N",
     "force_n": "N", "lift_n": "N", "drag_n": "N", "thrust_n": "N", "_hz": "Hz", "_mps": "m/s",
 }  # fmt: skip
 
