@@ -2,7 +2,13 @@
 
 from patagium.control.adaptation import AdaptiveController, AirWeights
 from patagium.control.continuation import Bifurcation, Branch, continue_orbit
-from patagium.control.estimators import Estimate, NoisyState, TrackedState, Truth
+from patagium.control.estimators import (
+    Estimate,
+    NoisyState,
+    TrackedState,
+    Truth,
+    driving_noise,
+)
 from patagium.control.events import (
     Event,
     GustEvent,
@@ -56,6 +62,7 @@ __all__ = [
     "WindEvent",
     "WingLossEvent",
     "continue_orbit",
+    "driving_noise",
     "floquet",
     "fly",
     "free_parameters",

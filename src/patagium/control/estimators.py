@@ -158,12 +158,7 @@ class TrackedState:
                 raise ParameterError("sensors", "a name of its own for each", sensor.name)
 
     def estimator(self, orbit: Orbit, duration: float, seed: int) -> Estimator:
-        """Estimator of one flight.
-
-        Args:
-            orbit: Orbit that it flies along.
-            duration: Duration of the flight [s].
-            seed: Seed of all errors, as of `sense`.
+        """Estimator of one flight, with errors as of `sense`; see `NoisyState.estimator`.
 
         Raises:
             LogError: If a coordinate is seen by no sensor.

@@ -273,14 +273,14 @@ class OrbitModel:
         self.names = flight.names
         self.steered = SteeredGait(robot, orbit.gait) if steered is None else steered
         gait = self.steered.gait
-        self.places = [self.steered.place(name) for name in commands]
+        self.places = [self.steered.places(name)[0] for name in commands]
         beat = gait.period or 0.0
         self.period = positive("period of the gait", beat) / parts
-        self._chains = [4 if name == "frequency" else 3 for name in commands]
+        self.chains = [4 if name == "frequency" else 3 for name in commands]
         steps = -(-orbit.steps // parts)
         rows = self._rows(flight, parts * steps, parameters)
         self.kept = np.array([k for k, name in enumerate(self.names) if name != "x"])
-        self.size = len(self.kept) + sum(self._chains)
+        self.size = len(self.kept) + sum(self.chains)
         self.states = np.zeros((parts + 1, flight.size))
         self.origin = np.zeros(flight.size)
         self.states[0] = turned(orbit, self.names, heading)
@@ -334,10 +334,10 @@ class OrbitModel:
         inside = slice(2 * steps * part, 2 * steps * (part + 1) + 1)
         given = rows.slopes[inside].reshape(2 * steps + 1, len(self.commands), 3, -1)
         times: Array = 0.5 * rows.time_step * np.arange(2.0 * steps + 1)
-        n, total = len(self.kept), sum(self._chains)
+        n, total = len(self.kept), sum(self.chains)
         matrix, slopes, forced = self.by_state[part], [], []
         first = 0
-        for i, size in enumerate(self._chains):
+        for i, size in enumerate(self.chains):
             free, answer = self._lag(i, times)
             ways = np.concatenate([free, answer[:, :, None]], axis=2)[:, :3].transpose(1, 0, 2)
             value, rate, bend = ways[..., None]
@@ -364,7 +364,7 @@ class OrbitModel:
 
     def _lag(self, command: int, times: Array) -> tuple[Array, Array]:
         sharpness = float(self.steered.sharpness[self.places[command]])
-        return lagged(sharpness, times, self._chains[command] == 4)
+        return lagged(sharpness, times, self.chains[command] == 4)
 
     def departure(self, first: int, state: Array, time: float) -> Array:
         """Departure of the flight from the orbit, (n_x,).
@@ -376,7 +376,7 @@ class OrbitModel:
         """
         parts = [(state - self.along(first))[self.kept]]
         own, responses = self.steered.responses_at(time)
-        for place, neutral, size in zip(self.places, self.neutral, self._chains, strict=True):
+        for place, neutral, size in zip(self.places, self.neutral, self.chains, strict=True):
             if size == 4:
                 parts.append(np.array([own - time]))
             parts.append(responses[:, place] - np.array([neutral, 0.0, 0.0]))
@@ -468,9 +468,7 @@ class OrbitController:
 
     A sample that is missing, late, or not finite, and an answer that is none, leave the last
     command in force; `held` counts them by their cause. A time before the last one begins another
-    flight, and the controller starts anew.
-
-    Its arguments are those of its laws, `LinearRegulator` and `PredictiveController`.
+    flight, and the controller starts anew. Arguments are those of its laws.
 
     Raises:
         ParameterError: If a name is none, a command has no range, or the commands cannot hold
@@ -507,7 +505,7 @@ class OrbitController:
                           for k in commands])  # fmt: skip
         self.state_cost = np.diag(self.weights)
         self.input_cost = np.diag(costs / self.half**2)
-        self._before = np.zeros(len(commands))
+        self.before = np.zeros(len(commands))
         self.costs, self.gains = self._law(model)
         self.held: Counter[str] = Counter()
         self._time = 0.0
@@ -529,7 +527,7 @@ class OrbitController:
         )
         self.model = copy(self.model)
         self.model.steered = steered
-        self._before = np.zeros(len(self.ends))
+        self.before = np.zeros(len(self.ends))
         self.held = Counter()
 
     def _law(self, model: OrbitModel) -> tuple[Array, Array]:
@@ -563,7 +561,7 @@ class OrbitController:
         places = [model.names.index(name) for name in ("x", "y", "z")]
         model.origin[places] = gap[places]
         self._followed = True
-        self._before = self._before + before.neutral - model.neutral
+        self.before = self.before + before.neutral - model.neutral
         self.model, self.costs, self.gains = model, costs, gains
 
     @property
@@ -609,10 +607,10 @@ class OrbitController:
         start = model.departure(first, self.measured(state, first), time)
         if not np.isfinite(start).all():
             return self._hold("not finite")
-        inputs = self.answer(first, start, self._before)
+        inputs = self.answer(first, start, self.before)
         if inputs is None:
             return self._hold("not solved")
-        self._before = inputs
+        self.before = inputs
         values = inputs + model.neutral
         given = {
             name: float(value / model.steered.scale(name))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter_ns
 
@@ -146,7 +146,7 @@ class Pipeline:
         self._parameters = self.form.parameters
         self._columns = len(self.columns)
         self._memory = _memory(learner)
-        self._chain = _chain(learner, self.form)
+        self.chain = _chain(learner, self.form)
 
     def __repr__(self) -> str:
         return f"<Pipeline of {self.robot.name}: {self.learner!r}>"
@@ -162,14 +162,9 @@ class Pipeline:
         return packet_columns(self.robot, self.form.carried)
 
     @property
-    def native(self) -> tuple[int, int] | None:
-        """Addresses of the C function and of the memory it takes first; None where in Python."""
-        return None if self._chain is None else self._chain.native
-
-    @property
     def compiled(self) -> bool:
         """Whether no Python runs between two samples."""
-        return self._chain is not None
+        return self.chain is not None
 
     @property
     def memory_resets(self) -> int:
@@ -192,10 +187,10 @@ class Pipeline:
         if rows.ndim != 2 or rows.shape[1] != self._columns:
             raise ShapeError("packets", ("N", self._columns), rows.shape)
         records = np.empty((len(rows), 3 * self.learner.network.outputs + 4))
-        if self._chain is None:
+        if self.chain is None:
             self._run_in_python(rows, records)
         else:
-            self._run_compiled(self._chain, rows, records)
+            self.chain.run(rows, records)
         return Records(records)
 
     def step(self, packet: ArrayLike) -> Records:
@@ -208,17 +203,6 @@ class Pipeline:
         if row.shape != (self._columns,):
             raise ShapeError("packet", (self._columns,), row.shape)
         return self.run(row[None])
-
-    def _run_compiled(self, chain: _CompiledChain, rows: Array, records: Array) -> None:
-        begin, lags = 0, chain.lags
-        if lags is not None and self._memory is not None:
-            lags.load(self._memory)
-        while begin < len(rows):
-            end = begin + chain.run(rows[begin:], records[begin:])
-            chain.learner.account_for(records[begin:end, -3], records[begin:end, -1])
-            begin = end
-        if lags is not None and self._memory is not None:
-            lags.store(self._memory)
 
     def _run_in_python(self, rows: Array, records: Array) -> None:
         m, robot = self.learner.network.outputs, self.robot
@@ -266,7 +250,11 @@ def check_network(network: Network, robot: Robot, inputs: Sequence[str] | None) 
 
 
 class _CompiledChain:
-    """Pipeline in C: a struct and all arrays that it points to."""
+    """Pipeline in C: a struct and all arrays that it points to.
+
+    Attributes:
+        native: Addresses of the C function and of the memory that it takes first.
+    """
 
     def __init__(
         self,
@@ -301,9 +289,33 @@ class _CompiledChain:
         function = ctypes.cast(self._function, ctypes.c_void_p).value or 0
         self.native = function, ctypes.addressof(self._struct)
 
-    def run(self, rows: Array, records: Array) -> int:
-        """Turn packets, (N, columns), into records, (N, 3 n_y + 4); their number up to an alarm."""
-        return int(self._function(self.native[1], len(rows), rows.ctypes.data, records.ctypes.data))
+    def run(self, rows: Array, records: Array) -> None:
+        """Turn packets, (N, columns), into records, (N, 3 n_y + 4)."""
+
+        def done(begin: int) -> int:
+            packets, found = rows[begin:].ctypes.data, records[begin:].ctypes.data
+            return int(self._function(self.native[1], len(rows) - begin, packets, found))
+
+        self.account_for(done, records)
+
+    def account_for(self, run: Callable[[int], int], records: Array) -> None:
+        """Account for samples that C code learns through `native`.
+
+        Args:
+            run: Function that goes on from a record, and returns how many it added: not all where
+                an alarm stopped it.
+            records: Record of each sample, (N, 3 n_y + 4) [as `Records`]; nan where none was due.
+        """
+        begin, memory = 0, self.learner.memory
+        if self.lags is not None and memory is not None:
+            self.lags.load(memory)
+        while begin < len(records):
+            done = records[begin : begin + run(begin)]
+            begin += len(done)
+            learned = done[~np.isnan(done[:, -3])]
+            self.learner.account_for(learned[:, -3], learned[:, -1])
+        if self.lags is not None and memory is not None:
+            self.lags.store(memory)
 
 
 def _chain(learner: Learner, form: SampleForm) -> _CompiledChain | None:

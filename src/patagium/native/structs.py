@@ -27,8 +27,9 @@ _FUNCTIONS = {
     "learn_function": "int (*learn_function)(void *)",
     "recall_function": "void (*recall_function)(void *, double)",
     "settle_function": "void (*settle_function)(void *, int)",
+    "run_function": "int64_t (*run_function)(void *, int64_t, const double *, double *)",
 }
-"""Types of functions: compiled ones of one point and of many; those of filters and memories."""
+"""Types of functions: compiled ones of one point and of many; of filters, memories, pipelines."""
 
 
 def header_numbers(name: str) -> SimpleNamespace:
@@ -358,8 +359,148 @@ PIPELINE = struct(
     """,
 )
 
+MOTION_SENSOR = struct(
+    "motion_sensor",
+    """
+    int32_t kind: 0 encoder, 1 inertial unit, 2 camera
+    int32_t values: measured values
+    int32_t width: numbers of a sample
+    int32_t bias: place of its first bias among them
+    const int32_t *place: values: of an encoder's, among the estimated coordinates; -1 for none
+    const double *variance: values
+    const double *offset: 3: place of the frame
+    const double *mount: 3 x 3: axes of the frame
+    const double *parameters: of the robot
+    function frame: inertial or pose, of frame_model.py
+    """,
+)
+
+MOTION_FILTER = struct(
+    "motion_filter",
+    """
+    int32_t order: levels of each coordinate
+    int32_t coordinates: of the robot
+    int32_t own: estimated coordinates
+    int32_t states: s, of the error-state
+    int32_t biases: of all inertial units
+    int32_t values: of all sensors
+    int64_t spare: where the second part of the work begins
+    const int32_t *columns: own
+    const int32_t *turn: 3: places of the attitude among the estimated; NULL where it is not
+    const int32_t *base: 6: coordinates of the floating body; NULL without one
+    double *density: own
+    const double *walk: biases: squares
+    const double *noise: order x order: root of what noise of density one adds in a second
+    const void *sensors: of motion_sensor
+    double *work: memory
+    """,
+)
+
+MOTION_TRACK = struct(
+    "motion_track",
+    """
+    void *filter: motion_filter
+    int64_t capacity: samples of late, at most
+    int64_t first: the oldest one
+    int64_t count: of them
+    int64_t size: numbers of an estimate
+    int64_t width: of a sample, at most
+    double memory: longest delay of a sample that is used
+    double *time: capacity
+    int32_t *sensor: capacity: number in the filter
+    double *values: capacity x width
+    double *estimates: capacity x size
+    double *scratch: size
+    double *found: of an update
+    const int32_t *numbers: of each sensor of the autopilot in the filter; -1 for none
+    double too_loud: normalized innovation squared of a value above which noise is too small,
+    int64_t lately: in most of so many samples;
+    double enlivened: density of the noise is then multiplied by this
+    int64_t loud: samples above it less those below
+    int64_t seen: samples since this was asked
+    int64_t raised: times that the density was raised
+    int64_t late: samples that came later than the memory
+    int64_t refused: samples that could not be weighed
+    """,
+)
+
+REGULATOR = struct(
+    "regulator",
+    """
+    int32_t parts: of a beat
+    int32_t states: of a flight
+    int32_t kept: of them, without x
+    int32_t lags: of all commands
+    int32_t commands: n_u
+    int32_t responses: of the gait
+    int32_t joints: of the gait
+    int32_t spare: nothing
+    double period: of an interval
+    double next: time of the next commands
+    const double *along: parts x states: orbit
+    const double *travel: states: in a beat
+    const double *origin: states
+    const int32_t *places: kept: of each in a state
+    const int32_t *sources: kept: place of each in [q, v]; -1 where it is not measured
+    const int32_t *answers: commands: first response of each
+    const int32_t *chains: commands: numbers of its lags
+    const double *moves: commands x responses: whether it moves a response
+    const double *neutral: commands
+    const double *scale: commands: response of a unit
+    const double *low: commands
+    const double *high: commands
+    const double *fastest: commands: change in an interval
+    const double *gains: parts x commands x (kept + lags + commands)
+    double *before: commands: departures in force
+    const double *sharpness: responses
+    const double *range: 2 x responses
+    const double *rates: responses
+    const double *largest: joints: amplitude
+    const double *room: 2 x joints: limits less means
+    const double *reach: 2 x joints: of the gait about its means
+    double *target: responses
+    double *pieces: (responses + 3) x (2 + 5 responses)
+    int64_t count: of pieces
+    int64_t held: times that the last commands were held
+    """,
+)
+
+AUTOPILOT = struct(
+    "autopilot",
+    """
+    int32_t sensors: that it is given
+    int32_t tracks: parts of the tracker
+    int32_t dof: n
+    int32_t columns: of a row
+    int32_t record: numbers of a record
+    int32_t learned: of them the pipeline's
+    int32_t forces: numbers of the packet's forces
+    int32_t every: ticks between samples that are learned
+    int64_t ticks: so far
+    const int32_t *widths: sensors: numbers in a row, with the stamp
+    void *track: tracks of motion_track
+    const int32_t *turn: 3: roll, pitch and yaw in q; NULL without a floating body
+    function euler: angles, spin, its rate -> rates, second rates, slope
+    run_function run: of the pipeline; NULL without a learner
+    void *pipeline: what it takes first
+    double *packet: time, q, v, a, forces
+    void *regulator: what commands
+    """,
+)
+
 STRUCTS = (
-    *(PIPELINE, BOUNDS, SCREENING, WEIGHT_FILTER, PANEL_FILTER),
+    *(
+        AUTOPILOT,
+        REGULATOR,
+        MOTION_TRACK,
+        MOTION_SENSOR,
+        MOTION_FILTER,
+        PIPELINE,
+        BOUNDS,
+        SCREENING,
+        WEIGHT_FILTER,
+        PANEL_FILTER,
+    ),
     *(LAGS, EXTENDED_FILTER, NODE_FILTER),
 )
 """Structures of the kernels; the header of each can be included by any kernel."""

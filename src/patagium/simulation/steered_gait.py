@@ -132,24 +132,24 @@ class SteeredGait:
         motion = gait.motion((gait.period or 0.0) * np.arange(_SAMPLES) / _SAMPLES).position
         self.mean = motion.mean(axis=0)
         away = motion - self.mean
-        self._reach = np.array([away.min(axis=0), away.max(axis=0)])
+        self.reach = np.array([away.min(axis=0), away.max(axis=0)])
         places = list(robot.actuated)
-        self._limits = np.array([robot.lower, robot.upper])[:, places]
+        self.room = np.array([robot.lower, robot.upper])[:, places] - self.mean
         beat, n = gait.period, self._count
         offset = OFFSET_SHARE * beat if beat else STILL_RESPONSE
         times = np.r_[np.full(1 + n, beat or 1.0), np.full(n, offset), np.full(n, beat or 1.0)]
-        self.neutral = self._target = np.r_[np.ones(1 + n), np.zeros(2 * n)]
-        none = np.zeros_like(self._target)
-        self._rates = none + np.inf
-        self._range = np.array([none - np.inf, none + np.inf])
+        self.neutral = self.target = np.r_[np.ones(1 + n), np.zeros(2 * n)]
+        none = np.zeros_like(self.target)
+        self.rates = none + np.inf
+        self.range = np.array([none - np.inf, none + np.inf])
         for name, actuator in robot.actuators.items():
             kind, places = self._places(name)
             bounds, rate = self._limits_of(name, kind, places, actuator)
-            self._range[:, places], self._rates[places] = bounds, rate
+            self.range[:, places], self.rates[places] = bounds, rate
             if actuator.response_time is not None:
                 times[places] = actuator.response_time
-        first = Responses(self._target, none, SHARPNESS / times, np.zeros((3, len(none))))
-        self._pieces = [_Piece(0.0, 0.0, first)]
+        first = Responses(self.target, none, SHARPNESS / times, np.zeros((3, len(none))))
+        self.pieces = [_Piece(0.0, 0.0, first)]
         self._starts = [0.0]
         self._since = 0.0
         self.limited = 0
@@ -163,7 +163,7 @@ class SteeredGait:
     def period(self) -> float | None:
         """Time of a wingbeat as it was commanded last [s]."""
         own = self.gait.period
-        return own / float(self._target[0]) if own else None
+        return own / float(self.target[0]) if own else None
 
     def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s]."""
@@ -172,7 +172,7 @@ class SteeredGait:
         parts = np.empty((3, len(times), self._count))
         for place in np.unique(places):
             inside = places == place
-            found = self._piece_motion(self._pieces[place], times[inside])
+            found = self._piece_motion(self.pieces[place], times[inside])
             parts[:, inside] = found.position, found.velocity, found.acceleration
         return PrescribedMotion(*parts)
 
@@ -192,44 +192,44 @@ class SteeredGait:
         """
         if not (np.isfinite(time) and time >= self._since):
             raise ParameterError("time", f"at {self._since:g} s or later", time)
-        target = self._target.copy()
+        target = self.target.copy()
         for name, value in commands.items():
             kind, places = self._commanded_places(name)
             lowest, wanted = _LOWEST.get(kind, (-np.inf, ""))
             if finite(f"command {name}", value) < lowest:
                 raise ParameterError(f"command {name}", wanted, value)
             target[places] = value * self._scale(kind)
-        self._since, self._target = time, self._within_limits(target)
+        self._since, self.target = time, self._within_limits(target)
         while self._starts[-1] > time:
             self._starts.pop()
-            self._pieces.pop()
-        last = self._pieces[-1]
+            self.pieces.pop()
+        last = self.pieces[-1]
         now = last.responses.target + last.responses.slope * (time - last.time)
-        gap = self._target - now
-        lasting = np.abs(gap) / self._rates
-        slope = np.sign(gap) * np.where(lasting > 0, self._rates, 0.0)
+        gap = self.target - now
+        lasting = np.abs(gap) / self.rates
+        slope = np.sign(gap) * np.where(lasting > 0, self.rates, 0.0)
         for end in np.unique(np.r_[0.0, lasting]):
             under_way = lasting > end
-            aim = np.where(under_way, now + slope * end, self._target)
+            aim = np.where(under_way, now + slope * end, self.target)
             self._append(time + end, aim, np.where(under_way, slope, 0.0))
 
     def _append(self, time: float, target: Array, slope: Array) -> None:
         """Go on to other targets from a time on, not before the last piece began [s]."""
-        last = self._pieces[-1]
+        last = self.pieces[-1]
         since = time - last.time
         phase = last.phase + float(last.responses.integral(np.array(since), 0))
-        self._pieces.append(_Piece(time, phase, last.responses.toward(target, slope, since)))
+        self.pieces.append(_Piece(time, phase, last.responses.toward(target, slope, since)))
         self._starts.append(time)
 
     def commanded(self, name: str) -> float:
         """Value of a command as it was given last, in its own unit; that of the first joint."""
         kind, places = self._commanded_places(name)
-        return float(self._target[places[0]] / self._scale(kind))
+        return float(self.target[places[0]] / self._scale(kind))
 
     def command_at(self, time: float) -> tuple[float, float]:
         """Frequency [Hz] and amplitude over the gait's own, mean of joints, at a time [s]."""
         values = self.responses_at(time)[1][0]
-        moving = np.ptp(self._reach, axis=0) > 0
+        moving = np.ptp(self.reach, axis=0) > 0
         amplitude = values[1 : 1 + self._count][moving] if moving.any() else np.ones(1)
         return float(values[0]) / (self.gait.period or 1.0), float(amplitude.mean())
 
@@ -243,7 +243,7 @@ class SteeredGait:
             Own time, and (3, 1 + 3 n_a): rate of it, then amplitudes, offsets and leads [s] of all
             joints; `neutral` where nobody steered.
         """
-        piece = self._pieces[max(bisect_right(self._starts, time) - 1, 0)]
+        piece = self.pieces[max(bisect_right(self._starts, time) - 1, 0)]
         since = time - piece.time
         found = np.array([part[0] for part in piece.responses.at(np.array([since]))])
         return piece.phase + float(piece.responses.integral(np.array(since), 0)), found
@@ -255,14 +255,14 @@ class SteeredGait:
             name: Name of the command.
         """
         kind, (place, *_) = self._commanded_places(name)
-        low, high = self._range[:, place]
+        low, high = self.range[:, place]
         if kind == "amplitude":
-            high = self._largest_amplitudes()[place - 1]
-        return float(low), float(high), float(self._rates[place])
+            high = self.largest_amplitudes()[place - 1]
+        return float(low), float(high), float(self.rates[place])
 
-    def place(self, name: str) -> int:
-        """Place among the responses of the first joint that answers a command."""
-        return self._commanded_places(name)[1][0]
+    def places(self, name: str) -> list[int]:
+        """Places among the responses of all joints that answer a command."""
+        return self._commanded_places(name)[1]
 
     def scale(self, name: str) -> float:
         """Factor from the unit of a command to that of its response."""
@@ -271,11 +271,11 @@ class SteeredGait:
     @property
     def sharpness(self) -> Array:
         """Sharpness of each lag of each response, (1 + 3 n_a,) [1/s]."""
-        return self._pieces[0].responses.sharpness
+        return self.pieces[0].responses.sharpness
 
     def largest_amplitude(self) -> float:
         """Largest amplitude, over the gait's own, at which all joints keep their limits."""
-        return float(self._largest_amplitudes().min(initial=np.inf))
+        return float(self.largest_amplitudes().min(initial=np.inf))
 
     def describe(self) -> dict[str, Any]:
         """Description, as JSON-able values."""
@@ -284,7 +284,7 @@ class SteeredGait:
             "kind": "steered",
             "frequency": 1.0 / beat if beat else 0.0,
             "parts": [self.gait.describe()],
-            "response_time": (SHARPNESS / self._pieces[0].responses.sharpness).tolist(),
+            "response_time": (SHARPNESS / self.pieces[0].responses.sharpness).tolist(),
         }
 
     def _places(self, name: str) -> tuple[str, list[int]]:
@@ -295,7 +295,7 @@ class SteeredGait:
         found = [
             k
             for k, joint in enumerate(self.joints)
-            if joint in named and (kind == "offset" or np.ptp(self._reach[:, k]) > 0)
+            if joint in named and (kind == "offset" or np.ptp(self.reach[:, k]) > 0)
         ]
         return kind, [1 + COMMANDS.index(kind) * self._count + k for k in found]
 
@@ -306,7 +306,7 @@ class SteeredGait:
             return kind, places
         expected = f"<joint>_offset of {', '.join(self.joints)}"
         if self.gait.period:
-            moving = np.flatnonzero(np.ptp(self._reach, axis=0) > 0)
+            moving = np.flatnonzero(np.ptp(self.reach, axis=0) > 0)
             flapping = ", ".join(self.joints[k] for k in moving)
             expected = (
                 f"frequency, amplitude, {expected}, <joint>_amplitude or _phase of {flapping}"
@@ -321,11 +321,11 @@ class SteeredGait:
         factor: Array = np.full(len(places), self._scale(kind))
         middle: Array = np.zeros(len(places))
         if kind == "amplitude":
-            factor = 2.0 / np.ptp(self._reach[:, joints], axis=0)
+            factor = 2.0 / np.ptp(self.reach[:, joints], axis=0)
         elif kind == "offset":
             middle = self.mean[joints]
         bounds = (np.array(actuator.range)[:, None] - middle) * factor
-        own = self._target[places]
+        own = self.target[places]
         inside = (bounds[0] <= own + _MARGIN) & (own <= bounds[1] + _MARGIN)
         if not inside.all():
             place = int(np.argmin(inside))
@@ -342,21 +342,20 @@ class SteeredGait:
         beat = self.gait.period or 1.0
         return {"frequency": beat, "phase": beat / (2 * np.pi)}.get(kind, 1.0)
 
-    def _largest_amplitudes(self) -> Array:
+    def largest_amplitudes(self) -> Array:
         """Largest amplitude of each joint about its own mean, (n_a,)."""
-        room = self._limits - self.mean
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(np.ptp(self._reach, axis=0) > 0, room / self._reach, np.inf)
+            ratio = np.where(np.ptp(self.reach, axis=0) > 0, self.room / self.reach, np.inf)
         within = np.maximum(ratio, 0.0).min(axis=0)
-        return np.asarray(np.minimum(within, self._range[1, 1 : 1 + self._count]))
+        return np.asarray(np.minimum(within, self.range[1, 1 : 1 + self._count]))
 
     def _within_limits(self, target: Array) -> Array:
         """Targets at which every joint keeps its limits, (1 + 3 n_a,)."""
         n = self._count
-        kept: Array = np.clip(target, *self._range)
+        kept: Array = np.clip(target, *self.range)
         amplitude, offset = kept[1 : 1 + n], kept[1 + n : 1 + 2 * n]  # views
-        np.minimum(amplitude, self._largest_amplitudes(), out=amplitude)
-        room = self._limits - self.mean - amplitude * self._reach
+        np.minimum(amplitude, self.largest_amplitudes(), out=amplitude)
+        room = self.room - amplitude * self.reach
         np.clip(offset, np.minimum(room[0], 0.0), np.maximum(room[1], 0.0), out=offset)
         self.limited += bool(np.abs(kept - target).max() > _ROUNDING)
         return kept

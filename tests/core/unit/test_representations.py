@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
+from patagium.live import Autopilot
 from patagium.simulation.flight_summary import flight_summary
 
 A, S, L = pt.air, pt.sensing, pt.learning
@@ -30,6 +31,15 @@ def flight(robot: pt.Robot) -> Any:
     gait, aero = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.6), pt.QuasiSteady(robot)
     start = robot.coordinates(x=3.0)
     return pt.simulate(robot, aero, gait, duration=0.1, time_step=1e-3, v=start)
+
+
+def started_tracker(robot: pt.Robot, density: np.ndarray) -> pt.sensing.MotionTracker:
+    """Tracker that has had a sample of each sensor."""
+    sensors = {"a": pt.sensors.presets.as5600(), "b": pt.sensors.presets.prime_x_13("body")}
+    tracker = pt.sensing.MotionTracker(robot, sensors, density)
+    tracker.push("a", 0.0, np.zeros(8))
+    tracker.push("b", 0.0, [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    return tracker
 
 
 @pytest.fixture(scope="module")
@@ -77,8 +87,11 @@ def things(robot: pt.Robot, flight: Any) -> dict[str, Any]:
             robot,
             "made up",
         ),
-        S.MotionTracker(robot, {"a": encoder, "b": pt.sensors.presets.prime_x_13("body")}, density),
+        started_tracker(robot, density),
     ]
+    orbit = pt.trim(robot)
+    regulator = pt.control.LinearRegulator(orbit, ["plunge_amplitude", "feather_offset"])
+    found.append(Autopilot(found[-1], regulator))
     return {type(one).__name__: one for one in found}
 
 

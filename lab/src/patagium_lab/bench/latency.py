@@ -117,14 +117,14 @@ def call_times(
     Raises:
         ParameterError: If the pipeline is not compiled.
     """
-    kernel, chain = load_kernel("latency", folder=KERNELS), pipeline.native
+    kernel, chain = load_kernel("latency", folder=KERNELS), pipeline.chain
     if kernel is None or chain is None:
         raise ParameterError("pipeline", "a compiled one", "Python")
     rows = np.ascontiguousarray(packets)
     row, record = np.empty(rows.shape[1]), np.empty(3 * pipeline.learner.network.outputs + 4)
     period = 1e9 * TIME_STEP if paced else 0.0
     memory = _Paced(
-        *chain, *rows.shape, *(a.ctypes.data for a in (rows, row, record)), TIME_STEP, period
+        *chain.native, *rows.shape, *(a.ctypes.data for a in (rows, row, record)), TIME_STEP, period
     )
     times = np.empty((2, samples), np.float32)
     for first in range(0, samples, _CHUNK):

@@ -1,117 +1,130 @@
-"""Times of a tick from sensors to commands: estimate, learn, command, each as it is today.
+"""Times of a tick from sensors to commands: estimate, learning and feedback in one compiled call.
 
-An aerobat on its orbit, sensed by a unit on the body, encoders and a camera. The estimator is the
-motion tracker, in Python; the learner is the default one, packet to update in C; the regulator is
-the linear one over the phase, in Python. A tick takes one inertial sample, predicts the motion to
-now, learns the packet, and asks for commands. Times are those of the processor, caches as the other
-parts leave them, but of the learner that of the wall. Neglected: samples that come late.
+An aerobat on its orbit, sensed at 10 kHz by a unit on the body and by encoders, and by a camera
+whose samples come late. Each tick takes one sample of both, predicts the motion to now, learns the
+packet with the default learner, and gives commands where an interval of the regulator begins.
+Beside it the same parts in Python, on the same samples. Times are those of the wall.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from time import thread_time_ns
+from dataclasses import replace
+from time import perf_counter
 
 import numpy as np
-import xarray as xr
+from numpy.typing import NDArray
 
 import patagium as pt
-from patagium.control import LinearRegulator, Orbit
-from patagium.control.estimators import driving_noise
+from patagium.control import LinearRegulator, Orbit, driving_noise
 from patagium.learning.default_learner import default_learner
-from patagium.live.packets import flight_packets
-from patagium.live.pipeline import Pipeline
+from patagium.live import Autopilot
 from patagium.sensing import MotionTracker
 from patagium.simulation.simulator import FlightState
-from patagium_lab.bench.result import Result
+from patagium_lab.bench.result import Result, compared
 
-TICKS = 1000
-"""Ticks that are timed."""
-BEATS = 16
-"""Beats of the flight that is sensed."""
+Array = NDArray[np.float64]
+
+TICKS = 20_000
+"""Ticks that are timed in C; ..."""
+IN_PYTHON = 500
+"""... and in Python."""
+RATE = 10_000.0
+"""Ticks in a second [Hz]."""
+_SETTLING = 2000
 _COMMANDS = (
     *("left_plunge_amplitude", "right_plunge_amplitude"),
     *("left_feather_offset", "right_feather_offset", "feather_amplitude"),
 )
 
 
-def tick_results(ticks: int = TICKS) -> Iterator[Result]:
-    """Times of the parts of a tick, and of them one after the other: medians and tails.
+def tick_results(ticks: int = TICKS, in_python: int = IN_PYTHON) -> Iterator[Result]:
+    """Times of whole ticks: median and tail, of those that do more, and of the parts in Python.
 
     Args:
         ticks: Number of ticks that are timed.
+        in_python: Number of ticks that are timed in Python.
 
     Yields:
-        Median and 99 % of each part [us].
+        Times [us].
     """
     orbit = pt.trim(pt.load_robot("aerobat"))
     assert isinstance(orbit, Orbit)
-    times = tick_times(orbit, orbit.flight(beats=BEATS), ticks)
-    for name, found in (times | {"whole tick": sum(times.values())}).items():
-        note = f"{ticks} ticks, one after the other; {_MADE.get(name, 'the sum')}"
-        for way, share in (("median", 50), ("99 % within", 99)):
-            yield Result(
-                f"{name}: {way}", float(np.percentile(found, share)) / 1e3, "us", note=note
-            )
+    flown = _Sensed(orbit, (ticks + _SETTLING) / RATE)
+    autopilot = Autopilot(flown.tracker(), *flown.others())
+    autopilot.run(flown.rows[:_SETTLING])
+    found = autopilot.run(flown.rows[_SETTLING:][:ticks])
+    took = 1e6 * found.duration
+    plain = float(np.median(took))
+    note = f"{len(took)} ticks of {len(_COMMANDS)} commands; one compiled call"
+    yield compared(
+        "whole tick: median", plain, "us", "its parts in Python", flown.in_python(in_python), note
+    )
+    yield Result("whole tick: 99 % within", float(np.percentile(took, 99)), "us", note=note)
+    late = np.isfinite(flown.rows[_SETTLING:][: len(took)][:, autopilot.places[flown.late].start])
+    for name, which in (("with commands", found.commanded), ("with a late sample", late)):
+        some = took[which]
+        value = float(np.median(some)) if len(some) else None
+        yield Result(f"tick {name}: median", value, "us", note=f"{len(some)} of them")
 
 
-_MADE = {
-    "estimator, a sample": "in Python: update of the motion tracker by an inertial sample",
-    "estimator, to now": "in Python: its prediction from the last sample to now",
-    "learner": "in C: default learner, packet to update, by the clock of its call",
-    "regulator": "in Python: linear regulator over the phase, lags of its commands known",
-}
+class _Sensed:
+    """Samples of a flight on an orbit, one row a tick, and what is given them.
 
-
-def tick_times(
-    orbit: Orbit, flight: xr.Dataset, ticks: int
-) -> dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
-    """Times of the parts of each tick, (ticks,) [ns].
-
-    Args:
-        orbit: Orbit that the regulator follows.
-        flight: Flight along it.
-        ticks: Number of ticks at most.
+    Attributes:
+        rows: Rows of an autopilot's ticks.
+        late: Name of the sensor whose samples come late.
     """
-    robot, presets = orbit.robot, pt.sensors.presets
-    sensors = [presets.icm_42688_p("body"), presets.as5600(), presets.prime_x_13("body")]
-    log = pt.sense(flight, sensors)
-    tracker = MotionTracker(robot, log.sensors, driving_noise(orbit), memory=0.05)
-    pipeline = Pipeline(default_learner(robot), robot)
-    regulator = LinearRegulator(orbit, _COMMANDS)
-    packets, stamps = flight_packets(flight), flight["time"].values
-    found: list[list[int]] = []
-    for time, name, row in _samples(log, [sensor.name for sensor in sensors]):
-        inertial = name == sensors[0].name
-        marks = [thread_time_ns()]
-        tracker.push(name, time, row)
-        marks.append(thread_time_ns())
-        if not (inertial and tracker.started):
-            continue
-        now = tracker.now()
-        marks.append(thread_time_ns())
-        packet = packets[min(int(np.searchsorted(stamps, time)), len(packets) - 1)].copy()
-        packet[0], packet[1 : 1 + 3 * robot.dof] = time, np.concatenate([now.q, now.v, now.a])
-        state = FlightState(robot, time, now.q, now.v)
-        learned = pipeline.step(packet).duration[0]
-        marks.append(marks[-1] + round(1e9 * learned))
-        begun = thread_time_ns()
-        regulator(time, state)
-        marks.append(marks[-1] + thread_time_ns() - begun)
-        found.append([end - begin for begin, end in zip(marks, marks[1:], strict=False)])
-        if len(found) == ticks:
-            break
-    return dict(zip(_MADE, np.array(found, float).T, strict=True))
 
+    def __init__(self, orbit: Orbit, duration: float) -> None:
+        self.orbit, presets = orbit, pt.sensors.presets
+        camera = presets.prime_x_13("body")
+        flight = orbit.flight(beats=duration / orbit.period + 1.0)
+        fast = [presets.icm_42688_p("body"), presets.as5600()]
+        sensors = [*(replace(one, rate=RATE) for one in fast), camera]
+        self.log, self.late = pt.sense(flight, sensors), camera.name
+        self.places = Autopilot(self.tracker(), *self.others()).places
+        stamps, forces = flight["time"].values, flight["u1"].values
+        self.rows = np.full((round(duration * RATE), self.places["forces"].stop), np.nan)
+        self.rows[:, 0] = self.begin + np.arange(1, len(self.rows) + 1) / RATE
+        for name, stamp, values in self.log.samples():
+            arrival = stamp + (camera.delay if name == self.late else 0.0)
+            k = int(np.searchsorted(self.rows[:, 0], arrival - 1e-9))
+            if stamp > self.begin and k < len(self.rows):
+                self.rows[k, self.places[name]] = [stamp, *values]
+        places = np.searchsorted(stamps, self.rows[:, 0]).clip(max=len(forces) - 1)
+        self.rows[:, self.places["forces"]] = forces[places]
 
-def _samples(log: pt.sensing.SensorLog, names: list[str]) -> list[tuple[float, str, np.ndarray]]:
-    """Samples of some sensors in the order of their times: time [s], sensor and values [SI]."""
-    found = []
-    for name in names:
-        reading = log[name]
-        kinds = ("position", "quaternion", "specific_force", "angular_rate")
-        rows = np.hstack([reading[kind].values for kind in kinds if kind in reading])
-        found += [
-            (float(t), name, row) for t, row in zip(reading["time"].values, rows, strict=True)
-        ]
-    return sorted(found, key=lambda sample: sample[:2])
+    def tracker(self) -> MotionTracker:
+        """Tracker that has started."""
+        made = MotionTracker(
+            self.orbit.robot, self.log.sensors, driving_noise(self.orbit), memory=0.01
+        )
+        for name, stamp, values in self.log.samples():
+            if made.started:
+                break
+            made.push(name, stamp, values)
+        self.begin = made.span[1]
+        return made
+
+    def others(self) -> tuple[LinearRegulator, pt.Pipeline]:
+        """A regulator, and the pipeline of the default learner."""
+        robot = self.orbit.robot
+        return LinearRegulator(self.orbit, _COMMANDS), pt.Pipeline(default_learner(robot), robot)
+
+    def in_python(self, ticks: int) -> float:
+        """Median time of a tick whose parts are called one after the other [us]."""
+        tracker, (regulator, pipeline) = self.tracker(), self.others()
+        robot, took = self.orbit.robot, []
+        for row in self.rows[:ticks]:
+            begun = perf_counter()
+            for name in self.log.readings:
+                stamp, *values = row[self.places[name]]
+                if np.isfinite(stamp):
+                    tracker.push(name, stamp, values)
+            now = tracker.now(max(row[0], tracker.span[1]))
+            forces = row[self.places["forces"]]
+            pipeline.step(np.concatenate([row[:1], now.q, now.v, now.a, forces]))
+            regulator(row[0], FlightState(robot, row[0], now.q, now.v))
+            took.append(perf_counter() - begun)
+        return float(1e6 * np.median(took))

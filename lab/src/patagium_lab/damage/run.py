@@ -92,7 +92,7 @@ def _room(orbit: Orbit) -> float:
     rooms = []
     for name, value in orbit.parameters.items():
         low, high, _ = steered.limits(name)
-        neutral = float(steered.neutral[steered.place(name)])
+        neutral = float(steered.neutral[steered.places(name)[0]])
         scale = steered.scale(name)
         own = 0.0 if name.endswith("_offset") else 1.0  # of the design orbit, in its own unit
         now = neutral + scale * (value - own)

@@ -367,7 +367,7 @@ def _filtered(
     kept, found = set(wanted.tolist()), {}
     for k, observations in enumerate(events):
         if k:
-            estimate = motion_filter.predict(estimate, float(grid[k] - grid[k - 1]))
+            estimate, _ = motion_filter.predict(estimate, float(grid[k] - grid[k - 1]))
         if observations:
             estimate = motion_filter.update(estimate, observations).estimate
         if k in kept:

@@ -131,8 +131,8 @@ class FrameModel:
             lambda: _functions(robot, index),
             label=f"{robot.name} motion of {body}",
         )
-        self._inertial, self._pose = functions["inertial"], functions["pose"]
-        self._parameters = robot.parameters
+        self.inertial_function, self.pose_function = functions["inertial"], functions["pose"]
+        self.parameters = robot.parameters
         self.on_base = robot.bodies[index].floating_dofs is not None
 
     def inertial(self, motion: Motion) -> tuple[Array, Array]:
@@ -143,7 +143,7 @@ class FrameModel:
             (6, 3, n).
         """
         seen, turn = self._in_reference(motion.levels[:3], motion.attitude)
-        value, slope = self._inertial(*seen, turn[2], self.offset, self._parameters)
+        value, slope = self.inertial_function(*seen, turn[2], self.offset, self.parameters)
         n = self.robot.dof
         jacobian = self._to_world(slope.reshape(6, 3, n), turn)
         slopes = (self._both @ jacobian.reshape(6, -1)).reshape(6, 3, n)
@@ -163,7 +163,7 @@ class FrameModel:
         """
         seen, turn = self._in_reference(levels, attitude.as_matrix())
         parts = [seen[:, k] for k in range(3)]
-        found = self._inertial.batch(*parts, turn[:, 2], self.offset, self._parameters)
+        found = self.inertial_function.batch(*parts, turn[:, 2], self.offset, self.parameters)
         value, slope = (np.array(part) for part in found)
         shown = value.reshape(-1, 2, 3) @ self.mount
         both = (self._both @ slope).reshape(len(value), 6, 3, self.robot.dof)
@@ -182,7 +182,7 @@ class FrameModel:
             of position in world axes and of attitude in the frame's axes, (N, 6, n).
         """
         seen, turn = self._in_reference(levels, attitude.as_matrix())
-        found = self._pose.batch(seen[:, 0], self.offset, self._parameters)
+        found = self.pose_function.batch(seen[:, 0], self.offset, self.parameters)
         position, rotation, moved, turned = (np.array(part) for part in found)
         slope = np.concatenate([turn @ moved, self.mount.T @ turned], axis=1)
         world = (turn @ position.reshape(-1, 3, 1))[:, :, 0]
@@ -212,7 +212,9 @@ class FrameModel:
             of position in world axes and of attitude in the frame's axes, (6, n).
         """
         seen, turn = self._in_reference(motion.levels[:3], motion.attitude)
-        position, rotation, moved, turned = self._pose(seen[0], self.offset, self._parameters)
+        position, rotation, moved, turned = self.pose_function(
+            seen[0], self.offset, self.parameters
+        )
         slope = np.vstack([turn @ moved, self.mount.T @ turned])
         jacobian = self._to_world(slope.reshape(6, 1, -1), turn)[:, 0]
         return turn @ position, turn @ rotation @ self.mount, jacobian

@@ -13,10 +13,11 @@ References:
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +25,16 @@ from scipy.linalg.blas import dtrsm
 from scipy.linalg.lapack import dgeqrf
 
 from patagium.errors import FilterDiverged, Outcome
+from patagium.native import load_kernel
+from patagium.native.structs import MOTION_FILTER, MOTION_SENSOR
 from patagium.robot import Robot
 from patagium.sensing.motion.frame_model import FloatingBase, Motion, floating_base, rotation_matrix
-from patagium.sensing.motion.sensor_streams import MeasurementModel, Observation
+from patagium.sensing.motion.sensor_streams import (
+    EncoderModel,
+    ImuModel,
+    MeasurementModel,
+    Observation,
+)
 from patagium.sensing.motion.smoothers import added_covariance, transition
 
 Array = NDArray[np.float64]
@@ -55,6 +63,12 @@ class MotionEstimate:
     def covariance(self) -> Array:
         """Covariance S S^T of the error-state, (s, s), in products of its units."""
         return np.asarray(self.root @ self.root.T)
+
+    @property
+    def row(self) -> Array:
+        """Levels, attitude, biases and root one after the other, in their units."""
+        parts = self.motion.levels, self.motion.attitude, self.biases, self.root
+        return np.concatenate([part.ravel() for part in parts])
 
 
 class Corrected(NamedTuple):
@@ -104,48 +118,55 @@ class MotionFilter:
         self.columns = np.array(columns, int)
         gaps = set(np.diff(self.columns).tolist()) - {1}
         self._own = self.columns if gaps else slice(int(columns[0]), int(columns[-1]) + 1)
-        self.density = np.asarray(density, float)
+        self.density = np.array(density, float)
         self._models = dict(models)
         self._units = [name for name, model in models.items() if model.biases]
         self.base: FloatingBase | None = floating_base(robot)
         n = len(self.columns)
-        self.size = order * n + 6 * len(self._units)
-        self._turn = (
+        self.biases = 6 * len(self._units)
+        self.size = order * n + self.biases
+        self.turn = (
             np.array([int(np.flatnonzero(self.columns == i)[0]) for i in self.base.turn])
             if self.base is not None and set(self.base.turn) <= set(self.columns.tolist())
             else None
         )
         walks = [np.asarray(models[name].bias_walk) ** 2 for name in self._units]
-        self._walk = np.concatenate([np.zeros(0), *walks])
+        self.walk = np.concatenate([np.zeros(0), *walks])
         self._cached: dict[float, tuple[Array, Array]] = {}
+        kernel = load_kernel("motion")
+        self.compiled = None if kernel is None else CompiledFilter(self, models, kernel)
+
+    def copy(self) -> MotionFilter:
+        """Filter with the same numbers, and memory of its own."""
+        own = self.robot, self.columns.tolist(), self.density, self.order
+        return MotionFilter(*own, self._models)
+
+    def estimate_of(self, row: Array) -> MotionEstimate:
+        """Estimate whose `row` is this one."""
+        n, s = self.robot.dof, self.size
+        ends = np.cumsum([self.order * n, 9, self.biases])
+        levels, attitude, biases, root = np.split(row, ends)
+        motion = Motion(levels.reshape(self.order, n), attitude.reshape(3, 3))
+        return MotionEstimate(motion, biases, root.reshape(s, s))
 
     def bias_of(self, estimate: MotionEstimate, name: str) -> Array:
         """Estimated bias of an inertial unit, (6,) [m/s^2, rad/s]."""
         k = self._units.index(name)
         return estimate.biases[6 * k : 6 * k + 6]
 
-    def predict(self, estimate: MotionEstimate, span: float) -> MotionEstimate:
-        """Estimate after a span of time.
+    def predict(self, estimate: MotionEstimate, span: float) -> tuple[MotionEstimate, Array]:
+        """Estimate after a span, and the rotation vector of the attitude over it, (3,) [rad].
 
         Args:
             estimate: Estimate at the beginning.
             span: Length of the span, zero or more [s].
         """
-        return self.moved(estimate, *self.predicted_motion(estimate.motion, span), span)
-
-    def moved(
-        self, estimate: MotionEstimate, motion: Motion, turned: Array, span: float
-    ) -> MotionEstimate:
-        """Estimate after a span of time, its motion given.
-
-        Args:
-            estimate: Estimate at the beginning.
-            motion: Motion at the end.
-            turned: Rotation vector of the attitude over the span, body axes, (3,) [rad].
-            span: Length of the span, zero or more [s].
-        """
+        if self.compiled is not None:
+            row, turned = self.compiled.predict(estimate.row, span)
+            return self.estimate_of(row), turned
+        motion, turned = self.predicted_motion(estimate.motion, span)
         root = _lower_triangle(self._predicted_root(estimate.root, span, turned))
-        return MotionEstimate(motion, estimate.biases, root)
+        return MotionEstimate(motion, estimate.biases, root), turned
 
     def update(self, estimate: MotionEstimate, observations: Sequence[Observation]) -> Corrected:
         """Estimate given the measurements of one time.
@@ -157,6 +178,11 @@ class MotionFilter:
         Raises:
             FilterDiverged: If the estimate or its covariance is not finite.
         """
+        if self.compiled is not None:
+            done = self.compiled.update(estimate.row, observations)
+            if done is None:
+                raise _diverged(observations)
+            return Corrected(self.estimate_of(done[0]), *done[1:])
         now, change = estimate, np.zeros(self.size)
         linear = all(self._models[one.name].linear for one in observations)
         for _ in range(_MOST_ITERATIONS):
@@ -170,11 +196,7 @@ class MotionFilter:
             scaled, gain = parts[:, 0], estimate.root @ parts[:, 1 + self.size :].T
             change = gain @ scaled
             if not np.isfinite(change).all():
-                raise FilterDiverged(
-                    f"motion filter: measurements of {', '.join(o.name for o in observations)} "
-                    "cannot be weighed: the estimate is not finite; raise their std",
-                    Outcome.NOT_FINITE,
-                )
+                raise _diverged(observations)
             now = self.corrected(estimate, change)
             if linear or not self._is_far(change - before):
                 break
@@ -192,18 +214,18 @@ class MotionFilter:
         """
         main = self.order * len(self.columns)
         found = adjoint.copy()
-        half = None if self._turn is None else rotation_matrix(0.5 * turned)
+        half = None if self.turn is None else rotation_matrix(0.5 * turned)
         if half is not None:
-            found[self._turn] = half @ found[self._turn]
+            found[self.turn] = half @ found[self.turn]
         move, _ = self._blocks(span)
         found[:main] = (move.T @ found[:main].reshape(self.order, -1)).ravel()
         if half is not None:
-            found[self._turn] = half @ found[self._turn]
+            found[self.turn] = half @ found[self.turn]
         return found
 
     def enliven(self, factor: float) -> None:
         """Multiply the density of the driving noise by a factor."""
-        self.density = self.density * factor
+        self.density *= factor
         self._cached.clear()
 
     def _is_far(self, change: Array) -> bool:
@@ -234,8 +256,8 @@ class MotionFilter:
         levels = estimate.motion.levels.copy()
         levels[:, self._own] += change[: self.order * n].reshape(self.order, n)
         attitude = estimate.motion.attitude
-        if self._turn is not None:
-            turned = self.columns[self._turn]
+        if self.turn is not None:
+            turned = self.columns[self.turn]
             attitude = attitude @ rotation_matrix(levels[0, turned])
             levels[0, turned] = 0.0
         biases = estimate.biases + change[self.order * n :]
@@ -246,14 +268,14 @@ class MotionFilter:
         n = len(self.columns)
         moved = np.array(matrix)
         half = None
-        if self._turn is not None:
+        if self.turn is not None:
             half = rotation_matrix(-0.5 * turned)
-            moved[self._turn] = half @ moved[self._turn]
+            moved[self.turn] = half @ moved[self.turn]
         move, _ = self._blocks(span)
         main = moved[: self.order * n].reshape(self.order, -1)
         moved[: self.order * n] = (move @ main).reshape(self.order * n, -1)
         if half is not None:
-            moved[self._turn] = half @ moved[self._turn]
+            moved[self.turn] = half @ moved[self.turn]
         return moved
 
     def _predicted_root(self, root: Array, span: float, turned: Array) -> Array:
@@ -261,8 +283,8 @@ class MotionFilter:
         main = self.order * len(self.columns)
         added = np.zeros((self.size, self.size))
         added[:main, :main] = self._blocks(span)[1]
-        rows = main + np.arange(len(self._walk))
-        added[rows, rows] = np.sqrt(self._walk * span)
+        rows = main + np.arange(len(self.walk))
+        added[rows, rows] = np.sqrt(self.walk * span)
         return np.hstack([self._advanced(root, span, turned), added])
 
     def predicted_motion(self, motion: Motion, span: float) -> tuple[Motion, Array]:
@@ -275,8 +297,8 @@ class MotionFilter:
         move, _ = self._blocks(span)
         levels = move @ motion.levels
         turned, attitude = np.zeros(3), motion.attitude
-        if self._turn is not None:
-            columns = self.columns[self._turn]
+        if self.turn is not None:
+            columns = self.columns[self.turn]
             turned = levels[0, columns].copy()
             if self.order > 2:  # body axes turn while they turn
                 spin, spin_rate = motion.levels[1, columns], motion.levels[2, columns]
@@ -310,6 +332,14 @@ class MotionFilter:
         return self._cached[key]
 
 
+def _diverged(observations: Sequence[Observation]) -> FilterDiverged:
+    return FilterDiverged(
+        f"motion filter: measurements of {', '.join(one.name for one in observations)} "
+        "cannot be weighed: the estimate is not finite; raise their std",
+        Outcome.NOT_FINITE,
+    )
+
+
 def _lower_triangle(wide: Array) -> Array:
     """Lower triangular T, (k, k), with T T^T = A A^T for a wide A, (k, l >= k), overwritten."""
     size = len(wide)
@@ -330,3 +360,98 @@ def _solved(lower: Array, right: Array) -> Array:
     long where other programs use the cores.
     """
     return np.asarray(dtrsm(1.0, lower, right, lower=1))
+
+
+class CompiledFilter:
+    """Steps of a motion filter in C, over rows of numbers: see `MotionEstimate.row`.
+
+    Args:
+        owner: The filter, whose density it reads.
+        models: Measurement models by name of the sensor.
+        kernel: The compiled steps.
+    """
+
+    def __init__(
+        self, owner: MotionFilter, models: Mapping[str, MeasurementModel], kernel: ctypes.CDLL
+    ) -> None:
+        self._kernel, self._keep = kernel, [owner.density]
+        self.numbers = {name: k for k, name in enumerate(models)}
+        own, s, b = owner.columns.tolist(), owner.size, owner.biases
+        self.sensors = (MOTION_SENSOR.type * len(models))()
+        biased = 0
+        for sensor, model in zip(self.sensors, models.values(), strict=True):
+            sensor.variance = self._kept(model.variances)
+            sensor.values = sensor.width = len(model.variances)
+            if isinstance(model, EncoderModel):
+                places = [own.index(k) if k in own else -1 for k in model.columns]
+                sensor.place = self._kept(places, np.int32)
+                continue
+            frame = model.frame  # type: ignore[attr-defined]
+            inertial = isinstance(model, ImuModel)
+            sensor.kind = 1 if inertial else 2
+            sensor.width += 0 if inertial else 1
+            sensor.frame = (frame.inertial_function if inertial else frame.pose_function).address
+            sensor.offset, sensor.mount = self._kept(frame.offset), self._kept(frame.mount)
+            sensor.parameters = self._kept(frame.parameters)
+            if inertial:
+                sensor.bias, biased = biased, biased + 6
+        self.widths = {name: self.sensors[k].width for name, k in self.numbers.items()}
+        values = sum(sensor.values for sensor in self.sensors)
+        most, n = max(values, 6), owner.robot.dof
+        spare = (s + 4) * (2 * s + 16) + 5 * (most + 1) * (most + s + 16)
+        scratch = np.zeros(spare + max(27 * n + 24, most * (s + 16)))
+        self.row_size = owner.order * n + 9 + b + s * s
+        turn, base = owner.turn, owner.base
+        self.struct = MOTION_FILTER.type(
+            order=owner.order,
+            coordinates=n,
+            own=len(own),
+            states=s,
+            biases=b,
+            values=most,
+            spare=spare,
+            columns=self._kept(own, np.int32),
+            turn=None if turn is None else self._kept(turn, np.int32),
+            base=None if base is None else self._kept([*base.place, *base.turn], np.int32),
+            density=owner.density.ctypes.data,
+            walk=self._kept(owner.walk),
+            noise=self._kept(np.linalg.cholesky(added_covariance(owner.order, 1.0))),
+            sensors=ctypes.addressof(self.sensors),
+            work=self._kept(scratch),
+        )
+        self.found: Array = np.zeros(most * (2 * s + 1))
+        self._turned: Array = np.zeros(3)
+        self._struct = ctypes.byref(self.struct)
+        self._doubles = [_address(part) for part in (self._turned, self.found)]
+
+    def _kept(self, values: Any, kind: Any = float) -> int:
+        """Address of an array that lives as long as this."""
+        array = np.ascontiguousarray(values, kind)
+        self._keep.append(array)
+        return int(array.ctypes.data)
+
+    def predict(self, row: Array, span: float) -> tuple[Array, Array]:
+        """Estimate after a span, and the rotation vector of the attitude over it, (3,) [rad]."""
+        to = np.empty(self.row_size)
+        length = ctypes.c_double(span)
+        where = _address(row), length, _address(to), self._doubles[0]
+        self._kernel.motion_predict(self._struct, *where)
+        return to, self._turned.copy()
+
+    def update(
+        self, row: Array, observations: Sequence[Observation]
+    ) -> tuple[Array, Array, Array, Array] | None:
+        """Estimate, innovation, slope and gain as of `Corrected`; None if they are not finite."""
+        numbers = np.array([self.numbers[one.name] for one in observations], np.int32)
+        values = np.concatenate([one.values for one in observations])
+        to, s = np.empty(self.row_size), self.struct.states
+        places = [_address(part) for part in (numbers, values, row, to)]
+        m = self._kernel.motion_update(self._struct, len(numbers), *places, self._doubles[1])
+        if m < 0:
+            return None
+        innovation, slope, gain = np.split(self.found[: m * (2 * s + 1)].copy(), [m, m + m * s])
+        return to, innovation, slope.reshape(m, s), gain.reshape(s, m)
+
+
+def _address(array: NDArray[Any]) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)

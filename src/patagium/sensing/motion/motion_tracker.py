@@ -44,11 +44,11 @@ from patagium.sensing.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
 
-_LOUD = 3.0
+LOUD = 3.0
 """Normalized innovation squared of a value above which the driving noise is too small, ..."""
-_LATELY = 100
+LATELY = 100
 """... in most of so many samples; ..."""
-_ENLIVENED = 30.0
+ENLIVENED = 30.0
 """... it is then multiplied by this."""
 
 
@@ -72,7 +72,7 @@ class MotionNow:
 
 
 @dataclass
-class _Event:
+class Event:
     """Sample, its correction, and span and turn from it to the next sample of a later time."""
 
     time: float
@@ -132,41 +132,41 @@ class MotionTracker:
             raise LogError("sensors: expected encoders, inertial units or cameras, found none")
         for name, values in (variances or {}).items():
             models[name].variances = values
-        self._names = {name: model.biases for name, model in models.items()}
-        self._shifts = dict(shifts or {})
+        self.rates = {name: sensors[name].rate for name in models}
+        self.shifts = dict(shifts or {})
         streams = [Stream(name, m, np.zeros(0), np.zeros((0, 0))) for name, m in models.items()]
         linked = coupled(self.robot, streams)
         groups = [(linked, models)]
         groups += [(alone(one, linked), {one.name: models[one.name]}) for one in streams]
-        self._parts = [
+        self.parts = [
             _Part(self.robot, group, drive[group], order, seeing)
             for group, seeing in groups
             if group
         ]
 
     def __repr__(self) -> str:
-        return f"<MotionTracker of {self.robot.name}: {', '.join(self._names)}>"
+        return f"<MotionTracker of {self.robot.name}: {', '.join(self.rates)}>"
 
     @property
     def started(self) -> bool:
         """Whether every encoder and camera has given a sample."""
-        return all(part.events for part in self._parts)
+        return all(part.events for part in self.parts)
 
     @property
     def span(self) -> tuple[float, float]:
         """First and last time that `past` can tell [s]."""
-        begin = max(part.events[0].time for part in self._parts)
-        return begin, min(part.events[-1].time for part in self._parts)
+        begin = max(part.events[0].time for part in self.parts)
+        return begin, min(part.events[-1].time for part in self.parts)
 
     @property
     def late(self) -> int:
         """Number of samples that came later than the memory."""
-        return sum(part.late for part in self._parts)
+        return sum(part.late for part in self.parts)
 
     @property
     def raised(self) -> int:
         """Number of times that the driving noise was raised."""
-        return sum(part.raised for part in self._parts)
+        return sum(part.raised for part in self.parts)
 
     def push(self, name: str, stamp: float, values: ArrayLike) -> None:
         """Update with one sample.
@@ -181,10 +181,10 @@ class MotionTracker:
             ParameterError: If there is no such sensor.
             FilterDiverged: If the estimate is no longer finite.
         """
-        if name not in self._names:
-            raise ParameterError("name", f"one of {', '.join(self._names)}", name)
-        row, time = np.asarray(values, float), stamp - self._shifts.get(name, 0.0)
-        for part in self._parts:
+        if name not in self.rates:
+            raise ParameterError("name", f"one of {', '.join(self.rates)}", name)
+        row, time = np.asarray(values, float), stamp - self.shifts.get(name, 0.0)
+        for part in self.parts:
             if name in part.models:
                 part.push(name, time, row, self.memory)
 
@@ -198,15 +198,16 @@ class MotionTracker:
             LogError: If tracking has not started, or the time is before the last sample.
         """
         self._require_started()
-        last = max(part.events[-1].time for part in self._parts)
-        moment = last if time is None else time
-        if moment < last:
-            raise LogError(f"time: expected {last:.6g} s or later, found {moment:.6g} s")
+        latest = max(part.events[-1].time for part in self.parts)
+        moment = latest if time is None else time
+        if moment < latest:
+            raise LogError(f"time: expected {latest:.6g} s or later, found {moment:.6g} s")
         n = self.robot.dof
         levels, covariance = np.zeros((1, 3, n)), np.zeros((1, 3 * n, 3 * n))
         attitude = np.eye(3)
-        for part in self._parts:
-            estimate = part.filter.predict(part.events[-1].after, moment - part.events[-1].time)
+        for part in self.parts:
+            last = part.events[-1]
+            estimate, _ = part.filter.predict(last.after, moment - last.time)
             columns = part.filter.columns
             levels[0][:, columns] = estimate.motion.levels[:3, columns]
             place = (columns + n * np.arange(3)[:, None]).ravel()
@@ -233,7 +234,7 @@ class MotionTracker:
         moments, n = np.asarray(times, float), self.robot.dof
         levels = np.zeros((len(moments), 3, n))
         attitude = np.tile(np.eye(3), (len(moments), 1, 1))
-        for part in self._parts:
+        for part in self.parts:
             for k, motion in enumerate(part.past(moments)):
                 levels[k][:, part.filter.columns] = motion.levels[:3, part.filter.columns]
                 attitude[k] = attitude[k] @ motion.attitude
@@ -243,7 +244,7 @@ class MotionTracker:
 
     def _require_started(self) -> None:
         if not self.started:
-            missing = ", ".join(sorted({name for one in self._parts for name in one.missing}))
+            missing = ", ".join(sorted({name for one in self.parts for name in one.missing}))
             raise LogError(f"motion: expected a sample of {missing} first")
 
 
@@ -265,7 +266,7 @@ class _Part:
         blind = {n for n, m in encoders.items() if set(group).isdisjoint(m.columns)}
         self.models = {name: m for name, m in models.items() if name not in blind}
         self.filter = MotionFilter(robot, group, density, order, self.models)
-        self.events: list[_Event] = []
+        self.events: list[Event] = []
         self.late, self.raised = 0, 0
         self._others = {
             name: [k for k, i in enumerate(m.columns) if i not in group]
@@ -342,18 +343,18 @@ class _Part:
         if time <= last.time:
             return last.after
         last.span = time - last.time
-        motion, last.turned = self.filter.predicted_motion(last.after.motion, last.span)
-        return self.filter.moved(last.after, motion, last.turned, last.span)
+        found, last.turned = self.filter.predict(last.after, last.span)
+        return found
 
     def _append(self, time: float, observation: Observation, estimate: MotionEstimate) -> None:
         """Add the sample of a time to the estimate before it."""
         found = self.filter.update(estimate, [observation])
-        self.events.append(_Event(time, observation, found))
-        self._loud += 1 if found.nis > _LOUD else -1  # above zero where the median is
+        self.events.append(Event(time, observation, found))
+        self._loud += 1 if found.nis > LOUD else -1  # above zero where the median is
         self._seen += 1
-        if self._seen == _LATELY:
+        if self._seen == LATELY:
             if self._loud > 0:
-                self.filter.enliven(_ENLIVENED)
+                self.filter.enliven(ENLIVENED)
                 self.raised += 1
             self._loud = self._seen = 0
 

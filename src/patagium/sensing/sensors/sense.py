@@ -65,9 +65,26 @@ class SensorLog:
             raise ParameterError("sensor", f"one of {', '.join(self.readings)}", name)
         return self.readings[name]
 
+    def samples(self) -> list[tuple[str, float, Array]]:
+        """Samples of encoders, inertial units and cameras in the order of their stamps.
+
+        Returns:
+            Name, stamp [s] and values of each, as `MotionTracker.push` takes them.
+        """
+        found = []
+        for name, reading in self.readings.items():
+            parts = [reading[kind].values for kind in _OF_MOTION if kind in reading]
+            rows = np.hstack(parts) if parts else np.zeros((0, 0))
+            stamps = reading["time"].values.tolist()
+            found += [(name, stamp, row) for stamp, row in zip(stamps, rows, strict=False)]
+        return sorted(found, key=lambda one: one[1])
+
     def without_truth(self) -> SensorLog:
         """Log without its truth, as a laboratory would have it."""
         return replace(self, truth={})
+
+
+_OF_MOTION = ("position", "quaternion", "specific_force", "angular_rate")
 
 
 @checked

@@ -1,0 +1,314 @@
+"""Autopilot: estimate, learning and feedback of a flying robot in one compiled call a tick.
+
+The motion tracker, the pipeline of a learner and a linear regulator go on in C from where they
+stand, with the numbers that they give in Python, but for rounding. Late samples are inserted as the
+tracker does. Neglected: the clocks of sensors, which are taken as that of the autopilot.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from patagium.arguments import checked
+from patagium.arrays import real_array
+from patagium.control.lqr import LinearRegulator
+from patagium.errors import CompilerError, LogError, ParameterError, ShapeError
+from patagium.live.pipeline import Pipeline, Records
+from patagium.native import load_kernel
+from patagium.native.structs import AUTOPILOT, MOTION_TRACK, REGULATOR
+from patagium.sensing.motion.frame_model import euler_function, floating_base
+from patagium.sensing.motion.motion_filter import CompiledFilter
+from patagium.sensing.motion.motion_tracker import (
+    ENLIVENED,
+    LATELY,
+    LOUD,
+    Event,
+    MotionTracker,
+)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Ticks:
+    """Motion, learning and commands of an autopilot at some ticks.
+
+    Attributes:
+        rows: Numbers of each tick, (N, 3 n + m + n_u + 2), as the properties read them.
+        sizes: n, numbers of the learner's record, and n_u.
+    """
+
+    rows: Array
+    sizes: tuple[int, int, int]
+
+    @property
+    def motion(self) -> Array:
+        """Coordinates, velocities and accelerations, (N, 3, n) [m, rad, per s, per s^2]."""
+        n = self.sizes[0]
+        return self.rows[:, : 3 * n].reshape(-1, 3, n)
+
+    @property
+    def learned(self) -> Records:
+        """Records of the learner, of the ticks at which it was given a sample."""
+        n, count, _ = self.sizes
+        rows = self.rows[:, 3 * n : 3 * n + count]
+        return Records(rows[~np.isnan(rows[:, -3:-2]).any(axis=1)])
+
+    @property
+    def commands(self) -> Array:
+        """Commands in force after each tick, (N, n_u), as `SteeredGait` takes them."""
+        return self.rows[:, -2 - self.sizes[2] : -2]
+
+    @property
+    def commanded(self) -> NDArray[np.bool_]:
+        """Ticks at which commands were given, (N,)."""
+        return np.asarray(self.rows[:, -2] == 1.0)
+
+    @property
+    def duration(self) -> Array:
+        """Wall-clock time of each tick, (N,) [s]."""
+        return self.rows[:, -1] * 1e-9
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+class Autopilot:
+    """Tracker, learner and regulator as one compiled call.
+
+    Args:
+        tracker: Tracker that has started; it is copied where it stands.
+        regulator: Regulator at the beginning of a flight, or where it stands; it is copied too.
+        pipeline: Pipeline of a learner, which is changed; None where nothing is learned.
+        every: Ticks from one sample that is learned to the next.
+
+    Raises:
+        LogError: If the tracker has not started.
+        ParameterError: If the parts are not those of one robot with Euler angles, the tracker
+            shifts clocks, or no learner is compiled.
+        CompilerError: If there is no compiler: the parts do the same in Python.
+
+    Attributes:
+        places: Columns of the stamp and the values of each sensor in a row, and of `forces`.
+    """
+
+    @checked
+    def __init__(
+        self,
+        tracker: MotionTracker,
+        regulator: LinearRegulator,
+        pipeline: Pipeline | None = None,
+        *,
+        every: int = 1,
+    ) -> None:
+        kernel, chain = load_kernel("autopilot"), None if pipeline is None else pipeline.chain
+        if kernel is None:
+            raise CompilerError("autopilot: expected a C compiler, found none: use its parts")
+        _check(tracker, regulator, pipeline, every)
+        self._kept: list[Any] = [pipeline]
+        self._name, self._time = tracker.robot.name, -np.inf
+        self._chain, n, commands = chain, tracker.robot.dof, len(regulator.model.commands)
+        outputs, forces = 0, 0
+        if pipeline is not None:
+            outputs = 3 * pipeline.learner.network.outputs + 4
+            forces = len(pipeline.columns) - 1 - 3 * n
+        self.sizes = n, outputs, commands
+        own = [part.filter.copy().compiled for part in tracker.parts]
+        filters = [one for one in own if one is not None]
+        self.places: dict[str, slice] = {}
+        end, widths = 1, []
+        for name in tracker.rates:
+            widths.append(1 + max(one.widths.get(name, 0) for one in filters))
+            self.places[name] = slice(end, end := end + widths[-1])
+        self.places["forces"] = slice(end, end := end + forces)
+        self._row = np.full(end, np.nan)
+        self._tracks = (MOTION_TRACK.type * len(filters))()
+        room = int(tracker.memory * sum(tracker.rates.values())) + 16
+        for track, part, one in zip(self._tracks, tracker.parts, filters, strict=True):
+            self._place(track, part.events[-1], one, room)
+            numbers = [one.numbers.get(name, -1) for name in tracker.rates]
+            track.numbers, track.memory = self._address(numbers, np.int32), tracker.memory
+        base = floating_base(tracker.robot)
+        self._regulator = self._of(regulator)
+        self._struct = AUTOPILOT.type(
+            sensors=len(widths),
+            tracks=len(filters),
+            dof=n,
+            columns=end,
+            record=3 * n + outputs + commands + 2,
+            learned=outputs,
+            forces=forces,
+            every=every,
+            widths=self._address(widths, np.int32),
+            track=ctypes.addressof(self._tracks),
+            turn=None if base is None else self._address(base.turn, np.int32),
+            euler=euler_function().address,
+            packet=self._address(np.zeros(1 + 3 * n + forces)),
+            regulator=ctypes.addressof(self._regulator),
+        )
+        if chain is not None:
+            self._struct.run, self._struct.pipeline = chain.native
+        self._function = kernel.autopilot_run
+        self._function.argtypes = [ctypes.c_void_p, ctypes.c_int64, *[ctypes.c_void_p] * 2]
+        self._function.restype = ctypes.c_int64
+
+    def __repr__(self) -> str:
+        return f"<Autopilot of {self._name}: {', '.join(self.places)}>"
+
+    def _address(self, values: ArrayLike, kind: type = float) -> int:
+        """Address of an array that lives as long as this."""
+        array: NDArray[Any] = np.array(values, kind, order="C")
+        self._kept.append(array)
+        return int(array.ctypes.data)
+
+    def _place(self, track: Any, last: Event, native: CompiledFilter, room: int) -> None:
+        """Fill the memory of a part of the tracker; it begins with the last sample."""
+        self._kept.append(native)
+        width = max(sensor.width for sensor in native.sensors)
+        estimates = np.zeros((room, native.row_size))
+        estimates[0] = last.after.row
+        track.filter, track.count = ctypes.addressof(native.struct), 1
+        track.capacity, track.size, track.width = room, native.row_size, width
+        track.time = self._address(np.r_[last.time, np.zeros(room - 1)])
+        track.sensor = self._address(np.zeros(room), np.int32)
+        track.values = self._address(np.zeros((room, width)))
+        track.estimates, track.scratch = self._address(estimates), self._address(estimates[0])
+        track.found = native.found.ctypes.data
+        track.too_loud, track.lately, track.enlivened = LOUD, LATELY, ENLIVENED
+
+    def _of(self, regulator: LinearRegulator) -> Any:
+        """Structure of a regulator, and of the gait that it steers."""
+        model, names = regulator.model, regulator.model.robot.dof_names
+        gait, count = model.steered, len(model.commands)
+        moving = [name.removeprefix("velocity of ") for name in model.names]
+        sources = [
+            names.index(name) + len(names) * (name != whole) if name in names else -1
+            for name, whole in zip(moving, model.names, strict=True)
+        ]
+        moves = np.zeros((count, len(gait.neutral)))
+        for row, name in zip(moves, model.commands, strict=True):
+            row[gait.places(name)] = 1.0
+        last = gait.pieces[-1]
+        goes = last.responses
+        pieces = np.zeros((len(gait.neutral) + 3, 2 + 5 * len(gait.neutral)))
+        pieces[0] = np.concatenate([[last.time, last.phase], goes.target, goes.slope, *goes.c])
+        arrays = {
+            "along": model.states, "travel": model.travel, "origin": model.origin,
+            "moves": moves, "neutral": model.neutral, "low": regulator.low,
+            "high": regulator.high, "fastest": regulator.fastest, "gains": regulator.gains,
+            "scale": [gait.scale(name) for name in model.commands], "before": regulator.before,
+            "sharpness": gait.sharpness, "range": gait.range, "rates": gait.rates,
+            "largest": gait.largest_amplitudes(), "room": gait.room, "reach": gait.reach,
+            "target": gait.target, "pieces": pieces,
+        }  # fmt: skip
+        places = {
+            "places": model.kept, "sources": np.array(sources)[model.kept],
+            "answers": model.places, "chains": model.chains,
+        }  # fmt: skip
+        return REGULATOR.type(
+            parts=model.parts,
+            states=len(model.names),
+            kept=len(model.kept),
+            lags=sum(model.chains),
+            commands=count,
+            responses=len(gait.neutral),
+            joints=len(gait.joints),
+            period=model.period,
+            next=0.0,
+            count=1,
+            **{name: self._address(values) for name, values in arrays.items()},
+            **{name: self._address(values, np.int32) for name, values in places.items()},
+        )
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Samples that came `late`, or were `refused`; times that commands were `held`."""
+        found = {name: sum(getattr(one, name) for one in self._tracks) for name in _COUNTED}
+        return found | {"held": self._regulator.held}
+
+    def step(
+        self, time: float, samples: Mapping[str, ArrayLike], forces: ArrayLike | None = None
+    ) -> Ticks:
+        """One tick.
+
+        Args:
+            time: Now, not before the last stamp, since the beginning of the orbit [s].
+            samples: Stamp and values of each sensor that has one, as `MotionTracker.push` takes
+                them, by its name [s, SI].
+            forces: Forces u1 and those carried of the learner's packet, (k n,) [N, N m].
+
+        Raises:
+            ParameterError: If there is no such sensor.
+            ShapeError: If a sample has another size.
+        """
+        row = self._row
+        row[:] = np.nan
+        row[0] = time
+        given = dict(samples) if forces is None else {**samples, "forces": forces}
+        for name, values in given.items():
+            if name not in self.places:
+                raise ParameterError("samples", f"those of {', '.join(self.places)}", name)
+            part, place = real_array(name, values), self.places[name]
+            if part.shape != row[place].shape:
+                raise ShapeError(name, row[place].shape, part.shape)
+            row[place] = part
+        return self.run(row[None])
+
+    def run(self, rows: ArrayLike) -> Ticks:
+        """Ticks one after the other.
+
+        Args:
+            rows: Time [s], then what `places` says, (N, columns) [s, SI]; without a sample nan.
+
+        Raises:
+            ShapeError: If the rows have another size.
+            ParameterError: If times fall, or one is none.
+        """
+        given = np.ascontiguousarray(rows, float)
+        if given.ndim != 2 or given.shape[1] != len(self._row):
+            raise ShapeError("rows", ("N", len(self._row)), given.shape)
+        times = np.r_[self._time, given[:, 0]]
+        if not (times[1:] >= times[:-1]).all():
+            raise ParameterError("rows", "times that do not fall", times[1:].tolist())
+        self._time = float(times[-1])
+        records = np.empty((len(given), self._struct.record))
+
+        def done(begin: int) -> int:
+            parts = given[begin:].ctypes.data, records[begin:].ctypes.data
+            address = ctypes.addressof(self._struct)
+            return int(self._function(address, len(given) - begin, *parts))
+
+        if self._chain is None:
+            done(0)
+        else:
+            n, outputs, _ = self.sizes
+            self._chain.account_for(done, records[:, 3 * n : 3 * n + outputs])
+        return Ticks(records, self.sizes)
+
+
+_COUNTED = ("late", "refused", "raised")
+
+
+def _check(
+    tracker: MotionTracker, regulator: LinearRegulator, pipeline: Pipeline | None, every: int
+) -> None:
+    """Refuse parts that do not go together."""
+    if not tracker.started:
+        raise LogError("tracker: expected one that has started, found one without samples")
+    if every < 1:
+        raise ParameterError("every", "one at least", every)
+    robots = [one.robot for one in (tracker, regulator.model, pipeline) if one is not None]
+    for robot in robots:
+        if robot.coordinate_names != tracker.robot.dof_names:
+            found = ", ".join(one.name for one in robots)
+            raise ParameterError("robot", "one for all parts, with Euler angles", found)
+    if pipeline is not None and pipeline.chain is None:
+        raise ParameterError("pipeline", "one that is compiled", "one in Python")
+    if any(tracker.shifts.values()):
+        raise ParameterError("tracker", "one without shifts of clocks", tracker.shifts)

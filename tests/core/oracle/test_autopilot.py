@@ -1,0 +1,187 @@
+"""The motion filter in C against that in NumPy; an autopilot against its parts in Python."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.control import LinearRegulator, driving_noise
+from patagium.errors import FilterDiverged, LogError, ParameterError, ShapeError
+from patagium.live import Autopilot
+from patagium.sensing import MotionTracker
+from patagium.simulation.simulator import FlightState
+
+S, P = pt.sensors, pt.sensors.presets
+TURNED = ((0.0, -0.6, 0.8), (1.0, 0.0, 0.0), (0.0, 0.8, 0.6))
+COMMANDS = ("frequency", "plunge_amplitude", "elevation_offset", "rudder_offset")
+UNIT = replace(P.icm_42688_p("body", rate=500.0), position=(0.02, 0.01, 0.0), orientation=TURNED)
+CAMERA = replace(P.prime_x_13("body"), position=(0.0, 0.03, 0.01), orientation=TURNED)
+
+
+def tracked(orbit, sensors, count=None, compiled=True, log=None):
+    """Tracker after so many samples of a flight along an orbit."""
+    log = pt.sense(orbit.flight(beats=2), sensors) if log is None else log
+    tracker = MotionTracker(orbit.robot, log.sensors, driving_noise(orbit), memory=0.03)
+    for part in tracker.parts if not compiled else ():
+        part.filter.compiled = None
+    for name, time, row in log.samples()[:count]:
+        tracker.push(name, time, row)
+    return tracker
+
+
+def learning(robot):
+    return pt.Pipeline(pt.ExtendedLearner(pt.StripNetwork(robot)), robot)
+
+
+@pytest.fixture(scope="module")
+def orbit():
+    return pt.trim(pt.load_robot("ornithopter"))
+
+
+@pytest.fixture(scope="module")
+def log(orbit):
+    return pt.sense(orbit.flight(beats=2), [UNIT, P.as5600(rate=500.0), CAMERA])
+
+
+# Rounding of some hundred updates: entries of a root differ by 1e-13 of the largest.
+CLOSE = {"rtol": 1e-9, "atol": 1e-9}
+
+
+@pytest.mark.parametrize("body", ["body", "left_wing"])
+def test_the_filter_in_c_is_that_in_numpy(orbit, body):
+    unit = replace(UNIT, body=body)  # one on a wing links its joints with the body
+    sensors = [unit, P.as5600(rate=500.0), CAMERA, replace(CAMERA, name="other", body="body")]
+    log = pt.sense(orbit.flight(beats=2), sensors)
+    one, other = (tracked(orbit, sensors, compiled=way, log=log) for way in (True, False))
+    assert all(part.filter.compiled is not None for part in one.parts)
+    for found, expected in zip(vars(one.now()).values(), vars(other.now()).values(), strict=True):
+        scale = np.abs(expected).max()
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * scale)
+    times = np.linspace(*one.span, 7)
+    past = other.past(times)
+    np.testing.assert_allclose(one.past(times), past, rtol=1e-7, atol=1e-9 * np.abs(past).max())
+
+
+def test_a_turn_by_half_and_a_jump_are_those_of_numpy(orbit, log):
+    """Cameras that show the body turned by half a turn: far, so that slopes are taken again."""
+    first = tracked(orbit, [], 40, True, log), tracked(orbit, [], 40, False, log)
+    camera = CAMERA.name
+    stamp = float(first[0].span[1]) + 1e-3
+    for tracker in first:
+        tracker.push(camera, stamp, [1.0, 0.2, -0.3, 0.0, 0.6, 0.0, 0.8])
+    found, expected = (tracker.now() for tracker in first)
+    np.testing.assert_allclose(np.exp(1j * found.q), np.exp(1j * expected.q), atol=1e-6)
+    np.testing.assert_allclose(found.v, expected.v, rtol=1e-6, atol=1e-6)
+    with pytest.raises(FilterDiverged, match="raise their std"):
+        first[0].push(camera, stamp + 1e-3, [1e300, -1e300, 1e300, 1.0, 0.0, 0.0, 0.0])
+
+
+def test_an_autopilot_is_its_parts(orbit, log):
+    """Samples that come late, values and samples that are missing, two kinds of intervals."""
+    robot, count = orbit.robot, 40
+    flown = orbit.flight(beats=2)
+    trackers = [tracked(orbit, [], count, True, log) for _ in range(2)]
+    pipelines = [learning(robot) for _ in range(2)]
+    regulators = [LinearRegulator(orbit, COMMANDS) for _ in range(2)]
+    autopilot = Autopilot(trackers[0], regulators[0], pipelines[0], every=3)
+    rng = np.random.default_rng(3)
+    delays = {CAMERA.name: 0.0042, UNIT.name: 0.0, P.as5600().name: 0.0}
+    given = [(one[1] + delays[one[0]], *one) for one in log.samples()[count:]]
+    rows = []
+    for arrival, name, stamp, row in sorted(given, key=lambda one: one[:2]):
+        tick = np.full(autopilot.places["forces"].stop, np.nan)
+        tick[0] = arrival
+        row = np.where(rng.random(len(row)) < 0.03, np.nan, row)
+        tick[autopilot.places[name]] = np.r_[stamp, row]
+        place = min(np.searchsorted(flown["time"].values, arrival), len(flown["time"]) - 1)
+        tick[autopilot.places["forces"]] = flown["u1"].values[place]
+        rows.append(tick)
+    found = autopilot.run(rows)
+    regulator, due, learned = regulators[1], 0.0, 0
+    for k, row in enumerate(rows):
+        for name in delays:
+            stamp, *values = row[autopilot.places[name]]
+            if np.isfinite(stamp):
+                trackers[1].push(name, stamp, values)
+        now = trackers[1].now(max(row[0], trackers[1].span[1]))
+        np.testing.assert_allclose(found.motion[k], [now.q, now.v, now.a], **CLOSE)
+        if k % 3 == 0:
+            forces = row[autopilot.places["forces"]]
+            record = pipelines[1].step(np.concatenate([row[:1], now.q, now.v, now.a, forces]))
+            for name in ("prediction", "std", "measurement", "outcome"):
+                mine = getattr(found.learned, name)[k // 3]
+                # rounding of accelerations of 1e3 rad/s^2, learned from
+                np.testing.assert_allclose(mine, getattr(record, name)[0], rtol=1e-6, atol=1e-6)
+            learned += int(record.outcome[0] == 0)
+        assert found.commanded[k] == (row[0] >= due - 1e-9)
+        if found.commanded[k]:
+            regulator(row[0], FlightState(robot, row[0], now.q, now.v))
+            due = (round(row[0] / regulator.period) + 1) * regulator.period
+        scale = [regulator.model.steered.scale(name) for name in COMMANDS]
+        wanted = (regulator.before + regulator.model.neutral) / scale
+        np.testing.assert_allclose(found.commands[k], wanted, rtol=1e-9, atol=1e-12)
+    assert len(found.learned) == -(-len(rows) // 3)
+    assert learned > 20 and found.commanded.sum() > 15  # both did something
+    assert np.ptp(found.commands, axis=0).min() > 0.0
+    assert autopilot.counts == {"late": 0, "refused": 0, "raised": 0, "held": 0}
+    assert pipelines[0].learner.events == pipelines[1].learner.events
+    np.testing.assert_allclose(
+        pipelines[0].learner.weights, pipelines[1].learner.weights, rtol=1e-5, atol=1e-6
+    )
+
+
+def test_what_cannot_be_weighed_is_left_out_and_counted(orbit, log):
+    tracker = tracked(orbit, [], 40, True, log)
+    autopilot = Autopilot(tracker, LinearRegulator(orbit, COMMANDS))
+    now = tracker.span[1] + 1e-3
+    wild = [now, 1e300, -1e300, 1e300, 1.0, 0.0, 0.0, 0.0]
+    before = autopilot.step(now, {})
+    after = autopilot.step(now, {CAMERA.name: wild})
+    assert autopilot.counts["refused"] == 1
+    np.testing.assert_allclose(after.motion, before.motion, rtol=1e-9, atol=1e-9)
+    old = [now - 1.0, *np.zeros(3), 1.0, 0.0, 0.0, 0.0]
+    autopilot.step(now, {CAMERA.name: old})
+    assert autopilot.counts["late"] == 1
+    lost = [now, *np.full(7, np.nan)]
+    np.testing.assert_array_equal(autopilot.step(now, {CAMERA.name: lost}).motion, after.motion)
+
+
+def test_a_motion_that_is_no_number_holds_the_last_commands(orbit, log):
+    tracker = tracked(orbit, [], 40, True, log)
+    autopilot = Autopilot(tracker, LinearRegulator(orbit, COMMANDS))
+    first = autopilot.step(tracker.span[1], {})
+    later = autopilot.step(1e300, {})
+    assert first.commanded.all() and not later.commanded.any()
+    np.testing.assert_array_equal(later.commands, first.commands)
+    assert autopilot.counts["held"] == 1
+
+
+def test_parts_that_do_not_go_together_are_refused(orbit, log):
+    regulator = LinearRegulator(orbit, COMMANDS)
+    tracker = tracked(orbit, [], 40, True, log)
+    with pytest.raises(LogError, match="expected one that has started"):
+        Autopilot(tracked(orbit, [], 0, True, log), regulator)
+    with pytest.raises(ParameterError, match="every: expected one at least"):
+        Autopilot(tracker, regulator, every=0)
+    other = pt.load_robot("aerobat")
+    with pytest.raises(ParameterError, match="one for all parts, with Euler angles"):
+        Autopilot(tracker, regulator, learning(other))
+    slow = pt.Pipeline(pt.GradientLearner(pt.StripNetwork(orbit.robot)), orbit.robot)
+    with pytest.raises(ParameterError, match="pipeline: expected one that is compiled"):
+        Autopilot(tracker, regulator, slow)
+    tracker.shifts = {CAMERA.name: 0.1}
+    with pytest.raises(ParameterError, match="one without shifts of clocks"):
+        Autopilot(tracker, regulator)
+    autopilot = Autopilot(tracked(orbit, [], 40, True, log), regulator)
+    with pytest.raises(ParameterError, match="samples: expected those of"):
+        autopilot.step(1.0, {"gps": [1.0, 2.0]})
+    with pytest.raises(ShapeError, match=CAMERA.name):
+        autopilot.step(1.0, {CAMERA.name: [1.0, 2.0]})
+    with pytest.raises(ShapeError, match="rows"):
+        autopilot.run(np.zeros((2, 3)))
+    autopilot.step(1.0, {})
+    with pytest.raises(ParameterError, match="times that do not fall"):
+        autopilot.step(0.5, {})
