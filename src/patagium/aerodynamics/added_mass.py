@@ -19,13 +19,14 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.air import Air, air_from_description
 from patagium.aerodynamics.local_flow import strip_motions
 from patagium.aerodynamics.named_descriptions import check_keys
 from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.arguments import check_fields
+from patagium.arrays import Array
 from patagium.dynamics.added_mass import BodyAddedMass
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.equations import kirchhoff_force
@@ -33,8 +34,6 @@ from patagium.dynamics.kinematics import body_poses, generalized_force
 from patagium.errors import ParameterError, ShapeError
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot, Strip
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

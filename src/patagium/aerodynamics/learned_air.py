@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.on_model import OnModel
 from patagium.aerodynamics.strip_loads import AeroExpressions
@@ -22,8 +22,6 @@ from patagium.dynamics.chain import cross
 from patagium.dynamics.kinematics import body_poses, generalized_force
 from patagium.errors import ParameterError, ShapeError
 from patagium.robot.model import Robot
-
-Array = NDArray[np.float64]
 
 WRENCH = ("force.x", "force.z", "moment.y")
 """Parts of the wrench: those of a mirrored robot; what is not mirrored, the strips tell."""

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.named_descriptions import field_values
 from patagium.aerodynamics.polars import (
@@ -29,7 +29,7 @@ from patagium.aerodynamics.polars import (
 )
 from patagium.aerodynamics.smooth_functions import smooth_step
 from patagium.arguments import check_fields
-from patagium.arrays import brief
+from patagium.arrays import Array, brief
 from patagium.errors import ParameterError
 
 
@@ -133,8 +133,6 @@ def vortex_lift(fed: Any, shed: Any) -> Any:
     return sign * (rounded_ramp(left, FEEBLE) - rounded_ramp(left - most, FEEBLE))
 
 
-Array = NDArray[np.float64]
-
 CENTER_OF_PRESSURE_SHIFT = 0.175
 """How far behind the quarter chord a separated plate across the flow is pushed, in chords
 (Lindenburg 2003, ECN-C--03-025)."""
@@ -195,7 +193,7 @@ class StripSection(Protocol):
         return (*self.inputs(), *(f"stalled.{name}" for name in self.stalled.parameter_names))
 
     @property
-    def parameters(self) -> NDArray[np.float64]:
+    def parameters(self) -> Array:
         """Values of the parameters, (n,) [1/rad, rad, -]."""
         return np.array([*self.inputs().values(), *self.stalled.parameters])
 

@@ -7,16 +7,15 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.dynamics import equations, kinematics
 from patagium.dynamics.kinematics import body_poses
 from patagium.errors import ShapeError
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot
-
-Array = NDArray[np.float64]
 
 
 def _build(robot: Robot) -> list[ca.Function]:

@@ -7,14 +7,13 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning.model_file import Model
 from patagium.learning.models.network import Network
 from patagium.learning.models.physical import Estimate, physical_estimates
 from patagium.report import Table
 
-Array = NDArray[np.float64]
 _FIELDS = ("value", "std", "prior", "prior_std")
 
 

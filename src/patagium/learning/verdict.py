@@ -10,15 +10,13 @@ from math import isfinite, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from patagium.arrays import Array
 from patagium.errors import Outcome
 from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.network import Network
 from patagium.learning.scores import INTERVAL, ErrorSums
-
-Array = NDArray[np.float64]
 
 _RIGHT = 0.88, 0.99  # shares in the 95 % interval that are about right
 _NIS = 3.0  # times too large or too small

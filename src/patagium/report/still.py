@@ -17,13 +17,12 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from patagium.arrays import Array
 from patagium.report.replay_page import Replay
 from patagium.report.style import COLORS, SCENE, TRUTH, round_down, styled, width
-
-Array = NDArray[np.float64]
 
 _SUN = np.array([-0.4, -0.7, 1.4]) / np.linalg.norm([-0.4, -0.7, 1.4])
 _AROUND, _ALONG = 28, 18  # faces around and along what is round

@@ -20,10 +20,11 @@ from math import ceil, floor, log10
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import Outcome, ParameterError
 from patagium.robot import Robot
 from patagium.simulation.implicit_steps import rate_jacobian
-from patagium.simulation.runge_kutta import Array, Equations, IntegrationResult, integrate
+from patagium.simulation.runge_kutta import Equations, IntegrationResult, integrate
 
 REACH = 200
 """Steps before the break that are looked at."""

@@ -11,14 +11,11 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning.models.network import Network, center_of, scale_of
 from patagium.learning.models.physical import own_prior
 from patagium.learning.settings import FilterSettings, NoiseEstimation, Numbers, Structure
-
-Array = NDArray[np.float64]
-
 
 PRIOR = 1.0
 """Standard deviation of a dimensionless weight that nobody states [1]."""

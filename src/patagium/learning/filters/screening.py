@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import betaincinv
 
 from patagium.arguments import of_kind
+from patagium.arrays import Array, Bools
 from patagium.errors import Outcome
 from patagium.learning.filters.bounds import MEMORY, Bounds
 from patagium.learning.filters.misfit import PARTS as MISFIT_PARTS
@@ -30,8 +31,6 @@ from patagium.learning.filters.spread import Moments
 from patagium.learning.models.network import Network
 from patagium.learning.settings import ChangeDetection, FilterSettings
 from patagium.native.structs import header_numbers
-
-Array = NDArray[np.float64]
 
 EVENTS = (
     *("missing", "outliers", "stuck", "bad_inputs", "late", "duplicates", "clock_resets"),
@@ -246,7 +245,7 @@ class Screen:
         return self.parts["steady"] + self.parts["loaded"]
 
     @property
-    def left_out(self) -> NDArray[np.bool_]:
+    def left_out(self) -> Bools:
         """Channels of the last sample that were not learned from, (n_y,)."""
         return self.marks["left_out"].astype(bool)
 
@@ -290,7 +289,7 @@ class Screen:
         self.note("late")
         return Outcome.LATE
 
-    def usable_channels(self, x: Array, y: Array, time: float | None) -> NDArray[np.bool_] | None:
+    def usable_channels(self, x: Array, y: Array, time: float | None) -> Bools | None:
         """Channels of a sample that are numbers, for learners that are no filters, (n_y,).
 
         None where the sample is not to be learned from.
@@ -478,9 +477,7 @@ class Screen:
             parts["loaded"][k] *= growth
         return bool(seen[k] > _C.FIRST_SAMPLES)
 
-    def _learn_noise(
-        self, measured: Array, gain: Array, inverse: Array, kept: NDArray[np.bool_]
-    ) -> None:
+    def _learn_noise(self, measured: Array, gain: Array, inverse: Array, kept: Bools) -> None:
         parts, relative = self.parts, self._relative_load()
         fresh = max(self.share, 1.0 / int(self.whole[_LEARNED]))
         parts["mean_load"] += fresh * (parts["load"] - parts["mean_load"])

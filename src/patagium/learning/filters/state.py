@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import ShapeError
-
-Array = NDArray[np.float64]
 
 
 def vector(state: Mapping[str, Array], name: str, *shape: int) -> Array:

@@ -12,16 +12,15 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Encoding, center_of, scale_of
 from patagium.learning.models.perceptron import Perceptron, PerceptronNetwork, softplus
 from patagium.limits import WIDEST
 from patagium.native import load_kernel
-
-Array = NDArray[np.float64]
 
 
 class DenseNetwork(PerceptronNetwork):

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, TypedDict, Unpack
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.indicial import Indicial, Lags, Relaxation, fitted_indicial
@@ -36,6 +36,7 @@ from patagium.aerodynamics.trailing_vortices import (
     solve_normalwash,
     surface_gains,
 )
+from patagium.arrays import Array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import generalized_force
 from patagium.errors import ParameterError, positive
@@ -55,8 +56,6 @@ from patagium.learning.models.wing import RobotNetwork
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot
 from patagium.robot.strip_chains import strip_chains
-
-Array = NDArray[np.float64]
 
 _COEFFICIENTS = 8  # outputs of the perceptron a strip; see `_wrench`
 _FEATURES = 4  # its inputs: direction of the effective and of the geometric flow

@@ -21,13 +21,13 @@ from typing import Any, NamedTuple, Self
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics.added_mass import AddedMass
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.local_flow import body_airflows, velocity_at
 from patagium.aerodynamics.quasi_steady import QuasiSteady
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
+from patagium.arrays import Array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import Twist, body_poses, generalized_force
 from patagium.dynamics.rnea import body_accelerations, kirchhoff_force
@@ -39,7 +39,6 @@ from patagium.learning.settings import Misfit
 from patagium.native import load_functions
 from patagium.robot.model import Body, Robot, Strip
 
-Array = NDArray[np.float64]
 Wrenches = dict[int, tuple[ca.SX, ca.SX]]
 
 

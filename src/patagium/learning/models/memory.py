@@ -22,11 +22,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arrays import Array
 from patagium.errors import Outcome, ShapeError
 from patagium.learning.models.network import Network
 from patagium.native import load_kernel
-
-Array = NDArray[np.float64]
 
 LONGEST_STEP = 0.01
 """A step up to this is bridged, [s]: short against a wingbeat and the lags of its air, ..."""

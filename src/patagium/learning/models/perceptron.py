@@ -19,12 +19,10 @@ from typing import Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arrays import Array, Indices
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Encoding, Network
-from patagium.learning.models.structure import Indices
 from patagium.limits import WIDEST
-
-Array = NDArray[np.float64]
 
 
 def softplus(z: Array) -> Array:

@@ -15,16 +15,14 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics.added_mass import AddedMass
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.model import Aerodynamics
+from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Network
 from patagium.robot.model import Robot
-
-Array = NDArray[np.float64]
 
 FACTOR = "added_mass.factor"
 WIND = ("wind.x", "wind.y", "wind.z")

@@ -15,11 +15,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.arrays import brief
+from patagium.arrays import Array, brief
 from patagium.errors import LogError
 from patagium.sensing.logs.mapping import TableMapping, ValueColumn, conversion
-
-Array = NDArray[np.float64]
 
 _HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from patagium.arrays import Array
 from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
 from patagium.sensing.sensors.sensor import (
     UPRIGHT,
-    Array,
     Axes,
     Reading,
     Sensor,

@@ -12,12 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from patagium.arrays import real_array
+from patagium.arrays import Array, real_array
 from patagium.errors import FlightError, ParameterError, ShapeError, positive
 from patagium.sensing.sensors.scene import Scene, low_pass
 from patagium.sensing.sensors.sensor import (
     UPRIGHT,
-    Array,
     Axes,
     Reading,
     Sensor,

@@ -9,15 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from patagium.arrays import Array, Bools
 from patagium.errors import ParameterError, finite
 from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
 from patagium.sensing.sensors.sensor import (
     UPRIGHT,
-    Array,
     Axes,
     Reading,
     Sensor,
@@ -107,7 +106,7 @@ class MotionCapture(Sensor):
             {"axis": AXES, "part": QUATERNION},
         )
 
-    def _lost(self, count: int, rng: np.random.Generator) -> NDArray[np.bool_]:
+    def _lost(self, count: int, rng: np.random.Generator) -> Bools:
         """Whether each frame is lost, (N,), by a Markov chain of two states."""
         chance = rng.random(count)
         run = max(1.0, self.dropout_length * self.rate)

@@ -13,17 +13,15 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.arguments import check_fields
-from patagium.arrays import real_array
+from patagium.arrays import Array, real_array
 from patagium.errors import ParameterError, ShapeError, finite, positive
 
 if TYPE_CHECKING:
     from patagium.robot import Robot
     from patagium.sensing.sensors.scene import Scene
 
-Array: TypeAlias = NDArray[np.float64]
 Axes: TypeAlias = tuple[tuple[float, ...], ...]
 
 UPRIGHT: Axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import LogError, PatagiumError
 
-Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 NO_STAMP = np.iinfo(np.int64).min

@@ -27,10 +27,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import LogError
 from patagium.sensing.logs.files.channels import (
     BLOCK,
-    Array,
     Block,
     Channel,
     ColumnError,

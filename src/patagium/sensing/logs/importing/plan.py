@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from patagium.arrays import Array
 from patagium.errors import LogError
 from patagium.sensing.logs.axes import attitude_in_ours, axes_of
 from patagium.sensing.logs.files.channels import (
-    Array,
     LogFile,
     Request,
     StampSource,

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from patagium.arrays import Array
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import NO_STAMP, Array, Stamps
+from patagium.sensing.logs.files.channels import NO_STAMP, Stamps
 
 _WINDOW = 50
 """Rows beside a gap whose stamps tell how many rows were lost in it."""
