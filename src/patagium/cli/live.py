@@ -11,6 +11,7 @@ import typer
 
 from patagium.cli.interruption import interrupted
 from patagium.cli.learner_options import LearnerChoice, NetworkKind, winged_network
+from patagium.errors import ParameterError
 
 if TYPE_CHECKING:
     from patagium.aerodynamics import Air
@@ -129,8 +130,6 @@ def live_choice(live: bool, address: str | None, choice: LearnerChoice) -> LiveC
     Raises:
         ParameterError: If an option is given that only a live view has.
     """
-    from patagium.errors import ParameterError
-
     if _served(live, address):
         return LiveChoice(address, choice if choice.given else None)
     if choice.given:
@@ -208,7 +207,6 @@ def _learning_along(
     choice: LearnerChoice | None, robot: Robot, air: Air
 ) -> tuple[Pipeline | None, int]:
     """Pipeline of a learner with a simulation, and the number of samples for each it uses."""
-    from patagium.errors import ParameterError
     from patagium.live.pipeline import Pipeline
 
     if choice is None:
@@ -222,16 +220,12 @@ def _learning_along(
 
 
 def _served(live: bool, address: str | None) -> bool:
-    from patagium.errors import ParameterError
-
     if address is not None and not live:
         raise ParameterError("--live-address", "--live with it", address)
     return live
 
 
 def _host_and_port(address: str) -> tuple[str, int]:
-    from patagium.errors import ParameterError
-
     host, colon, port = address.rpartition(":")
     if not (colon and host and port.isdecimal() and int(port) < 1 << 16):
         raise ParameterError("--live-address", "HOST:PORT such as 127.0.0.1:8080", address)

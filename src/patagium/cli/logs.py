@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from patagium.cli.words import MEANING, existing, flight_file, no_robot
+from patagium.errors import ParameterError
+
 if TYPE_CHECKING:
     from patagium.sensing import LogTable
     from patagium.sensing.logs.record import LogRecord
@@ -23,7 +26,6 @@ def record_of(file: Path, mapping: Path | None) -> LogRecord | None:
         ParameterError: If a mapping is given for an imported log, which carries its own.
         LogError: If the imported log is damaged.
     """
-    from patagium.errors import ParameterError
     from patagium.sensing.logs.record import LogRecord, is_log
 
     if not is_log(file):
@@ -76,8 +78,6 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
         LogError: If the log cannot be read.
     """
     from patagium.cli.inspect import show_findings
-    from patagium.cli.words import MEANING, existing, flight_file, no_robot
-    from patagium.errors import ParameterError
     from patagium.sensing import read_table
     from patagium.simulation import load_flight
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
@@ -69,31 +69,8 @@ def quantity(unit: str, noun: str) -> Callable[[str], float]:
 
 
 _TURN = 2 * 3.14159265358979
-OUTPUT = ("--output", "--out", "-o")
-"""Words of the option for the file that a verb writes."""
 FLIGHT = Path("flight.nc")
 """Flight that simulate writes and the verbs after it read, where none is named."""
-FlightArgument = Annotated[Path, typer.Argument(help="Flight that patagium simulate wrote (.nc).")]
-_FILES = "A CSV, Parquet, MAT, ULog, ArduPilot or MCAP file, a ROS bag, or parts of one."
-FilesArgument = Annotated[list[Path], typer.Argument(help=_FILES)]
-MappingOption = Annotated[
-    Path | None,
-    typer.Option("--mapping", "--map", help="Meaning of the columns or fields of a log (YAML)."),
-]
-DurationOption = Annotated[
-    float | None,
-    typer.Option(parser=quantity("s", "a time"), help="Duration of the flight, in s."),
-]
-DensityOption = Annotated[
-    float,
-    typer.Option(parser=quantity("kg/m^3", "a density"), help="Density of the air, in kg/m^3."),
-]
-PredictedOption = Annotated[
-    Path | None, typer.Option(help="Predicted forces too, by what identify --model wrote.")
-]
-DrawingOption = Annotated[
-    Path | None, typer.Option(help="File for a drawing of the flight (.png, .svg).")
-]
 
 
 def vector(unit: str, noun: str) -> Callable[[str], Vector]:
