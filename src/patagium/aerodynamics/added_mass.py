@@ -210,11 +210,7 @@ class AddedMass:
 
 
 def added_mass_functions(model: AddedMass) -> list[ca.Function]:
-    """CasADi functions added_mass_matrix, added_mass_force and circulation_force.
-
-    Args:
-        model: The added mass.
-    """
+    """CasADi functions added_mass_matrix, added_mass_force and circulation_force."""
     robot, robot_parameters = model.robot.symbolic()
     q = ca.SX.sym("q", robot.coordinate_count)
     v, a = ca.SX.sym("v", robot.dof), ca.SX.sym("a", robot.dof)

@@ -127,11 +127,7 @@ def _model(flight: xr.Dataset, aero: GreyModel | None) -> Aerodynamics:
 
 
 def air_class(word: str) -> Any:
-    """Class of a model of the air.
-
-    Args:
-        word: Word of the command line, a value of `GreyModel`.
-    """
+    """Class of a model of the air."""
     from patagium.aerodynamics import DeLaurier, LiftingLine, QuasiSteady
 
     return {one.name.replace("_", "-"): one for one in (QuasiSteady, LiftingLine, DeLaurier)}[word]

@@ -198,12 +198,7 @@ def _learned(
 
 
 def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
-    """Scores on stdout: a table by output and a line, or all of them as JSON.
-
-    Args:
-        scores: Of an `Identification`.
-        as_json: Whether a program reads them.
-    """
+    """Scores on stdout: a table by output and a line, or all of them as JSON."""
     from patagium.learning.page import forecast_tables, score_table, summary
     from patagium.learning.parameter_paths import parameter_table
 

@@ -115,12 +115,7 @@ _FORCES = re.compile(r"(?i)(^|[._/])([fmt][xyz]|force|lift|drag|thrust|moment|to
 
 
 def show_findings(findings: Sequence[Finding], *, err: bool = False) -> None:
-    """Print findings as a table.
-
-    Args:
-        findings: The findings.
-        err: Whether to print to stderr.
-    """
+    """Print findings as a table."""
     from patagium.report import Table
 
     if not findings:

@@ -87,9 +87,6 @@ class LearnerChoice:
     def learner(self, network: Any) -> Any:
         """New learner of a network.
 
-        Args:
-            network: Network whose weights it learns.
-
         Raises:
             ParameterError: If a setting is missing, out of its range, or not of this learner.
         """

@@ -68,13 +68,6 @@ def live_stream(
 ) -> Iterator[Shown]:
     """Page of a stream, where one is wanted.
 
-    Args:
-        live: Whether it is wanted.
-        address: HOST:PORT; None: the default.
-        pipeline: Pipeline of the learner.
-        status: Rate, error and coverage of the stream.
-        intake: Counts of packets that came in, and that did not.
-
     Raises:
         ParameterError: If an address is given without a page, or the page cannot be served.
     """
@@ -90,14 +83,7 @@ def live_stream(
 
 
 def beside_stream(view: LiveView, pipeline: Pipeline, status: Status, intake: Intake) -> Shown:
-    """Sinks and rhythms of a stream that feed a page.
-
-    Args:
-        view: Page.
-        pipeline: Pipeline of the learner.
-        status: Rate, error and coverage of the stream.
-        intake: Counts of packets that came in, and that did not.
-    """
+    """Sinks and rhythms of a stream that feed a page."""
     from patagium.live.loop import Rhythm
     from patagium.viewer.live_frames import Feed
     from patagium.viewer.live_view import PERIOD
@@ -174,10 +160,6 @@ def fly_live(
 def opened(subject: Subject, address: str | None) -> Iterator[LiveView]:
     """Page whose address is printed on stderr.
 
-    Args:
-        subject: Subject that it shows.
-        address: HOST:PORT; None: the default.
-
     Raises:
         ParameterError: If it cannot be served there.
     """
@@ -192,12 +174,7 @@ def opened(subject: Subject, address: str | None) -> Iterator[LiveView]:
 
 
 def tell_if_ended(view: LiveView, otherwise: str) -> None:
-    """Message on stderr, once, that the page is gone.
-
-    Args:
-        view: Page.
-        otherwise: What goes on without the page, in words.
-    """
+    """Message on stderr, once, that the page is gone."""
     reason = view.problem()
     if reason is not None:
         typer.echo(f"patagium: the live view ended ({reason}); {otherwise}", err=True)

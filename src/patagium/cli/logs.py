@@ -18,10 +18,6 @@ if TYPE_CHECKING:
 def record_of(file: Path, mapping: Path | None) -> LogRecord | None:
     """Open imported log; None for any other file. Warnings of the import are printed.
 
-    Args:
-        file: Any file.
-        mapping: Value of the option --mapping.
-
     Raises:
         ParameterError: If a mapping is given for an imported log, which carries its own.
         LogError: If the imported log is damaged.
@@ -45,10 +41,6 @@ def record_of(file: Path, mapping: Path | None) -> LogRecord | None:
 def long_record(file: Path, mapping: Path | None) -> LogRecord | None:
     """Open imported log that is too long for memory; None for any other file.
 
-    Args:
-        file: Any file.
-        mapping: Value of the option --mapping.
-
     Raises:
         LogError: If the imported log is damaged.
     """
@@ -65,10 +57,6 @@ def long_record(file: Path, mapping: Path | None) -> LogRecord | None:
 
 def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | None]:
     """Flight or table in a file.
-
-    Args:
-        file: A flight or an imported log (.nc), or another log.
-        mapping: Mapping of another log.
 
     Returns:
         The flight and None, or None and the table.

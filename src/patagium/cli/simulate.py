@@ -308,11 +308,7 @@ def flight_facts(flight: Any) -> dict[str, Any]:
 
 
 def flight_table(facts: dict[str, Any]) -> dict[str, Any]:
-    """The facts of a flight as rows of a table, each with its unit.
-
-    Args:
-        facts: Those of `flight_facts`, and others.
-    """
+    """The facts of a flight as rows of a table, each with its unit."""
     rows = {}
     for name, value in facts.items():
         if name in ("roll", "pitch", "yaw"):
@@ -483,12 +479,6 @@ def _published(
 
 def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
     """Write a flight and a drawing of it, and tell its facts.
-
-    Args:
-        flight: The flight, whole or up to where it broke.
-        output: File for it; of one that broke FILE.partial.nc.
-        figure: File for the drawing, or None.
-        as_json: Whether facts are JSON.
 
     Raises:
         Exit: With 2 if the flight broke, 130 if it was interrupted.

@@ -360,13 +360,7 @@ def _line(status: Status, pipeline: Pipeline, intake: Intake) -> Iterator[Any]:
 
 
 def live_line(status: Status, intake: Intake, pipeline: Pipeline) -> str:
-    """Progress of a stream in one line.
-
-    Args:
-        status: Rate, error, coverage.
-        intake: Counts of packets that came in, and that did not.
-        pipeline: Pipeline, whose learner counts the samples it refused or left out.
-    """
+    """Progress of a stream in one line."""
     counters = status.counters
     words = ["waiting for packets"]
     if counters.samples:

@@ -188,22 +188,14 @@ def answer(facts: dict[str, Any], *, as_json: bool, title: str = "") -> None:
 
 
 def heading(name: str) -> str:
-    """Heading of a fact: `turn_rate_rad_s` is `turn rate [rad/s]`.
-
-    Args:
-        name: Name of the fact, which may end with its unit.
-    """
+    """Heading of a fact: `turn_rate_rad_s` is `turn rate [rad/s]`."""
     unit = _UNIT.search(name)
     said = name[: unit.start() if unit else None].replace("_", " ")
     return f"{said} [{unit[1].replace('_', '/')}]" if unit else said
 
 
 def say_next(*commands: str) -> None:
-    """Line on stdout with the commands that come next.
-
-    Args:
-        commands: Commands, as they are typed.
-    """
+    """Line on stdout with the commands that come next."""
     typer.echo(f"Next: {', or '.join(commands)}")
 
 

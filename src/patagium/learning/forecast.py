@@ -331,9 +331,6 @@ class ForecastSums:
     def resume(self, state: Mapping[str, Array]) -> None:
         """Go on from sums.
 
-        Args:
-            state: As `state` gave it, of the same outputs.
-
         Raises:
             KeyError: If a sum is missing.
         """

@@ -33,11 +33,7 @@ class Trained(Protocol):
 
 
 def estimates_of(trained: Trained) -> tuple[Estimate, ...]:
-    """Physical parameters as a learner or a model from a file knows them; may be none.
-
-    Args:
-        trained: The learner or model.
-    """
+    """Physical parameters as a learner or a model from a file knows them; may be none."""
     if not physical_estimates(trained.network, trained.weights):
         return ()
     variances = getattr(trained, "variances", None)
@@ -47,11 +43,7 @@ def estimates_of(trained: Trained) -> tuple[Estimate, ...]:
 
 
 def parameter_scores(estimates: Sequence[Estimate]) -> dict[str, Any]:
-    """Physical parameters as JSON values: parameter_value, ... by name of the parameter.
-
-    Args:
-        estimates: May be none.
-    """
+    """Physical parameters as JSON values: parameter_value, ... by name of the parameter."""
     if not estimates:
         return {}
     fields = ("unit", *_FIELDS)
@@ -62,11 +54,7 @@ def parameter_scores(estimates: Sequence[Estimate]) -> dict[str, Any]:
 
 
 def parameter_paths(estimates: Sequence[Sequence[Estimate]]) -> dict[str, xr.DataArray]:
-    """Parameters after each update, (update_time, parameter), in their units.
-
-    Args:
-        estimates: After each update; may be none.
-    """
+    """Parameters after each update, (update_time, parameter), in their units."""
     if not estimates or not estimates[0]:
         return {}
     units = [found.unit for found in estimates[0]]
@@ -84,11 +72,7 @@ def parameter_paths(estimates: Sequence[Sequence[Estimate]]) -> dict[str, xr.Dat
 
 
 def parameter_table(scores: Mapping[str, Any]) -> Table | None:
-    """Table of the parameters and of what was known of them before; None where there are none.
-
-    Args:
-        scores: Of an `Identification`.
-    """
+    """Table of the parameters and of what was known of them before; None where there are none."""
     if "parameter_value" not in scores:
         return None
     rows = [

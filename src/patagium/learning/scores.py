@@ -358,9 +358,6 @@ class Scorer:
     def resume(self, state: Mapping[str, Array]) -> None:
         """Go on from sums.
 
-        Args:
-            state: As `state` gave it, of the same outputs.
-
         Raises:
             KeyError: If a sum is missing.
         """
@@ -475,11 +472,7 @@ def mean_heard(values: Array) -> float:
 
 
 def json_ready(value: Any) -> Any:
-    """Scores as JSON values; JSON knows no nan, which becomes null.
-
-    Args:
-        value: A score, or scores nested in mappings and sequences.
-    """
+    """Scores as JSON values; JSON knows no nan, which becomes null."""
     if isinstance(value, Mapping):
         return {str(key): json_ready(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, np.ndarray)):

@@ -127,11 +127,7 @@ def check_samples(intervals: list[Hold]) -> list[tuple[int, ...]]:
 
 
 def late_samples(count: int) -> Indices:
-    """Samples of the second half, thinned, on which physics alone is scored.
-
-    Args:
-        count: Number of samples.
-    """
+    """Samples of the second half, thinned, on which physics alone is scored."""
     return thin(np.arange(count // 2, count), MOST_CHECKS)
 
 
@@ -570,11 +566,7 @@ def forecasters(
 
 
 def forecast_scores(sums: Sequence[ForecastSums]) -> dict[str, Any]:
-    """Errors of all horizons by name.
-
-    Args:
-        sums: Errors of each horizon.
-    """
+    """Errors of all horizons by name."""
     return {name: value for one in sums for name, value in one.scores().items()}
 
 

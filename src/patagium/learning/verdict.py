@@ -25,11 +25,7 @@ _UNSEEN = 0.05  # share of samples in unseen flow
 
 
 def with_verdict(scores: Mapping[str, Any]) -> dict[str, Any]:
-    """Scores, and the verdict on them as "verdict": sentences, warnings last.
-
-    Args:
-        scores: Of an `Identification`.
-    """
+    """Scores, and the verdict on them as "verdict": sentences, warnings last."""
     done = scores["outcome"] == Outcome.COMPLETED.name and "nmse_second_half" in scores
     words = [*_interval_words(scores), *_warnings(scores)] if done else []
     return {**scores, "verdict": words}

@@ -90,11 +90,7 @@ def sensor_rows(log: SensorLog) -> Array:
 
 
 def sensors_text(log: SensorLog) -> str:
-    """Description of the sensors that a sender of raw rows begins with, as JSON.
-
-    Args:
-        log: A log of these sensors.
-    """
+    """Description of the sensors that a sender of raw rows begins with, as JSON."""
     described = {name: log.sensors[name].describe() for name in log.readings}
     return json.dumps({"sensors": described, "mount": log.mount})
 

@@ -158,10 +158,6 @@ class Replay:
 def write_replay(path: str | Path, replay: Replay) -> Path:
     """The page of a flight, written whole or not at all.
 
-    Args:
-        path: File to write, in a folder that is there.
-        replay: What to show.
-
     Returns:
         The path written.
     """

@@ -262,12 +262,7 @@ _LONGEST = 0.5  # arrow, but for the largest 2 %, over what the robot reaches
 
 @styled
 def room_of(replay: Replay, frames: Sequence[int]) -> Array:
-    """Corners of the robot at some frames, relative to its origin, (N, 3) [m].
-
-    Args:
-        replay: What is to be shown.
-        frames: Which of its times.
-    """
+    """Corners of the robot at some frames, relative to its origin, (N, 3) [m]."""
     return np.concatenate([_Bodies(replay, k).points() - replay.origin[k] for k in frames])
 
 

@@ -45,11 +45,7 @@ class Solid(NamedTuple):
 
 
 def solids(robot: Robot) -> list[Solid]:
-    """Solids of the bodies of a robot, one or more each.
-
-    Args:
-        robot: The machine, with numbers for parameters.
-    """
+    """Solids of the bodies of a robot, one or more each."""
     shapes = _shapes(_described(robot.source))
     own = carried_body(robot)
     thin, thick = _BONE * wing_span(robot), _TUBE * _longest(robot.bodies[1 : own or None])
@@ -188,11 +184,7 @@ def outer_end(strip: Strip) -> Array:
 
 
 def wing_tips(robot: Robot) -> dict[str, tuple[int, Array]]:
-    """Wing -> the body that carries its last strip, and that strip's outer end, (3,) [m].
-
-    Args:
-        robot: The machine, with numbers for parameters.
-    """
+    """Wing -> the body that carries its last strip, and that strip's outer end, (3,) [m]."""
     return {strip.wing: (strip.body, outer_end(strip)) for strip in robot.strips}
 
 

@@ -352,12 +352,6 @@ def _joint_unit(robot: Robot, name: str) -> str:
 def unit_factor(path: Path, name: str, unit: str, si: str) -> float:
     """Factor that converts a column to SI.
 
-    Args:
-        path: The file, for the message.
-        name: The column.
-        unit: Its unit as written.
-        si: The SI unit wanted.
-
     Raises:
         LogError: If there is no unit, or one of another dimension.
     """

@@ -196,15 +196,7 @@ def state_layout(
     added_mass: AddedMass | None = None,
     cells: Sequence[InternalLoadCell] = (),
 ) -> StateLayout:
-    """Layout of a robot's flight.
-
-    Args:
-        robot: The machine; numbers or symbols.
-        aero: Model of the air around it.
-        mount: Mount that holds it.
-        added_mass: Inertia of the air, or None.
-        cells: Load cells.
-    """
+    """Layout of a robot's flight."""
     on_ground = robot if robot.floating else on_massless_mount(robot)
     machine = with_load_cells(on_ground, cells)
     hidden = machine.dof - robot.dof

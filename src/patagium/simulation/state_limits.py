@@ -256,12 +256,7 @@ def limits(
 
 
 def singular_places(machine: Robot, coordinates: tuple[int, ...]) -> tuple[int, ...]:
-    """Places in the state of the pitch angles that are integrated.
-
-    Args:
-        machine: The machine.
-        coordinates: Places in q of what is integrated.
-    """
+    """Places in the state of the pitch angles that are integrated."""
     floating = [body for body in machine.bodies if body.floating_dofs is not None]
     angled = [machine.floating_coordinates(body) for body in floating if not body.by_quaternion]
     pitches = {places[4] for places in angled}

@@ -100,10 +100,6 @@ class LiveFlight:
     def fly(self, stop: threading.Event, look: Callable[[], object] | None = None) -> xr.Dataset:
         """Fly to the end, or until somebody stops it; the flight since it last began.
 
-        Args:
-            stop: Ends it.
-            look: Called with every frame.
-
         Returns:
             What was flown.
         """

@@ -52,10 +52,6 @@ def structure_and_kernel(
 ) -> tuple[Structure, BlockKernel | None]:
     """Covariance structure of a filter, and its kernel.
 
-    Args:
-        numbers: Numbers of the filter.
-        compiled: Whether to compile what can be compiled.
-
     Returns:
         Structure, and the kernel that learns a whole sample; None: NumPy does.
     """

@@ -40,11 +40,7 @@ _POINTS_AT_ONCE = 256
 
 
 def blocks_in(numbers: FilterNumbers) -> tuple[Indices, ...]:
-    """Weights of each block, (k,).
-
-    Args:
-        numbers: Numbers of the filter.
-    """
+    """Weights of each block, (k,)."""
     return blocks_of(numbers.network, str(numbers.structure))
 
 

@@ -138,11 +138,7 @@ def filter_numbers(network: Network, settings: FilterSettings, learner: str) -> 
 
 
 def compact_settings(numbers: FilterNumbers) -> FilterSettings:
-    """Settings as a learner describes them: equal numbers as one, the spread that is used.
-
-    Args:
-        numbers: Numbers that follow from the settings.
-    """
+    """Settings as a learner describes them: equal numbers as one, the spread that is used."""
     settings, spread = numbers.settings, None if numbers.linear else numbers.rule.spread
     names = ("prior_std", "measurement_std", "process_std")
     changed = {name: _compact(getattr(settings, name)) for name in names}

@@ -199,11 +199,7 @@ class Screen:
         }
 
     def restore(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
-        """Take over the memory of another screening.
-
-        Args:
-            arrays: Its `arrays`.
-        """
+        """Take over the memory of another screening."""
         for name, array in self.arrays.items():
             array[...] = arrays[name]
 
@@ -496,11 +492,7 @@ class Screen:
 
 
 def new_screen(numbers: FilterNumbers) -> Screen:
-    """Screening of a filter, before any sample.
-
-    Args:
-        numbers: Numbers of the filter.
-    """
+    """Screening of a filter, before any sample."""
     offset = getattr(numbers.network, "offset", 0.0)
     return Screen(numbers.noise, numbers.network, numbers.settings, offset)
 

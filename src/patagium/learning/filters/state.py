@@ -18,11 +18,6 @@ from patagium.errors import ShapeError
 def vector(state: Mapping[str, Array], name: str, *shape: int) -> Array:
     """Array of a state in double precision, C-contiguous.
 
-    Args:
-        state: Arrays by name.
-        name: Which one.
-        shape: Expected of it.
-
     Raises:
         KeyError: If it is missing.
         ShapeError: If it has another shape.
@@ -38,10 +33,6 @@ def arrays_like(
 ) -> dict[str, NDArray[np.generic]]:
     """Arrays of a state that others can be replaced by.
 
-    Args:
-        expected: The others, by name.
-        state: Arrays by name.
-
     Raises:
         KeyError: If one is missing.
         ShapeError: If one has another shape.
@@ -53,12 +44,7 @@ def arrays_like(
 
 
 def part(state: Mapping[str, Any], prefix: str) -> dict[str, Any]:
-    """Part of a state whose names have a prefix, without it.
-
-    Args:
-        state: Values by name.
-        prefix: Of the names wanted.
-    """
+    """Part of a state whose names have a prefix, without it."""
     return {
         name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)
     }
@@ -96,9 +82,5 @@ def unpacked(values: Array, sizes: Sequence[int]) -> list[Array]:
 
 
 def symmetric(lower: Array) -> Array:
-    """Symmetric matrix from its lower triangle, (k, k).
-
-    Args:
-        lower: The triangle, zeros above it.
-    """
+    """Symmetric matrix from its lower triangle, (k, k)."""
     return np.asarray(lower + np.tril(lower, -1).T, order="C")

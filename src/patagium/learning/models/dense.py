@@ -179,11 +179,7 @@ class LinearNetwork(DenseNetwork):
         """None: random features are made in NumPy."""
 
     def initial(self, seed: int) -> Array:
-        """Zero weights: least squares needs no start, (n,).
-
-        Args:
-            seed: Not used.
-        """
+        """Zero weights: least squares needs no start, (n,)."""
         return np.zeros(self.size)
 
     def describe(self) -> dict[str, Any]:

@@ -164,11 +164,7 @@ class GreyBox(GroupedNetwork):
         return np.ones(self._count)
 
     def initial(self, seed: int) -> Array:
-        """Weights to start from, the parameters at their priors, (n,).
-
-        Args:
-            seed: Not used: nothing is drawn.
-        """
+        """Weights to start from, the parameters at their priors, (n,)."""
         return np.zeros(self._count)
 
     def encode(self, x: Array) -> Encoding:
@@ -254,9 +250,6 @@ class GreyBox(GroupedNetwork):
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> GreyBox:
         """Inverse of `describe`.
-
-        Args:
-            description: What `describe` gave.
 
         Raises:
             ParameterError: If a key is missing or unknown, or it has a residual network, which

@@ -194,11 +194,7 @@ class LinearStripNetwork(WingNetwork):
         return Misfit()
 
     def initial(self, seed: int) -> Array:
-        """Weights that are expected, those of physics alone, whatever the seed, (n,).
-
-        Args:
-            seed: Not used: nothing is drawn.
-        """
+        """Weights that are expected, those of physics alone, whatever the seed, (n,)."""
         return self._placed(np.zeros(_POLYNOMIALS), [term.mean for term in self.terms], 0.0)
 
     def encode(self, x: Array) -> Encoding:

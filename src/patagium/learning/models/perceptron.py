@@ -248,11 +248,7 @@ class PerceptronNetwork(Network):
         return self.perceptron.fan_in
 
     def initial(self, seed: int) -> Array:
-        """Weights to start from: standard normal over sqrt(fan-in), (n,).
-
-        Args:
-            seed: Seed of the draw.
-        """
+        """Weights to start from: standard normal over sqrt(fan-in), (n,)."""
         normal = np.random.default_rng(seed).standard_normal(self.size)
         return np.asarray(normal / np.sqrt(self.fan_in))
 

@@ -146,11 +146,7 @@ def physical_estimates(
 
 
 def unit_of(name: str) -> str:
-    """Unit of a parameter.
-
-    Args:
-        name: Of the parameter.
-    """
+    """Unit of a parameter."""
     last, before = _last(name), name.split(".")[-2:-1]
     if last in ("x", "y", "z") and before and before[0] in _VECTORS:
         return _VECTORS[before[0]]
@@ -158,11 +154,7 @@ def unit_of(name: str) -> str:
 
 
 def written_unit(name: str) -> str:
-    """Unit of a parameter as text behind a number; empty for pure numbers.
-
-    Args:
-        name: Of the parameter.
-    """
+    """Unit of a parameter as text behind a number; empty for pure numbers."""
     unit = unit_of(name)
     return _PLAIN.get(unit, unit)
 
@@ -289,12 +281,7 @@ def _last(name: str) -> str:
 
 
 def inertial(names: Sequence[str], robot: Robot) -> bool:
-    """Whether a parameter changes the robot's own inertia or weight.
-
-    Args:
-        names: Of parameters.
-        robot: The machine.
-    """
+    """Whether a parameter changes the robot's own inertia or weight."""
     strips = tuple(f"{strip.name}." for strip in robot.strips)
     return any(
         name in robot.parameter_names and not name.startswith(strips) and _last(name) != "damping"

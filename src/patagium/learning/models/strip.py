@@ -124,9 +124,6 @@ class StripNetwork(WingNetwork):
         Directions of the first layer are spread evenly over the circle from a random one
         on; other weights are standard normal over sqrt(fan-in), a quarter of that in the
         last layer; biases zero.
-
-        Args:
-            seed: Seed of the draw.
         """
         draw = np.random.default_rng(seed)
         normal = draw.standard_normal(self.size) / np.sqrt(self.fan_in)

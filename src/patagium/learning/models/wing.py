@@ -77,9 +77,6 @@ class RobotNetwork(Network):
     def from_description(cls, description: Mapping[str, Any]) -> Self:
         """Inverse of `describe`.
 
-        Args:
-            description: What `describe` gave.
-
         Raises:
             ParameterError: If a key is missing or unknown.
             RobotFileError: If the text of the robot does not describe one.

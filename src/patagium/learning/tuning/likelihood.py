@@ -166,11 +166,7 @@ class PredictionScore:
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> PredictionScore:
-        """Inverse of `describe`.
-
-        Args:
-            description: Plain values by name.
-        """
+        """Inverse of `describe`."""
         lost = {"log_likelihood": -inf, "log_likelihood_second_half": -inf}
         found: dict[str, Any] = {
             k: lost.get(k, nan) if v is None else v for k, v in description.items()

@@ -205,10 +205,6 @@ class SampleForm:
 def state_columns(robot: Robot, inputs: Sequence[str]) -> list[int]:
     """Columns of named inputs in the state [q, v].
 
-    Args:
-        robot: The machine.
-        inputs: Names such as `q.roll`, `v.left_plunge`.
-
     Raises:
         ParameterError: If there is no such name.
     """
@@ -256,11 +252,6 @@ def training_data(
 
 def recorded(flight: xr.Dataset, name: str, robot: Robot) -> Array:
     """Recorded quantity of a flight, (N, n_q) for q and (N, n) for the others.
-
-    Args:
-        flight: The record.
-        name: Name of the quantity, such as `v`.
-        robot: The machine whose coordinates it should have.
 
     Raises:
         FlightError: If it is missing or of another robot.

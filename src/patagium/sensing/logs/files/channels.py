@@ -226,11 +226,6 @@ def nanoseconds(raw: NDArray[Any], factor: float) -> Stamps:
 def find_topic(log: LogFile, name: str, where: str) -> Topic:
     """Topic of a name.
 
-    Args:
-        log: The log.
-        name: Name of the topic.
-        where: Place in the mapping, for messages.
-
     Raises:
         LogError: If the log has no such topic, or the topic cannot be read.
     """

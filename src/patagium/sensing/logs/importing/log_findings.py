@@ -31,13 +31,6 @@ def log_findings(
 ) -> list[Finding]:
     """Findings about the stamps and numbers of a log, before it is resampled.
 
-    Args:
-        log: The open log.
-        spool: Its rows.
-        base: The common time base.
-        mapping: Meaning of its columns or fields.
-        robot: Robot that the mapping names; None if it names none.
-
     Raises:
         LogError: If most rows of an attitude are no rotation matrices.
     """

@@ -218,11 +218,7 @@ def _restamp_rates(
 
 
 def variable_name(label: str) -> str:
-    """Name of a netCDF variable: a label without slashes, in Unicode's composed form.
-
-    Args:
-        label: Label of a number in the mapping.
-    """
+    """Name of a netCDF variable: a label without slashes, in Unicode's composed form."""
     return unicodedata.normalize("NFC", label.replace("/", "|"))
 
 
