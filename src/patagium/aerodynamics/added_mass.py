@@ -30,7 +30,7 @@ from patagium.arrays import Array
 from patagium.dynamics.added_mass import BodyAddedMass
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.equations import kirchhoff_force
-from patagium.dynamics.kinematics import body_poses, generalized_force
+from patagium.dynamics.kinematics import add_wrench, body_poses, generalized_force
 from patagium.errors import ParameterError, ShapeError
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot, Strip
@@ -119,9 +119,7 @@ class AddedMass:
             normal = vector(strip.normal)
             local = poses[strip.body].rotation.T @ rate[:, i]
             force = normal * (mass * ca.dot(normal, local))
-            total = wrenches.get(strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)))
-            moment = cross(_mid_chord(strip), force)
-            wrenches[strip.body] = (total[0] + force, total[1] + moment)
+            add_wrench(wrenches, strip.body, force, cross(_mid_chord(strip), force))
         return generalized_force(robot, q, wrenches)
 
     def circulation_force(
@@ -147,9 +145,8 @@ class AddedMass:
             force = forward * (mass * motion.pitch_rate * normalwash)
             # nose down: the span points left of a wing that flies forward, normal x forward
             moment = cross(normal, forward) * (mass * motion.forward * normalwash)
-            total = wrenches.get(strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)))
             moment = moment + cross(vector(strip.quarter_chord), force)
-            wrenches[strip.body] = (total[0] + force, total[1] + moment)
+            add_wrench(wrenches, strip.body, force, moment)
         return generalized_force(robot, q, wrenches)
 
     def mass_matrix(self, q: ArrayLike) -> Array:

@@ -249,16 +249,7 @@ def _compared(record: xr.Dataset) -> Figure:
 def result_snippet(record: xr.Dataset, facts: Mapping[str, str]) -> str:
     """Result of an identification as a notebook shows it, in HTML."""
     loud = record["measurement"].std("time").values.argsort()[::-1]
-    chosen = record.isel(output=loud[:2])
-    figure = comparison(
-        record["time"].values,
-        chosen["measurement"].values,
-        {"predicted": chosen["prediction"].values},
-        names=[str(name) for name in chosen["output"].values],
-        units=[str(unit) for unit in chosen["unit"].values],
-        truth_name="measured",
-    )
-    return snippet("Identification", facts, figure)
+    return snippet("Identification", facts, _compared(record.isel(output=loud[:2])))
 
 
 def _innovation_picture(scores: Mapping[str, Any], record: xr.Dataset) -> Any:

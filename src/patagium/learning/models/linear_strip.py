@@ -29,7 +29,7 @@ from patagium.aerodynamics.quasi_steady import QuasiSteady
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.arrays import Array
 from patagium.dynamics.chain import cross, vector
-from patagium.dynamics.kinematics import Twist, body_poses, generalized_force
+from patagium.dynamics.kinematics import Twist, add_wrench, body_poses, generalized_force
 from patagium.dynamics.rnea import body_accelerations, kirchhoff_force
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Encoding, FlightTerms
@@ -518,8 +518,7 @@ def _function(machine: Robot, rows: Sequence[int], surfaces: Sequence[str]) -> c
         load = _section_load(flow, density, coefficients[:, number], own)
         force = _force(flow, load)
         moment = cross(flow.middle, force) - flow.axes[2] * (strip.chord * load[3])
-        total = wrenches.get(strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)))
-        wrenches[strip.body] = (total[0] + force, total[1] + moment)
+        add_wrench(wrenches, strip.body, force, moment)
     y = generalized_force(robot, q, wrenches)
     y = (y + _whole_terms(machine, robot, (q, v, a), wind, density) @ whole)[list(rows)]
     seen = [ca.vertcat(_polynomials(flow), ca.SX.zeros(slots, 1)) for flow in flows]
