@@ -472,9 +472,14 @@ def _published(
     if frequency is None or plunge is None:
         raise ParameterError("--stepping published", "--frequency and --plunge with it", None)
     return _of_laboratory(plugin(STEPPINGS, "published"), "--stepping")(
-        machine, model, frequency=frequency, amplitude=plunge, speed=speed,
-        duration=duration, time_step=time_step,
-    )  # fmt: skip
+        machine,
+        model,
+        frequency=frequency,
+        amplitude=plunge,
+        speed=speed,
+        duration=duration,
+        time_step=time_step,
+    )
 
 
 def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:

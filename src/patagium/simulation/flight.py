@@ -494,8 +494,9 @@ def load_flight(path: str | Path) -> xr.Dataset:
     path = Path(path)
     flight = loaded_dataset(path, FlightError, "a flight such as patagium simulate writes")
     if str(flight.attrs.get("format", "")).startswith("patagium log"):
-        raise FlightError(f"{path}: expected a simulated flight, found an imported log, which "
-                          "`pt.load_log` reads")  # fmt: skip
+        raise FlightError(
+            f"{path}: expected a simulated flight, found an imported log, which `pt.load_log` reads"
+        )
     with netcdf_content(path, FlightError, "a whole flight"):
         for name in SINGLE:
             if name in flight and flight[name].dtype == np.float32:

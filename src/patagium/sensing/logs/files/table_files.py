@@ -555,8 +555,11 @@ class CsvFile(LogFile):
                 unplaced[name] = f"text such as {found[:40]!r}"
         stamped = dict.fromkeys(self._calendar, 1.0)
         topic = table_topic(types, None, stated, stamped=stamped, unplaced=unplaced)
-        topic = replace(topic, hint="if these are no names, state the lines before the names as "
-                        "`skip_rows` in the mapping")  # fmt: skip
+        topic = replace(
+            topic,
+            hint="if these are no names, state the lines before the names as "
+            "`skip_rows` in the mapping",
+        )
         lines = look.count("\n") or 1
         packed = self.path.stat().st_size * (_PACKED if self._is_gzip() else 1.0)
         return replace(topic, about=int(packed * lines / max(1, len(look))))
