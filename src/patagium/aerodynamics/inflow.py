@@ -183,7 +183,11 @@ class Stroke:
 
 
 def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
-    """Strokes of a robot: wings whose hinges are close to each other along the body."""
+    """Strokes of a robot: wings whose hinges are close to each other along the body.
+
+    Args:
+        robot: The machine, in numbers.
+    """
     groups: list[list[tuple[Wing, Array, Array]]] = []
     bodies = poses(robot)
     for name in {strip.wing: None for strip in robot.strips}:

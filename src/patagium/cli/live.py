@@ -160,6 +160,10 @@ def fly_live(
 def opened(subject: Subject, address: str | None) -> Iterator[LiveView]:
     """Page whose address is printed on stderr.
 
+    Args:
+        subject: Subject that it shows.
+        address: HOST:PORT; None: the default.
+
     Raises:
         ParameterError: If it cannot be served there.
     """

@@ -485,6 +485,12 @@ def _published(
 def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
     """Write a flight and a drawing of it, and tell its facts.
 
+    Args:
+        flight: The flight, whole or up to where it broke.
+        output: File for it; of one that broke FILE.partial.nc.
+        figure: File for the drawing, or None.
+        as_json: Whether facts are JSON.
+
     Raises:
         Exit: With 2 if the flight broke, 130 if it was interrupted.
         PatagiumError: If something was not saved.

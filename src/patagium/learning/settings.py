@@ -574,7 +574,11 @@ def leaves(record: type = FilterSettings, path: str = "") -> Iterator[tuple[str,
 
 
 def settings_of(learner: str) -> list[Field[Any]]:
-    """Fields of the settings that a learner has."""
+    """Fields of the settings that a learner has.
+
+    Args:
+        learner: Kind of the learner, a key of `RECORDS`.
+    """
     found: tuple[Field[Any], ...] = fields(RECORDS[learner])
     return [one for one in found if learner in one.metadata["meaning"].learners]
 
@@ -622,7 +626,11 @@ def chosen_settings(learner: str, settings: Any, given: Mapping[str, Any]) -> An
 
 
 def learner_signature(learner: str) -> Signature:
-    """Signature of the constructor of a learner, with every setting by its name."""
+    """Signature of the constructor of a learner, with every setting by its name.
+
+    Args:
+        learner: Kind of the learner, one of `FILTERS`.
+    """
     either, named = Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY
     return Signature(
         [
@@ -638,7 +646,11 @@ def learner_signature(learner: str) -> Signature:
 
 
 def arguments_text(learner: str) -> str:
-    """Lines of a docstring that explain the settings of a learner."""
+    """Lines of a docstring that explain the settings of a learner.
+
+    Args:
+        learner: Kind of the learner, one of `FILTERS`.
+    """
     lines = []
     for one in settings_of(learner):
         meaning = one.metadata["meaning"]

@@ -513,7 +513,12 @@ def with_file_parameters(robot: Robot, parameters: Mapping[str, float]) -> Robot
 
 
 def cut_wing(wing: WingPart, body_index: dict[str, int]) -> Iterator[Strip]:
-    """Strips of a wing, from the root outwards."""
+    """Strips of a wing, from the root outwards.
+
+    Args:
+        wing: Wing as the file describes it.
+        body_index: Index of each body by name.
+    """
     index = 0
     for segment in wing.segments:
         for point, forward, normal, chord, width in _cut(segment):

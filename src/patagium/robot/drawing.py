@@ -103,6 +103,9 @@ def describe_robot(robot: Robot) -> dict[str, str | int | float]:
     """Facts of a robot for a listing, by name with the unit in brackets.
 
     The span is that of the strips at zero coordinates, tip to tip along y.
+
+    Args:
+        robot: The machine, with numbers for parameters.
     """
     mass = sum(float(b.mass) for b in robot.bodies)
     joints = [robot.dof_names[k.dof] for b in robot.bodies for k in b.joints]

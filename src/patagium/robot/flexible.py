@@ -55,7 +55,12 @@ class Pieces:
 
 
 def pieces_of(name: str, body: BodyPart) -> Pieces:
-    """Pieces into which a flexible body is cut."""
+    """Pieces into which a flexible body is cut.
+
+    Args:
+        name: Name of the body.
+        body: The body; its shape is a plate along y.
+    """
     plate, flexible = _plate(body)
     outwards = 1.0 if body.center_of_mass[1] >= 0 else -1.0
     element = 2 * plate.span / flexible.elements

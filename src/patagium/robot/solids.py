@@ -45,7 +45,11 @@ class Solid(NamedTuple):
 
 
 def solids(robot: Robot) -> list[Solid]:
-    """Solids of the bodies of a robot, one or more each."""
+    """Solids of the bodies of a robot, one or more each.
+
+    Args:
+        robot: The machine, with numbers for parameters.
+    """
     shapes = _shapes(_described(robot.source))
     own = carried_body(robot)
     thin, thick = _BONE * wing_span(robot), _TUBE * _longest(robot.bodies[1 : own or None])
@@ -184,7 +188,11 @@ def outer_end(strip: Strip) -> Array:
 
 
 def wing_tips(robot: Robot) -> dict[str, tuple[int, Array]]:
-    """Wing -> the body that carries its last strip, and that strip's outer end, (3,) [m]."""
+    """Wing -> the body that carries its last strip, and that strip's outer end, (3,) [m].
+
+    Args:
+        robot: The machine, with numbers for parameters.
+    """
     return {strip.wing: (strip.body, outer_end(strip)) for strip in robot.strips}
 
 

@@ -196,7 +196,15 @@ def state_layout(
     added_mass: AddedMass | None = None,
     cells: Sequence[InternalLoadCell] = (),
 ) -> StateLayout:
-    """Layout of a robot's flight."""
+    """Layout of a robot's flight.
+
+    Args:
+        robot: The machine; numbers or symbols.
+        aero: Model of the air around it.
+        mount: Mount that holds it.
+        added_mass: Inertia of the air, or None.
+        cells: Load cells.
+    """
     on_ground = robot if robot.floating else on_massless_mount(robot)
     machine = with_load_cells(on_ground, cells)
     hidden = machine.dof - robot.dof

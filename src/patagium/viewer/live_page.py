@@ -576,7 +576,12 @@ class LivePage:
         self._build()
 
     def show(self, letters: Sequence[Any], sent: int) -> None:
-        """Draw the last frame and plot all frames that have come."""
+        """Draw the last frame and plot all frames that have come.
+
+        Args:
+            letters: Frames, oldest first.
+            sent: How many were sent so far.
+        """
         now = time.monotonic()
         for letter in letters:
             if self._last is not None and letter["time"] < self._last["time"]:

@@ -18,6 +18,11 @@ from patagium.errors import ShapeError
 def vector(state: Mapping[str, Array], name: str, *shape: int) -> Array:
     """Array of a state in double precision, C-contiguous.
 
+    Args:
+        state: Arrays by name.
+        name: Which one.
+        shape: Expected of it.
+
     Raises:
         KeyError: If it is missing.
         ShapeError: If it has another shape.

@@ -119,6 +119,11 @@ def block_covariance(weights: Layered, structure: str, parts: Sequence[Array]) -
 def covariance_from(weights: Layered, kind: str, arrays: Mapping[str, Array]) -> BlockCovariance:
     """Covariance from the arrays of `BlockCovariance.arrays`.
 
+    Args:
+        weights: Whose, a network or the part of it with weights.
+        kind: Name of the structure.
+        arrays: Arrays by name.
+
     Raises:
         KeyError: If an array is missing.
         ParameterError: If there is no such kind, or none any more.

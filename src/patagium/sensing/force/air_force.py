@@ -205,6 +205,10 @@ class SampleForm:
 def state_columns(robot: Robot, inputs: Sequence[str]) -> list[int]:
     """Columns of named inputs in the state [q, v].
 
+    Args:
+        robot: The machine.
+        inputs: Names such as `q.roll`, `v.left_plunge`.
+
     Raises:
         ParameterError: If there is no such name.
     """

@@ -166,6 +166,11 @@ class TimeBase:
 def time_base(spool: Spool, mapping: TableMapping, source: str) -> TimeBase:
     """Common time base over the span in which all streams have samples.
 
+    Args:
+        spool: The streams.
+        mapping: The mapping, which names the rate or the stream of the time base.
+        source: Name of the mapping, for messages.
+
     Raises:
         LogError: If the streams do not overlap in time, or the mapping names no time base where
             there are several streams.
