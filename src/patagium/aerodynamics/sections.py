@@ -256,12 +256,7 @@ class Section(StripSection):
             raise ParameterError("stall", "0 < stall_begins < stall_complete <= pi/2", angles)
 
     def separated_share(self, flow: SectionFlow, parameters: Any) -> Any:
-        """Share of separated flow s in steady flow, 0 to 1.
-
-        Args:
-            flow: Effective, seen from the incidence of no lift.
-            parameters: Values or symbols in the order of `parameter_names`.
-        """
+        """Share of separated flow, 0 to 1; see `StripSection.separated_share`."""
         numbers, _ = self.named(parameters)
         sine_square = flow.normal * flow.normal / (flow.speed * flow.speed)
         begins, complete = (ca.sin(numbers[k]) ** 2 for k in ("stall_begins", "stall_complete"))
@@ -345,12 +340,7 @@ class MeasuredSection(StripSection):
         return super().inputs() | named
 
     def separated_share(self, flow: SectionFlow, parameters: Any) -> Any:
-        """Share of separated flow s in steady flow, 0 to 1.
-
-        Args:
-            flow: Effective, seen from the incidence of no lift.
-            parameters: Values or symbols in the order of `parameter_names`.
-        """
+        """Share of separated flow, 0 to 1; see `StripSection.separated_share`."""
         numbers, polar = self.named(parameters)
         count, first = len(self.separated), len(_MEASURED_NUMBERS)
         camber = numbers["zero_lift_angle"] * flow.forward * flow.forward_sign
@@ -358,12 +348,7 @@ class MeasuredSection(StripSection):
         return table_values(angle, polar[:count], parameters[first : first + count])
 
     def moment(self, flow: SectionFlow, parameters: Any) -> Any:
-        """Coefficient of the moment about the point where the force acts, nose up.
-
-        Args:
-            flow: Geometric, as late as the pressure.
-            parameters: Values or symbols in the order of `parameter_names`.
-        """
+        """Coefficient of the moment, nose up; see `StripSection.moment`."""
         if not self.static_moment:
             return 0.0
         _, polar = self.named(parameters)

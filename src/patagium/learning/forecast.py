@@ -329,7 +329,7 @@ class ForecastSums:
         return {f"{key} counts": counts, **sums}
 
     def resume(self, state: Mapping[str, Array]) -> None:
-        """Go on from sums.
+        """Go on from sums as `state` gave them, of the same outputs.
 
         Raises:
             KeyError: If a sum is missing.
@@ -386,12 +386,7 @@ class Forecaster:
         self._origins = set(last[thinned].tolist()) if len(last) else set()
 
     def before(self, begin: int, memory: ModelMemory) -> None:
-        """Forecast from the sample before an interval, if it is one of those chosen.
-
-        Args:
-            begin: First sample of the interval.
-            memory: Memory of the network at the sample before it.
-        """
+        """Forecast from the sample before an interval, if it is one of those chosen."""
         last = begin - 1
         if last not in self._origins:
             return

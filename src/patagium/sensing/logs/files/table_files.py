@@ -44,7 +44,7 @@ from patagium.sensing.logs.files.channels import (
 from patagium.sensing.logs.files.mat_elements import check_elements
 from patagium.sensing.logs.mapping import conversion
 
-_HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
+HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 _NANOSECONDS = {"s": 1e9, "sec": 1e9, "ms": 1e6, "us": 1e3, "usec": 1e3, "µs": 1e3, "ns": 1.0}
 _TIME = re.compile(
     r"^(time|t|timestamp|stamp|tout|clock)(?:[_ .(\[]*(s|sec|ms|us|usec|µs|ns)\W?)?$"
@@ -95,7 +95,7 @@ def table_topic(
 
 def _parted(name: str) -> tuple[str, str]:
     """Name and unit of a header such as `gyro [deg/s]`; the unit is empty if there is none."""
-    match = _HEADER.match(name)
+    match = HEADER.match(name)
     if match is None or match["unit"].isdigit() or "[" in match["name"]:
         return name, ""
     return match["name"], match["unit"]
