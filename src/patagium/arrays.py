@@ -6,12 +6,16 @@ from collections.abc import Mapping
 from dataclasses import fields
 from numbers import Real
 from reprlib import Repr
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import LogError, ParameterError
+
+Array: TypeAlias = NDArray[np.float64]
+Bools: TypeAlias = NDArray[np.bool_]
+Indices: TypeAlias = NDArray[np.int64]
 
 _SHORT = Repr()
 _SHORT.maxstring = _SHORT.maxother = 60
@@ -36,7 +40,7 @@ def brief(record: Any) -> str:
     return f"{type(record).__name__}({', '.join(said)})"
 
 
-def rising(times: Any) -> NDArray[np.float64]:
+def rising(times: Any) -> Array:
     """Times of samples, checked to increase, (N,) [s], as float64.
 
     Args:
@@ -53,7 +57,7 @@ def rising(times: Any) -> NDArray[np.float64]:
     return stamps
 
 
-def real_array(name: str, values: Any) -> NDArray[np.float64]:
+def real_array(name: str, values: Any) -> Array:
     """Array of real numbers, as float64.
 
     Args:

@@ -80,14 +80,7 @@ class NetcdfDraft(Draft):
         dataset.dump_to_store(place, encoding={**encoding, **names})
 
     def publish(self) -> Path:
-        """Close the file and put it in its place.
-
-        Returns:
-            The place.
-
-        Raises:
-            OutputError: If the disk does not take it; what was there is then as it was.
-        """
+        """Close the file and put it in its place; see `Draft.publish`."""
         with self.writing():
             self.file.sync()
             with self.path.open("rb") as stream:
@@ -236,9 +229,6 @@ def _texts(dataset: xr.Dataset) -> dict[str, xr.Variable]:
 
 def open_netcdf(path: str | Path) -> netCDF4.Dataset:
     """NetCDF file open for reading, after its checksum was compared.
-
-    Args:
-        path: The file.
 
     Raises:
         Unreadable: If it is no file, or was damaged since it was written.

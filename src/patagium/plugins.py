@@ -18,20 +18,11 @@ STEPPINGS = "patagium.steppings"
 
 
 def plugins(group: str) -> dict[str, EntryPoint]:
-    """Entry points of a group by name.
-
-    Args:
-        group: One of the groups above.
-    """
+    """Entry points of a group by name."""
     return {point.name: point for point in entry_points(group=group)}
 
 
 def plugin(group: str, name: str) -> Any:
-    """Object behind an entry point; None if no installed package has it.
-
-    Args:
-        group: One of the groups above.
-        name: Of the entry point.
-    """
+    """Object behind an entry point; None if no installed package has it."""
     point = plugins(group).get(name)
     return None if point is None else point.load()

@@ -141,10 +141,6 @@ def text_of(path: str | Path, most: int) -> str:
 def parsed_json(text: str | bytes, name: str) -> Any:
     """Content of a JSON text, without half characters.
 
-    Args:
-        text: The text.
-        name: What to call it in errors.
-
     Raises:
         Unreadable: If it is none.
     """
@@ -165,10 +161,6 @@ def parsed_json(text: str | bytes, name: str) -> Any:
 
 def json_object(text: str | bytes, name: str) -> dict[str, Any]:
     """Mapping that a JSON text holds.
-
-    Args:
-        text: The text.
-        name: What to call it in errors.
 
     Raises:
         Unreadable: If it is no JSON, or another kind of value.

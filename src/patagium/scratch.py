@@ -14,12 +14,10 @@ from math import prod
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.limits import DISK_SHARE, MEMORY_SHARE, free_memory, in_bytes
-
-Array = NDArray[np.float64]
 
 
 def room_for(shapes: Mapping[str, tuple[int, ...]]) -> dict[str, Array]:

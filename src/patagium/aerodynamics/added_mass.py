@@ -19,22 +19,21 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.air import Air, air_from_description
 from patagium.aerodynamics.local_flow import strip_motions
 from patagium.aerodynamics.named_descriptions import check_keys
 from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.arguments import check_fields
+from patagium.arrays import Array
 from patagium.dynamics.added_mass import BodyAddedMass
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.equations import kirchhoff_force
-from patagium.dynamics.kinematics import body_poses, generalized_force
+from patagium.dynamics.kinematics import add_wrench, body_poses, generalized_force
 from patagium.errors import ParameterError, ShapeError
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot, Strip
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -120,9 +119,7 @@ class AddedMass:
             normal = vector(strip.normal)
             local = poses[strip.body].rotation.T @ rate[:, i]
             force = normal * (mass * ca.dot(normal, local))
-            total = wrenches.get(strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)))
-            moment = cross(_mid_chord(strip), force)
-            wrenches[strip.body] = (total[0] + force, total[1] + moment)
+            add_wrench(wrenches, strip.body, force, cross(_mid_chord(strip), force))
         return generalized_force(robot, q, wrenches)
 
     def circulation_force(
@@ -148,9 +145,8 @@ class AddedMass:
             force = forward * (mass * motion.pitch_rate * normalwash)
             # nose down: the span points left of a wing that flies forward, normal x forward
             moment = cross(normal, forward) * (mass * motion.forward * normalwash)
-            total = wrenches.get(strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)))
             moment = moment + cross(vector(strip.quarter_chord), force)
-            wrenches[strip.body] = (total[0] + force, total[1] + moment)
+            add_wrench(wrenches, strip.body, force, moment)
         return generalized_force(robot, q, wrenches)
 
     def mass_matrix(self, q: ArrayLike) -> Array:
@@ -211,11 +207,7 @@ class AddedMass:
 
 
 def added_mass_functions(model: AddedMass) -> list[ca.Function]:
-    """CasADi functions added_mass_matrix, added_mass_force and circulation_force.
-
-    Args:
-        model: The added mass.
-    """
+    """CasADi functions added_mass_matrix, added_mass_force and circulation_force."""
     robot, robot_parameters = model.robot.symbolic()
     q = ca.SX.sym("q", robot.coordinate_count)
     v, a = ca.SX.sym("v", robot.dof), ca.SX.sym("a", robot.dof)

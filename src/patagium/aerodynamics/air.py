@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.gusts import Gust, TravelingGust, gust_from_description, triple
 from patagium.aerodynamics.named_descriptions import from_field_values
 from patagium.arguments import check_fields
+from patagium.arrays import Array
 from patagium.errors import ParameterError, ShapeError, finite, positive
 
 
@@ -75,7 +76,7 @@ class Air:
         if self.ground is not None:
             raise ParameterError(name, "air without ground", self.ground)
 
-    def wind_at(self, time: ArrayLike) -> NDArray[np.float64]:
+    def wind_at(self, time: ArrayLike) -> Array:
         """Velocity of the air, at the origin of a gust that travels, world axes, (N, 3) [m/s].
 
         Args:
@@ -89,7 +90,7 @@ class Air:
             return wind
         return wind + self.traveling.velocity_at(np.asarray(time, float))
 
-    def uniform_wind_at(self, time: ArrayLike) -> NDArray[np.float64]:
+    def uniform_wind_at(self, time: ArrayLike) -> Array:
         """Part of the air's velocity that is the same everywhere, world axes, (N, 3) [m/s].
 
         Args:

@@ -16,7 +16,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.ground import strip_ground_shares
@@ -28,6 +27,7 @@ from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign, smo
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.trailing_vortices import spans_and_areas
 from patagium.arguments import check_fields
+from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
 
@@ -121,7 +121,7 @@ class DeLaurier(Aerodynamics):
         return ("density", *NUMBERS, *self.air.ground_parameters)
 
     @property
-    def parameters(self) -> NDArray[np.float64]:
+    def parameters(self) -> Array:
         """Values of the model's parameters, (n_c,)."""
         numbers = [getattr(self, name) for name in NUMBERS]
         return np.array([self.air.density, *numbers, *self.air.ground_parameters.values()])

@@ -29,13 +29,11 @@ from patagium.aerodynamics.named_descriptions import (
 )
 from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.arguments import check_fields
-from patagium.arrays import real_array
+from patagium.arrays import Array, real_array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import ParameterError, ShapeError, positive
 from patagium.robot.model import Robot
-
-Array = NDArray[np.float64]
 
 STEPS_PER_LENGTH = 50
 """Samples of Dryden turbulence in the time the shortest length scale takes to pass."""

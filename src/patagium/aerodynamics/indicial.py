@@ -23,10 +23,9 @@ from scipy.special import hankel2
 
 from patagium.aerodynamics.local_flow import StripMotion, airspeed
 from patagium.aerodynamics.named_descriptions import field_values
-from patagium.arrays import real_array
+from patagium.arrays import Array, real_array
 from patagium.errors import ParameterError, ShapeError
 
-Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 

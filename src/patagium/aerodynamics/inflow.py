@@ -15,7 +15,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics.ground import ground_share
 from patagium.aerodynamics.indicial import Relaxation
@@ -23,13 +22,12 @@ from patagium.aerodynamics.local_flow import quarter_chord, velocity_at
 from patagium.aerodynamics.on_model import OnModel
 from patagium.aerodynamics.smooth_functions import smooth_norm
 from patagium.aerodynamics.strip_loads import AeroExpressions
+from patagium.arrays import Array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
 from patagium.robot.planform import placed, poses
-
-Array = NDArray[np.float64]
 
 NUMBERS = ("induced_factor", "apparent_mass", "memory")
 """Parameters that follow those of the model, in their order."""

@@ -13,17 +13,15 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.on_model import OnModel
 from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.arrays import real_array
 from patagium.dynamics.chain import cross
-from patagium.dynamics.kinematics import body_poses, generalized_force
+from patagium.dynamics.kinematics import add_wrench, body_poses, generalized_force
 from patagium.errors import ParameterError, ShapeError
 from patagium.robot.model import Robot
-
-Array = NDArray[np.float64]
 
 WRENCH = ("force.x", "force.z", "moment.y")
 """Parts of the wrench: those of a mirrored robot; what is not mirrored, the strips tell."""
@@ -87,8 +85,7 @@ class LearnedAir(OnModel):
             pose = poses[strip.body]
             force = pose.rotation.T @ added[:, k]
             point = pose.rotation.T @ (air.strip_point[:, k] - pose.position)
-            total, moment = wrenches.get(strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)))
-            wrenches[strip.body] = (total + force, moment + cross(point, force))
+            add_wrench(wrenches, strip.body, force, cross(point, force))
         more = generalized_force(robot, q, wrenches)
         winds = wind if wind.shape[1] > 1 else ca.repmat(wind, 1, len(strips))
         body_wind = poses[0].rotation.T @ ca.sum2(winds) / len(strips)

@@ -14,7 +14,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.indicial import TWO_STATE, Indicial, Lags, Relaxation, lag_relaxation
@@ -45,7 +45,7 @@ from patagium.aerodynamics.trailing_vortices import (
     surface_gains,
 )
 from patagium.arguments import check_fields
-from patagium.arrays import brief
+from patagium.arrays import Array, brief
 from patagium.errors import ParameterError, ShapeError
 from patagium.robot.model import Robot
 from patagium.robot.strip_chains import StripChain, strip_chains
@@ -65,10 +65,10 @@ class StateSpace:
         d: (n_s, n_s) [N s/m].
     """
 
-    a: NDArray[np.float64]
-    b: NDArray[np.float64]
-    c: NDArray[np.float64]
-    d: NDArray[np.float64]
+    a: Array
+    b: Array
+    c: Array
+    d: Array
 
     __repr__ = brief
 
@@ -153,7 +153,7 @@ class LiftingLine(Aerodynamics):
         return ("density", "surface_constant", *lags, *section, *delays, *ground)
 
     @property
-    def parameters(self) -> NDArray[np.float64]:
+    def parameters(self) -> Array:
         """Values of the model's parameters, (n_c,)."""
         lags = [getattr(self.lags, part) for part in _LAGS]
         first = [self.air.density, self.surface_constant]

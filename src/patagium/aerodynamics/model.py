@@ -13,16 +13,14 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.strip_loads import AeroExpressions
-from patagium.arrays import real_array
+from patagium.arrays import Array, real_array
 from patagium.errors import ShapeError
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot
-
-Array = NDArray[np.float64]
 
 
 @runtime_checkable

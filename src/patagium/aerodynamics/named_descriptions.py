@@ -12,22 +12,13 @@ _Kind = TypeVar("_Kind")
 
 
 def field_values(described: Any) -> dict[str, Any]:
-    """Values of the fields of a dataclass by name, tuples as lists.
-
-    Args:
-        described: Object of a dataclass.
-    """
+    """Values of the fields of a dataclass by name, tuples as lists."""
     values = {field.name: getattr(described, field.name) for field in fields(described)}
     return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
 
 
 def from_field_values(what: str, kind: type[_Kind], description: Mapping[str, Any]) -> _Kind:
     """Object of a dataclass from the values of its fields by name.
-
-    Args:
-        what: Name of the thing described, for the message.
-        kind: The dataclass.
-        description: Values of all fields.
 
     Raises:
         ParameterError: If a key is missing or unknown.
@@ -38,11 +29,6 @@ def from_field_values(what: str, kind: type[_Kind], description: Mapping[str, An
 
 def check_keys(what: str, description: Mapping[str, Any], known: Iterable[str]) -> None:
     """Refuse a description whose keys are not exactly the known ones.
-
-    Args:
-        what: Name of the thing described, for the message.
-        description: The description.
-        known: Keys it must have.
 
     Raises:
         ParameterError: If a key is missing or unknown.

@@ -10,15 +10,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.named_descriptions import field_values
+from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

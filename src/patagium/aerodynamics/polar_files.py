@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import Unreadable
 from patagium.reading import text_of
 
@@ -29,10 +29,10 @@ class PolarTable(NamedTuple):
         moment: C_m about the quarter chord, nose up, (n,) [-]; None if the file has none.
     """
 
-    angle: NDArray[np.float64]
-    lift: NDArray[np.float64]
-    drag: NDArray[np.float64]
-    moment: NDArray[np.float64] | None
+    angle: Array
+    lift: Array
+    drag: Array
+    moment: Array | None
 
 
 def read_polar(path: str | Path) -> PolarTable:

@@ -15,11 +15,10 @@ from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics.named_descriptions import field_values, from_named_description
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
-from patagium.arrays import brief
+from patagium.arrays import Array, brief
 from patagium.errors import ParameterError
 
 
@@ -140,7 +139,7 @@ class Polar(Protocol):
         return tuple(field.name for field in fields(self))  # type: ignore[arg-type]
 
     @property
-    def parameters(self) -> NDArray[np.float64]:
+    def parameters(self) -> Array:
         """Values of the parameters, (n,)."""
         return np.array([getattr(self, name) for name in self.parameter_names], float)
 
@@ -357,7 +356,7 @@ class TablePolar(Polar):
         return tuple(f"{column}[{k}]" for column in _COLUMNS for k in range(len(self.angle)))
 
     @property
-    def parameters(self) -> NDArray[np.float64]:
+    def parameters(self) -> Array:
         """Values of the parameters, (3 n,)."""
         return np.array([*self.angle, *self.lift, *self.drag])
 

@@ -13,7 +13,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.ground import strip_ground_shares
@@ -24,6 +23,7 @@ from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.trailing_vortices import spans_and_areas
 from patagium.arguments import check_fields
+from patagium.arrays import Array
 from patagium.robot.model import Robot
 
 ROTATIONAL_COEFFICIENT = pi / 2
@@ -96,7 +96,7 @@ class QuasiSteady(Aerodynamics):
         return (*names, *rotational, *self.air.ground_parameters)
 
     @property
-    def parameters(self) -> NDArray[np.float64]:
+    def parameters(self) -> Array:
         """Values of the model's parameters, (n_c,)."""
         rotational = [ROTATIONAL_COEFFICIENT] if self.rotational else []
         ground = self.air.ground_parameters.values()

@@ -13,16 +13,15 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from patagium.aerodynamics.added_mass import AddedMass
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.model import Aerodynamics
+from patagium.arrays import Array
 from patagium.errors import ParameterError, positive
 from patagium.robot.model import Body, Robot, Strip
-
-Array = NDArray[np.float64]
 
 _SPAN = 1e6
 """Span of the wing without end [chords]."""

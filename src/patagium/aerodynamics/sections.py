@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.named_descriptions import field_values
 from patagium.aerodynamics.polars import (
@@ -29,7 +29,7 @@ from patagium.aerodynamics.polars import (
 )
 from patagium.aerodynamics.smooth_functions import smooth_step
 from patagium.arguments import check_fields
-from patagium.arrays import brief
+from patagium.arrays import Array, brief
 from patagium.errors import ParameterError
 
 
@@ -133,8 +133,6 @@ def vortex_lift(fed: Any, shed: Any) -> Any:
     return sign * (rounded_ramp(left, FEEBLE) - rounded_ramp(left - most, FEEBLE))
 
 
-Array = NDArray[np.float64]
-
 CENTER_OF_PRESSURE_SHIFT = 0.175
 """How far behind the quarter chord a separated plate across the flow is pushed, in chords
 (Lindenburg 2003, ECN-C--03-025)."""
@@ -195,7 +193,7 @@ class StripSection(Protocol):
         return (*self.inputs(), *(f"stalled.{name}" for name in self.stalled.parameter_names))
 
     @property
-    def parameters(self) -> NDArray[np.float64]:
+    def parameters(self) -> Array:
         """Values of the parameters, (n,) [1/rad, rad, -]."""
         return np.array([*self.inputs().values(), *self.stalled.parameters])
 
@@ -258,12 +256,7 @@ class Section(StripSection):
             raise ParameterError("stall", "0 < stall_begins < stall_complete <= pi/2", angles)
 
     def separated_share(self, flow: SectionFlow, parameters: Any) -> Any:
-        """Share of separated flow s in steady flow, 0 to 1.
-
-        Args:
-            flow: Effective, seen from the incidence of no lift.
-            parameters: Values or symbols in the order of `parameter_names`.
-        """
+        """Share of separated flow, 0 to 1; see `StripSection.separated_share`."""
         numbers, _ = self.named(parameters)
         sine_square = flow.normal * flow.normal / (flow.speed * flow.speed)
         begins, complete = (ca.sin(numbers[k]) ** 2 for k in ("stall_begins", "stall_complete"))
@@ -347,12 +340,7 @@ class MeasuredSection(StripSection):
         return super().inputs() | named
 
     def separated_share(self, flow: SectionFlow, parameters: Any) -> Any:
-        """Share of separated flow s in steady flow, 0 to 1.
-
-        Args:
-            flow: Effective, seen from the incidence of no lift.
-            parameters: Values or symbols in the order of `parameter_names`.
-        """
+        """Share of separated flow, 0 to 1; see `StripSection.separated_share`."""
         numbers, polar = self.named(parameters)
         count, first = len(self.separated), len(_MEASURED_NUMBERS)
         camber = numbers["zero_lift_angle"] * flow.forward * flow.forward_sign
@@ -360,12 +348,7 @@ class MeasuredSection(StripSection):
         return table_values(angle, polar[:count], parameters[first : first + count])
 
     def moment(self, flow: SectionFlow, parameters: Any) -> Any:
-        """Coefficient of the moment about the point where the force acts, nose up.
-
-        Args:
-            flow: Geometric, as late as the pressure.
-            parameters: Values or symbols in the order of `parameter_names`.
-        """
+        """Coefficient of the moment, nose up; see `StripSection.moment`."""
         if not self.static_moment:
             return 0.0
         _, polar = self.named(parameters)

@@ -19,7 +19,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics.ground import GroundPlane
 from patagium.aerodynamics.indicial import Lags, Relaxation, lag_relaxation, lag_step
@@ -29,8 +28,6 @@ from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import Pose, Twist, body_poses
 from patagium.robot.model import Robot, Strip
 from patagium.robot.strip_chains import StripChain
-
-Array = NDArray[np.float64]
 
 SURFACE_CONSTANT = 13.5
 """K of the line-to-surface gain (Izraelevitz, Zhu and Triantafyllou 2017)."""

@@ -6,6 +6,9 @@ from typing import Annotated
 
 import typer
 
+from patagium.cli.options import JsonOption
+from patagium.cli.words import answer
+
 EXAMPLES = ("patagium cache", "patagium cache --clear")
 
 
@@ -13,13 +16,12 @@ def cache(
     clear: Annotated[
         bool, typer.Option("--clear", help="Remove all that no build is using now.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Say where compiled libraries are kept, how many they are, and how large; or remove them.
 
     Removing them costs only the time to compile them again.
     """
-    from patagium.cli.words import answer
     from patagium.native.cache import BOUND, cache_folder, items, tidy
 
     removed = tidy(0) if clear else []

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.words import MappingOption
+from patagium.cli.options import JsonOption, MappingOption
+from patagium.cli.words import MEANING, answer, existing
+from patagium.errors import ParameterError
 
 if TYPE_CHECKING:
     from patagium.robot import Robot
@@ -25,14 +27,12 @@ def check(
         typer.Argument(help="Robot (.yaml, .urdf), flight (.nc) or table (.csv, .parquet)."),
     ],
     mapping: MappingOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Say whether a file can be used, what it holds, and what is wrong with it.
 
     Leaves with 0 when it can be used, with 2 and the reasons when not.
     """
-    from patagium.cli.words import answer
-    from patagium.errors import ParameterError
     from patagium.robot import load_robot, preset_names
     from patagium.sensing.logs.record import is_log
 
@@ -64,7 +64,6 @@ def robot_facts(robot: Robot) -> dict[str, Any]:
 
 def _flight_facts(file: Path, as_json: bool) -> dict[str, Any]:
     from patagium.cli.simulate import flight_facts, flight_table
-    from patagium.cli.words import existing
     from patagium.simulation import load_flight
 
     facts = {"kind": "flight", **flight_facts(load_flight(existing(file)))}
@@ -87,8 +86,6 @@ def _log_facts(file: Path) -> dict[str, Any]:
 
 
 def _table_facts(file: Path, mapping: Path | None) -> dict[str, Any]:
-    from patagium.cli.words import MEANING, existing
-    from patagium.errors import ParameterError
     from patagium.sensing import read_table
 
     if mapping is None:

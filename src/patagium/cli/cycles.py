@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
+from patagium.cli.options import FlightArgument, JsonOption
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import FLIGHT, FlightArgument, quantity
+from patagium.cli.words import FLIGHT, answer, flight_file, quantity, say_next
 
 EXAMPLES = (
     "patagium cycles flight.nc --figure wingbeat.svg",
@@ -38,10 +39,9 @@ def cycles(
     table: Annotated[
         Path | None, typer.Option(help="File for the wingbeat, phase by phase (.csv).")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Lift, thrust and power over a wingbeat: means, spread, cost of transport."""
-    from patagium.cli.words import answer, flight_file, say_next
     from patagium.simulation import cycle_statistics, load_flight
 
     statistics = cycle_statistics(

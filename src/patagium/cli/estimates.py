@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import typer
 
 from patagium.cli.words import named_quantities
+from patagium.errors import ParameterError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -54,8 +56,6 @@ def check_estimate(
     Raises:
         ParameterError: If they do not go together.
     """
-    from patagium.errors import ParameterError
-
     if aero is not None and not words:
         raise ParameterError("--aero", "--estimate to go with it", aero)
     if refine and not words:
@@ -102,8 +102,6 @@ def refined(result: Identification, flight: xr.Dataset, every: int) -> Identific
         flight: Flight.
         every: One sample in so many is used.
     """
-    from dataclasses import replace
-
     from patagium.learning import refine
     from patagium.learning.identify import samples
     from patagium.learning.parameter_paths import estimates_of, parameter_scores
@@ -129,11 +127,7 @@ def _model(flight: xr.Dataset, aero: GreyModel | None) -> Aerodynamics:
 
 
 def air_class(word: str) -> Any:
-    """Class of a model of the air.
-
-    Args:
-        word: Word of the command line, a value of `GreyModel`.
-    """
+    """Class of a model of the air."""
     from patagium.aerodynamics import DeLaurier, LiftingLine, QuasiSteady
 
     return {one.name.replace("_", "-"): one for one in (QuasiSteady, LiftingLine, DeLaurier)}[word]

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
+from patagium.cli.options import LogArgument, MappingOption, ReportOption, ScoresOption
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import MappingOption
+from patagium.cli.words import existing
 
 EXAMPLES = (
     "patagium evaluate model.json another-flight.nc --report report.html",
@@ -18,19 +19,18 @@ EXAMPLES = (
 
 def evaluate(
     model: Annotated[Path, typer.Argument(help="Model that patagium identify wrote (.json).")],
-    file: Annotated[Path, typer.Argument(help="Flight or imported log (.nc), or another log.")],
+    file: LogArgument,
     mapping: MappingOption = None,
     every: Annotated[
         int,
         typer.Option(min=1, help="Samples over which the compared prediction holds a measurement."),
     ] = 100,
-    report: Annotated[Path | None, typer.Option(help="File for an HTML page.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="All scores as JSON on stdout.")] = False,
+    report: ReportOption = None,
+    as_json: ScoresOption = False,
 ) -> None:
     """Score a learned model, its weights frozen, where it has not been."""
     from patagium.cli.identify import show_scores
     from patagium.cli.logs import flight_or_table
-    from patagium.cli.words import existing
     from patagium.learning import evaluate as evaluate_flight
     from patagium.learning.identify import evaluate_table
     from patagium.learning.model_file import load_model

@@ -7,7 +7,9 @@ from typing import Annotated
 
 import typer
 
-from patagium.cli.words import OUTPUT, PredictedOption
+from patagium.cli.options import OUTPUT, PredictedOption
+from patagium.cli.words import existing
+from patagium.errors import LogError
 
 EXAMPLES = (
     "patagium export flight.nc -o flight.mcap",
@@ -28,8 +30,6 @@ def export(
     Each quantity over time is a topic with the names of its numbers and its unit; the bodies of
     the robot are frames in the world.
     """
-    from patagium.cli.words import existing
-    from patagium.errors import LogError
     from patagium.learning import evaluate, load_model
     from patagium.netcdf_file import loaded_dataset
     from patagium.viewer.export import export as write

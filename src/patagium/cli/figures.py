@@ -8,8 +8,9 @@ from typing import Annotated, Literal
 
 import typer
 
+from patagium.cli.options import OUTPUT, FlightArgument, JsonOption, PredictedOption
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import FLIGHT, OUTPUT, FlightArgument, PredictedOption
+from patagium.cli.words import FLIGHT, answer, existing, flight_file, say_next
 
 EXAMPLES = (
     "patagium figures flight.nc --for paper",
@@ -31,13 +32,12 @@ def figures(
         Path | None,
         typer.Option(*OUTPUT, help="Folder for the figures; named as the flight by default."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Draw a flight: the robot, the flight at a glance, its strips, a wingbeat, the forces.
 
     One style, colors told apart by every eye and alike in every figure, units on every axis.
     """
-    from patagium.cli.words import answer, existing, flight_file, say_next
     from patagium.learning.model_file import load_model
     from patagium.report.figures import save_figure
     from patagium.simulation import load_flight

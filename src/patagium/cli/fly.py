@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from patagium.cli.words import OUTPUT, DrawingOption, DurationOption
+from patagium.cli.options import DrawingOption, DurationOption, FlightOutput, JsonOption
+from patagium.cli.words import progress_bar
 
 EXAMPLES = (
     "patagium fly ornithopter",
@@ -25,11 +26,9 @@ def fly(
     seed: Annotated[
         int | None, typer.Option(min=0, help="Seed of noise and of what is off in the truth.")
     ] = None,
-    output: Annotated[Path, typer.Option(*OUTPUT, help="File for the flight (netCDF).")] = Path(
-        "flown.nc"
-    ),
+    output: FlightOutput = Path("flown.nc"),
     figure: DrawingOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Fly a robot in a closed loop, in a truth that its controller does not know.
 
@@ -41,7 +40,6 @@ def fly(
     from patagium.cli.interruption import interruptible
     from patagium.cli.plan import load_plan, prepared
     from patagium.cli.simulate import keep
-    from patagium.cli.words import progress_bar
 
     given = {"duration": duration, "seed": seed}
     changed = {name: value for name, value in given.items() if value is not None}

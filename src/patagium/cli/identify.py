@@ -25,8 +25,10 @@ from patagium.cli.learner_options import (
     winged_network,
     with_learner_options,
 )
+from patagium.cli.options import LogArgument, MappingOption, ReportOption, ScoresOption
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import FLIGHT, MappingOption
+from patagium.cli.words import FLIGHT, progress_bar, say_json, say_next, show_table
+from patagium.errors import Interrupted, Outcome, ParameterError
 from patagium.removed import refuse_removed
 
 if TYPE_CHECKING:
@@ -61,9 +63,7 @@ _START = 1 << 18  # samples of a long log that a network is made from
 @with_learner_options()
 def identify(
     choice: LearnerChoice,
-    file: Annotated[
-        Path, typer.Argument(help="Flight or imported log (.nc), or another log.")
-    ] = FLIGHT,
+    file: LogArgument = FLIGHT,
     mapping: MappingOption = None,
     every: Annotated[
         int | None,
@@ -97,11 +97,11 @@ def identify(
             "began with; that of a learner that diverged is not written."
         ),
     ] = None,
-    report: Annotated[Path | None, typer.Option(help="File for an HTML page.")] = None,
+    report: ReportOption = None,
     predictions: Annotated[
         Path | None, typer.Option(help="File for every prediction and score (.nc).")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="All scores as JSON on stdout.")] = False,
+    as_json: ScoresOption = False,
 ) -> None:
     """Learn what the air does, online, from a flight or a measured log.
 
@@ -113,8 +113,6 @@ def identify(
     """
     from patagium.cli.logs import flight_or_table, long_record
     from patagium.cli.state import keep_model, keep_state, resumed, sole_user
-    from patagium.cli.words import progress_bar, say_next
-    from patagium.errors import Outcome
     from patagium.learning.default_learner import learner_choices
 
     kind, layers = choice.shape()
@@ -174,8 +172,6 @@ def _learned(
     """
     from patagium.cli.interruption import interruptible
     from patagium.cli.state import keep_state
-    from patagium.cli.words import progress_bar
-    from patagium.errors import Interrupted
     from patagium.learning import identify as identify_flight
     from patagium.learning.identify import identify_table
     from patagium.learning.long_log import identify_record
@@ -202,13 +198,7 @@ def _learned(
 
 
 def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
-    """Scores on stdout: a table by output and a line, or all of them as JSON.
-
-    Args:
-        scores: Of an `Identification`.
-        as_json: Whether a program reads them.
-    """
-    from patagium.cli.words import say_json, show_table
+    """Scores on stdout: a table by output and a line, or all of them as JSON."""
     from patagium.learning.page import forecast_tables, score_table, summary
     from patagium.learning.parameter_paths import parameter_table
 
@@ -263,7 +253,6 @@ def table_network(
     Raises:
         ParameterError: If the kind needs a robot.
     """
-    from patagium.errors import ParameterError
     from patagium.learning.default_learner import HIDDEN
     from patagium.learning.table_network import network_for
 
@@ -298,8 +287,6 @@ def _report(
     result: Identification, file: Path, flight: Any, report: Path, outputs: Outputs
 ) -> None:
     """Write a page of the result and, if there is a flight, a page of it in three dimensions."""
-    from patagium.errors import Outcome
-
     moving = None
     if flight is not None and result.outcome is Outcome.COMPLETED:
         from patagium.report import picture

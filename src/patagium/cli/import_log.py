@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from patagium.cli.words import OUTPUT, FilesArgument
+from patagium.cli.options import OUTPUT, FilesArgument, ResultOption
+from patagium.cli.words import existing, progress_bar, say_json, say_next
 
 NAME = "import"
 EXAMPLES = (
@@ -27,7 +28,7 @@ def import_log(
         Path | None,
         typer.Option(*OUTPUT, help="The log to write: .nc, or .csv for `stream`."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Result as JSON on stdout.")] = False,
+    as_json: ResultOption = False,
 ) -> None:
     """Bring a log of another program to SI units, our axes and one time base.
 
@@ -35,7 +36,6 @@ def import_log(
     The result is written whole or not at all. `docs/logs.md` has a mapping for each kind of file.
     """
     from patagium.cli.inspect import show_findings
-    from patagium.cli.words import existing, progress_bar, say_json, say_next
     from patagium.sensing.logs.importing.import_log import import_log as bring
 
     target = out if out is not None else Path(f"{files[0].name.partition('.')[0]}.nc")

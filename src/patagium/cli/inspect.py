@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from patagium.cli.words import OUTPUT, FilesArgument
+from patagium.cli.options import OUTPUT, FilesArgument, ResultOption
+from patagium.cli.words import progress_bar, say_json, say_next, show_table
+from patagium.errors import LogError, ParameterError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,15 +38,13 @@ def inspect(
     output: Annotated[
         Path | None, typer.Option(*OUTPUT, help="New file for a mapping to begin from (.yaml).")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Result as JSON on stdout.")] = False,
+    as_json: ResultOption = False,
 ) -> None:
     """Show the topics, rates, gaps and ranges of a log, and suspicious facts.
 
     Topics and fields are named as a mapping for `patagium import` names them. What is not read
     is listed with the reason.
     """
-    from patagium.cli.words import progress_bar, say_json, say_next
-    from patagium.errors import LogError, ParameterError
     from patagium.sensing.logs.importing.inspection import inspect_log
     from patagium.whole_file import write_whole
 
@@ -115,13 +115,7 @@ _FORCES = re.compile(r"(?i)(^|[._/])([fmt][xyz]|force|lift|drag|thrust|moment|to
 
 
 def show_findings(findings: Sequence[Finding], *, err: bool = False) -> None:
-    """Print findings as a table.
-
-    Args:
-        findings: The findings.
-        err: Whether to print to stderr.
-    """
-    from patagium.cli.words import show_table
+    """Print findings as a table."""
     from patagium.report import Table
 
     if not findings:
@@ -132,7 +126,6 @@ def show_findings(findings: Sequence[Finding], *, err: bool = False) -> None:
 
 
 def _show_topics(found: Inspection) -> None:
-    from patagium.cli.words import show_table
     from patagium.report import Table
 
     columns = ["topic", "type", "rows", "stamps", "begin [s]", "duration [s]", "rate [Hz]",
@@ -158,7 +151,6 @@ def _show_topics(found: Inspection) -> None:
 
 
 def _show_channels(found: Inspection, names: Sequence[str]) -> None:
-    from patagium.cli.words import show_table
     from patagium.report import Table
 
     columns = ["field", "type", "unit", "lowest", "highest", "mean", "rms", "missing"]
@@ -172,7 +164,6 @@ def _show_channels(found: Inspection, names: Sequence[str]) -> None:
 
 
 def _show_unplaced(found: Inspection) -> None:
-    from patagium.cli.words import show_table
     from patagium.report import Table
 
     rows: list[list[str | float | bool | None]] = [

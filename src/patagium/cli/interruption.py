@@ -68,9 +68,6 @@ def interrupted(answers: Iterable[Callable[[], None]]) -> Iterator[None]:
     SIGTERM and SIGHUP ask once, however often they come: a terminal that is closed sends several.
     SIGHUP stays ignored where it is, as under `nohup`. Outside of the main thread signals cannot
     be caught, and nothing is done.
-
-    Args:
-        answers: Functions, one for each signal.
     """
     left, asked = iter(answers), False
 

@@ -87,9 +87,6 @@ class LearnerChoice:
     def learner(self, network: Any) -> Any:
         """New learner of a network.
 
-        Args:
-            network: Network whose weights it learns.
-
         Raises:
             ParameterError: If a setting is missing, out of its range, or not of this learner.
         """
@@ -366,9 +363,15 @@ def scaled_network(
 
     (x_center, x_scale), (y_center, y_scale) = _spans(x), _spans(y)
     return DenseNetwork(
-        x.shape[1], hidden, names, activation, input_center=x_center,
-        input_scale=x_scale, output_center=y_center, output_scale=y_scale,
-    )  # fmt: skip
+        x.shape[1],
+        hidden,
+        names,
+        activation,
+        input_center=x_center,
+        input_scale=x_scale,
+        output_center=y_center,
+        output_scale=y_scale,
+    )
 
 
 def _spans(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

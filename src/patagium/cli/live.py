@@ -11,6 +11,7 @@ import typer
 
 from patagium.cli.interruption import interrupted
 from patagium.cli.learner_options import LearnerChoice, NetworkKind, winged_network
+from patagium.errors import ParameterError
 
 if TYPE_CHECKING:
     from patagium.aerodynamics import Air
@@ -67,13 +68,6 @@ def live_stream(
 ) -> Iterator[Shown]:
     """Page of a stream, where one is wanted.
 
-    Args:
-        live: Whether it is wanted.
-        address: HOST:PORT; None: the default.
-        pipeline: Pipeline of the learner.
-        status: Rate, error and coverage of the stream.
-        intake: Counts of packets that came in, and that did not.
-
     Raises:
         ParameterError: If an address is given without a page, or the page cannot be served.
     """
@@ -89,14 +83,7 @@ def live_stream(
 
 
 def beside_stream(view: LiveView, pipeline: Pipeline, status: Status, intake: Intake) -> Shown:
-    """Sinks and rhythms of a stream that feed a page.
-
-    Args:
-        view: Page.
-        pipeline: Pipeline of the learner.
-        status: Rate, error and coverage of the stream.
-        intake: Counts of packets that came in, and that did not.
-    """
+    """Sinks and rhythms of a stream that feed a page."""
     from patagium.live.loop import Rhythm
     from patagium.viewer.live_frames import Feed
     from patagium.viewer.live_view import PERIOD
@@ -129,8 +116,6 @@ def live_choice(live: bool, address: str | None, choice: LearnerChoice) -> LiveC
     Raises:
         ParameterError: If an option is given that only a live view has.
     """
-    from patagium.errors import ParameterError
-
     if _served(live, address):
         return LiveChoice(address, choice if choice.given else None)
     if choice.given:
@@ -193,12 +178,7 @@ def opened(subject: Subject, address: str | None) -> Iterator[LiveView]:
 
 
 def tell_if_ended(view: LiveView, otherwise: str) -> None:
-    """Message on stderr, once, that the page is gone.
-
-    Args:
-        view: Page.
-        otherwise: What goes on without the page, in words.
-    """
+    """Message on stderr, once, that the page is gone."""
     reason = view.problem()
     if reason is not None:
         typer.echo(f"patagium: the live view ended ({reason}); {otherwise}", err=True)
@@ -208,7 +188,6 @@ def _learning_along(
     choice: LearnerChoice | None, robot: Robot, air: Air
 ) -> tuple[Pipeline | None, int]:
     """Pipeline of a learner with a simulation, and the number of samples for each it uses."""
-    from patagium.errors import ParameterError
     from patagium.live.pipeline import Pipeline
 
     if choice is None:
@@ -222,16 +201,12 @@ def _learning_along(
 
 
 def _served(live: bool, address: str | None) -> bool:
-    from patagium.errors import ParameterError
-
     if address is not None and not live:
         raise ParameterError("--live-address", "--live with it", address)
     return live
 
 
 def _host_and_port(address: str) -> tuple[str, int]:
-    from patagium.errors import ParameterError
-
     host, colon, port = address.rpartition(":")
     if not (colon and host and port.isdecimal() and int(port) < 1 << 16):
         raise ParameterError("--live-address", "HOST:PORT such as 127.0.0.1:8080", address)

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from patagium.cli.words import MEANING, existing, flight_file, no_robot
+from patagium.errors import ParameterError
+
 if TYPE_CHECKING:
     from patagium.sensing import LogTable
     from patagium.sensing.logs.record import LogRecord
@@ -15,15 +18,10 @@ if TYPE_CHECKING:
 def record_of(file: Path, mapping: Path | None) -> LogRecord | None:
     """Open imported log; None for any other file. Warnings of the import are printed.
 
-    Args:
-        file: Any file.
-        mapping: Value of the option --mapping.
-
     Raises:
         ParameterError: If a mapping is given for an imported log, which carries its own.
         LogError: If the imported log is damaged.
     """
-    from patagium.errors import ParameterError
     from patagium.sensing.logs.record import LogRecord, is_log
 
     if not is_log(file):
@@ -43,10 +41,6 @@ def record_of(file: Path, mapping: Path | None) -> LogRecord | None:
 def long_record(file: Path, mapping: Path | None) -> LogRecord | None:
     """Open imported log that is too long for memory; None for any other file.
 
-    Args:
-        file: Any file.
-        mapping: Value of the option --mapping.
-
     Raises:
         LogError: If the imported log is damaged.
     """
@@ -64,10 +58,6 @@ def long_record(file: Path, mapping: Path | None) -> LogRecord | None:
 def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | None]:
     """Flight or table in a file.
 
-    Args:
-        file: A flight or an imported log (.nc), or another log.
-        mapping: Mapping of another log.
-
     Returns:
         The flight and None, or None and the table.
 
@@ -76,8 +66,6 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
         LogError: If the log cannot be read.
     """
     from patagium.cli.inspect import show_findings
-    from patagium.cli.words import MEANING, existing, flight_file, no_robot
-    from patagium.errors import ParameterError
     from patagium.sensing import read_table
     from patagium.simulation import load_flight
 

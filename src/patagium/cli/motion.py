@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import json
+import tempfile
+from dataclasses import replace
 from functools import partial
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from patagium.cli.options import OUTPUT, MappingOption, ResultOption
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import OUTPUT, MappingOption
+from patagium.cli.words import existing, say_json, show_table
+from patagium.errors import ParameterError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,16 +49,13 @@ def motion(
     plot: Annotated[
         Path | None, typer.Option(help="Figure of attitude and forces (.png, .svg or .pdf).")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Result as JSON on stdout.")] = False,
+    as_json: ResultOption = False,
 ) -> None:
     """Estimate motion and forces from a log, each with its standard deviation.
 
     Noise, clocks and swapped markers are found from the log. Stretches in which the sensors do not
     tell the motion are named, and have no forces.
     """
-    import json
-
-    from patagium.cli.words import say_json
     from patagium.report.figures import figure_kind, save_figure
     from patagium.sensing.force.flown_force import motion_and_force, write_motion
     from patagium.sensing.motion.clock_shifts import found_shifts
@@ -80,11 +83,7 @@ def motion(
 
 def _measured(log: Path, robot: str | None, mapping: Path | None, words: list[str]) -> SensorLog:
     """Sensor log in a file of any kind."""
-    import tempfile
-
     from patagium.cli.logs import record_of
-    from patagium.cli.words import existing
-    from patagium.errors import ParameterError
     from patagium.robot import load_robot
     from patagium.sensing import load_sensor_log, sensor_log
     from patagium.sensing.logs.importing.import_log import import_log as bring
@@ -98,8 +97,6 @@ def _measured(log: Path, robot: str | None, mapping: Path | None, words: list[st
             record.close()
         return sensor_log(log, machine, bodies=bodies)
     if log.suffix.lower() == ".nc" and mapping is None:
-        from dataclasses import replace
-
         found = load_sensor_log(existing(log))
         return found if machine is None else replace(found, robot=machine)
     if mapping is None:
@@ -141,9 +138,6 @@ def _say(
     note: str,
 ) -> None:
     """Print what was found, in words with units."""
-    from math import degrees
-
-    from patagium.cli.words import show_table
     from patagium.report import Table
 
     for name, reading in measured.readings.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import typer
 
-from patagium.cli.words import Vector, quantity
+from patagium.cli.words import Vector, existing, named_quantities, quantity
 from patagium.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -103,7 +104,6 @@ def mount_from(
 
 
 def _path(words: PathWords) -> Any:
-    from patagium.cli.words import existing
     from patagium.simulation import paths
 
     if words.kind is None:
@@ -145,8 +145,6 @@ def _sized(words: PathWords, count: int, what: str) -> Sizes:
 
 def _line(words: PathWords) -> Any:
     """Line from its start; the greatest speed of a motion of least jerk is 15/8 of the mean."""
-    import math
-
     from patagium.simulation import paths
 
     way = _sized(words, 3, "how far a line goes, such as '0.3,0,0.1 m'")
@@ -192,7 +190,6 @@ def _eight(words: PathWords) -> Any:
 
 
 def _sinusoid(words: PathWords) -> Any:
-    from patagium.cli.words import named_quantities
     from patagium.simulation import paths
 
     if words.frequency is None:

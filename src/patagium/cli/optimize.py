@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from patagium.cli.estimates import GreyModel, air_class
+from patagium.cli.options import OUTPUT, DensityOption, JsonOption, RobotArgument
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import OUTPUT, DensityOption, Numbers, numbers, quantity
+from patagium.cli.words import Numbers, answer, numbers, quantity, say_json, show_table
+from patagium.errors import ParameterError, PatagiumError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,7 +29,7 @@ PANELS = {"Air and flight": "climb aero density", "Files": "output beats gait fi
 
 
 def optimize(
-    robot: Annotated[str, typer.Argument(help="Preset (see patagium robots) or robot file.")],
+    robot: RobotArgument,
     speed: Annotated[
         float | None,
         typer.Option(
@@ -71,7 +73,7 @@ def optimize(
     figure: Annotated[
         Path | None, typer.Option(help="File for a picture of the front (.svg, .png, .pdf).")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Optimal gait of a periodic flight within the limits of joints and actuators.
 
@@ -80,8 +82,6 @@ def optimize(
     """
     from patagium import control
     from patagium.aerodynamics import Air
-    from patagium.cli.words import answer
-    from patagium.errors import ParameterError, PatagiumError
     from patagium.robot import load_robot
     from patagium.simulation import gaits, save_flight
 
@@ -128,8 +128,6 @@ def optimize(
 
 def _front(found: list[tuple[float, Any]], figure: Path | None, as_json: bool) -> None:
     """Table and picture of a front."""
-    from patagium.cli.words import say_json, show_table
-    from patagium.errors import PatagiumError
     from patagium.report.figures import save_figure
     from patagium.report.page import Table
 

@@ -25,9 +25,6 @@ _WRITTEN = {
 def check_files(given: Mapping[str, Any]) -> None:
     """Refuse outputs that would fail, or replace another file of the verb, before it works.
 
-    Args:
-        given: Arguments of the verb by name.
-
     Raises:
         OutputError: If an output cannot be written.
         ParameterError: If it is of no kind that can be, or is named twice.

@@ -94,11 +94,7 @@ class SensorPart(_Part):
     delay: Duration | None = None
 
     def sensor(self, robot: Robot) -> Sensor:
-        """Sensor on a robot, on its first body where none is named.
-
-        Args:
-            robot: The machine.
-        """
+        """Sensor on a robot, on its first body where none is named."""
         rate = {} if self.rate is None else {"rate": self.rate}
         body = self.body or robot.bodies[0].name
         robot.body_index(body)
@@ -117,9 +113,6 @@ class SensorsPart(_Part):
 
     def known(self, robot: Robot) -> NoisyState | TrackedState:
         """Source of the estimates.
-
-        Args:
-            robot: The machine.
 
         Raises:
             ParameterError: If numbers are not possible, or there are other keys with `parts`.
@@ -292,9 +285,6 @@ class Prepared:
     def fly(self, progress: Callable[[int, int], None] | None = None) -> xr.Dataset:
         """Flight of the plan, up to where it breaks.
 
-        Args:
-            progress: Function that takes the steps done and to do.
-
         Raises:
             ParameterError: If a name or number of the plan is not possible.
         """
@@ -315,9 +305,6 @@ class Prepared:
 
 def prepared(plan: Plan) -> Prepared:
     """Plan with its orbit found and its controller made.
-
-    Args:
-        plan: The plan.
 
     Raises:
         ParameterError: If a condition or command of the plan is not possible.

@@ -8,7 +8,10 @@ from typing import Annotated
 import typer
 
 from patagium.cli.check import robot_facts
+from patagium.cli.options import JsonOption
 from patagium.cli.outputs import Outputs
+from patagium.cli.words import answer, say_json, say_next, show_table
+from patagium.errors import ParameterError
 
 EXAMPLES = (
     "patagium robots",
@@ -31,11 +34,9 @@ def robots(
         str | None,
         typer.Option(help="Name of a robot, written as NAME.yaml: a commented file to change."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """List the robots that come along, describe and draw one, or write the file of a new one."""
-    from patagium.cli.words import answer, say_json, say_next, show_table
-    from patagium.errors import ParameterError
     from patagium.report import Table
     from patagium.robot import load_robot, preset_names, write_template
     from patagium.robot.drawing import describe_robot, draw_robot

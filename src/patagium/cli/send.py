@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from patagium.cli.words import existing, progress_bar
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -26,7 +28,6 @@ def send(
     key_file: Annotated[Path | None, typer.Option(help="File of a key that signs them.")] = None,
 ) -> None:
     """Send a flight's motion and forces, or the raw samples of a log, to `patagium stream`."""
-    from patagium.cli.words import existing, progress_bar
     from patagium.live.packets import read_key, send_packets
     from patagium.live.sources import address_of
     from patagium.sensing import SensorLog, load_sensor_log, sensor_log

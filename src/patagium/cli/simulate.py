@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
@@ -11,16 +12,26 @@ from patagium.cli import live as live_options
 from patagium.cli.estimates import GreyModel, air_class
 from patagium.cli.learner_options import LearnerChoice, with_learner_options
 from patagium.cli.mounting import MountKind, PathWords, Sizes, mount_from, sizes
-from patagium.cli.outputs import Outputs
-from patagium.cli.words import (
-    OUTPUT,
+from patagium.cli.options import (
     DensityOption,
     DrawingOption,
     DurationOption,
+    FlightOutput,
+    JsonOption,
+    RobotArgument,
+)
+from patagium.cli.outputs import Outputs
+from patagium.cli.words import (
     Vector,
+    answer,
+    existing,
+    named_quantities,
+    progress_bar,
     quantity,
+    say_next,
     vector,
 )
+from patagium.errors import ParameterError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -64,7 +75,7 @@ PANELS = {
 
 @with_learner_options(file="Settings of a learner for --live, which patagium tune wrote")
 def simulate(
-    robot: Annotated[str, typer.Argument(help="Preset (see patagium robots) or robot file.")],
+    robot: RobotArgument,
     duration: DurationOption = None,
     time_step: Annotated[
         float | None,
@@ -194,15 +205,13 @@ def simulate(
         Literal["prescribed", "published"],
         typer.Option(help="Stepping of the joints; published for comparison with the paper only."),
     ] = "prescribed",
-    output: Annotated[Path, typer.Option(*OUTPUT, help="File for the flight (netCDF).")] = Path(
-        "flight.nc"
-    ),
+    output: FlightOutput = Path("flight.nc"),
     figure: DrawingOption = None,
     live: live_options.LiveOption = False,
     live_address: live_options.LiveAddressOption = None,
     *,
     choice: LearnerChoice,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Fly a robot and keep the flight.
 
@@ -213,7 +222,6 @@ def simulate(
     With --live it flies as the clock goes, shown and steered in a browser (see `docs/live.md`).
     """
     from patagium.aerodynamics import AddedMass, Air
-    from patagium.errors import ParameterError
     from patagium.robot import load_robot
     from patagium.simulation import gaits, mounts
 
@@ -300,13 +308,7 @@ def flight_facts(flight: Any) -> dict[str, Any]:
 
 
 def flight_table(facts: dict[str, Any]) -> dict[str, Any]:
-    """The facts of a flight as rows of a table, each with its unit.
-
-    Args:
-        facts: Those of `flight_facts`, and others.
-    """
-    from math import degrees
-
+    """The facts of a flight as rows of a table, each with its unit."""
     rows = {}
     for name, value in facts.items():
         if name in ("roll", "pitch", "yaw"):
@@ -349,8 +351,6 @@ def _air_model(aero: AirModel, machine: Robot, air: Air, inflow: bool) -> Aerody
 
 
 def _of_laboratory(found: Any, option: str) -> Any:
-    from patagium.errors import ParameterError
-
     if found is None:
         raise ParameterError(option, "the package patagium-lab for 'published'", "none installed")
     return found
@@ -365,8 +365,6 @@ def _gait(
     phase: list[str] | None,
     offset: list[str] | None,
 ) -> Gait:
-    from patagium.cli.words import existing, named_quantities
-    from patagium.errors import ParameterError
     from patagium.simulation import gaits
 
     named = named_quantities("--amplitude", more or (), "rad", "an angle")
@@ -410,8 +408,6 @@ def _refuse_what_is_unused(
     leads: Mapping[str, float],
     means: Mapping[str, float],
 ) -> None:
-    from patagium.errors import ParameterError
-
     table = kind not in ("sinusoidal", "linkage", "still")
     unused = {
         "--frequency": frequency is not None and (kind == "still" or table),
@@ -430,8 +426,6 @@ _LINKAGE_OFFSETS = {"plunge", "elbow"}
 
 def _start(machine: Robot, speed: float, pitch: float) -> tuple[Any, Any]:
     """Initial coordinates and velocities."""
-    from patagium.errors import ParameterError
-
     base = next((b.floating_dofs for b in machine.bodies if b.floating_dofs is not None), None)
     if base is not None:
         ahead, nose = machine.dof_names[base[0]], machine.dof_names[base[4]]
@@ -450,7 +444,6 @@ def _fly(
 ) -> Any:
     from patagium import simulation
     from patagium.cli.interruption import interruptible
-    from patagium.cli.words import progress_bar
     from patagium.simulation.simulator import Simulator
 
     if shown is not None:
@@ -474,15 +467,19 @@ def _published(
     duration: float,
     time_step: float,
 ) -> Any:
-    from patagium.errors import ParameterError
     from patagium.plugins import STEPPINGS, plugin
 
     if frequency is None or plunge is None:
         raise ParameterError("--stepping published", "--frequency and --plunge with it", None)
     return _of_laboratory(plugin(STEPPINGS, "published"), "--stepping")(
-        machine, model, frequency=frequency, amplitude=plunge, speed=speed,
-        duration=duration, time_step=time_step,
-    )  # fmt: skip
+        machine,
+        model,
+        frequency=frequency,
+        amplitude=plunge,
+        speed=speed,
+        duration=duration,
+        time_step=time_step,
+    )
 
 
 def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
@@ -498,7 +495,6 @@ def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
         Exit: With 2 if the flight broke, 130 if it was interrupted.
         PatagiumError: If something was not saved.
     """
-    from patagium.cli.words import answer, say_next
     from patagium.simulation import save_flight
 
     broken = str(flight.attrs["outcome"]) != "COMPLETED"

@@ -12,9 +12,6 @@ import typer
 def sole_user(state: Path | None) -> AbstractContextManager[None]:
     """Block in which no other process learns from and into a state file, if there is one.
 
-    Args:
-        state: File, or None.
-
     Raises:
         OutputError: If another process does; which one is told.
     """
@@ -44,12 +41,7 @@ def resumed(learner: Any, state: Path | None) -> Any:
 
 
 def keep_state(learner: Any, state: Path | None) -> None:
-    """Write the state of a learner, if there is a file for it.
-
-    Args:
-        learner: Learner.
-        state: File, or None.
-    """
+    """Write the state of a learner, if there is a file for it."""
     if state is not None:
         learner.save(state)
         typer.echo(f"The state after {learner.count} samples is in {state}", err=True)

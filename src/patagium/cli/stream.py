@@ -24,6 +24,8 @@ from patagium.cli.learner_options import (
 )
 from patagium.cli.live import LiveAddressOption, LiveOption, Shown, live_stream
 from patagium.cli.outputs import Outputs
+from patagium.cli.words import answer
+from patagium.errors import FilterDiverged, ParameterError, PatagiumError
 
 if TYPE_CHECKING:
     from patagium.live.loop import Rhythm, Sink, Status
@@ -107,7 +109,6 @@ def stream(
     output that fails is told and costs no other; the exit code is then 2.
     """
     from patagium.cli.state import keep_model, keep_state, resumed, sole_user
-    from patagium.cli.words import answer
     from patagium.learning.default_learner import learner_choices
     from patagium.live.loop import Counters, Status, summary
     from patagium.live.packets import Intake
@@ -195,8 +196,6 @@ def _noting(queue: PacketQueue) -> Rhythm:
 
 def _is_worth_keeping(problem: Exception | None, status: Status) -> bool:
     """Whether a state is to be kept: no learner that diverged, none that learned nothing."""
-    from patagium.errors import FilterDiverged
-
     learned = status.counters.samples > 0 and not isinstance(problem, FilterDiverged)
     return problem is None or learned
 
@@ -246,7 +245,6 @@ def _watched(
     shown: Shown, learner: Any, state: Path | None, period: float, recording: _Recording | None
 ) -> Shown:
     """Recording, live view and saver of the state, whose failures are told and end nothing."""
-    from patagium.errors import PatagiumError
     from patagium.live.autosave import AutoSave
     from patagium.live.loop import Rhythm
 
@@ -309,7 +307,6 @@ def _network(
     scale_by: Path | None,
 ) -> Any:
     from patagium.aerodynamics import Air
-    from patagium.errors import ParameterError
     from patagium.sensing import training_data
     from patagium.simulation import load_flight
 
@@ -363,13 +360,7 @@ def _line(status: Status, pipeline: Pipeline, intake: Intake) -> Iterator[Any]:
 
 
 def live_line(status: Status, intake: Intake, pipeline: Pipeline) -> str:
-    """Progress of a stream in one line.
-
-    Args:
-        status: Rate, error, coverage.
-        intake: Counts of packets that came in, and that did not.
-        pipeline: Pipeline, whose learner counts the samples it refused or left out.
-    """
+    """Progress of a stream in one line."""
     counters = status.counters
     words = ["waiting for packets"]
     if counters.samples:

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from patagium.cli.estimates import GreyModel, air_class
+from patagium.cli.options import OUTPUT, DensityOption, JsonOption, RobotArgument
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import OUTPUT, DensityOption, quantity
+from patagium.cli.words import answer, heading, quantity, say_json, show_table
+from patagium.errors import ParameterError, PatagiumError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,7 +29,7 @@ _SPEED = {"parser": quantity("m/s", "a speed")}
 
 
 def trim(
-    robot: Annotated[str, typer.Argument(help="Preset (see patagium robots) or robot file.")],
+    robot: RobotArgument,
     speed: Annotated[
         float | None,
         typer.Option(**_SPEED, help="Mean speed forward, in m/s; free by default, 0 hovers."),
@@ -68,13 +70,11 @@ def trim(
     output: Annotated[
         Path | None, typer.Option(*OUTPUT, help="File for a flight on the orbit (.nc).")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Periodic flight of a robot: gait, attitude, stability; or what it lacks."""
     from patagium import control
     from patagium.aerodynamics import Air
-    from patagium.cli.words import answer, heading, show_table
-    from patagium.errors import ParameterError, PatagiumError
     from patagium.report.page import Table
     from patagium.robot import load_robot
     from patagium.simulation import gaits, save_flight
@@ -128,8 +128,6 @@ def trim(
 
 def _range(words: str) -> tuple[str, tuple[float, float]]:
     """Name of a parameter and its limits, from words such as "speed=2:6"."""
-    from patagium.errors import ParameterError
-
     name, _, rest = words.partition("=")
     try:
         low, high = map(float, rest.split(":"))
@@ -140,7 +138,6 @@ def _range(words: str) -> tuple[str, tuple[float, float]]:
 
 def _branch(found: Branch, figure: Path | None, as_json: bool) -> None:
     """Table and picture of a branch."""
-    from patagium.cli.words import say_json, show_table
     from patagium.report.figures import save_figure
     from patagium.report.page import Table
 

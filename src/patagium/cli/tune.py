@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from patagium.cli.learner_options import LearnerChoice, NetworkKind, nested, with_learner_options
+from patagium.cli.options import OUTPUT, MappingOption
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import OUTPUT, MappingOption
+from patagium.cli.words import progress_bar, say_json, show_table
+from patagium.errors import LogError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -78,7 +80,6 @@ def tune(
     """
     from patagium.cli.identify import flight_network, table_network
     from patagium.cli.logs import flight_or_table
-    from patagium.cli.words import progress_bar, say_json
     from patagium.learning import tune as tune_learner
     from patagium.learning.settings import Alternatives
 
@@ -142,7 +143,6 @@ def _check_alike(files: Sequence[Path], logs: Sequence[Any]) -> None:
     Raises:
         LogError: If some are flights and some are tables, or the robot or the wind differs.
     """
-    from patagium.errors import LogError
     from patagium.sensing import LogTable
     from patagium.simulation import air_of, robot_of
 
@@ -163,7 +163,6 @@ def _check_alike(files: Sequence[Path], logs: Sequence[Any]) -> None:
 
 def _show(found: Tuned) -> None:
     """The best trials as a table, and the best of them in a sentence."""
-    from patagium.cli.words import show_table
     from patagium.learning.tuning.tune import SHOWN
     from patagium.report import Table
 

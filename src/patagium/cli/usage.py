@@ -17,12 +17,7 @@ _CHOICE = re.compile(r"(?:Value error, )?'(.*)' is not one of (.*?)\.?")
 
 
 def usage_sentence(error: Any, words: Sequence[str]) -> str:
-    """Sentence for a usage error.
-
-    Args:
-        error: A `UsageError`.
-        words: Words after the program's name.
-    """
+    """Sentence for a usage error."""
     verb = " ".join(("patagium", *words[: 2 if words[0] == "study" else 1]))
     if error.ctx is None:  # a flag with `=`, or the last word is an option without its value
         given = "a value, found nothing"

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.words import FLIGHT, OUTPUT, PredictedOption, quantity
+from patagium.cli.options import OUTPUT, PredictedOption
+from patagium.cli.words import FLIGHT, existing, flight_file, progress_bar, quantity, say_next
+from patagium.errors import ParameterError
 
 if TYPE_CHECKING:
     from patagium.viewer.predicted_forces import Predicted
@@ -64,8 +66,6 @@ def view(
     Bodies, folding wings, forces on strips, path; plays from 1/200 of real time, steps, repeats a
     wingbeat; plots of generalized forces with a cursor at the time shown.
     """
-    from patagium.cli.words import flight_file, say_next
-    from patagium.errors import ParameterError
     from patagium.simulation import load_flight
     from patagium.viewer import replay
 
@@ -95,7 +95,6 @@ def view(
 
 
 def _draw(flight: Path, picture: Path, at: float | None, predicted: Predicted | None) -> None:
-    from patagium.cli.words import flight_file
     from patagium.report.figures import save_figure
     from patagium.simulation import load_flight
     from patagium.viewer import still
@@ -107,7 +106,6 @@ def _draw(flight: Path, picture: Path, at: float | None, predicted: Predicted | 
 def _film(
     flight: Path, path: Path, predicted: Predicted | None, start: float | None, end: float | None
 ) -> None:
-    from patagium.cli.words import flight_file, progress_bar
     from patagium.simulation import load_flight
     from patagium.viewer.film import film
 
@@ -118,7 +116,6 @@ def _film(
 
 
 def _predicted(model: Path | None, predictions: Path | None) -> Predicted | None:
-    from patagium.cli.words import existing
     from patagium.learning.model_file import load_model
     from patagium.learning.result import load_identification
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
@@ -69,31 +69,8 @@ def quantity(unit: str, noun: str) -> Callable[[str], float]:
 
 
 _TURN = 2 * 3.14159265358979
-OUTPUT = ("--output", "--out", "-o")
-"""Words of the option for the file that a verb writes."""
 FLIGHT = Path("flight.nc")
 """Flight that simulate writes and the verbs after it read, where none is named."""
-FlightArgument = Annotated[Path, typer.Argument(help="Flight that patagium simulate wrote (.nc).")]
-_FILES = "A CSV, Parquet, MAT, ULog, ArduPilot or MCAP file, a ROS bag, or parts of one."
-FilesArgument = Annotated[list[Path], typer.Argument(help=_FILES)]
-MappingOption = Annotated[
-    Path | None,
-    typer.Option("--mapping", "--map", help="Meaning of the columns or fields of a log (YAML)."),
-]
-DurationOption = Annotated[
-    float | None,
-    typer.Option(parser=quantity("s", "a time"), help="Duration of the flight, in s."),
-]
-DensityOption = Annotated[
-    float,
-    typer.Option(parser=quantity("kg/m^3", "a density"), help="Density of the air, in kg/m^3."),
-]
-PredictedOption = Annotated[
-    Path | None, typer.Option(help="Predicted forces too, by what identify --model wrote.")
-]
-DrawingOption = Annotated[
-    Path | None, typer.Option(help="File for a drawing of the flight (.png, .svg).")
-]
 
 
 def vector(unit: str, noun: str) -> Callable[[str], Vector]:
@@ -211,22 +188,14 @@ def answer(facts: dict[str, Any], *, as_json: bool, title: str = "") -> None:
 
 
 def heading(name: str) -> str:
-    """Heading of a fact: `turn_rate_rad_s` is `turn rate [rad/s]`.
-
-    Args:
-        name: Name of the fact, which may end with its unit.
-    """
+    """Heading of a fact: `turn_rate_rad_s` is `turn rate [rad/s]`."""
     unit = _UNIT.search(name)
     said = name[: unit.start() if unit else None].replace("_", " ")
     return f"{said} [{unit[1].replace('_', '/')}]" if unit else said
 
 
 def say_next(*commands: str) -> None:
-    """Line on stdout with the commands that come next.
-
-    Args:
-        commands: Commands, as they are typed.
-    """
+    """Line on stdout with the commands that come next."""
     typer.echo(f"Next: {', or '.join(commands)}")
 
 

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.dynamics import equations, kinematics
 from patagium.dynamics.kinematics import body_poses
 from patagium.errors import ShapeError
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot
-
-Array = NDArray[np.float64]
 
 
 def _build(robot: Robot) -> list[ca.Function]:
@@ -229,16 +228,14 @@ class Dynamics(_Methods):
         self._one_coordinate = robot.dof == 1 or len(robot.actuated) == 1
 
     def _single(self, name: str, *arguments: ArrayLike) -> Any:
-        result = self._functions[name](*arguments, self._parameters)
-        return self._restored(name, result) if self._one_coordinate else result
+        return self._restored(name, self._functions[name](*arguments, self._parameters))
 
     def _many(self, name: str, *arguments: ArrayLike) -> Any:
-        result = self._functions[name].batch(*arguments, self._parameters)
-        return self._restored(name, result) if self._one_coordinate else result
+        return self._restored(name, self._functions[name].batch(*arguments, self._parameters))
 
     def _restored(self, name: str, result: Any) -> Any:
         """Axes of length one, which compiled functions drop, put back."""
-        if name.endswith("_energy"):
+        if not self._one_coordinate or name.endswith("_energy"):
             return result
         if isinstance(result, tuple):
             parts = ("mass_matrix", "bias") if name == "mass_matrix_and_bias" else ("a", "u1")
@@ -308,7 +305,7 @@ class Point:
             ]
 
         name = robot.bodies[body].name
-        self._functions = load_functions(
+        self._functions: Mapping[str, Callable[..., Array]] = load_functions(
             f"{robot.structure} point {body}", build, label=f"{robot.name} point on {name}"
         )
         self._parameters = robot.parameters
@@ -319,7 +316,7 @@ class Point:
         Args:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
         """
-        return self._functions["position"](q, self.offset, self._parameters)  # type: ignore[no-any-return]
+        return self._functions["position"](q, self.offset, self._parameters)
 
     def velocity(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Velocity in world axes, (3,) [m/s].
@@ -328,7 +325,7 @@ class Point:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
         """
-        return self._functions["velocity"](q, v, self.offset, self._parameters)  # type: ignore[no-any-return]
+        return self._functions["velocity"](q, v, self.offset, self._parameters)
 
     def jacobian(self, q: ArrayLike) -> Array:
         """Jacobian J of the position: its velocity is J v, (3, n) [1, m].
@@ -336,7 +333,7 @@ class Point:
         Args:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
         """
-        return self._functions["jacobian"](q, self.offset, self._parameters)  # type: ignore[no-any-return]
+        return self._functions["jacobian"](q, self.offset, self._parameters)
 
 
 def poses_at(robot: Robot, q: ArrayLike) -> tuple[Array, Array]:

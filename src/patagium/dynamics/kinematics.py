@@ -195,6 +195,21 @@ def point_jacobian(robot: Robot, q: ca.SX, body: int, offset: ca.SX) -> ca.SX:
     return ca.jacobian(point_velocity(robot, q, v, body, offset), v)
 
 
+def add_wrench(
+    wrenches: dict[int, tuple[ca.SX, ca.SX]], body: int, force: ca.SX, moment: ca.SX
+) -> None:
+    """Add a force and a moment about a body's origin, (3, 1) each [N, N m], to those on the body.
+
+    Args:
+        wrenches: Force and moment for a body's index, body axes, (3, 1) each [N, N m].
+        body: Index of the body.
+        force: Further force, body axes, (3, 1) [N].
+        moment: Further moment about the body's origin, body axes, (3, 1) [N m].
+    """
+    total = wrenches.get(body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)))
+    wrenches[body] = (total[0] + force, total[1] + moment)
+
+
 def generalized_force(robot: Robot, q: ca.SX, wrenches: Mapping[int, tuple[ca.SX, ca.SX]]) -> ca.SX:
     """Generalized force of forces and moments on the bodies, (n, 1) [N, N m].
 

@@ -32,16 +32,14 @@ from math import ceil
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array, Bools, Indices
 from patagium.learning.learners.learner import Learner
 from patagium.learning.models.memory import ModelMemory, measured_inputs, network_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.scores import ErrorSums, persistence, span_scores
 from patagium.learning.wingbeats import duration, wingbeat_period
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Horizons = Mapping[str, float] | Sequence[float | str] | float | str | None
 
 MOST_FORECASTS = 100
@@ -188,7 +186,7 @@ class Repetition:
         share = np.clip((times - begin) / (end - begin), 0.0, 1.0)[:, None]
         return (1 - share) * self._values[after - 1] + share * self._values[after]
 
-    def _repeats(self, last: int, ahead: float, period: float) -> NDArray[np.bool_]:
+    def _repeats(self, last: int, ahead: float, period: float) -> Bools:
         """Whether repeating a signal erred less than holding it so far, (k,)."""
         beats = ceil(ahead / period - 1e-9) * period
         first, end = self._time[0] + beats, self._time[last] - ahead
@@ -331,10 +329,7 @@ class ForecastSums:
         return {f"{key} counts": counts, **sums}
 
     def resume(self, state: Mapping[str, Array]) -> None:
-        """Go on from sums.
-
-        Args:
-            state: As `state` gave it, of the same outputs.
+        """Go on from sums as `state` gave them, of the same outputs.
 
         Raises:
             KeyError: If a sum is missing.
@@ -391,12 +386,7 @@ class Forecaster:
         self._origins = set(last[thinned].tolist()) if len(last) else set()
 
     def before(self, begin: int, memory: ModelMemory) -> None:
-        """Forecast from the sample before an interval, if it is one of those chosen.
-
-        Args:
-            begin: First sample of the interval.
-            memory: Memory of the network at the sample before it.
-        """
+        """Forecast from the sample before an interval, if it is one of those chosen."""
         last = begin - 1
         if last not in self._origins:
             return

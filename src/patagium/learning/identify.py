@@ -11,9 +11,10 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
+from patagium.arrays import Array, Bools
 from patagium.errors import LogError, Outcome, ParameterError, ShapeError
 from patagium.learning.default_learner import choices, chosen_every, default_learner, table_every
 from patagium.learning.filters.misfit import unseen
@@ -34,8 +35,6 @@ from patagium.sensing.force.air_force import recorded, state_columns, training_d
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.sensing.logs.table import LogTable
 from patagium.simulation import gait_period, robot_of
-
-Array = NDArray[np.float64]
 
 
 @runtime_checkable
@@ -190,9 +189,7 @@ def compare(
     return Identification(with_verdict(scores), record, model, Outcome.COMPLETED, "")
 
 
-def _unseen_scores(
-    model: Trained, checks: Sequence[Check], heard: NDArray[np.bool_]
-) -> dict[str, Any]:
+def _unseen_scores(model: Trained, checks: Sequence[Check], heard: Bools) -> dict[str, Any]:
     """Share of the checks in flow that was not learned; nothing of models without `misfit`."""
     usual = getattr(model, "usual_std", None)
     error = getattr(model, "measurement_std", None)

@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
-from patagium.arrays import brief
+from patagium.arrays import Array, brief
 from patagium.errors import LogError, ParameterError, ShapeError, shown
 from patagium.learning.filters.misfit import widened
 from patagium.learning.filters.weight_covariance import (
@@ -33,8 +33,6 @@ from patagium.limits import free_memory
 from patagium.reading import json_object, made_again, text_of
 from patagium.version import __version__
 from patagium.whole_file import write_whole
-
-Array = NDArray[np.float64]
 
 FORMAT = "patagium model 2"
 

@@ -121,11 +121,7 @@ def _parameters(scores: Mapping[str, Any], record: xr.Dataset) -> list[PageSecti
 
 
 def summary(scores: Mapping[str, Any]) -> str:
-    """Summary of the scores in two sentences.
-
-    Args:
-        scores: Of an `Identification`.
-    """
+    """Summary of the scores in two sentences."""
     if "nmse_second_half_mean" not in scores:
         return str(scores["message"])
     words = (
@@ -139,11 +135,7 @@ def summary(scores: Mapping[str, Any]) -> str:
 
 
 def forecast_tables(scores: Mapping[str, Any]) -> list[Table]:
-    """Errors of the forecasts of each horizon and of their baselines.
-
-    Args:
-        scores: Of an `Identification`.
-    """
+    """Errors of the forecasts of each horizon and of their baselines."""
     heads = {
         "nmse": "forecast",
         "held": "held output",
@@ -172,11 +164,7 @@ def forecast_tables(scores: Mapping[str, Any]) -> list[Table]:
 
 
 def score_table(scores: Mapping[str, Any]) -> Table:
-    """Errors and coverage of each output that is not silent.
-
-    Args:
-        scores: Of an `Identification`.
-    """
+    """Errors and coverage of each output that is not silent."""
     columns = {
         "NMSE, whole run [1]": "nmse",
         "second half [1]": "nmse_second_half",
@@ -259,23 +247,9 @@ def _compared(record: xr.Dataset) -> Figure:
 
 
 def result_snippet(record: xr.Dataset, facts: Mapping[str, str]) -> str:
-    """Result of an identification as a notebook shows it, in HTML.
-
-    Args:
-        record: Predictions and measurements.
-        facts: Main scores by name.
-    """
+    """Result of an identification as a notebook shows it, in HTML."""
     loud = record["measurement"].std("time").values.argsort()[::-1]
-    chosen = record.isel(output=loud[:2])
-    figure = comparison(
-        record["time"].values,
-        chosen["measurement"].values,
-        {"predicted": chosen["prediction"].values},
-        names=[str(name) for name in chosen["output"].values],
-        units=[str(unit) for unit in chosen["unit"].values],
-        truth_name="measured",
-    )
-    return snippet("Identification", facts, figure)
+    return snippet("Identification", facts, _compared(record.isel(output=loud[:2])))
 
 
 def _innovation_picture(scores: Mapping[str, Any], record: xr.Dataset) -> Any:

@@ -7,14 +7,13 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning.model_file import Model
 from patagium.learning.models.network import Network
 from patagium.learning.models.physical import Estimate, physical_estimates
 from patagium.report import Table
 
-Array = NDArray[np.float64]
 _FIELDS = ("value", "std", "prior", "prior_std")
 
 
@@ -34,11 +33,7 @@ class Trained(Protocol):
 
 
 def estimates_of(trained: Trained) -> tuple[Estimate, ...]:
-    """Physical parameters as a learner or a model from a file knows them; may be none.
-
-    Args:
-        trained: The learner or model.
-    """
+    """Physical parameters as a learner or a model from a file knows them; may be none."""
     if not physical_estimates(trained.network, trained.weights):
         return ()
     variances = getattr(trained, "variances", None)
@@ -48,11 +43,7 @@ def estimates_of(trained: Trained) -> tuple[Estimate, ...]:
 
 
 def parameter_scores(estimates: Sequence[Estimate]) -> dict[str, Any]:
-    """Physical parameters as JSON values: parameter_value, ... by name of the parameter.
-
-    Args:
-        estimates: May be none.
-    """
+    """Physical parameters as JSON values: parameter_value, ... by name of the parameter."""
     if not estimates:
         return {}
     fields = ("unit", *_FIELDS)
@@ -63,11 +54,7 @@ def parameter_scores(estimates: Sequence[Estimate]) -> dict[str, Any]:
 
 
 def parameter_paths(estimates: Sequence[Sequence[Estimate]]) -> dict[str, xr.DataArray]:
-    """Parameters after each update, (update_time, parameter), in their units.
-
-    Args:
-        estimates: After each update; may be none.
-    """
+    """Parameters after each update, (update_time, parameter), in their units."""
     if not estimates or not estimates[0]:
         return {}
     units = [found.unit for found in estimates[0]]
@@ -85,11 +72,7 @@ def parameter_paths(estimates: Sequence[Sequence[Estimate]]) -> dict[str, xr.Dat
 
 
 def parameter_table(scores: Mapping[str, Any]) -> Table | None:
-    """Table of the parameters and of what was known of them before; None where there are none.
-
-    Args:
-        scores: Of an `Identification`.
-    """
+    """Table of the parameters and of what was known of them before; None where there are none."""
     if "parameter_value" not in scores:
         return None
     rows = [

@@ -22,8 +22,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.dynamics.kinematics import coordinate_rates
 from patagium.errors import PatagiumError
 from patagium.learning.forecast import FrozenModel, Motion, Repetition
@@ -32,8 +32,6 @@ from patagium.learning.models.network import Network, flight_terms
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import SampleForm, recorded
 from patagium.simulation import added_mass_of
-
-Array = NDArray[np.float64]
 
 _SLOPE = 1e-4  # m/s and rad/s, difference by which the slope of the force is found
 

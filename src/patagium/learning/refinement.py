@@ -12,21 +12,19 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
 
 from patagium.arguments import checked
-from patagium.arrays import real_array
+from patagium.arrays import Array, Indices, real_array
 from patagium.errors import FilterDiverged, Outcome, ParameterError, ShapeError
 from patagium.learning.filters.weight_covariance import block_covariance
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.model_file import Model, model_of
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
-from patagium.learning.models.structure import Indices
 from patagium.learning.stream import gap_starts, used_samples
 
-Array = NDArray[np.float64]
 _CLOSE = 0.01  # steps shorter than that, in deviations, are the last
 _HALVINGS = 8
 

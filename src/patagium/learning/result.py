@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from patagium.arrays import Array
 from patagium.errors import LogError, Outcome
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
@@ -25,8 +26,6 @@ from patagium.reading import json_object, made_again
 
 if TYPE_CHECKING:
     from patagium.report import Picture
-
-Array = NDArray[np.float64]
 
 UPDATED = {"innovation": 2, "innovation_std": 2, "nis": 1, "weights_norm": 1, "largest_variance": 1}
 """Arrays that a record keeps over the updates, with their number of dimensions."""

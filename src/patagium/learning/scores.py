@@ -12,13 +12,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import gammaincinv, ndtri
 
+from patagium.arrays import Array, Bools
 from patagium.errors import ShapeError
-
-Array = NDArray[np.float64]
-Chosen = NDArray[np.bool_]
 
 SILENT_RATIO = 1e-9
 """An output is silent when its std is at most this share of the largest rms of all outputs."""
@@ -97,7 +95,7 @@ class ErrorSums:
         return np.asarray(square / np.where(count > 0, count, 1.0) + mean**2)
 
     @property
-    def silent(self) -> Chosen:
+    def silent(self) -> Bools:
         """Outputs that never move: std_i <= 1e-9 max_j rms_j, (n_y,)."""
         count, _, square = self.sums[:3]
         std = np.sqrt(square / np.where(count > 0, count, 1.0))
@@ -206,7 +204,7 @@ class InnovationSums:
         self.totals, self.products = np.zeros(3), np.zeros((3, outputs))
         self.last = np.full(outputs, np.nan)
 
-    def add(self, innovation: Array, std: Array, nis: Array, heard: Chosen) -> None:
+    def add(self, innovation: Array, std: Array, nis: Array, heard: Bools) -> None:
         """Count updates.
 
         Args:
@@ -228,7 +226,7 @@ class InnovationSums:
         self.products += [(before * after).sum(0), (before**2).sum(0), (after**2).sum(0)]
         self.last = scaled[-1]
 
-    def scores(self, names: Sequence[str], heard: Chosen) -> dict[str, Any]:
+    def scores(self, names: Sequence[str], heard: Bools) -> dict[str, Any]:
         """Calibration of the filter in numbers.
 
         Args:
@@ -272,13 +270,13 @@ class Scorer:
         self._innovations = InnovationSums(outputs)
 
     @property
-    def silent(self) -> Chosen:
+    def silent(self) -> Bools:
         """Outputs that have not moved so far, (n_y,); none before a sample."""
         if not self.samples:
             return np.zeros(len(self.names), bool)
         return self._errors[_WHOLE].silent
 
-    def add_predictions(self, y: Array, prediction: Array, held: Array, late: Chosen) -> None:
+    def add_predictions(self, y: Array, prediction: Array, held: Array, late: Bools) -> None:
         """Count samples.
 
         Args:
@@ -291,7 +289,7 @@ class Scorer:
         self._errors[_LATE].add(y[late], prediction[late], held[late])
         self.samples += len(y)
 
-    def add_checks(self, error: Array, std: Array, late: Chosen) -> None:
+    def add_checks(self, error: Array, std: Array, late: Bools) -> None:
         """Count checks of the predicted interval.
 
         Args:
@@ -358,10 +356,7 @@ class Scorer:
         }
 
     def resume(self, state: Mapping[str, Array]) -> None:
-        """Go on from sums.
-
-        Args:
-            state: As `state` gave it, of the same outputs.
+        """Go on from sums as `state` gave them, of the same outputs.
 
         Raises:
             KeyError: If a sum is missing.
@@ -477,11 +472,7 @@ def mean_heard(values: Array) -> float:
 
 
 def json_ready(value: Any) -> Any:
-    """Scores as JSON values; JSON knows no nan, which becomes null.
-
-    Args:
-        value: A score, or scores nested in mappings and sequences.
-    """
+    """Scores as JSON values; JSON knows no nan, which becomes null."""
     if isinstance(value, Mapping):
         return {str(key): json_ready(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, np.ndarray)):

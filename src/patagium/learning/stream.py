@@ -17,10 +17,10 @@ from typing import Any, NamedTuple, Protocol, TypedDict, Unpack
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
-from patagium.arrays import real_array, rising
+from patagium.arrays import Array, Indices, real_array, rising
 from patagium.errors import FilterDiverged, LogError, Outcome, ParameterError, ShapeError
 from patagium.learning.forecast import Forecaster, ForecastSums, Horizons, Motion, named_horizons
 from patagium.learning.learners.filter_learner import FilterLearner
@@ -33,8 +33,6 @@ from patagium.learning.result import UPDATED, Check, Identification, check, reco
 from patagium.learning.scores import Scorer, persistence
 from patagium.learning.verdict import physics_scores, with_verdict
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Progress = Callable[[int, int], None]
 
 MOST_CHECKS = 500
@@ -129,11 +127,7 @@ def check_samples(intervals: list[Hold]) -> list[tuple[int, ...]]:
 
 
 def late_samples(count: int) -> Indices:
-    """Samples of the second half, thinned, on which physics alone is scored.
-
-    Args:
-        count: Number of samples.
-    """
+    """Samples of the second half, thinned, on which physics alone is scored."""
     return thin(np.arange(count // 2, count), MOST_CHECKS)
 
 
@@ -572,11 +566,7 @@ def forecasters(
 
 
 def forecast_scores(sums: Sequence[ForecastSums]) -> dict[str, Any]:
-    """Errors of all horizons by name.
-
-    Args:
-        sums: Errors of each horizon.
-    """
+    """Errors of all horizons by name."""
     return {name: value for one in sums for name, value in one.scores().items()}
 
 

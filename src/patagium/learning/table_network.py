@@ -9,13 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import LogError
 from patagium.learning.models.dense import DenseNetwork
 from patagium.sensing.logs.table import LogTable
-
-Array = NDArray[np.float64]
 
 SCALING_TIME, SCALING_SAMPLES = 1.0, 50
 """Time [s] and least number of the samples that scale columns without a stated range."""

@@ -10,15 +10,13 @@ from math import isfinite, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from patagium.arrays import Array
 from patagium.errors import Outcome
 from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.network import Network
 from patagium.learning.scores import INTERVAL, ErrorSums
-
-Array = NDArray[np.float64]
 
 _RIGHT = 0.88, 0.99  # shares in the 95 % interval that are about right
 _NIS = 3.0  # times too large or too small
@@ -27,11 +25,7 @@ _UNSEEN = 0.05  # share of samples in unseen flow
 
 
 def with_verdict(scores: Mapping[str, Any]) -> dict[str, Any]:
-    """Scores, and the verdict on them as "verdict": sentences, warnings last.
-
-    Args:
-        scores: Of an `Identification`.
-    """
+    """Scores, and the verdict on them as "verdict": sentences, warnings last."""
     done = scores["outcome"] == Outcome.COMPLETED.name and "nmse_second_half" in scores
     words = [*_interval_words(scores), *_warnings(scores)] if done else []
     return {**scores, "verdict": words}

@@ -8,13 +8,11 @@ within the log, of which the mean is found; inputs that repeat themselves less t
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import detrend
 
+from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.robot.units import UnitMismatch, in_si
-
-Array = NDArray[np.float64]
 
 ALIKE = 0.6
 """Least autocorrelation one period later at which inputs are said to repeat themselves."""

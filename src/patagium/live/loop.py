@@ -15,14 +15,12 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import Outcome
 from patagium.learning.scores import ErrorSums, IntervalSums
 from patagium.live.pipeline import Pipeline, Records
 from patagium.live.sources import PacketQueue
-
-Array = NDArray[np.float64]
 
 BLOCK = 512
 """Largest number of packets that go through the pipeline in one call."""

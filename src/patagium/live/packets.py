@@ -36,15 +36,13 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError, Unreadable
 from patagium.live.raw_sensors import sensor_rows, sensors_text
 from patagium.reading import regular_file
 from patagium.sensing.force.air_force import PARTS
 from patagium.sensing.sensors import SensorLog
-
-Array = NDArray[np.float64]
 
 LARGEST_DATAGRAM = 65507
 """Largest payload of UDP [B]."""

@@ -15,8 +15,8 @@ from time import perf_counter
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import FilterDiverged, LogError, ParameterError
 from patagium.reading import json_object, made_again
 from patagium.robot import Robot
@@ -29,8 +29,6 @@ from patagium.sensing.motion.sensor_streams import common_times, streams_of
 from patagium.sensing.sensors import Encoder, Imu, MotionCapture, MotorCurrent, Sensor, SensorLog
 from patagium.sensing.sensors.joints import joint_names
 from patagium.sensing.sensors.sense import sensor_from
-
-Array = NDArray[np.float64]
 
 LAG = 0.02
 """Time that the motion is behind the last samples, which the tracker smooths over [s]."""
@@ -92,11 +90,7 @@ def sensor_rows(log: SensorLog) -> Array:
 
 
 def sensors_text(log: SensorLog) -> str:
-    """Description of the sensors that a sender of raw rows begins with, as JSON.
-
-    Args:
-        log: A log of these sensors.
-    """
+    """Description of the sensors that a sender of raw rows begins with, as JSON."""
     described = {name: log.sensors[name].describe() for name in log.readings}
     return json.dumps({"sensors": described, "mount": log.mount})
 

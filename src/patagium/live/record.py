@@ -16,16 +16,14 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning.scores import json_ready
 from patagium.live.pipeline import Pipeline, Records
 from patagium.netcdf_file import NetcdfDraft
 from patagium.sensing.force.air_force import PARTS, packet_parts
 from patagium.simulation import quantities
 from patagium.version import __version__
-
-Array = NDArray[np.float64]
 
 FORMAT = "patagium stream 1"
 _AT_ONCE = 4096

@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError
 from patagium.live.packets import LARGEST_DATAGRAM, DatagramPackets, Intake, TextPackets, read_key
 from patagium.live.raw_sensors import MotionPackets, sensor_rows, sensors_text
@@ -29,8 +29,6 @@ from patagium.robot import Robot
 from patagium.sensing.logs.record import LogRecord, is_log
 from patagium.sensing.sensors import SensorLog, load_sensor_log
 from patagium.sensing.sensors.sense import is_sensor_log
-
-Array = NDArray[np.float64]
 
 _PIECE = 1 << 20
 _ROWS = 1 << 14

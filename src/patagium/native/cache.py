@@ -158,9 +158,6 @@ def _fault(status: os.stat_result) -> str:
 def load_library(name: str) -> Library | None:
     """Library that a record names, checked once per process.
 
-    Args:
-        name: Hash of what record and library depend on.
-
     Returns:
         The library; None where there is none that can be trusted and loaded, which is told.
     """

@@ -92,12 +92,7 @@ def _works(command: Sequence[str]) -> bool:
 
 @functools.cache
 def compiler_accepts(compiler: tuple[str, ...], flag: str) -> bool:
-    """Whether a compiler knows a flag.
-
-    Args:
-        compiler: The compiler and its arguments.
-        flag: One of its options.
-    """
+    """Whether a compiler knows a flag."""
     command = [*compiler, flag, "-Werror", "-fsyntax-only", "-x", "c", os.devnull]
     return subprocess.run(command, capture_output=True).returncode == 0
 
@@ -135,11 +130,7 @@ def _announce_fallback(choice: str) -> None:
 
 
 def machine_identity(compiler: Sequence[str]) -> str:
-    """Text that identifies compiler and processor, on which a binary depends as on its source.
-
-    Args:
-        compiler: The compiler and its arguments.
-    """
+    """Text that identifies compiler and processor, on which a binary depends as on its source."""
     return _identity(tuple(compiler))
 
 

@@ -16,13 +16,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from patagium.arrays import Array
 from patagium.errors import ParameterError, ShapeError
 from patagium.native.emit import SHARED_SUFFIX
 
 Shape = tuple[int, int]
-Array = NDArray[np.float64]
 _LANES = 8  # of the widest vectors there are; a multiple of all others
 _LARGEST_SPARE = 2**24
 """Memory of batches up to this size is used again when nobody looks at it any more [B]."""

@@ -16,14 +16,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from patagium.arrays import Array
 from patagium.errors import FlightError, ParameterError, ShapeError
 from patagium.report.page import draw
 from patagium.report.style import TRUTH, color, dash, envelope, legend_above, panels, styled, width
 from patagium.whole_file import write_whole
-
-Array = NDArray[np.float64]
 
 
 def save_figure(figure: Figure, path: str | Path) -> Path:
@@ -296,7 +295,7 @@ _ATTITUDE = ("roll", "pitch", "yaw")
 _QUATERNION = ("qw", "qx", "qy", "qz")
 _ABOVE, _BEHIND = (1, 0), (1, 2)  # the two axes of a view, across then up the page
 
-_Group: TypeAlias = tuple[str, str, dict[str, NDArray[np.float64]]]
+_Group: TypeAlias = tuple[str, str, dict[str, Array]]
 
 
 class Hinge(NamedTuple):

@@ -19,12 +19,10 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.report.style import COLORS, SCENE, TRUTH
 from patagium.whole_file import write_whole
-
-Array = NDArray[np.float64]
 
 _SCRIPTS = (*("flight.js", "pace.js", "view.js", "paths.js", "arrows.js", "plots.js", "player.js"),)
 
@@ -159,10 +157,6 @@ class Replay:
 
 def write_replay(path: str | Path, replay: Replay) -> Path:
     """The page of a flight, written whole or not at all.
-
-    Args:
-        path: File to write, in a folder that is there.
-        replay: What to show.
 
     Returns:
         The path written.

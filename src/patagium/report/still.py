@@ -17,13 +17,12 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from patagium.arrays import Array
 from patagium.report.replay_page import Replay
 from patagium.report.style import COLORS, SCENE, TRUTH, round_down, styled, width
-
-Array = NDArray[np.float64]
 
 _SUN = np.array([-0.4, -0.7, 1.4]) / np.linalg.norm([-0.4, -0.7, 1.4])
 _AROUND, _ALONG = 28, 18  # faces around and along what is round
@@ -263,12 +262,7 @@ _LONGEST = 0.5  # arrow, but for the largest 2 %, over what the robot reaches
 
 @styled
 def room_of(replay: Replay, frames: Sequence[int]) -> Array:
-    """Corners of the robot at some frames, relative to its origin, (N, 3) [m].
-
-    Args:
-        replay: What is to be shown.
-        frames: Which of its times.
-    """
+    """Corners of the robot at some frames, relative to its origin, (N, 3) [m]."""
     return np.concatenate([_Bodies(replay, k).points() - replay.origin[k] for k in frames])
 
 

@@ -22,6 +22,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import ParameterError, ShapeError
 
 TRUTH = "#1a1a1a"
@@ -205,9 +206,7 @@ def legend_columns(labels: Sequence[str]) -> int:
 _HANDLE, _LETTER = 0.65, 0.075  # inches of a legend's key and of a wide letter
 
 
-def envelope(
-    time: NDArray[np.float64], values: NDArray[np.float64], limit: int = 1600
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def envelope(time: Array, values: Array, limit: int = 1600) -> tuple[Array, Array]:
     """A long signal thinned for drawing, its peaks kept.
 
     Each run of samples gives its smallest and its largest, in the order they came.

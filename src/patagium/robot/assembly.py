@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import ParameterError, similar
 from patagium.limits import LEAST_INERTIA
 from patagium.robot.attitude import rotation_from_angles
@@ -510,9 +510,6 @@ def with_file_parameters(robot: Robot, parameters: Mapping[str, float]) -> Robot
     except ParameterError as error:
         path = f"parameters.{error.name}"
         raise AssemblyError((path, error.expected, repr(error.found))) from None
-
-
-Array = NDArray[np.float64]
 
 
 def cut_wing(wing: WingPart, body_index: dict[str, int]) -> Iterator[Strip]:

@@ -9,9 +9,9 @@ at a pitch of 90 degrees, where only yaw - roll or yaw + roll means anything.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from patagium.arrays import Array
 
 
 def quaternion_from_angles(angles: ArrayLike) -> Array:

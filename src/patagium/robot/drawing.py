@@ -9,15 +9,14 @@ from math import degrees
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from patagium.arrays import Array
 from patagium.report.figures import Hinge, machine
 from patagium.robot.model import Joint, Robot
 from patagium.robot.planform import mirrored_bodies, placed, poses, strip_corners, wing_span
 from patagium.robot.solids import solids, surface_points
 from patagium.robot.strip_chains import strip_chains
-
-Array = NDArray[np.float64]
 
 
 def draw_robot(robot: Robot, q: ArrayLike | None = None) -> Figure:

@@ -15,11 +15,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.robot.schema import BodyPart, FlexiblePart, JointPart, Plate
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arrays import Array
 from patagium.errors import LinkageError, ParameterError
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _TOLERANCE = 1e-12  # closure error relative to the longest bar

@@ -16,9 +16,9 @@ from typing import Any, Literal, TypeAlias
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from patagium.arrays import real_array
+from patagium.arrays import Array, real_array
 from patagium.errors import ParameterError
 from patagium.robot.amendment import amended_source, composed_source, source_with_attitude
 from patagium.robot.attitude import quaternion_from_angles, rotation_from_angles
@@ -350,7 +350,7 @@ class Robot:
         return tuple(name for name, value in _leaves(self) if value != 0.0)
 
     @property
-    def parameters(self) -> NDArray[np.float64]:
+    def parameters(self) -> Array:
         """Values of the run-time parameters, (n_p,) [SI].
 
         A number that is exactly zero in the robot file is structure, not a
@@ -426,7 +426,7 @@ class Robot:
             raise ParameterError("attitude", "coordinates named once", f"{taken[0]} again")
         return other
 
-    def coordinates(self, **values: float) -> NDArray[np.float64]:
+    def coordinates(self, **values: float) -> Array:
         """Generalized coordinates, zero but for those named, (n_q,).
 
         Attitudes are given as roll, pitch and yaw, whatever the coordinates are.
@@ -444,7 +444,7 @@ class Robot:
                 q[list(self.floating_coordinates(body)[3:])] = quaternion_from_angles(angles)
         return q
 
-    def velocities(self, **values: float) -> NDArray[np.float64]:
+    def velocities(self, **values: float) -> Array:
         """Generalized velocities, zero but for those named, (n,).
 
         Raises:

@@ -9,13 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from patagium.arrays import Array
 from patagium.errors import ShapeError
 from patagium.robot.attitude import rotation_from_quaternion
 from patagium.robot.model import Body, Robot, Strip
-
-Array = NDArray[np.float64]
 
 
 def poses(robot: Robot, q: ArrayLike | None = None) -> list[tuple[Array, Array]]:

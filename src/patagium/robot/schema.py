@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -21,6 +20,7 @@ from pydantic import (
     model_validator,
 )
 
+from patagium.arrays import Array
 from patagium.limits import LEAST_MASS
 from patagium.robot.model import CAPACITIES, capacity_units
 
@@ -71,7 +71,7 @@ Direction: TypeAlias = Annotated[
     tuple[float, float, float], BeforeValidator(_unit_vector), Field(examples=["y"])
 ]
 PositiveLength: TypeAlias = Annotated[Length, AfterValidator(_positive)]
-Tensor: TypeAlias = NDArray[np.float64]
+Tensor: TypeAlias = Array
 _ORIGIN = (0.0, 0.0, 0.0)
 
 
@@ -90,7 +90,7 @@ def is_physical(tensor: Tensor) -> bool:
     return bool(moments[0] >= -rounding and moments[0] + moments[1] >= moments[2] - rounding)
 
 
-def _from_second_moments(second: NDArray[np.float64]) -> Tensor:
+def _from_second_moments(second: Array) -> Tensor:
     return np.asarray(np.diag(second.sum() - second))
 
 

@@ -12,14 +12,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from patagium.arrays import Array
 from patagium.robot.model import Body, Robot, Strip
 from patagium.robot.planform import wing_span
 from patagium.robot.schema import Box, Cylinder, Ellipsoid, Plate, PointMass, RobotFile
-
-Array = NDArray[np.float64]
 
 _BONE = 0.008  # radius of a bone over the span
 _STOUTNESS = 0.02  # the same over its own length, at least

@@ -11,12 +11,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.robot.model import Robot
 from patagium.robot.planform import placed, poses
-
-Array = NDArray[np.float64]
 
 JOINED = 0.5
 """Gap below which the ends of two strips are one, over their mean chord."""

@@ -12,12 +12,9 @@ import json
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from patagium.aerodynamics.description import innermost
 from patagium.robot import Robot
-
-Array = NDArray[np.float64]
 
 LARGEST_COEFFICIENT = 4.0
 """Force on a strip over area and dynamic pressure that no section reaches [1]."""

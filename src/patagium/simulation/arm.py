@@ -14,12 +14,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from patagium.arrays import Array
 from patagium.dynamics.chain import cross
 from patagium.dynamics.equations import damping_force, inverse
 from patagium.dynamics.kinematics import body_poses, body_velocities
@@ -30,8 +31,6 @@ from patagium.robot.attitude import body_accelerations, body_rates, rotation_fro
 from patagium.robot.model import Axis
 from patagium.simulation.gait_models import Gait, PrescribedMotion
 from patagium.simulation.paths import Path, span_of
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 class Tool:

@@ -8,15 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.errors import FlightError, ParameterError
 from patagium.robot import Robot
 from patagium.robot.attitude import angles_from_quaternion
 from patagium.simulation.flight import gait_period, robot_of
-
-Array = NDArray[np.float64]
 
 GRAM_FORCE = 9.80665e-3
 """Weight of a gram in standard gravity [N]."""

@@ -15,16 +15,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, Air, LiftingLine
 from patagium.aerodynamics.added_mass import added_mass_from_description
 from patagium.aerodynamics.description import aero_from_description
 from patagium.arguments import checked, of_kind
+from patagium.arrays import Array
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, Outcome
 from patagium.netcdf_file import loaded_dataset, netcdf_content, write_netcdf
@@ -37,8 +37,6 @@ from patagium.simulation.flight_equations import LOAD_CELLS, STRIP_WIND
 from patagium.simulation.mounts import InternalLoadCell
 from patagium.simulation.state_layout import ADDED_WORK, WORKS
 from patagium.version import __version__
-
-Array: TypeAlias = NDArray[np.float64]
 
 AXES = ("x", "y", "z")
 WRENCH = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
@@ -496,8 +494,9 @@ def load_flight(path: str | Path) -> xr.Dataset:
     path = Path(path)
     flight = loaded_dataset(path, FlightError, "a flight such as patagium simulate writes")
     if str(flight.attrs.get("format", "")).startswith("patagium log"):
-        raise FlightError(f"{path}: expected a simulated flight, found an imported log, which "
-                          "`pt.load_log` reads")  # fmt: skip
+        raise FlightError(
+            f"{path}: expected a simulated flight, found an imported log, which `pt.load_log` reads"
+        )
     with netcdf_content(path, FlightError, "a whole flight"):
         for name in SINGLE:
             if name in flight and flight[name].dtype == np.float32:

@@ -11,16 +11,14 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import Inflow
+from patagium.arrays import Array
 from patagium.dynamics.dynamics import poses_at
 from patagium.robot import Robot
 from patagium.robot.model import CAPACITIES, capacity_units
 from patagium.simulation.air_audit import air_findings
 from patagium.simulation.flight import gait_period, robot_of
-
-Array = NDArray[np.float64]
 
 TUMBLE = np.radians(80.0)
 """Roll or pitch from which on a robot tumbles [rad]."""

@@ -16,19 +16,18 @@ from functools import reduce
 from io import StringIO
 from operator import add
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from patagium.arrays import Array, Bools
 from patagium.errors import LogError, ParameterError
 from patagium.limits import LARGEST, TABLE_FILE
 from patagium.reading import text_of
 from patagium.robot import Robot
 from patagium.robot.linkage import Linkage
 from patagium.robot.units import UnitMismatch, in_si
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -143,8 +142,8 @@ class LinkageGait:
     frequency: float
     linkage: Linkage
     offset: Array
-    plunge: NDArray[np.bool_]
-    elbow: NDArray[np.bool_]
+    plunge: Bools
+    elbow: Bools
 
     @property
     def period(self) -> float | None:
@@ -352,12 +351,6 @@ def _joint_unit(robot: Robot, name: str) -> str:
 
 def unit_factor(path: Path, name: str, unit: str, si: str) -> float:
     """Factor that converts a column to SI.
-
-    Args:
-        path: The file, for the message.
-        name: The column.
-        unit: Its unit as written.
-        si: The SI unit wanted.
 
     Raises:
         LogError: If there is no unit, or one of another dimension.

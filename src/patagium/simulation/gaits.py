@@ -15,12 +15,12 @@ from typing import TypeVar
 import numpy as np
 
 from patagium.arguments import checked, of_kind
+from patagium.arrays import Array
 from patagium.errors import ParameterError, finite, positive, suggest_names
 from patagium.robot import Robot
 from patagium.robot.linkage import Linkage
 from patagium.simulation.arm import carried_gait
 from patagium.simulation.gait_models import (
-    Array,
     FourierGait,
     Gait,
     LinkageGait,

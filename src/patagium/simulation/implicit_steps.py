@@ -12,10 +12,10 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lu_factor, lu_solve
 
-Array: TypeAlias = NDArray[np.float64]
+from patagium.arrays import Array
+
 Rate: TypeAlias = Callable[[Array, int], Array]
 
 _STAGES = np.array([[2, -4, 2], [2, 5, -1], [2, 8, 2]]) / 12

@@ -216,11 +216,6 @@ class InternalLoadCell:
 def check_cells(robot: Robot, cells: Sequence[InternalLoadCell], held: bool) -> None:
     """Refuse cells that the robot cannot carry.
 
-    Args:
-        robot: The machine.
-        cells: Where they are.
-        held: Whether something holds a floating body.
-
     Raises:
         ParameterError: If a name is neither body nor joint, a place comes twice, or a cell
             is to hold a body that nothing holds.

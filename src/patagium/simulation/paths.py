@@ -18,11 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
-from patagium.arrays import real_array
+from patagium.arrays import Array, real_array
 from patagium.errors import LogError, ParameterError, ShapeError, finite, positive, suggest_names
 from patagium.robot.model import FLOATING_COORDINATES, finite_triple
 from patagium.simulation.gait_models import (
-    Array,
     FourierGait,
     Gait,
     PrescribedMotion,

@@ -15,15 +15,13 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics.gusts import GUST_COMPONENTS, CubicPieces, gusts_at_strips
+from patagium.arrays import Array
 from patagium.errors import Interrupted, Outcome
 from patagium.native import NativeFunction, load_kernel
 from patagium.scratch import release, room_for
 from patagium.simulation.implicit_steps import LobattoStep, Rate
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

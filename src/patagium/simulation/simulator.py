@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.arguments import checked
-from patagium.arrays import real_array
+from patagium.arrays import Array, real_array
 from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFailed, positive
 from patagium.limits import MOST_STEPS
 from patagium.native import load_functions
@@ -31,7 +31,6 @@ from patagium.simulation.gaits import Gait, PrescribedMotion, check_gait
 from patagium.simulation.mounts import InternalLoadCell, Mount, check_cells, mount_of
 from patagium.simulation.paths import Path
 from patagium.simulation.runge_kutta import (
-    Array,
     Equations,
     GustField,
     Integration,

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
+from patagium.arrays import Array
 from patagium.robot import Robot
 from patagium.simulation.mounts import (
     InternalLoadCell,
@@ -27,8 +27,6 @@ from patagium.simulation.mounts import (
     on_massless_mount,
     with_load_cells,
 )
-
-Array = NDArray[np.float64]
 
 WORKS = ("joint_work", "air_work", "damping_work", "mount_work")
 ADDED_WORK = "added_mass_work"

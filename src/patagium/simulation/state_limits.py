@@ -20,10 +20,11 @@ from math import ceil, floor, log10
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import Outcome, ParameterError
 from patagium.robot import Robot
 from patagium.simulation.implicit_steps import rate_jacobian
-from patagium.simulation.runge_kutta import Array, Equations, IntegrationResult, integrate
+from patagium.simulation.runge_kutta import Equations, IntegrationResult, integrate
 
 REACH = 200
 """Steps before the break that are looked at."""
@@ -255,12 +256,7 @@ def limits(
 
 
 def singular_places(machine: Robot, coordinates: tuple[int, ...]) -> tuple[int, ...]:
-    """Places in the state of the pitch angles that are integrated.
-
-    Args:
-        machine: The machine.
-        coordinates: Places in q of what is integrated.
-    """
+    """Places in the state of the pitch angles that are integrated."""
     floating = [body for body in machine.bodies if body.floating_dofs is not None]
     angled = [machine.floating_coordinates(body) for body in floating if not body.by_quaternion]
     pitches = {places[4] for places in angled}

@@ -19,13 +19,12 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from patagium.arrays import Array
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import LogError, ParameterError
 from patagium.simulation import robot_of
 from patagium.version import __version__
 from patagium.whole_file import whole_file
-
-Array = NDArray[np.float64]
 
 
 class Topic(NamedTuple):

@@ -81,10 +81,6 @@ class Door:
     def allow(self, control: Any, accepts: Callable[[Any], bool] = bool) -> Any:
         """Let messages of a control in.
 
-        Args:
-            control: Slider, button or command of viser.
-            accepts: Whether it may have a value.
-
         Returns:
             The control.
         """
@@ -116,11 +112,7 @@ class Door:
             raise ParameterError("viser", "a server of websockets", "another")
 
     def problem(self, request: Request) -> str | None:
-        """Reason why a request is refused; None if it is let in.
-
-        Args:
-            request: Request for the page or its WebSocket.
-        """
+        """Reason why a request is refused; None if it is let in."""
         hosts = request.headers.get_all("Host")
         origins = request.headers.get_all("Origin")
         if len(hosts) != 1 or not self._is_own(hosts[0].lower()):

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import Outcome
 from patagium.learning.models.network import flight_terms
 from patagium.live.loop import Counters
@@ -29,8 +29,6 @@ from patagium.simulation.simulator import Simulator
 from patagium.simulation.steered_gait import SteeredGait
 from patagium.viewer.live_frames import Feed, Steering, Subject, records_without_learner
 from patagium.viewer.live_view import PERIOD, LiveView
-
-Array = NDArray[np.float64]
 
 LONGEST = 0.03
 """Flight that is integrated in one piece at most [s]."""
@@ -101,10 +99,6 @@ class LiveFlight:
 
     def fly(self, stop: threading.Event, look: Callable[[], object] | None = None) -> xr.Dataset:
         """Fly to the end, or until somebody stops it; the flight since it last began.
-
-        Args:
-            stop: Ends it.
-            look: Called with every frame.
 
         Returns:
             What was flown.

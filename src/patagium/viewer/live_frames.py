@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import LogError
 from patagium.learning.learners.learner import Learner
 from patagium.learning.models.network import Network
@@ -25,7 +26,6 @@ from patagium.live.pipeline import Records
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import packet_parts
 
-Array = NDArray[np.float64]
 Letter = Any
 """One record (`np.void`) of a mailbox's layout."""
 

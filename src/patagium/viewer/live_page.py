@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 import viser
 from jinja2 import Environment, StrictUndefined, Template
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.dynamics.dynamics import Poses
 from patagium.learning.scores import INTERVAL
 from patagium.report.still import solid_faces
@@ -32,7 +32,6 @@ from patagium.viewer.live_frames import FORCES, Mailbox, Steering, Subject, mess
 from patagium.viewer.predicted_forces import strip_force_network
 from patagium.viewer.replay import center_of_mass, quaternions
 
-Array = NDArray[np.float64]
 Row = tuple[str, str]
 
 

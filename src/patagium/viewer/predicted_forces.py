@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import LogError, ShapeError
 from patagium.learning.identify import samples
 from patagium.learning.model_file import Model
@@ -28,7 +29,6 @@ from patagium.learning.parameter_paths import Trained
 from patagium.learning.result import Identification
 from patagium.robot import Robot
 
-Array = NDArray[np.float64]
 Frames = NDArray[np.int64]
 Predicted: TypeAlias = Trained | Identification
 

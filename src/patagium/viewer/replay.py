@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, ParameterError
 from patagium.report.figures import events_of, off_reference
@@ -31,8 +32,6 @@ from patagium.robot.solids import Solid, carried_body, solids, tube, wing_tips
 from patagium.simulation import carrier_of, gait_period, robot_of
 from patagium.simulation.flight import Carrier
 from patagium.viewer.predicted_forces import Frames, Predicted, Prediction, predict_flight
-
-Array = NDArray[np.float64]
 
 
 class CarryingArm(NamedTuple):

@@ -14,8 +14,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import Outcome
 from patagium.learning.filters.blocks import BLOCKS, WHOLE, Roots, blocks_in, lower_roots
 from patagium.learning.filters.kernel_memory import (
@@ -39,7 +39,6 @@ from patagium.learning.models.structure import blocks_of
 from patagium.native import load_kernel
 from patagium.native.structs import EXTENDED_FILTER, NODE_FILTER, PANEL_FILTER
 
-Array = NDArray[np.float64]
 _WIDE = 8
 _TYPES = {
     "cubature": PANEL_FILTER.type,
@@ -52,10 +51,6 @@ def structure_and_kernel(
     numbers: FilterNumbers, compiled: bool = True
 ) -> tuple[Structure, BlockKernel | None]:
     """Covariance structure of a filter, and its kernel.
-
-    Args:
-        numbers: Numbers of the filter.
-        compiled: Whether to compile what can be compiled.
 
     Returns:
         Structure, and the kernel that learns a whole sample; None: NumPy does.

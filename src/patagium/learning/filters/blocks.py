@@ -15,8 +15,8 @@ from itertools import accumulate
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array, Indices
 from patagium.errors import Outcome
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import (
@@ -32,20 +32,15 @@ from patagium.learning.filters.spread import Moments, moments_of
 from patagium.learning.filters.state import packed, symmetric, unpacked, vector
 from patagium.learning.filters.structure import Look, Structure
 from patagium.learning.filters.weight_covariance import BlockCovariance, block_covariance, scattered
-from patagium.learning.models.structure import Indices, blocks_of
+from patagium.learning.models.structure import blocks_of
 
-Array = NDArray[np.float64]
 Roots: TypeAlias = Sequence[Array]
 """Square root of each block, (k, k): lower triangular, but for the full filter linearized."""
 _POINTS_AT_ONCE = 256
 
 
 def blocks_in(numbers: FilterNumbers) -> tuple[Indices, ...]:
-    """Weights of each block, (k,).
-
-    Args:
-        numbers: Numbers of the filter.
-    """
+    """Weights of each block, (k,)."""
     return blocks_of(numbers.network, str(numbers.structure))
 
 

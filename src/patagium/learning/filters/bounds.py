@@ -28,11 +28,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arrays import Array, Bools
 from patagium.learning.models.memory import measured_inputs
 from patagium.learning.models.network import Network, flight_terms
 from patagium.native.structs import header_numbers
-
-Array = NDArray[np.float64]
 
 _C = header_numbers("bounds.h")
 _LAST, _USUAL, _MISSED = range(3)
@@ -152,7 +151,7 @@ class Bounds:
         seen[: self.inputs] = value[: self.inputs]
         return bool(self.arrays["bound_track"][_JUMPED] and (moved[own] <= near[own]).all())
 
-    def _stuck(self, moved: Array) -> NDArray[np.bool_]:
+    def _stuck(self, moved: Array) -> Bools:
         """Inputs that are stuck: constant for longer than at rest, while another input moves."""
         rest, run, taken = (self.arrays[f"bound_{n}"] for n in ("rest", "stood", "taken"))
         ended = (moved > 0) & (moved <= _C.REST_STEPS * self.arrays["bound_step"])
@@ -185,7 +184,7 @@ class Bounds:
             clock[_USUAL] += (counted - usual) / _C.STEPS if usual > 0 else step
         clock[_LAST], clock[_MISSED] = time, 0.0
 
-    def _take(self, value: Array, kept: NDArray[np.bool_], known: Any, width: Array) -> None:
+    def _take(self, value: Array, kept: Bools, known: Any, width: Array) -> None:
         """Range and median step from a sample; channels that are not kept stay as they are."""
         low, high, before, step = (self.arrays[f"bound_{name}"] for name in _VALUES[:4])
         taken, run = (self.arrays[f"bound_{name}"] for name in _COUNTS[:2])

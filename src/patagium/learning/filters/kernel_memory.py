@@ -12,13 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning.filters.bounds import MEMORY
 from patagium.learning.filters.screening import Screen
 from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.perceptron import PerceptronNetwork
 from patagium.native.structs import BOUNDS, LAGS, SCREENING
-
-Array = NDArray[np.float64]
 
 ACTIVATION_CODES = {"softplus": 0, "tanh": 1}
 """Names of activations to the integers of the kernels."""

@@ -40,11 +40,10 @@ from __future__ import annotations
 from math import copysign, exp, isfinite, log, sqrt
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from patagium.arrays import Array, Bools
 from patagium.native.structs import header_numbers
-
-Array = NDArray[np.float64]
 
 _C = header_numbers("misfit.h")
 _FAR = 10.0  # usual variances: new flow
@@ -188,8 +187,8 @@ class Misfit:
         count: int,
         left: Array,
         innovation: Array,
-        kept: NDArray[np.bool_],
-        doubted: NDArray[np.bool_],
+        kept: Bools,
+        doubted: Bools,
     ) -> None:
         """Averages after a sample.
 
@@ -238,7 +237,7 @@ def widened(error: Array, weights: Array, usual: Array) -> Array:
     return np.asarray(error + _C.BEYOND * np.maximum(weights - usual, 0.0))
 
 
-def unseen(error: Array, stated: Array, usual: Array) -> NDArray[np.bool_]:
+def unseen(error: Array, stated: Array, usual: Array) -> Bools:
     """Outputs whose weights vary ten times as much here as they did of late, (..., n_y).
 
     Args:

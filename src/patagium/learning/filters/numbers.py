@@ -11,14 +11,11 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning.models.network import Network, center_of, scale_of
 from patagium.learning.models.physical import own_prior
 from patagium.learning.settings import FilterSettings, NoiseEstimation, Numbers, Structure
-
-Array = NDArray[np.float64]
-
 
 PRIOR = 1.0
 """Standard deviation of a dimensionless weight that nobody states [1]."""
@@ -141,11 +138,7 @@ def filter_numbers(network: Network, settings: FilterSettings, learner: str) -> 
 
 
 def compact_settings(numbers: FilterNumbers) -> FilterSettings:
-    """Settings as a learner describes them: equal numbers as one, the spread that is used.
-
-    Args:
-        numbers: Numbers that follow from the settings.
-    """
+    """Settings as a learner describes them: equal numbers as one, the spread that is used."""
     settings, spread = numbers.settings, None if numbers.linear else numbers.rule.spread
     names = ("prior_std", "measurement_std", "process_std")
     changed = {name: _compact(getattr(settings, name)) for name in names}

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cholesky
 from scipy.linalg.lapack import dtrtri
 
+from patagium.arrays import Array
 from patagium.errors import Outcome
-
-Array = NDArray[np.float64]
 
 
 class MatrixLost(Exception):

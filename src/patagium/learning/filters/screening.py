@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import betaincinv
 
 from patagium.arguments import of_kind
+from patagium.arrays import Array, Bools
 from patagium.errors import Outcome
 from patagium.learning.filters.bounds import MEMORY, Bounds
 from patagium.learning.filters.misfit import PARTS as MISFIT_PARTS
@@ -30,8 +31,6 @@ from patagium.learning.filters.spread import Moments
 from patagium.learning.models.network import Network
 from patagium.learning.settings import ChangeDetection, FilterSettings
 from patagium.native.structs import header_numbers
-
-Array = NDArray[np.float64]
 
 EVENTS = (
     *("missing", "outliers", "stuck", "bad_inputs", "late", "duplicates", "clock_resets"),
@@ -200,11 +199,7 @@ class Screen:
         }
 
     def restore(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
-        """Take over the memory of another screening.
-
-        Args:
-            arrays: Its `arrays`.
-        """
+        """Take over the memory of another screening."""
         for name, array in self.arrays.items():
             array[...] = arrays[name]
 
@@ -246,7 +241,7 @@ class Screen:
         return self.parts["steady"] + self.parts["loaded"]
 
     @property
-    def left_out(self) -> NDArray[np.bool_]:
+    def left_out(self) -> Bools:
         """Channels of the last sample that were not learned from, (n_y,)."""
         return self.marks["left_out"].astype(bool)
 
@@ -290,7 +285,7 @@ class Screen:
         self.note("late")
         return Outcome.LATE
 
-    def usable_channels(self, x: Array, y: Array, time: float | None) -> NDArray[np.bool_] | None:
+    def usable_channels(self, x: Array, y: Array, time: float | None) -> Bools | None:
         """Channels of a sample that are numbers, for learners that are no filters, (n_y,).
 
         None where the sample is not to be learned from.
@@ -478,9 +473,7 @@ class Screen:
             parts["loaded"][k] *= growth
         return bool(seen[k] > _C.FIRST_SAMPLES)
 
-    def _learn_noise(
-        self, measured: Array, gain: Array, inverse: Array, kept: NDArray[np.bool_]
-    ) -> None:
+    def _learn_noise(self, measured: Array, gain: Array, inverse: Array, kept: Bools) -> None:
         parts, relative = self.parts, self._relative_load()
         fresh = max(self.share, 1.0 / int(self.whole[_LEARNED]))
         parts["mean_load"] += fresh * (parts["load"] - parts["mean_load"])
@@ -499,11 +492,7 @@ class Screen:
 
 
 def new_screen(numbers: FilterNumbers) -> Screen:
-    """Screening of a filter, before any sample.
-
-    Args:
-        numbers: Numbers of the filter.
-    """
+    """Screening of a filter, before any sample."""
     offset = getattr(numbers.network, "offset", 0.0)
     return Screen(numbers.noise, numbers.network, numbers.settings, offset)
 

@@ -26,11 +26,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning.filters.numbers import SpreadRule
-
-Array = NDArray[np.float64]
 
 
 class Moments(NamedTuple):

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import ShapeError
-
-Array = NDArray[np.float64]
 
 
 def vector(state: Mapping[str, Array], name: str, *shape: int) -> Array:
@@ -39,10 +38,6 @@ def arrays_like(
 ) -> dict[str, NDArray[np.generic]]:
     """Arrays of a state that others can be replaced by.
 
-    Args:
-        expected: The others, by name.
-        state: Arrays by name.
-
     Raises:
         KeyError: If one is missing.
         ShapeError: If one has another shape.
@@ -54,12 +49,7 @@ def arrays_like(
 
 
 def part(state: Mapping[str, Any], prefix: str) -> dict[str, Any]:
-    """Part of a state whose names have a prefix, without it.
-
-    Args:
-        state: Values by name.
-        prefix: Of the names wanted.
-    """
+    """Part of a state whose names have a prefix, without it."""
     return {
         name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)
     }
@@ -97,9 +87,5 @@ def unpacked(values: Array, sizes: Sequence[int]) -> list[Array]:
 
 
 def symmetric(lower: Array) -> Array:
-    """Symmetric matrix from its lower triangle, (k, k).
-
-    Args:
-        lower: The triangle, zeros above it.
-    """
+    """Symmetric matrix from its lower triangle, (k, k)."""
     return np.asarray(lower + np.tril(lower, -1).T, order="C")

@@ -10,15 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from patagium.arrays import Array
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.spread import Moments
 from patagium.learning.filters.weight_covariance import BlockCovariance
 from patagium.learning.models.network import Encoding
-
-Array = NDArray[np.float64]
 
 
 class Look(NamedTuple):

@@ -10,15 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array, Indices
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning.filters.state import packed, symmetric, unpacked
-from patagium.learning.models.structure import Indices, Layered, blocks_of
+from patagium.learning.models.structure import Layered, blocks_of
 from patagium.learning.settings import BLOCKS, OWN_BLOCKS
 from patagium.removed import refuse_removed
-
-Array = NDArray[np.float64]
 
 MOST_WEIGHTS = 5000
 """Of a structured covariance that is given as one matrix: 200 MB of it."""

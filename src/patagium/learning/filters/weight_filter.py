@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import Outcome
 from patagium.learning.filters.block_kernel import BlockKernel, structure_and_kernel
 from patagium.learning.filters.kernel_memory import Compiled
@@ -25,8 +25,6 @@ from patagium.learning.filters.state import arrays_like, vector
 from patagium.learning.filters.structure import Look, Structure
 from patagium.learning.filters.weight_covariance import BlockCovariance
 from patagium.learning.models.network import Encoding
-
-Array = NDArray[np.float64]
 
 
 class Prediction(NamedTuple):

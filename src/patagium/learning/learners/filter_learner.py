@@ -11,10 +11,10 @@ from time import perf_counter_ns
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.arguments import of_kind
-from patagium.arrays import real_array
+from patagium.arrays import Array, real_array
 from patagium.errors import Outcome, ParameterError, ShapeError
 from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.kernel_memory import Compiled
@@ -39,8 +39,6 @@ from patagium.learning.settings import (
     chosen_settings,
     learner_signature,
 )
-
-Array = NDArray[np.float64]
 
 REFUSED_RUN = 10
 """Samples in a row that do not move a screened filter, after which its covariance begins anew."""

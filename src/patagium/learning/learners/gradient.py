@@ -12,17 +12,16 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
+from patagium.arrays import Array, Bools
 from patagium.errors import Outcome
 from patagium.learning.filters.screening import Screen
 from patagium.learning.filters.state import vector
 from patagium.learning.learners.learner import OnlineLearner, as_input, diverged, found_part
 from patagium.learning.models.network import Encoding, Network
 from patagium.learning.settings import GradientSettings, chosen_settings
-
-Array = NDArray[np.float64]
 
 LEARNING_RATE = 0.01
 """Step of Adam that nobody states, in the unit of the weights [1]."""
@@ -97,7 +96,7 @@ class GradientLearner(OnlineLearner):
             return mean, np.full_like(self._scatter, np.nan)
         return mean, self._scatter / (1 - _SCATTER_DECAY**self.count)
 
-    def _learn(self, x: Array, y: Array, kept: NDArray[np.bool_]) -> Array:
+    def _learn(self, x: Array, y: Array, kept: Bools) -> Array:
         encoding = self._network.encode_one(x)
         measured = np.where(kept, y, self._network(x, self._weights))
         power = _decayed(self._power, measured**2, _SQUARE_DECAY)

@@ -13,19 +13,16 @@ from time import perf_counter_ns
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
-from patagium.arrays import real_array
+from patagium.arrays import Array, Bools, real_array
 from patagium.errors import FilterDiverged, Outcome, ShapeError
 from patagium.learning.filters.screening import NEWER, Screen
 from patagium.learning.filters.state import arrays_like, part
 from patagium.learning.learners.state_file import write_state
 from patagium.learning.models.memory import memory_of
 from patagium.learning.models.network import Network
-
-Array = NDArray[np.float64]
-
 
 _KEPT = 2**16
 
@@ -258,7 +255,7 @@ class OnlineLearner(Learner):
         """
         return write_state(path, self.describe(), self.state())
 
-    def _learn(self, x: Array, y: Array, kept: NDArray[np.bool_]) -> Array:
+    def _learn(self, x: Array, y: Array, kept: Bools) -> Array:
         """Innovation of a sample, (n_y,), once its channels kept, (n_y,), are learned."""
         raise NotImplementedError
 

@@ -12,9 +12,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
+from patagium.arrays import Array, Bools
 from patagium.errors import Outcome
 from patagium.learning.filters.numbers import PRIOR
 from patagium.learning.filters.screening import Screen
@@ -30,8 +31,6 @@ from patagium.learning.settings import (
     Numbers,
     chosen_settings,
 )
-
-Array = NDArray[np.float64]
 
 
 class LinearLearner(OnlineLearner):
@@ -116,7 +115,7 @@ class LinearLearner(OnlineLearner):
         mean = self._network.output_center + scale * (features @ self._slopes)
         return mean, np.diag(spread * scale**2 + self._screen.noise(np.diag(scale)))
 
-    def _learn(self, x: Array, y: Array, kept: NDArray[np.bool_]) -> Array:
+    def _learn(self, x: Array, y: Array, kept: Bools) -> Array:
         features, scale = self._features(x), self._network.output_scale
         noise = self._screen.noise(np.diag(scale))
         variance = float(np.mean((noise**0.5 / scale) ** 2))

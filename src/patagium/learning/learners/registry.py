@@ -113,10 +113,6 @@ def load_learner(path: str | Path, like: Learner | None = None) -> OnlineLearner
 def first_difference(found: Mapping[str, Any], expected: Mapping[str, Any]) -> str | None:
     """First setting that differs, in words; centers, scales and what was found may differ.
 
-    Args:
-        found: Description of a learner.
-        expected: Description of another one.
-
     Returns:
         The setting, expected and found; None where there is no difference.
     """

@@ -12,16 +12,15 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Encoding, center_of, scale_of
 from patagium.learning.models.perceptron import Perceptron, PerceptronNetwork, softplus
 from patagium.limits import WIDEST
 from patagium.native import load_kernel
-
-Array = NDArray[np.float64]
 
 
 class DenseNetwork(PerceptronNetwork):
@@ -180,11 +179,7 @@ class LinearNetwork(DenseNetwork):
         """None: random features are made in NumPy."""
 
     def initial(self, seed: int) -> Array:
-        """Zero weights: least squares needs no start, (n,).
-
-        Args:
-            seed: Not used.
-        """
+        """Zero weights: least squares needs no start, (n,)."""
         return np.zeros(self.size)
 
     def describe(self) -> dict[str, Any]:

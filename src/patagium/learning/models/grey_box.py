@@ -21,13 +21,13 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics.added_mass import AddedMass, added_mass_from_description
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.indicial import Relaxation, lag_step
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.dynamics.equations import inverse, kirchhoff_force
 from patagium.errors import ParameterError
 from patagium.learning.models.dense import described
@@ -48,7 +48,6 @@ from patagium.native import NativeFunction, load_functions
 from patagium.removed import refuse_removed
 from patagium.robot.files import load_robot_text
 
-Array = NDArray[np.float64]
 Start = Literal["steady", "still"]
 _MOST_ROUNDS, _CLOSE = 20, 1e-11  # of Newton's method where a memory begins
 
@@ -165,11 +164,7 @@ class GreyBox(GroupedNetwork):
         return np.ones(self._count)
 
     def initial(self, seed: int) -> Array:
-        """Weights to start from, the parameters at their priors, (n,).
-
-        Args:
-            seed: Not used: nothing is drawn.
-        """
+        """Weights to start from, the parameters at their priors, (n,)."""
         return np.zeros(self._count)
 
     def encode(self, x: Array) -> Encoding:
@@ -255,9 +250,6 @@ class GreyBox(GroupedNetwork):
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> GreyBox:
         """Inverse of `describe`.
-
-        Args:
-            description: What `describe` gave.
 
         Raises:
             ParameterError: If a key is missing or unknown, or it has a residual network, which

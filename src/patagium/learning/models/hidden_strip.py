@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, TypedDict, Unpack
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.indicial import Indicial, Lags, Relaxation, fitted_indicial
@@ -36,6 +36,7 @@ from patagium.aerodynamics.trailing_vortices import (
     solve_normalwash,
     surface_gains,
 )
+from patagium.arrays import Array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import generalized_force
 from patagium.errors import ParameterError, positive
@@ -55,8 +56,6 @@ from patagium.learning.models.wing import RobotNetwork
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot
 from patagium.robot.strip_chains import strip_chains
-
-Array = NDArray[np.float64]
 
 _COEFFICIENTS = 8  # outputs of the perceptron a strip; see `_wrench`
 _FEATURES = 4  # its inputs: direction of the effective and of the geometric flow
@@ -205,9 +204,6 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         """Weights to start from, (n,): the air's numbers and the section as given.
 
         Neurons are standard normal over sqrt(fan-in), a twentieth of that in the last layer.
-
-        Args:
-            seed: Seed of the draw.
         """
         fan_in, (below, above) = self.perceptron.fan_in, self.perceptron.widths[-2:]
         normal = np.random.default_rng(seed).standard_normal(len(fan_in)) / np.sqrt(fan_in)
@@ -452,11 +448,7 @@ def learned_air(coded: Any, lags: int) -> LearnedAir:
 
 
 def coded_size(lags: int) -> tuple[int, int]:
-    """Number of coded numbers, and of the first ones, on which the lags depend.
-
-    Args:
-        lags: How many a strip.
-    """
+    """Number of coded numbers, and of the first ones, on which the lags depend."""
     return 3 * lags + 3, 2 * lags + 1
 
 
@@ -475,11 +467,7 @@ def coded_start(lags: Indicial, lift_slope: float, stall: tuple[float, float]) -
 
 
 def coded_reach(lags: int) -> Array:
-    """Change of each coded number for a weight of one, (n,).
-
-    Args:
-        lags: How many a strip.
-    """
+    """Change of each coded number for a weight of one, (n,)."""
     of_lags = [_REACH["lags"]]
     others = [_REACH["stall"], _REACH["stall_width"]]
     return np.array([*of_lags * (2 * lags), _REACH["lift_slope"], *of_lags * lags, *others])

@@ -21,15 +21,15 @@ from typing import Any, NamedTuple, Self
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics.added_mass import AddedMass
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.local_flow import body_airflows, velocity_at
 from patagium.aerodynamics.quasi_steady import QuasiSteady
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
+from patagium.arrays import Array
 from patagium.dynamics.chain import cross, vector
-from patagium.dynamics.kinematics import Twist, body_poses, generalized_force
+from patagium.dynamics.kinematics import Twist, add_wrench, body_poses, generalized_force
 from patagium.dynamics.rnea import body_accelerations, kirchhoff_force
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Encoding, FlightTerms
@@ -39,7 +39,6 @@ from patagium.learning.settings import Misfit
 from patagium.native import load_functions
 from patagium.robot.model import Body, Robot, Strip
 
-Array = NDArray[np.float64]
 Wrenches = dict[int, tuple[ca.SX, ca.SX]]
 
 
@@ -195,11 +194,7 @@ class LinearStripNetwork(WingNetwork):
         return Misfit()
 
     def initial(self, seed: int) -> Array:
-        """Weights that are expected, those of physics alone, whatever the seed, (n,).
-
-        Args:
-            seed: Not used: nothing is drawn.
-        """
+        """Weights that are expected, those of physics alone, whatever the seed, (n,)."""
         return self._placed(np.zeros(_POLYNOMIALS), [term.mean for term in self.terms], 0.0)
 
     def encode(self, x: Array) -> Encoding:
@@ -523,8 +518,7 @@ def _function(machine: Robot, rows: Sequence[int], surfaces: Sequence[str]) -> c
         load = _section_load(flow, density, coefficients[:, number], own)
         force = _force(flow, load)
         moment = cross(flow.middle, force) - flow.axes[2] * (strip.chord * load[3])
-        total = wrenches.get(strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)))
-        wrenches[strip.body] = (total[0] + force, total[1] + moment)
+        add_wrench(wrenches, strip.body, force, moment)
     y = generalized_force(robot, q, wrenches)
     y = (y + _whole_terms(machine, robot, (q, v, a), wind, density) @ whole)[list(rows)]
     seen = [ca.vertcat(_polynomials(flow), ca.SX.zeros(slots, 1)) for flow in flows]

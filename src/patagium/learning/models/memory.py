@@ -22,11 +22,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arrays import Array
 from patagium.errors import Outcome, ShapeError
 from patagium.learning.models.network import Network
 from patagium.native import load_kernel
-
-Array = NDArray[np.float64]
 
 LONGEST_STEP = 0.01
 """A step up to this is bridged, [s]: short against a wingbeat and the lags of its air, ..."""
@@ -172,20 +171,12 @@ class LagEquations(Protocol):
 
 
 def measured_inputs(network: Network) -> int:
-    """Number of inputs of a network that are measured, the first of x.
-
-    Args:
-        network: With memory or without.
-    """
+    """Number of inputs of a network that are measured, the first of x."""
     return int(getattr(network, "measured_inputs", network.inputs))
 
 
 def row_size(lags: LagEquations) -> int:
-    """Length of [z, vec S, W_m] in the input of a network.
-
-    Args:
-        lags: Equations of the lag states.
-    """
+    """Length of [z, vec S, W_m] in the input of a network."""
     return lags.states * (1 + lags.parameters) + (lags.parameters if lags.states else 0)
 
 
@@ -203,11 +194,7 @@ def memory_in(rows: Array, states: int, parameters: int) -> MemoryState:
 
 
 def memory_of(network: Network) -> ModelMemory | None:
-    """A memory for a network, empty yet; None for a network without.
-
-    Args:
-        network: The network.
-    """
+    """A memory for a network, empty yet; None for a network without."""
     return ModelMemory(network) if getattr(network, "lag_equations", ()) else None
 
 
@@ -595,22 +582,14 @@ class CompiledLags(ctypes.Structure):
         return MemoryState(state, slopes, weights.copy(), driver, time)
 
     def load(self, memory: ModelMemory) -> None:
-        """Take over the memory of a stream before a call.
-
-        Args:
-            memory: The learner's.
-        """
+        """Take over the memory of a stream before a call."""
         self.arrays["clock"][:2] = memory.clock
         self.arrays["counts"][:] = memory.states is not None, memory.resets
         if memory.states is not None:
             self.put(memory.states[0])
 
     def store(self, memory: ModelMemory) -> None:
-        """Give the memory of a stream back after a call.
-
-        Args:
-            memory: The learner's.
-        """
+        """Give the memory of a stream back after a call."""
         begun, memory.resets = self.arrays["counts"].tolist()
         memory.clock = self.arrays["clock"][:2].copy()
         if begun:

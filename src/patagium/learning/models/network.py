@@ -11,14 +11,13 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from patagium.arrays import real_array
+from patagium.arrays import Array, Indices, real_array
 from patagium.errors import ParameterError, ShapeError
-from patagium.learning.models.structure import Indices, WeightGroups
+from patagium.learning.models.structure import WeightGroups
 from patagium.limits import LARGEST
 
-Array = NDArray[np.float64]
 _BLOCK = 4096  # samples evaluated at once: bounds the memory, keeps the caches warm
 
 

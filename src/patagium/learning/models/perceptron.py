@@ -19,12 +19,10 @@ from typing import Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arrays import Array, Indices
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Encoding, Network
-from patagium.learning.models.structure import Indices
 from patagium.limits import WIDEST
-
-Array = NDArray[np.float64]
 
 
 def softplus(z: Array) -> Array:
@@ -250,11 +248,7 @@ class PerceptronNetwork(Network):
         return self.perceptron.fan_in
 
     def initial(self, seed: int) -> Array:
-        """Weights to start from: standard normal over sqrt(fan-in), (n,).
-
-        Args:
-            seed: Seed of the draw.
-        """
+        """Weights to start from: standard normal over sqrt(fan-in), (n,)."""
         normal = np.random.default_rng(seed).standard_normal(self.size)
         return np.asarray(normal / np.sqrt(self.fan_in))
 

@@ -15,16 +15,14 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics.added_mass import AddedMass
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.model import Aerodynamics
+from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Network
 from patagium.robot.model import Robot
-
-Array = NDArray[np.float64]
 
 FACTOR = "added_mass.factor"
 WIND = ("wind.x", "wind.y", "wind.z")
@@ -148,11 +146,7 @@ def physical_estimates(
 
 
 def unit_of(name: str) -> str:
-    """Unit of a parameter.
-
-    Args:
-        name: Of the parameter.
-    """
+    """Unit of a parameter."""
     last, before = _last(name), name.split(".")[-2:-1]
     if last in ("x", "y", "z") and before and before[0] in _VECTORS:
         return _VECTORS[before[0]]
@@ -160,11 +154,7 @@ def unit_of(name: str) -> str:
 
 
 def written_unit(name: str) -> str:
-    """Unit of a parameter as text behind a number; empty for pure numbers.
-
-    Args:
-        name: Of the parameter.
-    """
+    """Unit of a parameter as text behind a number; empty for pure numbers."""
     unit = unit_of(name)
     return _PLAIN.get(unit, unit)
 
@@ -291,12 +281,7 @@ def _last(name: str) -> str:
 
 
 def inertial(names: Sequence[str], robot: Robot) -> bool:
-    """Whether a parameter changes the robot's own inertia or weight.
-
-    Args:
-        names: Of parameters.
-        robot: The machine.
-    """
+    """Whether a parameter changes the robot's own inertia or weight."""
     strips = tuple(f"{strip.name}." for strip in robot.strips)
     return any(
         name in robot.parameter_names and not name.startswith(strips) and _last(name) != "damping"

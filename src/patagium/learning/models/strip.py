@@ -12,14 +12,14 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.local_flow import strip_motions
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.aerodynamics.strip_loads import StripLoad, assemble
 from patagium.arguments import checked
-from patagium.arrays import real_array
+from patagium.arrays import Array, real_array
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning.models.network import FlightTerms
 from patagium.learning.models.perceptron import Perceptron
@@ -27,7 +27,6 @@ from patagium.learning.models.wing import WingNetwork
 from patagium.native import load_functions
 from patagium.robot.model import Robot
 
-Array = NDArray[np.float64]
 Measured = Sequence[str] | ArrayLike | None
 
 _COEFFICIENTS = 2
@@ -125,9 +124,6 @@ class StripNetwork(WingNetwork):
         Directions of the first layer are spread evenly over the circle from a random one
         on; other weights are standard normal over sqrt(fan-in), a quarter of that in the
         last layer; biases zero.
-
-        Args:
-            seed: Seed of the draw.
         """
         draw = np.random.default_rng(seed)
         normal = draw.standard_normal(self.size) / np.sqrt(self.fan_in)

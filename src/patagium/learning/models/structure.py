@@ -11,12 +11,10 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array, Indices
 from patagium.errors import ParameterError
 from patagium.learning.settings import BLOCKS, OWN_BLOCKS
-
-Indices = NDArray[np.int64]
 
 
 class Layered(Protocol):
@@ -28,7 +26,7 @@ class Layered(Protocol):
         ...
 
     @property
-    def fan_in(self) -> NDArray[np.float64]:
+    def fan_in(self) -> Array:
         """Fan-in of the neuron of each weight, 1 for a bias, (n,)."""
         ...
 
@@ -48,7 +46,7 @@ class WeightGroups(NamedTuple):
     """
 
     size: int
-    fan_in: NDArray[np.float64]
+    fan_in: Array
     neurons: tuple[tuple[Indices, ...], ...]
 
 

@@ -11,17 +11,15 @@ from typing import Any, ClassVar, Self
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics.air import Air, air_from_description
+from patagium.arrays import Array
 from patagium.learning.models.dense import described
 from patagium.learning.models.network import Encoding, Network
 from patagium.learning.models.perceptron import Perceptron, PerceptronNetwork
 from patagium.native import NativeFunction
 from patagium.robot.files import load_robot_text
 from patagium.robot.model import Robot
-
-Array = NDArray[np.float64]
 
 
 class RobotNetwork(Network):
@@ -78,9 +76,6 @@ class RobotNetwork(Network):
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> Self:
         """Inverse of `describe`.
-
-        Args:
-            description: What `describe` gave.
 
         Raises:
             ParameterError: If a key is missing or unknown.

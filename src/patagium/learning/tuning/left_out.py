@@ -25,17 +25,15 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 
-from patagium.learning.stream import Indices
+from patagium.arrays import Array, Indices
 from patagium.learning.tuning.likelihood import Flown, Fold
 from patagium.learning.wingbeats import wingbeat_period
 from patagium.sensing.force.air_force import recorded
 from patagium.sensing.logs.table import LogTable
 from patagium.simulation import gait_period, robot_of
 
-Array = NDArray[np.float64]
 Rule = Literal["left-out flights", "left-out kinematics", "second half"]
 
 MOST_GROUPS = 3

@@ -37,19 +37,16 @@ from math import inf, log, nan, pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import norm
 
+from patagium.arrays import Array, Bools, Indices
 from patagium.errors import FilterDiverged, Outcome
 from patagium.learning.filters.root import MatrixLost
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.scores import INTERVAL, SILENT_RATIO, json_ready
-from patagium.learning.stream import Indices, Samples, prequential, thin
-
-Array = NDArray[np.float64]
-Chosen = NDArray[np.bool_]
+from patagium.learning.stream import Samples, prequential, thin
 
 SPANS = 50
 """Number of spans of the samples in which an output is looked at."""
@@ -91,7 +88,7 @@ class Flown:
 
     log: LogSamples
     y: Array
-    scored: Chosen
+    scored: Bools
     name: str
 
     def samples(self) -> Samples:
@@ -111,7 +108,7 @@ class Fold(NamedTuple):
         elsewhere: Whether it is another flight or of other kinematics.
     """
 
-    learned: Chosen
+    learned: Bools
     flown: Flown
     judged: Indices
     elsewhere: bool = True
@@ -169,11 +166,7 @@ class PredictionScore:
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> PredictionScore:
-        """Inverse of `describe`.
-
-        Args:
-            description: Plain values by name.
-        """
+        """Inverse of `describe`."""
         lost = {"log_likelihood": -inf, "log_likelihood_second_half": -inf}
         found: dict[str, Any] = {
             k: lost.get(k, nan) if v is None else v for k, v in description.items()
@@ -181,7 +174,7 @@ class PredictionScore:
         return cls(**{**found, "outcome": Outcome[found["outcome"]]})
 
 
-def moving(y: Array) -> Chosen:
+def moving(y: Array) -> Bools:
     """Samples at which outputs move, (N, n_y): constant outputs never do.
 
     Args:
@@ -341,7 +334,7 @@ def score_predictions(
     return _known(y, error[:, heard], variance[:, heard], scored)
 
 
-def _known(truth: Array, error: Array, variance: Array, scored: Chosen) -> PredictionScore:
+def _known(truth: Array, error: Array, variance: Array, scored: Bools) -> PredictionScore:
     """Scores of innovations and their variances, (N, m) each; some may be nan."""
     counted = np.where(scored, truth, nan)
     mean = np.nanmean(counted, axis=0)

@@ -214,11 +214,6 @@ class TrialJournal:
     ) -> None:
         """Keep the score of a trial, on disk before this returns.
 
-        Args:
-            trial: The trial.
-            distributions: Distributions of its parameters, by name.
-            score: Its score.
-
         Raises:
             OutputError: If the disk does not take it; the trials before are kept.
         """

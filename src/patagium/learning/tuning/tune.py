@@ -19,7 +19,6 @@ from typing import Any, TypedDict, Unpack
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from patagium.arguments import checked
 from patagium.arrays import brief
@@ -52,7 +51,6 @@ from patagium.sensing.logs.table import LogTable
 from patagium.version import __version__
 from patagium.whole_file import locked
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 MOST_WEIGHTS = 400

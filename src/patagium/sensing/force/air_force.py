@@ -16,18 +16,15 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass
 from patagium.arguments import checked
-from patagium.arrays import real_array, rising
+from patagium.arrays import Array, real_array, rising
 from patagium.dynamics import equations
 from patagium.errors import FlightError, LogError, ParameterError
 from patagium.native import NativeFunction, load_functions
 from patagium.robot import Robot
 from patagium.simulation import quantities, robot_of
-
-Array = NDArray[np.float64]
 
 PARTS = ("q", "v", "a", "u1")
 """Quantities of each coordinate that every sample carries, in this order, after its time."""
@@ -259,11 +256,6 @@ def training_data(
 
 def recorded(flight: xr.Dataset, name: str, robot: Robot) -> Array:
     """Recorded quantity of a flight, (N, n_q) for q and (N, n) for the others.
-
-    Args:
-        flight: The record.
-        name: Name of the quantity, such as `v`.
-        robot: The machine whose coordinates it should have.
 
     Raises:
         FlightError: If it is missing or of another robot.

@@ -20,12 +20,12 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_simpson
 
 from patagium.aerodynamics import AddedMass
 from patagium.arguments import checked
-from patagium.arrays import brief
+from patagium.arrays import Array, Bools, brief
 from patagium.dynamics import equations
 from patagium.dynamics.kinematics import body_poses, generalized_force
 from patagium.errors import FlightError, LogError, ParameterError, ShapeError, positive
@@ -36,8 +36,6 @@ from patagium.sensing.motion.smoothers import Kalman, Smoother
 from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog
 from patagium.sensing.sensors.joints import joint_names
 from patagium.simulation import robot_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -348,7 +346,7 @@ class ForceParts:
 
     def _known_rows(
         self, motion: xr.Dataset, joints: Measured | None, mount: Wrench | None
-    ) -> NDArray[np.bool_]:
+    ) -> Bools:
         robot = self.robot
         base = {i for body in robot.bodies for i in body.floating_dofs or ()}
         free = str(motion.attrs.get("mount", "free")) in ("", "free")

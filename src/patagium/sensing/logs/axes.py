@@ -10,10 +10,9 @@ from __future__ import annotations
 import re
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
-Array = NDArray[np.float64]
+from patagium.arrays import Array, Bools
 
 NAMED = {
     "flu": "x, y, z",
@@ -87,7 +86,7 @@ def attitude_in_ours(
     return continuous(found)
 
 
-def is_rotation(matrices: Array) -> NDArray[np.bool_]:
+def is_rotation(matrices: Array) -> Bools:
     """Whether matrices are rotations: rows of length one at right angles, determinant 1, (N,).
 
     Args:

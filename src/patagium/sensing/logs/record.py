@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.errors import FlightError, LogError
 from patagium.netcdf_file import netcdf_content, open_netcdf
 from patagium.reading import parsed_json
@@ -22,8 +22,6 @@ from patagium.robot import Robot, load_robot_text
 from patagium.sensing.force.air_force import OPTIONAL_PARTS, PARTS, packet_columns
 from patagium.sensing.logs.table import LogTable, find_gaps
 from patagium.simulation.flight import quantities, robot_of
-
-Array = NDArray[np.float64]
 
 FORMAT = "patagium log 1"
 _CACHE = 1 << 19

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot, load_robot
 from patagium.sensing.force.air_force import PARTS, packet_columns, recorded
@@ -34,8 +34,6 @@ from patagium.sensing.sensors import (
     as_quaternion,
 )
 from patagium.simulation import robot_of
-
-Array = NDArray[np.float64]
 
 _VECTORS = {
     "m": "position",

@@ -7,7 +7,6 @@ bridged. Neglected: drift of clocks, delays between columns.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,13 +14,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.arrays import brief
+from patagium.arrays import Array, brief
 from patagium.errors import LogError
+from patagium.sensing.logs.files.table_files import HEADER
 from patagium.sensing.logs.mapping import TableMapping, ValueColumn, conversion
-
-Array = NDArray[np.float64]
-
-_HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 
 
 @dataclass(frozen=True)
@@ -146,7 +142,7 @@ def table_from_frame(frame: pd.DataFrame, mapping: TableMapping, source: str = "
 def _headers(frame: pd.DataFrame, source: str) -> dict[str, tuple[str, str | None]]:
     found: dict[str, tuple[str, str | None]] = {}
     for header in map(str, frame.columns):
-        match = _HEADER.match(header)
+        match = HEADER.match(header)
         if match:
             found.setdefault(match["name"], (header, match["unit"]))
         found[header.strip()] = (header, None)

@@ -11,17 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from patagium.arrays import Array
 from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
 from patagium.sensing.sensors.sensor import (
-    UPRIGHT,
-    Array,
-    Axes,
+    FramedSensor,
     Reading,
-    Sensor,
     Signal,
-    axes,
     limited,
     noise,
     stepped,
@@ -31,7 +28,7 @@ from patagium.simulation.flight import AXES
 
 
 @dataclass(frozen=True, kw_only=True)
-class Imu(Sensor):
+class Imu(FramedSensor):
     """Sensor of specific force R^T (a - g) and angular rate at a point of a body.
 
     Args:
@@ -61,8 +58,6 @@ class Imu(Sensor):
     """
 
     body: str
-    position: tuple[float, ...] = (0.0, 0.0, 0.0)
-    orientation: Axes = UPRIGHT
     accelerometer_density: float | tuple[float, ...] = noise()
     gyroscope_density: float | tuple[float, ...] = noise()
     accelerometer_bias: float = noise()
@@ -75,8 +70,6 @@ class Imu(Sensor):
     gyroscope_range: float | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", vector("position", self.position))
-        object.__setattr__(self, "orientation", axes("orientation", self.orientation))
         for name in ("accelerometer_density", "gyroscope_density"):
             object.__setattr__(self, name, vector(name, getattr(self, name)))
         for name in ("accelerometer_range", "gyroscope_range"):
@@ -106,9 +99,7 @@ class Imu(Sensor):
 
     def shown(self, scene: Scene, times: Array, errors: tuple[Array, ...]) -> Reading:
         """Reading of a scene at given times, (N,) [s]; see `Sensor.shown`."""
-        motion = scene.frame(
-            self.body, np.asarray(self.position), np.asarray(self.orientation), times
-        )
+        motion = self._motion(scene, self.body, times)
         measured, true = {}, {}
         for part, quantity, units, (bias, white) in (
             ("accelerometer", "specific_force", "m/s^2", errors[:2]),

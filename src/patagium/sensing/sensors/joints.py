@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from patagium.arrays import Array
 from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
-from patagium.sensing.sensors.sensor import Array, Reading, Sensor, Signal, limited, noise, stepped
+from patagium.sensing.sensors.sensor import Reading, Sensor, Signal, limited, noise, stepped
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,17 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from patagium.arrays import real_array
+from patagium.arrays import Array, real_array
 from patagium.errors import FlightError, ParameterError, ShapeError, positive
 from patagium.sensing.sensors.scene import Scene, low_pass
 from patagium.sensing.sensors.sensor import (
-    UPRIGHT,
-    Array,
     Axes,
+    FramedSensor,
     Reading,
-    Sensor,
     Signal,
-    axes,
     limited,
     noise,
     stepped,
@@ -36,7 +33,7 @@ _RANGES = ("force_range", "moment_range")
 
 
 @dataclass(frozen=True, kw_only=True)
-class LoadCell(Sensor):
+class LoadCell(FramedSensor):
     """Sensor of the force and moment of the mount on the robot.
 
     shown = (1 + cross_talk) wrench + bias + noise.
@@ -72,8 +69,6 @@ class LoadCell(Sensor):
     wrench: str = "mount_wrench"
     at: str | None = None
     body: str | None = None
-    position: tuple[float, ...] = (0.0, 0.0, 0.0)
-    orientation: Axes = UPRIGHT
     force_std: float | tuple[float, ...] = noise()
     moment_std: float | tuple[float, ...] = noise()
     force_bias: float | tuple[float, ...] = noise()
@@ -86,8 +81,6 @@ class LoadCell(Sensor):
     bandwidth: float | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", vector("position", self.position))
-        object.__setattr__(self, "orientation", axes("orientation", self.orientation))
         for name in (*_PER_AXIS, *_STEPS, *_RANGES):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, vector(name, getattr(self, name)))
@@ -179,9 +172,7 @@ class LoadCell(Sensor):
             rotation = np.asarray(self.orientation)
             origin = np.asarray(self.position)
         else:
-            motion = scene.frame(
-                self.body, np.asarray(self.position), np.asarray(self.orientation), times
-            )
+            motion = self._motion(scene, self.body, times)
             rotation, origin = motion.rotation, motion.position
         force, moment = world[:, :3], world[:, 3:]
         moment = moment - np.cross(origin, force)

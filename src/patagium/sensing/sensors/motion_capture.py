@@ -9,20 +9,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from patagium.arrays import Array, Bools
 from patagium.errors import ParameterError, finite
 from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
 from patagium.sensing.sensors.sensor import (
-    UPRIGHT,
-    Array,
-    Axes,
+    FramedSensor,
     Reading,
-    Sensor,
     Signal,
-    axes,
     noise,
     vector,
 )
@@ -33,7 +29,7 @@ QUATERNION = ("w", "x", "y", "z")
 
 
 @dataclass(frozen=True, kw_only=True)
-class MotionCapture(Sensor):
+class MotionCapture(FramedSensor):
     """Camera system that measures position and attitude of a frame on a body.
 
     The quaternion maps the frame's components to the world's; w is never negative, so that its
@@ -60,16 +56,12 @@ class MotionCapture(Sensor):
     """
 
     body: str
-    position: tuple[float, ...] = (0.0, 0.0, 0.0)
-    orientation: Axes = UPRIGHT
     position_std: float | tuple[float, ...] = noise()
     attitude_std: float | tuple[float, ...] = noise()
     dropout: float = 0.0
     dropout_length: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", vector("position", self.position))
-        object.__setattr__(self, "orientation", axes("orientation", self.orientation))
         for name in ("position_std", "attitude_std"):
             object.__setattr__(self, name, vector(name, getattr(self, name)))
         if not 0 <= finite("dropout", self.dropout) < 1:
@@ -89,9 +81,7 @@ class MotionCapture(Sensor):
     def shown(self, scene: Scene, times: Array, errors: tuple[Array, ...]) -> Reading:
         """Reading of a scene at given times, (N,) [s]; see `Sensor.shown`."""
         moved, turned, missing = errors
-        motion = scene.frame(
-            self.body, np.asarray(self.position), np.asarray(self.orientation), times
-        )
+        motion = self._motion(scene, self.body, times)
         attitude = Rotation.from_matrix(motion.rotation)
         shown = attitude * Rotation.from_rotvec(turned)
         lost = missing[:, None].astype(bool)
@@ -107,7 +97,7 @@ class MotionCapture(Sensor):
             {"axis": AXES, "part": QUATERNION},
         )
 
-    def _lost(self, count: int, rng: np.random.Generator) -> NDArray[np.bool_]:
+    def _lost(self, count: int, rng: np.random.Generator) -> Bools:
         """Whether each frame is lost, (N,), by a Markov chain of two states."""
         chance = rng.random(count)
         run = max(1.0, self.dropout_length * self.rate)

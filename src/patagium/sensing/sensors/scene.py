@@ -12,17 +12,15 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, make_interp_spline
 
+from patagium.arrays import Array
 from patagium.dynamics.kinematics import body_poses
 from patagium.dynamics.rnea import body_accelerations
 from patagium.errors import FlightError
 from patagium.native import NativeFunction, load_functions
 from patagium.robot import Robot
 from patagium.simulation.flight import robot_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

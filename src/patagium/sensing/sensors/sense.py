@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.arguments import checked
-from patagium.arrays import brief
+from patagium.arrays import Array, brief
 from patagium.errors import FlightError, LogError, ParameterError
 from patagium.netcdf_file import loaded_dataset, open_netcdf, write_netcdf
 from patagium.reading import json_object, made_again
@@ -23,7 +23,7 @@ from patagium.sensing.sensors.joints import Encoder, MotorCurrent
 from patagium.sensing.sensors.load_cell import LoadCell
 from patagium.sensing.sensors.motion_capture import MotionCapture
 from patagium.sensing.sensors.scene import Scene
-from patagium.sensing.sensors.sensor import HIDDEN, Array, Reading, Sensor, Signal
+from patagium.sensing.sensors.sensor import HIDDEN, Reading, Sensor, Signal
 from patagium.simulation.flight import robot_of
 
 

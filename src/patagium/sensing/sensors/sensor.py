@@ -13,17 +13,15 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.arguments import check_fields
-from patagium.arrays import real_array
+from patagium.arrays import Array, real_array
 from patagium.errors import ParameterError, ShapeError, finite, positive
 
 if TYPE_CHECKING:
     from patagium.robot import Robot
-    from patagium.sensing.sensors.scene import Scene
+    from patagium.sensing.sensors.scene import FrameMotion, Scene
 
-Array: TypeAlias = NDArray[np.float64]
 Axes: TypeAlias = tuple[tuple[float, ...], ...]
 
 UPRIGHT: Axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -194,6 +192,28 @@ def _times(value: Any, factor: float) -> Any:
     if isinstance(value, tuple):
         return tuple(_times(part, factor) for part in value)
     return factor * value
+
+
+@dataclass(frozen=True, kw_only=True)
+class FramedSensor(Sensor):
+    """Sensor with axes of its own at a point of a body.
+
+    Args:
+        position: Position from the body's origin, body axes, (3,) [m].
+        orientation: Rotation from the sensor's axes to body axes, (3, 3) [-].
+    """
+
+    position: tuple[float, ...] = (0.0, 0.0, 0.0)
+    orientation: Axes = UPRIGHT
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", vector("position", self.position))
+        object.__setattr__(self, "orientation", axes("orientation", self.orientation))
+        super().__post_init__()
+
+    def _motion(self, scene: Scene, body: str, times: Array) -> FrameMotion:
+        """Motion of the sensor's axes at given times, (N,) [s]."""
+        return scene.frame(body, np.asarray(self.position), np.asarray(self.orientation), times)
 
 
 def vector(name: str, value: Any, size: int = 3) -> tuple[float, ...]:

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import LogError, PatagiumError
 
-Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 NO_STAMP = np.iinfo(np.int64).min
@@ -225,11 +225,6 @@ def nanoseconds(raw: NDArray[Any], factor: float) -> Stamps:
 
 def find_topic(log: LogFile, name: str, where: str) -> Topic:
     """Topic of a name.
-
-    Args:
-        log: The log.
-        name: Name of the topic.
-        where: Place in the mapping, for messages.
 
     Raises:
         LogError: If the log has no such topic, or the topic cannot be read.

@@ -27,10 +27,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import LogError
 from patagium.sensing.logs.files.channels import (
     BLOCK,
-    Array,
     Block,
     Channel,
     ColumnError,
@@ -44,7 +44,7 @@ from patagium.sensing.logs.files.channels import (
 from patagium.sensing.logs.files.mat_elements import check_elements
 from patagium.sensing.logs.mapping import conversion
 
-_HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
+HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 _NANOSECONDS = {"s": 1e9, "sec": 1e9, "ms": 1e6, "us": 1e3, "usec": 1e3, "µs": 1e3, "ns": 1.0}
 _TIME = re.compile(
     r"^(time|t|timestamp|stamp|tout|clock)(?:[_ .(\[]*(s|sec|ms|us|usec|µs|ns)\W?)?$"
@@ -95,7 +95,7 @@ def table_topic(
 
 def _parted(name: str) -> tuple[str, str]:
     """Name and unit of a header such as `gyro [deg/s]`; the unit is empty if there is none."""
-    match = _HEADER.match(name)
+    match = HEADER.match(name)
     if match is None or match["unit"].isdigit() or "[" in match["name"]:
         return name, ""
     return match["name"], match["unit"]
@@ -555,8 +555,11 @@ class CsvFile(LogFile):
                 unplaced[name] = f"text such as {found[:40]!r}"
         stamped = dict.fromkeys(self._calendar, 1.0)
         topic = table_topic(types, None, stated, stamped=stamped, unplaced=unplaced)
-        topic = replace(topic, hint="if these are no names, state the lines before the names as "
-                        "`skip_rows` in the mapping")  # fmt: skip
+        topic = replace(
+            topic,
+            hint="if these are no names, state the lines before the names as "
+            "`skip_rows` in the mapping",
+        )
         lines = look.count("\n") or 1
         packed = self.path.stat().st_size * (_PACKED if self._is_gzip() else 1.0)
         return replace(topic, about=int(packed * lines / max(1, len(look))))

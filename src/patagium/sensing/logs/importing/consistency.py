@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from patagium.arrays import Array
 from patagium.sensing.logs.axes import rotate, turning_rate
-from patagium.sensing.logs.files.channels import Array
 from patagium.sensing.logs.importing.findings import GRAVITY, SECOND, Finding
 from patagium.sensing.logs.importing.plan import Quantity
 from patagium.sensing.logs.importing.resample import Spool, TimeBase, resampled, stamps_in

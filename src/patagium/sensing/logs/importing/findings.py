@@ -15,13 +15,14 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from patagium.sensing.logs.files.channels import NO_STAMP, Array, Block, LogFile, Request, Stamps
+from patagium.arrays import Array, Bools
+from patagium.sensing.logs.files.channels import NO_STAMP, Block, LogFile, Request, Stamps
 from patagium.sensing.logs.mapping import conversion
 
 Progress = Callable[[int, int], None]
-Keep = Callable[[Block, NDArray[np.bool_]], Array]
+Keep = Callable[[Block, Bools], Array]
 
 _WIDTH = 0.005
 _BINS = 7600  # to 3e16 ns, a year
@@ -56,7 +57,7 @@ class StampSurvey:
         self._bins = np.zeros(_BINS, np.int64)
         self._sums = np.zeros(_BINS)
 
-    def add(self, stamps: Stamps) -> NDArray[np.bool_]:
+    def add(self, stamps: Stamps) -> Bools:
         """Add more stamps to the statistics.
 
         Args:

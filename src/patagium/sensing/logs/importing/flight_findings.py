@@ -27,13 +27,7 @@ def flight_labels(robot: Robot | None) -> frozenset[str]:
 
 
 def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...]) -> list[Finding]:
-    """Findings about coordinates that were not measured, or that never change.
-
-    Args:
-        robot: Robot that the mapping names.
-        plan: Streams and quantities of the log.
-        surveys: Statistics of each stream.
-    """
+    """Findings about coordinates that were not measured, or that never change."""
     wanted = flight_labels(robot)
     held = {item.column.label: item for item in plan.items if item.column.label in wanted}
     if not held:

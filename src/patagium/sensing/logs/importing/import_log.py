@@ -20,10 +20,11 @@ import numpy as np
 import pandas as pd
 
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.errors import LogError
 from patagium.netcdf_file import NetcdfDraft
 from patagium.robot import Robot, load_robot, preset_names
-from patagium.sensing.logs.files.channels import Array, LogFile
+from patagium.sensing.logs.files.channels import LogFile
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.files.table_files import CsvFile
 from patagium.sensing.logs.importing.consistency import consistency

@@ -303,9 +303,15 @@ def _unreadable(topic: Topic) -> TopicFacts:
     empty = _topic_facts(part, StreamSurvey(StampSurvey(), ValueSurvey(0)), 0)
     nothing = math.nan
     return replace(
-        empty, rows=topic.count or 0, stamps="", begin=nothing, duration=nothing, rate=nothing,
-        longest=nothing, problem=topic.problem,
-    )  # fmt: skip
+        empty,
+        rows=topic.count or 0,
+        stamps="",
+        begin=nothing,
+        duration=nothing,
+        rate=nothing,
+        longest=nothing,
+        problem=topic.problem,
+    )
 
 
 def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:

@@ -31,13 +31,6 @@ def log_findings(
 ) -> list[Finding]:
     """Findings about the stamps and numbers of a log, before it is resampled.
 
-    Args:
-        log: The open log.
-        spool: Its rows.
-        base: The common time base.
-        mapping: Meaning of its columns or fields.
-        robot: Robot that the mapping names; None if it names none.
-
     Raises:
         LogError: If most rows of an attitude are no rotation matrices.
     """
@@ -135,8 +128,10 @@ def _range_findings(item: Quantity, spool: Spool) -> list[Finding]:
 
 def table_range_findings(table: LogTable) -> list[Finding]:
     """Findings that numbers of a table leave the ranges that its mapping states."""
-    names, units = (*table.input_names, *table.output_names), (*table.input_units,
-                                                               *table.output_units)  # fmt: skip
+    names, units = (
+        (*table.input_names, *table.output_names),
+        (*table.input_units, *table.output_units),
+    )
     values = np.hstack([table.x, table.y])
     ranges = np.vstack([table.input_range, table.output_range])
     margin = 1e-9 * np.abs(ranges[:, 1] - ranges[:, 0])  # of rounding
@@ -153,9 +148,13 @@ def table_range_findings(table: LogTable) -> list[Finding]:
 
 
 def _range_finding(
-    name: str, outside: int, count: int, stated: tuple[float, float], ends: tuple[float, float],
+    name: str,
+    outside: int,
+    count: int,
+    stated: tuple[float, float],
+    ends: tuple[float, float],
     unit: str,
-) -> Finding:  # fmt: skip
+) -> Finding:
     text = (
         f"{outside} of {count} rows leave the stated range [{stated[0]:g}, {stated[1]:g}] {unit}: "
         f"they reach from {ends[0]:.6g} to {ends[1]:.6g}; networks are scaled by it: state what "

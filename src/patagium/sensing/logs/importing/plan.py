@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from patagium.arrays import Array
 from patagium.errors import LogError
 from patagium.sensing.logs.axes import attitude_in_ours, axes_of
 from patagium.sensing.logs.files.channels import (
-    Array,
     LogFile,
     Request,
     StampSource,
@@ -138,8 +138,10 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str) -> Plan:
     topics: dict[str, Topic] = {}
     found, taken = [], {"time"}
     for role, columns in (
-        ("inputs", mapping.inputs), ("outputs", mapping.outputs), ("channels", mapping.channels),
-    ):  # fmt: skip
+        ("inputs", mapping.inputs),
+        ("outputs", mapping.outputs),
+        ("channels", mapping.channels),
+    ):
         for index, column in enumerate(columns):
             where = f"{source}: {role}.{index}"
             topic = find_topic(log, column.topic, where)
@@ -206,23 +208,22 @@ def _restamp_rates(
     if not isinstance(given, dict):
         if len(keys) > 1:
             example = ", ".join(f"{name}: {given}" for name in names)
-            raise LogError(f"{where}: expected a rate for each stream, such as {{{example}}}, "
-                           f"found {given!r} for {len(keys)} streams")  # fmt: skip
+            raise LogError(
+                f"{where}: expected a rate for each stream, such as {{{example}}}, "
+                f"found {given!r} for {len(keys)} streams"
+            )
         return (rate_of(given, where),)
     unknown = [key for key in given if key not in names]
     if unknown:
-        raise LogError(f"{where}: expected names of streams ({', '.join(names)}), found "
-                       f"{unknown[0]!r}")  # fmt: skip
+        raise LogError(
+            f"{where}: expected names of streams ({', '.join(names)}), found {unknown[0]!r}"
+        )
     rates = {name: rate_of(rate, where) for name, rate in given.items()}
     return tuple(rates.get(name) for name in names)
 
 
 def variable_name(label: str) -> str:
-    """Name of a netCDF variable: a label without slashes, in Unicode's composed form.
-
-    Args:
-        label: Label of a number in the mapping.
-    """
+    """Name of a netCDF variable: a label without slashes, in Unicode's composed form."""
     return unicodedata.normalize("NFC", label.replace("/", "|"))
 
 
@@ -257,8 +258,9 @@ def _base(
         return StampSource("column", field, conversion(time.unit, "s", where)[0] * 1e9)
     if time.base is not None:
         if topic.base.kind not in ("header", "received"):
-            raise LogError(f"{source}: time.base: {topic.kind} has no {time.base} stamps; name a "
-                           "column")  # fmt: skip
+            raise LogError(
+                f"{source}: time.base: {topic.kind} has no {time.base} stamps; name a column"
+            )
         if time.base == "header" and topic.base.kind != "header":
             raise LogError(
                 f"{source}: time.base: expected a stamp in the header of topic {topic.name!r} "

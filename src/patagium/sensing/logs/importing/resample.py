@@ -15,11 +15,11 @@ from pathlib import Path
 from tempfile import TemporaryFile
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array, Bools
 from patagium.errors import LogError
 from patagium.sensing.logs.axes import continuous, slerp
-from patagium.sensing.logs.files.channels import NO_STAMP, Array, Block, LogFile, Stamps
+from patagium.sensing.logs.files.channels import NO_STAMP, Block, LogFile, Stamps
 from patagium.sensing.logs.importing.findings import (
     SECOND,
     Finding,
@@ -96,7 +96,7 @@ class Spool:
         content = np.fromfile(file, float, (end - begin) * columns)
         return content.reshape(-1, columns)
 
-    def _keep(self, block: Block, advances: NDArray[np.bool_]) -> Array:
+    def _keep(self, block: Block, advances: Bools) -> Array:
         """Rows of a block that are kept, which go to the files."""
         stream, stamps, values = block.key, block.stamps, block.values
         if self.plan.rates[stream] is not None:
@@ -231,9 +231,7 @@ def after_gaps(spool: Spool, base: TimeBase, begin: int, gap: float) -> int:
     return begin
 
 
-def resampled(
-    spool: Spool, item: Quantity, stamps: Stamps, gap: float
-) -> tuple[Array, NDArray[np.bool_]]:
+def resampled(spool: Spool, item: Quantity, stamps: Stamps, gap: float) -> tuple[Array, Bools]:
     """Quantity at given stamps.
 
     Args:
@@ -250,9 +248,7 @@ def resampled(
     return values, valid & np.isfinite(values).all(axis=1)
 
 
-def _resampled(
-    spool: Spool, item: Quantity, stamps: Stamps, gap: float
-) -> tuple[Array, NDArray[np.bool_]]:
+def _resampled(spool: Spool, item: Quantity, stamps: Stamps, gap: float) -> tuple[Array, Bools]:
     known = spool.stamps_of(item.stream)
     begin = max(0, int(np.searchsorted(known, stamps[0], "right")) - 1 - _MARGIN)
     end = min(len(known), int(np.searchsorted(known, stamps[-1], "left")) + 1 + _MARGIN)

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from patagium.arrays import Array
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import NO_STAMP, Array, Stamps
+from patagium.sensing.logs.files.channels import NO_STAMP, Stamps
 
 _WINDOW = 50
 """Rows beside a gap whose stamps tell how many rows were lost in it."""
@@ -56,9 +57,11 @@ def restamped(stamps: Stamps, rate: float, gap: float, where: str) -> tuple[Stam
     shift[known[gaps]] = np.diff(np.concatenate([[0.0], lost]))[gaps]
     grid = rows + np.cumsum(shift)
     off = late - start
-    text = f"{words}, and {int(lost[-1])} row(s) as lost in {len(gaps)} gap(s)" if len(gaps) else (
-        f"{words}, and none as lost"
-    )  # fmt: skip
+    text = (
+        f"{words}, and {int(lost[-1])} row(s) as lost in {len(gaps)} gap(s)"
+        if len(gaps)
+        else f"{words}, and none as lost"
+    )
     text += (
         f"; the stamps in the file differ from this by {np.sqrt(np.mean(off**2)) / 1e9:.3g} s "
         f"(rms), at most {np.abs(off).max() / 1e9:.3g} s"

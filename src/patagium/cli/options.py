@@ -1,0 +1,41 @@
+"""Arguments and options that several verbs have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from patagium.cli.words import quantity
+
+OUTPUT = ("--output", "--out", "-o")
+"""Words of the option for the file that a verb writes."""
+FlightArgument = Annotated[Path, typer.Argument(help="Flight that patagium simulate wrote (.nc).")]
+JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
+ResultOption = Annotated[bool, typer.Option("--json", help="Result as JSON on stdout.")]
+ScoresOption = Annotated[bool, typer.Option("--json", help="All scores as JSON on stdout.")]
+RobotArgument = Annotated[str, typer.Argument(help="Preset (see patagium robots) or robot file.")]
+ReportOption = Annotated[Path | None, typer.Option(help="File for an HTML page.")]
+LogArgument = Annotated[Path, typer.Argument(help="Flight or imported log (.nc), or another log.")]
+FlightOutput = Annotated[Path, typer.Option(*OUTPUT, help="File for the flight (netCDF).")]
+_FILES = "A CSV, Parquet, MAT, ULog, ArduPilot or MCAP file, a ROS bag, or parts of one."
+FilesArgument = Annotated[list[Path], typer.Argument(help=_FILES)]
+MappingOption = Annotated[
+    Path | None,
+    typer.Option("--mapping", "--map", help="Meaning of the columns or fields of a log (YAML)."),
+]
+DurationOption = Annotated[
+    float | None,
+    typer.Option(parser=quantity("s", "a time"), help="Duration of the flight, in s."),
+]
+DensityOption = Annotated[
+    float,
+    typer.Option(parser=quantity("kg/m^3", "a density"), help="Density of the air, in kg/m^3."),
+]
+PredictedOption = Annotated[
+    Path | None, typer.Option(help="Predicted forces too, by what identify --model wrote.")
+]
+DrawingOption = Annotated[
+    Path | None, typer.Option(help="File for a drawing of the flight (.png, .svg).")
+]
