@@ -28,9 +28,10 @@ from patagium.cli.words import answer
 from patagium.errors import FilterDiverged, ParameterError, PatagiumError
 
 if TYPE_CHECKING:
+    from patagium.arrays import Array
     from patagium.live.loop import Rhythm, Sink, Status
     from patagium.live.packets import Intake
-    from patagium.live.pipeline import Array, Pipeline, Records
+    from patagium.live.pipeline import Pipeline, Records
     from patagium.live.record import StreamFile
     from patagium.live.sources import PacketQueue, Source
     from patagium.robot import Robot

@@ -20,12 +20,12 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import fdtri
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.aerodynamics.learned_air import WRENCH, LearnedAir
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.control.events import WingLossEvent
 from patagium.control.orbit import NoOrbit, Orbit
 from patagium.control.predictive import OrbitController, OrbitModel
@@ -33,8 +33,6 @@ from patagium.control.trimming import trim
 from patagium.control.wingbeat import FlightMap, PrescribedRows
 from patagium.errors import ParameterError
 from patagium.simulation.simulator import FlightState
-
-Array = NDArray[np.float64]
 
 EFFECTIVENESS_STD, WRENCH_STD = 0.15, 0.3
 """Standard deviations before any flight: of the effectiveness of a strip [1], and of the force

@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.control.gait_family import gait_family
 from patagium.control.orbit import Orbit
 from patagium.control.trimming import TOLERANCE, Conditions, OrbitSearch, orbit_of
 from patagium.control.trimming import Point as SearchPoint
 from patagium.errors import ParameterError
-
-Array = NDArray[np.float64]
 
 _NEWTON = 8  # steps of a correction, at most
 _FIRST, _LONGEST = 1 / 40, 1 / 12  # parts of the range that a step changes the parameter by

@@ -15,9 +15,9 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from patagium.arguments import check_fields, of_kind
+from patagium.arrays import Array
 from patagium.control.orbit import Orbit
 from patagium.errors import FilterDiverged, ParameterError
 from patagium.robot import Robot
@@ -28,8 +28,6 @@ from patagium.sensing.sensors.motion_capture import MotionCapture
 from patagium.sensing.sensors.scene import Scene
 from patagium.sensing.sensors.sensor import Sensor
 from patagium.simulation.simulator import FlightState
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,17 +13,15 @@ from dataclasses import asdict, dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import Aerodynamics, OneMinusCosineGust, RampGust
 from patagium.aerodynamics.description import aero_from_description, innermost
 from patagium.aerodynamics.gusts import Gust, triple
 from patagium.arguments import check_fields, checked
+from patagium.arrays import Array
 from patagium.errors import ParameterError, finite, positive
 from patagium.robot import Robot
 from patagium.robot.model import Body, Strip
-
-Array = NDArray[np.float64]
 
 Machine: TypeAlias = tuple[Robot, Aerodynamics]
 """Machine, and the model of the air around it."""

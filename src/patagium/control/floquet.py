@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.control.orbit import Frame, Orbit
 from patagium.control.wingbeat import FlightMap
-
-Array = NDArray[np.float64]
 
 GONE = 1e-12
 """Size of a multiplier whose rate is rounding's: nothing is left of the mode after a beat."""

@@ -21,14 +21,13 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics import Air
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.control.wingbeat import PrescribedRows
 from patagium.errors import ParameterError
 from patagium.robot import Robot
 from patagium.robot.model import COMMANDS
 from patagium.simulation.gait_models import FourierGait, Gait
 from patagium.simulation.gaits import check_gait
-
-Array = NDArray[np.float64]
 
 DIFFERENCE = "_difference"
 """End of the name of a parameter that is the left joint's value less the right one's."""

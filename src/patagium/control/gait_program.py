@@ -14,15 +14,14 @@ from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array, Bools, Indices
 from patagium.control.gait_family import GaitFamily
 from patagium.control.orbit import Frame
 from patagium.control.trimming import Conditions, parameter_sizes, state_sizes
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.robot import Robot
 
-Array = NDArray[np.float64]
 Goal = Literal["power", "range", "speed"]
 
 TOLERANCE = 1e-8
@@ -106,7 +105,7 @@ class _Swings:
         names: Names of the joints.
     """
 
-    columns: NDArray[np.int64]
+    columns: Indices
     low: Array
     high: Array
     least: Array
@@ -203,7 +202,7 @@ class _Loads:
         names: Limits in words.
     """
 
-    columns: NDArray[np.int64]
+    columns: Indices
     limits: Array
     names: tuple[str, ...]
 
@@ -225,7 +224,7 @@ def _loaded(robot: Robot, in_plane: bool) -> _Loads:
     return _Loads(np.array(columns, np.int64), np.array(most, float), tuple(names))
 
 
-def _phases(chosen: NDArray[np.bool_]) -> str:
+def _phases(chosen: Bools) -> str:
     """Phases of a beat at whose samples something is so, in words."""
     edges = np.flatnonzero(np.diff(np.r_[False, chosen, False])).reshape(-1, 2)
     spans = [(first / len(chosen), (last - 1) / len(chosen)) for first, last in edges]

@@ -16,10 +16,11 @@ from typing import Protocol, TypedDict, Unpack, runtime_checkable
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.arguments import checked, of_kind
+from patagium.arrays import Array
 from patagium.control.estimators import Estimate, Estimator, NoisyState, TrackedState, Truth
 from patagium.control.events import Event, StuckEvent, with_gusts
 from patagium.control.orbit import Orbit
@@ -28,8 +29,6 @@ from patagium.errors import Outcome, ParameterError, SimulationFailed, positive
 from patagium.robot import Robot
 from patagium.simulation.simulator import FlightState, Simulator, check_robots
 from patagium.simulation.steered_gait import SteeredGait
-
-Array = NDArray[np.float64]
 
 TIME_STEP = 1e-4
 """Longest time step of the truth where none is given [s]."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.control.predictive import (
     OrbitController,
     OrbitModel,
@@ -24,8 +25,6 @@ from patagium.control.predictive import (
     periodic_riccati,
 )
 from patagium.errors import ParameterError
-
-Array = NDArray[np.float64]
 
 
 class LinearRegulator(OrbitController):

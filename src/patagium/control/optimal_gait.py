@@ -14,7 +14,6 @@ from functools import cached_property
 from typing import Any, ClassVar, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import Aerodynamics, QuasiSteady
 from patagium.arguments import checked
@@ -33,9 +32,6 @@ from patagium.control.wingbeat import FlightMap
 from patagium.errors import ParameterError
 from patagium.robot import Robot
 from patagium.simulation.gait_models import Gait
-
-Array = NDArray[np.float64]
-
 
 GOALS = {
     "power": "least power",

@@ -12,18 +12,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.control.gait_family import GaitFamily
 from patagium.control.wingbeat import FlightMap, Segments
 from patagium.errors import positive
 from patagium.robot import Robot
 from patagium.simulation.gait_models import FourierGait
 from patagium.simulation.simulator import simulate
-
-Array = NDArray[np.float64]
 
 NEUTRAL = ("x", "y", "z", "yaw")
 """Coordinates that nothing depends on."""

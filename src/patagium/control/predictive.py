@@ -22,9 +22,9 @@ from types import MappingProxyType
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.control.gait_family import fourier_series, gait_family
 from patagium.control.quadratic_program import ProgramStatus, QuadraticProgram
 from patagium.control.wingbeat import FlightMap, PrescribedRows
@@ -32,8 +32,6 @@ from patagium.errors import ParameterError, positive
 from patagium.simulation.gait_models import Gait
 from patagium.simulation.simulator import FlightState
 from patagium.simulation.steered_gait import Responses, SteeredGait
-
-Array = NDArray[np.float64]
 
 MOST_ITERATIONS, SETTLED = 50, 1e-9
 """Iterations of `converge`, and the change of an input, over its range, that ends them."""

@@ -21,13 +21,11 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.errors import CompilerError, ParameterError
 from patagium.native import load_kernel
-
-Array = NDArray[np.float64]
 
 TOLERANCE, OPTIMALITY, GAP, MOST_STEPS = 1e-9, 1e-7, 1e-11, 80
 """Of the dense form: violation of a limit, gradient over its largest term, mean product of slack

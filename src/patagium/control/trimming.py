@@ -17,10 +17,10 @@ from types import MappingProxyType
 from typing import NamedTuple, TypeAlias, TypedDict, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, QuasiSteady
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.control.gait_family import GaitFamily, gait_family, symmetric_parameters
 from patagium.control.orbit import Frame, NoOrbit, Orbit
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
@@ -32,8 +32,6 @@ from patagium.simulation import gaits
 from patagium.simulation.gait_models import Gait
 from patagium.simulation.simulator import check_robots
 from patagium.simulation.steered_gait import SteeredGait
-
-Array = NDArray[np.float64]
 
 Nodes: TypeAlias = list[tuple[Array, Array, Array]]
 """How the state of each node follows the first state and the parameters, and its own step."""

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.arguments import check_fields
+from patagium.arrays import Array, Indices
 from patagium.errors import ParameterError, ShapeError
 from patagium.native import NativeFunction, load_functions, load_kernel
 from patagium.robot import Robot
@@ -28,8 +29,6 @@ from patagium.simulation.flight_equations import flight_functions
 from patagium.simulation.mounts import mount_of
 from patagium.simulation.simulator import check_added_mass, check_robots
 from patagium.simulation.state_layout import state_layout
-
-Array = NDArray[np.float64]
 
 _LANES = 8
 
@@ -280,7 +279,7 @@ def _flown_compiled(
     slopes: _Slopes,
     states: Array,
     rows: PrescribedRows,
-    quaternions: NDArray[np.int64],
+    quaternions: Indices,
 ) -> Segments:
     """Segments flown by `kernels/wingbeat.c`."""
     count, size = states.shape
@@ -318,9 +317,7 @@ def _segments(ends: Array, slope: Array) -> Segments:
     return Segments(*(np.ascontiguousarray(part) for part in parts))
 
 
-def _flown(
-    slopes: _Slopes, x: Array, rows: PrescribedRows, quaternions: NDArray[np.int64]
-) -> Segments:
+def _flown(slopes: _Slopes, x: Array, rows: PrescribedRows, quaternions: Indices) -> Segments:
     """Segments flown in Python, as `kernels/wingbeat.c` does it."""
     count, size = x.shape
     steps, h = rows.steps // count, rows.time_step
@@ -364,7 +361,7 @@ def _rate_and_slope(
     return found[:, :size], jacobian @ seeds
 
 
-def _normalize(x: Array, slope: Array, quaternions: NDArray[np.int64]) -> None:
+def _normalize(x: Array, slope: Array, quaternions: Indices) -> None:
     """Scale quaternions of states to length one, in place, with their derivatives."""
     for first in quaternions:
         part = slice(first, first + 4)

@@ -1,14 +1,14 @@
 """Autopilot: estimate, learning and feedback of a flying robot in one compiled call a tick.
 
 The motion tracker, the pipeline of a learner and a linear regulator go on in C from where they
-stand, with the numbers that they give in Python, but for rounding. Late samples are inserted as the
-tracker does. Neglected: the clocks of sensors, which are taken as that of the autopilot.
+stand, with their numbers in Python but for rounding. Neglected: differences of sensors' clocks.
 """
 
 from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.arguments import checked
-from patagium.arrays import real_array
+from patagium.arrays import Array, Bools, real_array
 from patagium.control.lqr import LinearRegulator
 from patagium.errors import CompilerError, LogError, ParameterError, ShapeError
 from patagium.live.pipeline import Pipeline, Records
@@ -31,8 +31,6 @@ from patagium.sensing.motion.motion_tracker import (
     Event,
     MotionTracker,
 )
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -66,7 +64,7 @@ class Ticks:
         return self.rows[:, -2 - self.sizes[2] : -2]
 
     @property
-    def commanded(self) -> NDArray[np.bool_]:
+    def commanded(self) -> Bools:
         """Ticks at which commands were given, (N,)."""
         return np.asarray(self.rows[:, -2] == 1.0)
 
@@ -114,12 +112,12 @@ class Autopilot:
         self._kept: list[Any] = [pipeline]
         self._name, self._time = tracker.robot.name, -np.inf
         self._chain, n, commands = chain, tracker.robot.dof, len(regulator.model.commands)
-        outputs, forces = 0, 0
+        outputs = forces = 0
         if pipeline is not None:
             outputs = 3 * pipeline.learner.network.outputs + 4
             forces = len(pipeline.columns) - 1 - 3 * n
         self.sizes = n, outputs, commands
-        own = [part.filter.copy().compiled for part in tracker.parts]
+        own = [copy(part.filter).compiled for part in tracker.parts]
         filters = [one for one in own if one is not None]
         self.places: dict[str, slice] = {}
         end, widths = 1, []
@@ -134,8 +132,7 @@ class Autopilot:
             self._place(track, part.events[-1], one, room)
             numbers = [one.numbers.get(name, -1) for name in tracker.rates]
             track.numbers, track.memory = self._address(numbers, np.int32), tracker.memory
-        base = floating_base(tracker.robot)
-        self._regulator = self._of(regulator)
+        base, self._regulator = floating_base(tracker.robot), self._of(regulator)
         self._struct = AUTOPILOT.type(
             sensors=len(widths),
             tracks=len(filters),
@@ -194,8 +191,7 @@ class Autopilot:
         moves = np.zeros((count, len(gait.neutral)))
         for row, name in zip(moves, model.commands, strict=True):
             row[gait.places(name)] = 1.0
-        last = gait.pieces[-1]
-        goes = last.responses
+        last, goes = gait.pieces[-1], gait.pieces[-1].responses
         pieces = np.zeros((len(gait.neutral) + 3, 2 + 5 * len(gait.neutral)))
         pieces[0] = np.concatenate([[last.time, last.phase], goes.target, goes.slope, *goes.c])
         arrays = {
@@ -228,8 +224,9 @@ class Autopilot:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Samples that came `late`, or were `refused`; times that commands were `held`."""
-        found = {name: sum(getattr(one, name) for one in self._tracks) for name in _COUNTED}
+        """Samples `late` or `refused`; times that noise was `raised`, and commands were `held`."""
+        names = ("late", "refused", "raised")
+        found = {name: sum(getattr(one, name) for one in self._tracks) for name in names}
         return found | {"held": self._regulator.held}
 
     def step(
@@ -248,8 +245,7 @@ class Autopilot:
             ShapeError: If a sample has another size.
         """
         row = self._row
-        row[:] = np.nan
-        row[0] = time
+        row[0], row[1:] = time, np.nan
         given = dict(samples) if forces is None else {**samples, "forces": forces}
         for name, values in given.items():
             if name not in self.places:
@@ -290,9 +286,6 @@ class Autopilot:
             n, outputs, _ = self.sizes
             self._chain.account_for(done, records[:, 3 * n : 3 * n + outputs])
         return Ticks(records, self.sizes)
-
-
-_COUNTED = ("late", "refused", "raised")
 
 
 def _check(

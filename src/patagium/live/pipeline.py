@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from time import perf_counter_ns
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import AddedMass
 from patagium.arguments import checked
-from patagium.arrays import real_array
+from patagium.arrays import Array, Bools, Indices, real_array
 from patagium.errors import FilterDiverged, Outcome, ParameterError, ShapeError
 from patagium.learning.filters.kernel_memory import Compiled
 from patagium.learning.filters.screening import REFUSALS
@@ -38,8 +38,6 @@ from patagium.native import load_kernel
 from patagium.native.structs import PIPELINE
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import Column, SampleForm, packet_columns
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -74,12 +72,12 @@ class Records:
         return self.rows[:, -4]
 
     @property
-    def outcome(self) -> NDArray[np.int64]:
+    def outcome(self) -> Indices:
         """Outcome of each update, (N,); a sample that is not COMPLETED was not learned."""
         return self.rows[:, -3].astype(np.int64)
 
     @property
-    def left_out(self) -> NDArray[np.bool_]:
+    def left_out(self) -> Bools:
         """Channels of samples learned that were left out, (N, n_y); of the first 53 at most."""
         bits = self.rows[:, -2].astype(np.int64)[:, None] >> np.arange(self._outputs)
         return (bits & 1).astype(bool)

@@ -434,7 +434,6 @@ REGULATOR = struct(
     int32_t commands: n_u
     int32_t responses: of the gait
     int32_t joints: of the gait
-    int32_t spare: nothing
     double period: of an interval
     double next: time of the next commands
     const double *along: parts x states: orbit

@@ -19,14 +19,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from patagium.arrays import Array
 from patagium.errors import ParameterError, finite
 from patagium.robot import Robot
 from patagium.robot.model import COMMANDS, Actuator
 from patagium.simulation.gait_models import Gait, PrescribedMotion
-
-Array = NDArray[np.float64]
 
 SHARPNESS = 8.0
 """Each lag k times the response time: 99 % is there within about one response time."""

@@ -18,10 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
+from patagium.arrays import Array, Indices
 from patagium.errors import FilterDiverged, Outcome
 from patagium.native import load_kernel
-
-Array = NDArray[np.float64]
 
 DEGREE = 5
 SEEN = DEGREE + 1
@@ -53,7 +52,7 @@ class Knots:
         """Times about which the control points act, (K,) [s]."""
         return np.asarray(self.begin + self.step * (np.arange(self.count) - 0.5 * (DEGREE - 1)))
 
-    def span_of(self, times: Array) -> NDArray[np.int64]:
+    def span_of(self, times: Array) -> Indices:
         """Span that holds each time, (N,)."""
         span = np.floor((times - self.begin) / self.step).astype(np.int64)
         return np.asarray(np.clip(span, 0, self.spans - 1))
@@ -112,7 +111,7 @@ class Information:
         """Diagonal of the matrix by point and unknown, (points, width), a view."""
         return self.matrix[:, -1].reshape(self.points, self.width)
 
-    def add(self, span: NDArray[np.int64], rows: Array, residual: Array) -> None:
+    def add(self, span: Indices, rows: Array, residual: Array) -> None:
         """Add measurements of unit variance.
 
         Args:
@@ -177,7 +176,7 @@ class BandedCovariance:
     def __init__(self, points: int, width: int, matrix: Array) -> None:
         self.points, self.width, self.matrix = points, width, matrix
 
-    def variance(self, span: NDArray[np.int64], rows: Array) -> Array:
+    def variance(self, span: Indices, rows: Array) -> Array:
         """Variance of linear functions of the points, (N, k).
 
         Args:
@@ -194,7 +193,7 @@ class BandedCovariance:
         library.banded_variance(*_pointers(*arrays), *_sizes(count, values, wide))
         return found
 
-    def of_spans(self, span: NDArray[np.int64]) -> Array:
+    def of_spans(self, span: Indices) -> Array:
         """Covariance of the six points of spans, (N, 6 width, 6 width)."""
         wide = SEEN * self.width
         rows, columns = np.tril_indices(wide)

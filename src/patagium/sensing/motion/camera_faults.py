@@ -10,15 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.spatial.transform import Rotation
 
+from patagium.arrays import Array, Bools, Indices
 from patagium.sensing.motion.sensor_streams import Stream
 from patagium.sensing.sensors import from_quaternion
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 _NEAR, _AROUND = 7, 41
 """Steps over which a rate and the size of its errors are medians."""
@@ -292,7 +289,7 @@ def _continues(steps: _Steps, i: int, j: int, long: bool) -> bool:
 
 def _left_out(
     time: Array,
-    places: NDArray[np.int64],
+    places: Indices,
     used: Bools,
 ) -> list[Stretch]:
     """Stretches of frames that were seen and are not used."""

@@ -12,12 +12,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation, Slerp
 
 from patagium.arguments import checked
+from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError, positive
 from patagium.robot import Robot
 from patagium.sensing.motion.estimate_motion import SensorMotion, smoothed_stream
@@ -25,8 +25,6 @@ from patagium.sensing.motion.frame_model import Motion, with_euler_angles
 from patagium.sensing.motion.sensor_streams import ImuModel, Stream, streams_of
 from patagium.sensing.motion.smoothers import Kalman, Smoother
 from patagium.sensing.sensors import SensorLog
-
-Array = NDArray[np.float64]
 
 _MOST_SAMPLES = 2000
 _COARSE = 2e-3

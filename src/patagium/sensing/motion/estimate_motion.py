@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from patagium.arguments import checked
-from patagium.arrays import real_array
+from patagium.arrays import Array, Bools, real_array
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot
 from patagium.sensing.motion.camera_faults import (
@@ -54,8 +54,6 @@ from patagium.sensing.motion.sensor_streams import (
 )
 from patagium.sensing.motion.smoothers import MOTION_ORDERS, Smoother, merged_times
 from patagium.sensing.sensors import SensorLog, as_quaternion, from_quaternion
-
-Array = NDArray[np.float64]
 
 UNKNOWN = (1e-1, 3e1, 3e2)
 """Least standard deviation of position [m, rad], rate and acceleration before any sample."""
@@ -136,7 +134,7 @@ class MotionFits:
                 found[one.stream.name][place] *= one.color[k]
         return found
 
-    def open_times(self, times: Array) -> NDArray[np.bool_]:
+    def open_times(self, times: Array) -> Bools:
         """Whether each time lies in a gap that cannot be bridged, or beyond the samples, (M,)."""
         found = np.zeros(len(times), bool)
         for fit in self.fits:
@@ -203,7 +201,7 @@ class _Checked:
     """
 
     streams: list[Stream]
-    used: dict[str, NDArray[np.bool_]]
+    used: dict[str, Bools]
     gaps: list[tuple[float, float]]
     stretches: list[Stretch]
     notes: list[str]
@@ -264,9 +262,7 @@ def alone(stream: Stream, columns: Sequence[int]) -> list[int]:
     return sorted(set(model.columns) - set(columns))
 
 
-def _samples(
-    stream: Stream, group: Sequence[int], used: NDArray[np.bool_], order: int
-) -> Samples | None:
+def _samples(stream: Stream, group: Sequence[int], used: Bools, order: int) -> Samples | None:
     """Samples of a sensor for the fit of a group of coordinates; None if it sees none of them."""
     if not isinstance(stream.model, EncoderModel):
         base = floating_base(stream.model.frame.robot)  # type: ignore[attr-defined]
@@ -284,7 +280,7 @@ _UNTOLD = Noise(float("nan"), 0.0)
 """Noise of a part whose spectrum is not asked."""
 
 
-def _noise(stream: Stream, used: NDArray[np.bool_], order: int) -> tuple[Noise, ...]:
+def _noise(stream: Stream, used: Bools, order: int) -> tuple[Noise, ...]:
     """Noise of cameras by part, as their spectrum shows it; not told for other sensors."""
     if not isinstance(stream.model, CaptureModel):
         return (_UNTOLD,) * len(stream.model.parts)

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+from patagium.arrays import Array, Bools, Indices
 from patagium.robot import Robot
 from patagium.sensing.motion.frame_model import floating_base
 from patagium.sensing.motion.sensor_streams import (
@@ -27,8 +27,6 @@ from patagium.sensing.motion.sensor_streams import (
     first_camera,
 )
 from patagium.sensing.sensors import from_quaternion
-
-Array = NDArray[np.float64]
 
 _SEGMENT, _MOST_SEGMENTS = 128, 24
 """Samples of a spectrum, and most spectra of a series."""
@@ -59,7 +57,7 @@ class FirstMotion:
     def at(
         self,
         times: Array,
-        columns: NDArray[np.int64],
+        columns: Indices,
     ) -> tuple[Array, Rotation | None]:
         """Values of columns at given times, (N, n) [m, rad], and the attitude; zero if unseen."""
         found = np.zeros((len(times), len(columns)))
@@ -72,7 +70,7 @@ class FirstMotion:
 
     def density(
         self,
-        columns: NDArray[np.int64],
+        columns: Indices,
         order: int,
     ) -> Array:
         """Density of the noise that drives each column, (n,) [unit^2/s^(2 order - 1)]."""
@@ -87,7 +85,7 @@ class FirstMotion:
 def first_motion(
     robot: Robot,
     streams: Sequence[Stream],
-    used: Mapping[str, NDArray[np.bool_]],
+    used: Mapping[str, Bools],
 ) -> FirstMotion:
     """First guess of a motion from encoders and the first cameras.
 

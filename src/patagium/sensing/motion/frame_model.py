@@ -15,16 +15,14 @@ from math import atan2, cos, sin, sqrt
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from patagium.arrays import Array
 from patagium.dynamics.kinematics import body_poses, body_velocities, in_body_axes
 from patagium.dynamics.rnea import body_accelerations
 from patagium.errors import ParameterError
 from patagium.native import NativeFunction, load_functions
 from patagium.robot import Robot
-
-Array = NDArray[np.float64]
 
 _SMALL = 1e-6
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dtrsm
 from scipy.linalg.lapack import dgeqrf
 
+from patagium.arrays import Array
 from patagium.errors import FilterDiverged, Outcome
 from patagium.native import load_kernel
 from patagium.native.structs import MOTION_FILTER, MOTION_SENSOR
@@ -36,8 +37,6 @@ from patagium.sensing.motion.sensor_streams import (
     Observation,
 )
 from patagium.sensing.motion.smoothers import added_covariance, transition
-
-Array = NDArray[np.float64]
 
 _MOST_ITERATIONS = 5
 _NEAR = np.array([1e-2, 1.0, 10.0])
@@ -136,7 +135,7 @@ class MotionFilter:
         kernel = load_kernel("motion")
         self.compiled = None if kernel is None else CompiledFilter(self, models, kernel)
 
-    def copy(self) -> MotionFilter:
+    def __copy__(self) -> MotionFilter:
         """Filter with the same numbers, and memory of its own."""
         own = self.robot, self.columns.tolist(), self.density, self.order
         return MotionFilter(*own, self._models)

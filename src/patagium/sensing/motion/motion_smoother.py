@@ -20,17 +20,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from patagium.arrays import Array, Bools, Indices
 from patagium.robot import Robot
 from patagium.sensing.motion.banded import SEEN, Information, Knots
 from patagium.sensing.motion.first_motion import FirstMotion, Noise
 from patagium.sensing.motion.frame_model import floating_base
 from patagium.sensing.motion.motion_spline import MotionSpline, SplinePoint
 from patagium.sensing.motion.sensor_streams import FLOOR, Part, Stream
-
-Array = NDArray[np.float64]
 
 _GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 """Places of two samples of a span whose mean square is that of a linear function."""
@@ -82,7 +80,7 @@ class Samples:
     """
 
     stream: Stream
-    used: NDArray[np.bool_]
+    used: Bools
     first: tuple[Noise, ...]
     variance: Array = field(init=False)
     color: Array = field(init=False)
@@ -145,7 +143,7 @@ class _Linear:
     residual: Array
     rows: Array
     rate: Array
-    valid: NDArray[np.bool_]
+    valid: Bools
     placed: Array
 
 
@@ -156,7 +154,7 @@ class _Residuals:
     residual: Array
     leverage: Array
     rate: Array
-    valid: NDArray[np.bool_]
+    valid: Bools
 
 
 def _learn_part(
@@ -471,7 +469,7 @@ class MotionFit:
             start = first @ self.spline.points[:SEEN, place]
             pull[:SEEN, place] -= first[:, None] * (start * known)
 
-    def _every(self) -> NDArray[np.int64]:
+    def _every(self) -> Indices:
         return np.arange(self.knots.spans)
 
     def _add_smoothness(

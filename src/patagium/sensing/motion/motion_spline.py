@@ -10,12 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from patagium.arrays import Array, Indices
 from patagium.sensing.motion.banded import SEEN, Knots
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -33,7 +31,7 @@ class SplinePoint:
             floating body.
     """
 
-    span: NDArray[np.int64]
+    span: Indices
     weights: Array
     levels: Array
     attitude: Rotation | None
@@ -54,7 +52,7 @@ class MotionSpline:
         self,
         knots: Knots,
         points: Array,
-        turn: NDArray[np.int64] | None = None,
+        turn: Indices | None = None,
         turns: Array | None = None,
     ) -> None:
         self.knots, self.points, self.turn, self.turns = knots, points, turn, turns
@@ -137,7 +135,7 @@ class MotionSpline:
         self,
         times: Array,
         order: int,
-    ) -> tuple[NDArray[np.int64], Array, Array]:
+    ) -> tuple[Indices, Array, Array]:
         """Derivative of a given order of each column, and its slopes.
 
         For attitude it is twice the vector part of the conjugate quaternion times that derivative

@@ -17,9 +17,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError, ShapeError, positive
 from patagium.robot import Robot
 from patagium.sensing.motion.estimate_motion import (
@@ -41,8 +42,6 @@ from patagium.sensing.motion.sensor_streams import (
 )
 from patagium.sensing.motion.smoothers import MOTION_ORDERS
 from patagium.sensing.sensors.sensor import Sensor
-
-Array = NDArray[np.float64]
 
 LOUD = 3.0
 """Normalized innovation squared of a value above which the driving noise is too small, ..."""

@@ -12,18 +12,16 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from patagium.arrays import real_array
+from patagium.arrays import Array, Indices, real_array
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.robot import Robot
 from patagium.sensing.motion.frame_model import FrameModel, Motion, rotation_vector
 from patagium.sensing.sensors import Encoder, Imu, MotionCapture, SensorLog, from_quaternion
 from patagium.sensing.sensors.joints import joint_names
 from patagium.sensing.sensors.sensor import Sensor
-
-Array = NDArray[np.float64]
 
 FLOOR = {"m": 2e-6, "rad": 1e-5, "rad/s": 1e-5, "m/s^2": 1e-4}
 """Smallest standard deviation of a measurement by its unit: a hundredth of data sheet values."""
@@ -305,7 +303,7 @@ def streams_of(log: SensorLog, robot: Robot, shifts: Mapping[str, float]) -> lis
     return found
 
 
-def _advancing(stamps: Array) -> NDArray[np.int64]:
+def _advancing(stamps: Array) -> Indices:
     """Places of the stamps that are later than all before them."""
     finite = np.where(np.isfinite(stamps), stamps, -np.inf)
     before = np.concatenate([[-np.inf], np.maximum.accumulate(finite)[:-1]])

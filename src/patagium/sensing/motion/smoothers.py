@@ -14,13 +14,11 @@ from math import factorial
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from patagium.arrays import rising
+from patagium.arrays import Array, Indices, rising
 from patagium.errors import FilterDiverged, LogError, ParameterError, ShapeError
 from patagium.sensing.motion.banded import SEEN, Information, Knots
-
-Array = NDArray[np.float64]
 
 ORDERS = (1, 2, 3, 4, 5)
 MOTION_ORDERS = (3, 4, 5)
@@ -417,7 +415,7 @@ class SavitzkyGolay:
         return Smoothed(state, covariance)
 
 
-def merged_times(time: Array, at: Array) -> tuple[Array, NDArray[np.int64]]:
+def merged_times(time: Array, at: Array) -> tuple[Array, Indices]:
     """Times of both in order, and the places of the second; times within 1 ns are one."""
     both = np.concatenate([time, at])
     order = np.argsort(both, kind="stable")
