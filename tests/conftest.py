@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from patagium.robot import Robot, load_robot_text
+from patagium.control import Orbit, trim
+from patagium.robot import Robot, load_robot, load_robot_text
 
 from .random_machines import random_machine as random_machine
 
@@ -159,6 +160,12 @@ def one_wing() -> Callable[..., Robot]:
         return load_robot_text(ONE_WING.format(joints="\n".join(lines)))
 
     return made
+
+
+@pytest.fixture(scope="session")
+def ornithopter_orbit() -> Orbit:
+    """The cruise of the ornithopter, trimmed once for all tests of a worker; nobody changes it."""
+    return trim(load_robot("ornithopter"))
 
 
 @pytest.fixture(autouse=True)

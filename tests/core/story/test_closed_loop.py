@@ -29,8 +29,8 @@ NOISE = NoisyState({"z": 0.002, "pitch": 0.005, "velocity of z": 0.02})
 
 
 @pytest.fixture(scope="module")
-def orbit():
-    return pt.trim(pt.load_robot("ornithopter"))
+def orbit(ornithopter_orbit):
+    return ornithopter_orbit
 
 
 def flown(orbit, controller=None, duration=1.0, **options):

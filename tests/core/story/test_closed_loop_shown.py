@@ -14,8 +14,8 @@ COMMANDS = ("frequency", "plunge_amplitude", "elevation_offset", "rudder_offset"
 
 
 @pytest.fixture(scope="module")
-def flight():
-    orbit = pt.trim(pt.load_robot("ornithopter"))
+def flight(ornithopter_orbit):
+    orbit = ornithopter_orbit
     gust = control.GustEvent(time=0.3, velocity=(0.0, 0.0, 1.0), length_time=0.2)
     pilot = control.PredictiveController(orbit, COMMANDS)
     return pt.fly(
@@ -57,9 +57,9 @@ def test_a_flight_without_a_loop_has_none_of_it(flight):
     assert not replay_content(plain).events
 
 
-def test_the_reference_is_that_of_the_orbit_that_is_followed():
+def test_the_reference_is_that_of_the_orbit_that_is_followed(ornithopter_orbit):
     """A controller that follows another orbit on its way, as one does that learns."""
-    orbit = pt.trim(pt.load_robot("ornithopter"))
+    orbit = ornithopter_orbit
     law = control.LinearRegulator(orbit, COMMANDS)
     law.model.origin[law.model.names.index("z")] = -1.0
     flight = pt.fly(

@@ -10,10 +10,10 @@ from patagium.control import PredictiveController
 COMMANDS = ("frequency", "plunge_amplitude", "elevation_offset", "rudder_offset")
 
 
-def test_a_disturbed_flight_comes_back_within_its_actuators():
+def test_a_disturbed_flight_comes_back_within_its_actuators(ornithopter_orbit):
     """Another mass than the model's, and samples that do not come."""
-    robot = pt.load_robot("ornithopter")
-    orbit = pt.trim(robot)
+    orbit = ornithopter_orbit
+    robot = orbit.robot
     true = robot.with_parameters({"body.mass": 0.384})  # 1 % more
     start = dict(zip(orbit.names, orbit.states[0], strict=True))
     q = robot.coordinates(pitch=start["pitch"] + 0.05)

@@ -53,7 +53,6 @@ def test_an_event_of_hostile_numbers_is_refused(kind: Any, name: str, value: Any
         kind(**{"time": 0.0, **words[kind], name: value})
 
 
-ORBIT = pt.trim(ROBOT)
 HOSTILE = (None, "x", b"1", object(), [[1], 2], {1}, 1j, np.nan, 10**400, np.ma.masked, {})
 
 
@@ -66,31 +65,35 @@ HOSTILE = (None, "x", b"1", object(), [[1], 2], {1}, 1j, np.nan, 10**400, np.ma.
         (pt.trim, {"robot": ROBOT}, "tolerable"),
         (pt.trim, {"robot": ROBOT}, "steps"),
         (pt.control.continue_orbit, {"along": "speed", "limits": (4.0, 6.0)}, "orbit"),
-        (pt.control.continue_orbit, {"orbit": ORBIT, "limits": (4.0, 6.0)}, "along"),
-        (pt.control.continue_orbit, {"orbit": ORBIT, "along": "speed"}, "limits"),
+        (pt.control.continue_orbit, {"orbit": ..., "limits": (4.0, 6.0)}, "along"),
+        (pt.control.continue_orbit, {"orbit": ..., "along": "speed"}, "limits"),
         (pt.control.floquet, {}, "orbit"),
         (pt.control.optimize, {"robot": ROBOT}, "harmonics"),
         (pt.control.power_front, {"robot": ROBOT}, "speeds"),
-        (pt.control.LinearRegulator, {"orbit": ORBIT}, "commands"),
+        (pt.control.LinearRegulator, {"orbit": ...}, "commands"),
         (pt.control.PredictiveController, {"commands": ["frequency"]}, "orbit"),
         (pt.control.off_nominal, {"robot": ROBOT, "share": 0.1}, "seed"),
     ],
 )
 def test_a_hostile_argument_is_refused_by_its_name(
-    function: Any, given: Any, name: str, value: Any
+    function: Any, given: Any, name: str, value: Any, ornithopter_orbit: Any
 ) -> None:
     if value == {} and name == "tolerable":
         pytest.skip("an empty mapping is one")
+    orbit = {"orbit": ornithopter_orbit} if "orbit" in given else {}
+    known = {} if name in given else {**given, **orbit}
     with pytest.raises(PatagiumError, match=f"^{name}: expected"):
-        function(**given, **{name: value}) if name not in given else function(**{name: value})
+        function(**known, **{name: value})
 
 
 @pytest.mark.parametrize("name", ["estimator", "progress"])
-def test_an_option_of_a_flight_that_cannot_be_called_is_refused(name: str) -> None:
-    law = pt.control.LinearRegulator(ORBIT, list(ROBOT.actuators))
+def test_an_option_of_a_flight_that_cannot_be_called_is_refused(
+    name: str, ornithopter_orbit: Any
+) -> None:
+    law = pt.control.LinearRegulator(ornithopter_orbit, list(ROBOT.actuators))
     air = pt.QuasiSteady(ROBOT)
     with pytest.raises(ParameterError, match=f"^{name}: expected"):
-        pt.fly(ROBOT, air, law, orbit=ORBIT, duration=0.02, **{name: 5})
+        pt.fly(ROBOT, air, law, orbit=ornithopter_orbit, duration=0.02, **{name: 5})
 
 
 def test_an_array_is_as_good_as_a_tuple_where_none_may_stand_too() -> None:

@@ -90,8 +90,8 @@ BIRD_COMMANDS = ("frequency", "plunge_amplitude", "elevation_offset", "rudder_of
 
 
 @pytest.fixture(scope="module")
-def cruise():
-    return pt.trim(pt.load_robot("ornithopter"))
+def cruise(ornithopter_orbit):
+    return ornithopter_orbit
 
 
 def test_a_sample_that_is_wrong_leaves_the_last_command(cruise):

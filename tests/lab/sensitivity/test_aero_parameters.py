@@ -35,6 +35,11 @@ EXPECTED = {
     "polar.drag_rise": (0, 1),
     "polar.viscosity": (-1, -1),  # at Re = 27,000; below some 1000 it adds drag
     "rotational_coefficient": (1, 0),
+    "errors.sign": (-1, 0),
+    "errors.backwards_drag": (0, 0),  # the robot flies forward
+    "errors.factor": (1, 1),
+    "errors.polar": (0, 0),  # its incidence is positive
+    "errors.midchord": (1, 1),
 }
 MODELS = {
     "dickinson": lambda robot: QuasiSteady(robot, polar=DickinsonPolar()),
@@ -74,7 +79,7 @@ def test_every_parameter_moves_lift_or_drag_to_its_side(aero: Aerodynamics) -> N
     assert base[1] > 0
     for k, name in enumerate(aero.parameter_names):
         moved = aero.parameters.copy()
-        moved[k] *= 1.01
+        moved[k] = 1.0 if name.startswith("errors.") else 1.01 * moved[k]  # kept or not
         lift, drag, _ = lift_and_drag(aero, aero.robot.parameters, moved)
         expected = EXPECTED.get(name, (1, 0))  # smooth: lift_amplitude
         for change, side in zip((lift - base[0], drag - base[1]), expected, strict=True):

@@ -14,8 +14,9 @@ import pytest
 import xarray as xr
 
 from patagium.report import cell_text
+from patagium_lab.reproduction.cases import STRIPS
 from patagium_lab.reproduction.page import RESULTS, page
-from patagium_lab.reproduction.plan import ReproductionPlan
+from patagium_lab.reproduction.plan import LIMITS, ReproductionPlan
 from patagium_lab.reproduction.run import run
 from patagium_lab.reproduction.unsteady_trials import unsteady_trials
 from patagium_lab.study import write_study
@@ -220,12 +221,29 @@ def test_the_usual_run_leaves_to_the_full_one_only_what_no_target_reads() -> Non
     usual, full = ReproductionPlan.of(), ReproductionPlan.of(full=True)
     left = [t for t in set(full.trials()) - set(usual.trials()) if t.kind != "start"]
     filtered = {(t.flight, t.network, t.every) for t in left if t.learner == "cubature"}
-    assert {t.learner for t in left} == {"cubature", "gradient", "linear", "features"}
-    assert filtered == {("corrected", network, 1) for network in ("dense", "dense_velocity")}
-    rates, ways = usual.unsteady_every, usual.unsteady_candidates
-    kept = unsteady_trials(rates, 1, ways, usual.slow_every)
-    assert {t.candidate for t in set(unsteady_trials(rates, 1, ways)) - set(kept)} == {"grey"}
+    assert {(t.learner, t.every) for t in left} == {
+        ("replay", 10),
+        *((learner, 1) for learner in ("cubature", "gradient", "linear", "features")),
+    }
+    assert filtered == {
+        *(("corrected", network, 1) for network in ("dense", "dense_velocity", "strip_rotation")),
+        *(("published", network, 1) for network in ("strip", "strip_rotation")),
+    }
+    started = {(t.flight, t.network) for t in usual.trials() if t.seed}
+    assert started == {(flight, networks[0]) for flight, networks in STRIPS.items()}
+    rates = usual.unsteady_every
+    air = set(unsteady_trials(rates, 1, usual.unsteady_candidates, usual.slow_every))
+    moved = {(t.candidate, t.every) for t in set(unsteady_trials(rates, 1)) - air}
+    assert moved == {("grey", 100), ("grey", 1), ("strip", 1), ("strip_rotation", 1)}
     assert any("`--full`: from every sample" in text for text in usual.left_out)
+
+
+def test_a_run_that_two_tables_show_is_run_once() -> None:
+    plan = ReproductionPlan.of()
+    trials, limits = plan.trials(), plan.limit_trials()
+    runs = [trial.run for trial in trials]
+    assert len(set(runs)) == len(runs) and {trial.run for trial in limits} <= set(runs)
+    assert len({trial.run for trial in limits}) == len(limits) == len(LIMITS)
 
 
 def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:

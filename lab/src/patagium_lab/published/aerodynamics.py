@@ -80,17 +80,19 @@ class Published(Aerodynamics):
     @property
     def structure(self) -> str:
         """Structure of the equations without their numbers, for the key of compiled functions."""
-        return f"{self.name} errors={sorted(self.errors)} source={_SOURCE}"
+        return f"{self.name} source={_SOURCE}"
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the model's parameters, in the order of `parameters`."""
-        return ("density", *(f"polar.{name}" for name in DickinsonPolar().parameter_names))
+        polar = (f"polar.{name}" for name in DickinsonPolar().parameter_names)
+        return ("density", *polar, *(f"errors.{name}" for name in PUBLISHED_ERRORS))
 
     @property
     def parameters(self) -> NDArray[np.float64]:
-        """Values of the model's parameters, (n_c,)."""
-        return np.array([self.air.density, *DickinsonPolar().parameters])
+        """Values of the model's parameters, (n_c,); 1 for an error that is kept, 0 for others."""
+        kept = [float(name in self.errors) for name in PUBLISHED_ERRORS]
+        return np.array([self.air.density, *DickinsonPolar().parameters, *kept])
 
     def describe(self) -> dict[str, Any]:
         """Description from which the model is made again for a robot, as JSON values."""
@@ -105,17 +107,17 @@ class Published(Aerodynamics):
         return assemble(robot, q, loads, ca.SX(0, 1))
 
     def _load(self, motion: StripMotion, parameters: ca.SX) -> StripLoad:
-        strip = motion.strip
+        strip, kept = motion.strip, self._kept(parameters)
         direction = hard_sign(motion.forward)
         ahead = (direction - 1.0) * (strip.chord / 4)
-        measured_ahead = -strip.chord / 4 if "midchord" in self.errors else ahead
+        measured_ahead = _either(kept["midchord"], -strip.chord / 4, ahead)
         v_x, v_z = motion.forward, motion.normal_ahead(measured_ahead)
         flow_angle = ca.atan2(v_z, ca.fabs(v_x))
-        incidence = flow_angle if "sign" in self.errors else -flow_angle
-        lift, drag = self._coefficients(incidence, parameters[1:])
+        incidence = _either(kept["sign"], flow_angle, -flow_angle)
+        lift, drag = self._coefficients(incidence, parameters)
         speed = ca.sqrt(v_x * v_x + v_z * v_z)
         mass_flow = parameters[0] * strip.width * strip.chord * speed / 2
-        along_sign = 1.0 if "backwards_drag" in self.errors else direction
+        along_sign = _either(kept["backwards_drag"], 1.0, direction)
         return StripLoad(
             motion=motion,
             forward=-along_sign * mass_flow * (lift * v_z + drag * ca.fabs(v_x)),
@@ -125,15 +127,24 @@ class Published(Aerodynamics):
         )
 
     def _coefficients(self, incidence: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
-        fit = DickinsonPolar()
-        factor = PUBLISHED_FACTOR if "factor" in self.errors else 1.0
-        if "polar" in self.errors:
-            lift, drag = fit.lift(incidence, parameters), fit.drag(incidence, parameters)
-        else:
-            size = ca.fabs(incidence)
-            lift = hard_sign(incidence) * fit.lift(size, parameters)
-            drag = fit.drag(size, parameters)
-        return factor * lift, factor * drag
+        fit, kept, numbers = DickinsonPolar(), self._kept(parameters), parameters[1:]
+        factor = _either(kept["factor"], PUBLISHED_FACTOR, 1.0)
+        side = _either(kept["polar"], 1.0, hard_sign(incidence))
+        size = side * incidence
+        return factor * side * fit.lift(size, numbers), factor * fit.drag(size, numbers)
+
+    def _kept(self, parameters: ca.SX) -> dict[str, ca.SX]:
+        """1 for each error that is kept, 0 for others, by name: parameters, so that all share code.
+
+        Compiling each set of errors anew would take longer than all of their flights.
+        """
+        count = len(PUBLISHED_ERRORS)
+        return dict(zip(PUBLISHED_ERRORS, ca.vertsplit(parameters[-count:]), strict=True))
+
+
+def _either(kept: ca.SX, wrong: Any, right: Any) -> ca.SX:
+    """An expression with an error, or the right one: exactly, where `kept` is 1 or 0."""
+    return kept * wrong + (1.0 - kept) * right
 
 
 def hard_sign(x: Any) -> Any:

@@ -12,10 +12,11 @@ from functools import cache
 from math import exp, pi, sqrt
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.dynamics import Dynamics
+from patagium.dynamics.kinematics import point_jacobian
 from patagium.errors import ParameterError
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
@@ -277,6 +278,7 @@ def make_learner(
     return GradientLearner(model, learning_rate=step, replay=replay, seed=seed)
 
 
+@cache
 def lever_arms(robot: Robot) -> Array:
     """Lever arms of the strips: how errors of strip forces add up in each coordinate, (n,) [-, m].
 
@@ -286,11 +288,10 @@ def lever_arms(robot: Robot) -> Array:
     Args:
         robot: The machine.
     """
-    dynamics, q, total = Dynamics(robot), np.zeros(robot.dof), np.zeros(robot.dof)
-    for strip in robot.strips:
-        body = robot.bodies[strip.body].name
-        jacobian = dynamics.point(body, strip.quarter_chord).jacobian(q)
-        total += (jacobian**2).sum(axis=0)
+    q, total = ca.SX.zeros(robot.coordinate_count), np.zeros(robot.dof)
+    for strip in robot.strips:  # numbers put into the equations: nothing is compiled for one call
+        jacobian = ca.evalf(point_jacobian(robot, q, strip.body, strip.quarter_chord))
+        total += (np.asarray(jacobian) ** 2).sum(axis=0)
     return np.asarray(np.sqrt(total), float)
 
 

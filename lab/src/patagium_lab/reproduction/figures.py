@@ -180,7 +180,7 @@ def _curves(runs: Sequence[TrialResult]) -> Iterator[TrialResult]:
         ("dense", "cubature", 100),
         ("dense", "cubature", 1),
         ("dense_published", "extended", 100),
-        ("dense_published", "replay", 10),
+        ("dense_published", "replay", 100),
         ("", "features", 100),
     )
     for network, learner, every in wanted:

@@ -272,8 +272,8 @@ _LIMITS = (
     "the moment, which is tracking, not knowledge, as the gaits never seen show."
 )
 _STARTS = (
-    "A network starts from random weights, and one start says little. The strip network is run "
-    "from several."
+    "A network starts from random weights, and one start says little. The strip networks are run "
+    "from as many as the table says."
 )
 _LEARNING = {
     "published": "The forces of the published experiment, all errors in them, grow a "

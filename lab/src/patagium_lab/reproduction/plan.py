@@ -18,6 +18,8 @@ from patagium_lab.reproduction.trials import Trial
 from patagium_lab.reproduction.unsteady_models import CANDIDATES
 
 EVERY = (100, 10, 1)
+USUAL_CANDIDATES = tuple(key for key in CANDIDATES if key != "grey")
+"""Learners in air with memory but the grey box, which alone takes as long as all others."""
 QUICK_ERRORS = ("corrected", "E2 drag pushes backwards", STEPPING, HEADING, "published")
 """Errors that a quick run flies."""
 LIMITS = {
@@ -49,10 +51,13 @@ class ReproductionPlan:
         duration: Duration of each flight [s].
         unseen_duration: Duration of each flight that is not learned [s].
         every: Rates of samples: one in this many is learned.
-        starts: Number of starts of the strip networks.
+        starts: Number of starts of the best strip network of each flight.
+        other_starts: Number of starts of the other strip networks.
         dense_every: Large networks learn from one sample in this many at most.
         slow_every: What no target asks for learns from one sample in this many at most: gradient
-            steps, least squares, the grey box, and dense networks on the corrected flight.
+            steps, least squares, strip networks but the best of each flight, and dense networks
+            on the corrected flight; in air with memory all but the strips with hidden states.
+        replay_every: Gradient steps with replay learn from one sample in this many at most.
         rivals: Formulations of the dynamics that are timed, keys of `overhead.RIVALS`.
         air_models: Models of the air that are timed, by name.
         air_networks: Networks beside those of the bench that are timed, by name.
@@ -71,8 +76,10 @@ class ReproductionPlan:
     unseen_duration: float = 1.0
     every: tuple[int, ...] = EVERY
     starts: int = 8
+    other_starts: int = 8
     dense_every: int = 1
     slow_every: int = 1
+    replay_every: int = 10
     rivals: tuple[str, ...] = tuple(RIVALS)
     air_models: tuple[str, ...] = AIR_MODELS
     air_networks: tuple[str, ...] = AIR_NETWORKS
@@ -94,8 +101,8 @@ class ReproductionPlan:
 
         Args:
             quick: Whether flights are short and runs are few.
-            full: Whether formulations that compile for long are timed too, networks start twice
-                as often, and what no target asks for learns every sample.
+            full: Whether formulations that compile for long are timed too, all networks start
+                from many weights, and what no target asks for is learned from every sample.
             crazyflie: Log of a quadrotor, or None.
         """
         compiled = compiler_command() is not None
@@ -105,10 +112,13 @@ class ReproductionPlan:
         if not quick:
             return cls(
                 starts=4,
+                other_starts=1,
                 dense_every=dense_every,
                 slow_every=10,
+                replay_every=100,
                 rivals=USUAL_RIVALS,
                 unsteady_starts=2,
+                unsteady_candidates=USUAL_CANDIDATES,
                 crazyflie=crazyflie,
             )
         return cls(
@@ -116,6 +126,7 @@ class ReproductionPlan:
             unseen_duration=0.1,
             every=(100,),
             starts=2,
+            other_starts=1,
             dense_every=10 if compiled else 100,
             rivals=QUICK_RIVALS,
             air_models=AIR_MODELS[:1],
@@ -127,7 +138,7 @@ class ReproductionPlan:
             unsteady_unseen_duration=0.1,
             unsteady_every=(100,),
             unsteady_starts=1,
-            unsteady_candidates=tuple(key for key in CANDIDATES if key != "grey"),
+            unsteady_candidates=USUAL_CANDIDATES,
             crazyflie=crazyflie,
         )
 
@@ -140,9 +151,14 @@ class ReproductionPlan:
             for network in STRIPS[flight]
             for every in self.every
             if every > 1
-            for seed in range(1, self.starts)
+            for seed in range(1, self._starts(flight, network))
         ]
-        return table + starts + [self._limit(label, *LIMITS[label]) for label in self.limits]
+        known = {trial.run for trial in table}
+        return table + starts + [trial for trial in self.limit_trials() if trial.run not in known]
+
+    def limit_trials(self) -> list[Trial]:
+        """Trials of the table of limits; some are runs of the table of learners as well."""
+        return [self._limit(label, *LIMITS[label]) for label in self.limits]
 
     def error_cases(self) -> list[ErrorCase]:
         """Every flight with errors."""
@@ -154,8 +170,9 @@ class ReproductionPlan:
         """Sentences about what is not run, and why."""
         words = [
             "The extended filter, a rival, learns from one sample in 10 at most, with the large "
-            "network from one in 100. Gradient steps with replay learn from one sample in 10 at "
-            "most, and so does the cubature filter with the dense network of the paper's size.",
+            "network from one in 100. Gradient steps with replay learn from one sample in "
+            f"{self.replay_every} at most, the cubature filter with the dense network of the "
+            "paper's size from one in 10.",
         ]
         if self.dense_every > 1:
             words.append(
@@ -168,14 +185,15 @@ class ReproductionPlan:
             "compile for half a minute each, are not timed (`--full` times them)": (
                 "published" not in self.rivals
             ),
-            "Single gradient steps, least squares, the grey box, and dense networks on the "
-            "corrected flight learn from one sample in 10 at most (`--full`: from every sample)": (
-                self.slow_every > 1
+            "Single gradient steps, least squares, strip networks but the best of each flight, and "
+            "dense networks on the corrected flight learn from one sample in "
+            f"{self.slow_every} at most, and so do strip networks without memory in air with "
+            "memory (`--full`: from every sample)": self.slow_every > 1,
+            "Strip networks but the best of each flight start once, and the grey box does not "
+            "learn the air with memory (`--full`: several starts, and it does)": (
+                self.other_starts == 1
             ),
             "Only some models of the air are timed": self.air_models != AIR_MODELS,
-            "Only some learners learn the air with memory": (
-                self.unsteady_candidates != tuple(CANDIDATES)
-            ),
         }
         reason = ", because a short run was asked for." if self.errors is not None else "."
         return words + [text + reason for text, left_out in missing.items() if left_out]
@@ -185,6 +203,10 @@ class ReproductionPlan:
         left_out = ("crazyflie", "errors", "limits", "rivals", "air_models", "air_networks")
         plan = {key: value for key, value in asdict(self).items() if key not in left_out}
         return {**plan, "published_overhead": "published" in self.rivals}
+
+    def _starts(self, flight: str, network: str) -> int:
+        """Number of starts of a strip network."""
+        return self.starts if network == STRIPS[flight][0] else self.other_starts
 
     def _limit(self, label: str, network: str, settings: DenseSettings) -> Trial:
         every = max(10, self.dense_every)
@@ -212,13 +234,14 @@ class ReproductionPlan:
         slow, best = self.dense_every, STRIPS[flight][0]
         dense = slow if flight == "published" else max(slow, self.slow_every)
         return [
-            *((network, "cubature", 1) for network in STRIPS[flight]),
+            (best, "cubature", 1),
+            *((network, "cubature", self.slow_every) for network in STRIPS[flight][1:]),
             *((network, "cubature", dense) for network in ("dense", "dense_velocity")),
             ("dense_published", "cubature", max(10, slow)),
             (best, "extended", 10),
             ("dense_published", "extended", 100),
             *((network, "gradient", self.slow_every) for network in (best, "dense_published")),
-            *((network, "replay", 10) for network in (best, "dense_published")),
+            *((network, "replay", self.replay_every) for network in (best, "dense_published")),
             ("", "linear", self.slow_every),
             ("", "features", self.slow_every),
         ]

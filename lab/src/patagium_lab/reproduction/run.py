@@ -50,8 +50,10 @@ from patagium_lab.study import Results, Stages
 
 OPENING = "corrected"
 """Flight of the first screen."""
-ERROR_COST = 1.5
-"""Expected duration of the flight of one error, most of it compiling the first time [s]."""
+ERROR_COST = 0.5
+"""Expected duration of the flight of one error [s]."""
+WING_COST = 3.0
+"""Expected duration of learning the measured wing [s]."""
 FLIGHT_COST = {"published": 4.0, "corrected": 5.0, "unsteady": 20.0}
 """Expected duration of a flight and of those that are not learned [s]."""
 
@@ -81,7 +83,7 @@ def run(plan: ReproductionPlan, out: Path, stages: Stages) -> Results:
             "aerodynamics": overhead.aerodynamics_overhead(plan.air_models, plan.air_networks),
         }
     with stages.stage("measured data", 0.85, 0.9):
-        measured, sections = _measured(plan)
+        measured, sections = _measured(plan, work.wing)
     metrics = _metrics(plan, work) | {"overhead": overheads, **measured}
     gallery = Gallery(out / "figures")
     with stages.stage("drawing", 0.9, 0.99):
@@ -105,6 +107,7 @@ class _Work:
         results: Results of trials in air without memory.
         unsteady: Results of trials in air with memory.
         errors: Rows of flights with errors, by table.
+        wing: Study of the measured wing.
     """
 
     flights: dict[str, xr.Dataset]
@@ -113,6 +116,7 @@ class _Work:
     results: list[TrialResult]
     unsteady: list[UnsteadyResult]
     errors: dict[str, list[dict[str, Any]]]
+    wing: yeo.YeoStudy
 
 
 def _show_early(
@@ -136,7 +140,7 @@ def _work(
     tell: Callable[[float], None],
     early: Callable[[xr.Dataset, TrialResult], None],
 ) -> _Work:
-    """Flights, trials on each flight, errors, and the compiling of what is timed later."""
+    """Flights, trials on them, errors, a measured wing, and compiling what is timed later."""
     known = list(flights.FLIGHTS)
     keys, spans = [*known, *MOUNTS], (plan.duration, plan.unseen_duration)
     slow = (plan.unsteady_duration, plan.unsteady_unseen_duration)
@@ -152,6 +156,7 @@ def _work(
     ]
     jobs += [Job(run_unsteady_trial, (t, folder), t.cost, (keys.index(t.mount),)) for t in others]
     jobs += [Job(fly_case, (case, plan.duration), ERROR_COST) for case in errors]
+    jobs += [Job(yeo.yeo_study, (plan.yeo_cycles,), WING_COST)]
     jobs += overhead.compile_jobs(plan.rivals, plan.air_models, plan.air_networks)
     begun = dict[int, Any]()
 
@@ -168,7 +173,7 @@ def _work(
     unsteady = dict(zip(MOUNTS, islice(found, len(MOUNTS)), strict=True))
     results, unsteady_results = (list(islice(found, len(part))) for part in (trials, others))
     tables: dict[str, list[dict[str, Any]]] = {case.table: [] for case in errors}
-    for case, row in zip(errors, found, strict=False):
+    for case, row in zip(errors, islice(found, len(errors)), strict=True):
         tables[case.table].append(row)
     return _Work(
         {key: flight for key, (flight, _) in flown.items()}
@@ -178,6 +183,7 @@ def _work(
         results,
         unsteady_results,
         tables,
+        next(found),
     )
 
 
@@ -195,6 +201,7 @@ def _metrics(plan: ReproductionPlan, work: _Work) -> dict[str, Any]:
         for one in work.results
         if one.trial.is_start
     ]
+    runs = {one.trial.run: one for one in work.results}
     return {
         "environment": conditions(),
         "plan": plan.describe(),
@@ -204,15 +211,16 @@ def _metrics(plan: ReproductionPlan, work: _Work) -> dict[str, Any]:
         "learning": [one.scores for one in work.results if one.trial.kind == "table"],
         "starts": starts,
         "start_spans": start_spans(starts),
-        "limits": [_brief(one) for one in work.results if one.trial.kind == "limit"],
+        "limits": [_brief(runs[one.run]) | {"label": one.label} for one in plan.limit_trials()],
         "unsteady": unsteady_metrics(work.unsteady, work.unsteady_flights),
         "left_out": plan.left_out,
     }
 
 
-def _measured(plan: ReproductionPlan) -> tuple[dict[str, Any], list[PageSection]]:
+def _measured(
+    plan: ReproductionPlan, wing: yeo.YeoStudy
+) -> tuple[dict[str, Any], list[PageSection]]:
     """Studies of measured data: the Yeo wing, and the quadrotor where its log is given."""
-    wing = yeo.yeo_study(plan.yeo_cycles)
     metrics: dict[str, Any] = {"yeo": wing.scores}
     sections = yeo.yeo_sections(wing)
     if plan.crazyflie is not None:

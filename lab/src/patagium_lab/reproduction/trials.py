@@ -7,7 +7,7 @@ worker processes of one thread. Neglected: chance, except for the starts of the 
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -65,6 +65,11 @@ class Trial:
     kind: str = "table"
     label: str = ""
     keep: bool = False
+
+    @property
+    def run(self) -> Trial:
+        """The trial without its place on the page: the same for all that would run alike."""
+        return replace(self, kind="table", label="", keep=False)
 
     @property
     def is_start(self) -> bool:

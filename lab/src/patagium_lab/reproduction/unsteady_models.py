@@ -38,13 +38,13 @@ class Candidate:
         title: Name in the tables.
         make: Gives the learner at its start for a robot, the time between two samples [s] and
             a seed.
-        slow: Whether each update takes so long that only a full run learns every sample.
+        every_sample: Whether a target asks what it learns from every sample.
     """
 
     key: str
     title: str
     make: Callable[[Robot, float, int], Learner]
-    slow: bool = False
+    every_sample: bool = False
 
 
 def _strip(robot: Robot, interval: float, seed: int) -> Learner:
@@ -104,8 +104,8 @@ CANDIDATES = {
     for one in (
         Candidate("strip", "strip network, no memory", _strip),
         Candidate("strip_rotation", "strip network, no memory, pitch rate too", _strip_rotation),
-        Candidate("hidden", "strip network with hidden states", _hidden),
-        Candidate("grey", "grey box: lifting line, four numbers unknown", _grey, slow=True),
+        Candidate("hidden", "strip network with hidden states", _hidden, every_sample=True),
+        Candidate("grey", "grey box: lifting line, four numbers unknown", _grey),
     )
 }
 """Candidates by key, in the order of the tables; targets are set for "hidden"."""

@@ -82,7 +82,7 @@ def unsteady_trials(
         every: Rates of samples: one in this many is learned.
         starts: Number of starts of the candidates that have targets, at the lowest rate.
         candidates: Keys of `CANDIDATES`.
-        slow_every: Slow candidates learn one sample in this many at most.
+        slow_every: What no target asks for learns one sample in this many at most.
     """
     lowest = max(every)
     table = [
@@ -90,7 +90,7 @@ def unsteady_trials(
         for mount in MOUNTS
         for key in candidates
         for rate in every
-        if rate >= (slow_every if CANDIDATES[key].slow else 1)
+        if rate >= (1 if CANDIDATES[key].every_sample else slow_every)
     ]
     again = [
         UnsteadyTrial("free", key, lowest, seed)

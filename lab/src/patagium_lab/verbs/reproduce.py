@@ -26,8 +26,8 @@ def reproduce(
         bool,
         typer.Option(
             "--full",
-            help="Rivals that compile for half a minute too, twice the starts, and every "
-            "learner at every sample that it has time for.",
+            help="Rivals that compile for half a minute too, eight starts of every strip network, "
+            "a grey box, and every learner at every sample that it has time for.",
         ),
     ] = False,
     crazyflie: Annotated[
