@@ -237,9 +237,6 @@ def _texts(dataset: xr.Dataset) -> dict[str, xr.Variable]:
 def open_netcdf(path: str | Path) -> netCDF4.Dataset:
     """NetCDF file open for reading, after its checksum was compared.
 
-    Args:
-        path: The file.
-
     Raises:
         Unreadable: If it is no file, or was damaged since it was written.
         OSError: If it is no netCDF file.

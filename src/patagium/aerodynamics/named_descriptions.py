@@ -24,11 +24,6 @@ def field_values(described: Any) -> dict[str, Any]:
 def from_field_values(what: str, kind: type[_Kind], description: Mapping[str, Any]) -> _Kind:
     """Object of a dataclass from the values of its fields by name.
 
-    Args:
-        what: Name of the thing described, for the message.
-        kind: The dataclass.
-        description: Values of all fields.
-
     Raises:
         ParameterError: If a key is missing or unknown.
     """

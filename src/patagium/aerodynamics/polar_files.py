@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arguments import checked
 from patagium.errors import Unreadable
 from patagium.reading import text_of
 
@@ -35,6 +36,7 @@ class PolarTable(NamedTuple):
     moment: NDArray[np.float64] | None
 
 
+@checked
 def read_polar(path: str | Path) -> PolarTable:
     """Static polar from a text file: columns alpha [degrees], CL, CD and perhaps CM, by name.
 

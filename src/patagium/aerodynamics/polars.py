@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics.named_descriptions import field_values, from_named_description
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
+from patagium.arguments import check_fields
 from patagium.arrays import brief
 from patagium.errors import ParameterError
 
@@ -217,6 +218,7 @@ class DickinsonPolar(Polar):
     name = "dickinson"
 
     def __post_init__(self) -> None:
+        check_fields(self)
         possible = self.drag_offset >= abs(self.drag_amplitude)
         self.require(possible, "finite numbers, drag_offset >= |drag_amplitude|")
 
@@ -258,6 +260,7 @@ class SmoothPolar(Polar):
     name = "smooth"
 
     def __post_init__(self) -> None:
+        check_fields(self)
         possible = self.zero_lift_drag >= 0 and self.zero_lift_drag + self.drag_rise >= 0
         self.require(possible, "finite numbers, a drag coefficient >= 0 at every incidence")
 
@@ -295,6 +298,7 @@ class ReynoldsPolar(SmoothPolar):
     name = "reynolds"
 
     def __post_init__(self) -> None:
+        check_fields(self)
         possible = self.zero_lift_drag >= 0 and self.zero_lift_drag + self.drag_rise >= 1.03
         self.require(possible and self.viscosity > 0, "a drag coefficient >= 0 at any Re, finite")
 
@@ -332,9 +336,7 @@ class TablePolar(Polar):
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        for column in _COLUMNS:
-            values = np.asarray(getattr(self, column), float)
-            object.__setattr__(self, column, tuple(values.ravel().tolist()))
+        check_fields(self)
         angle = np.array(self.angle)
         expected = "two or more ascending angles within -pi/2..pi/2, as many lifts and drags >= 0"
         expected += f", all of {_LARGEST:g} at most"
@@ -394,9 +396,6 @@ def register_polar(kind: type[_Kind]) -> type[_Kind]:
 
 def polar_from_description(description: Mapping[str, Any]) -> Polar:
     """Polar of `describe()`.
-
-    Args:
-        description: Name of a known or registered polar, and its parameters.
 
     Raises:
         ParameterError: If the name is unknown, or a key is missing or unknown.

@@ -588,6 +588,7 @@ class OrbitController:
         """
         raise NotImplementedError
 
+    @checked
     def __call__(self, time: float, state: FlightState | None) -> dict[str, float]:
         """Commands for the interval that begins now.
 

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arguments import checked
 from patagium.errors import LogError
 from patagium.learning.models.dense import DenseNetwork
 from patagium.sensing.logs.table import LogTable
@@ -21,6 +22,7 @@ SCALING_TIME, SCALING_SAMPLES = 1.0, 50
 """Time [s] and least number of the samples that scale columns without a stated range."""
 
 
+@checked
 def network_for(
     table: LogTable, hidden: Sequence[int], activation: str = "softplus"
 ) -> DenseNetwork:

@@ -60,6 +60,7 @@ _UNTOLD = {
     "identify_table",
     "read_table",
     "Pipeline.run",
+    "Pipeline.step",
 }
 """Functions whose results say by nan what the samples do not tell."""
 _KEPT = ("q", "v", "a")
@@ -514,9 +515,18 @@ def _called(name: str, valid: Valid, hostile: Mapping[str, Any]) -> None:
     except Exception as problem:
         problem.args = (f"{name}({shown}): {type(problem).__name__}: {problem}",)
         raise
-    wrong = "" if name in _UNTOLD else not_finite(result)
+    passed = valid.passes and any(map(_beyond, hostile.values()))
+    wrong = "" if name in _UNTOLD or passed else not_finite(result)
     if wrong:
         raise WrongNumber(f"{name}({shown}): {wrong} is not finite")
+
+
+def _beyond(value: Any) -> bool:
+    """Whether a value has a number that is not finite, or so large that sums of squares are not."""
+    try:
+        return not (np.abs(np.asarray(value, float)) < 1e150).all()
+    except (TypeError, ValueError, OverflowError):
+        return False
 
 
 def not_finite(result: Any, name: str = "result", depth: int = 3) -> str:

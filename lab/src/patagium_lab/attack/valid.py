@@ -15,8 +15,10 @@ class Valid:
         function: The function, or class.
         given: Its arguments by name.
         takes: Names of further arguments that it may have.
+        passes: Whether numbers beyond all measure pass through to a result that is not finite.
     """
 
     function: Callable[..., Any]
     given: Mapping[str, Any]
     takes: tuple[str, ...] = ()
+    passes: bool = False

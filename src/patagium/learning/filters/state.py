@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.errors import ShapeError
+from patagium.errors import ParameterError, ShapeError
 
 Array = NDArray[np.float64]
 
@@ -44,10 +44,12 @@ def arrays_like(
         state: Arrays by name.
 
     Raises:
-        KeyError: If one is missing.
+        ParameterError: If one is missing.
         ShapeError: If one has another shape.
     """
     for name, array in expected.items():
+        if name not in state:
+            raise ParameterError("state", f"an array {name}", "none")
         if state[name].shape != array.shape:
             raise ShapeError(name, array.shape, state[name].shape)
     return {name: state[name] for name in expected}

@@ -28,6 +28,7 @@ from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.local_flow import body_airflows, velocity_at
 from patagium.aerodynamics.quasi_steady import QuasiSteady
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
+from patagium.arguments import checked
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import Twist, body_poses, generalized_force
 from patagium.dynamics.rnea import body_accelerations, kirchhoff_force
@@ -142,6 +143,7 @@ class LinearStripNetwork(WingNetwork):
     options = ("measured", "by_surface")
     scaled_prior = True
 
+    @checked
     def __init__(
         self,
         robot: Robot,
