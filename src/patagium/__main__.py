@@ -1,6 +1,20 @@
-"""The command line as `python -m patagium`."""
+"""The command line, as the program `patagium` and as `python -m patagium`."""
 
-from patagium.cli.main import run
+import os
+import signal
+
+
+def main() -> None:
+    """Run the program; Ctrl-C while it is being imported ends it without a word, code 130."""
+    ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if ours:
+        signal.signal(signal.SIGINT, lambda number, frame: os._exit(130))
+    from patagium.cli.main import run
+
+    if ours:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    run()
+
 
 if __name__ == "__main__":
-    run()
+    main()

@@ -18,10 +18,6 @@ _REMOVED = {
 def refuse_removed(where: str, name: object) -> None:
     """Error of a network or structure that was removed; nothing for any other name.
 
-    Args:
-        where: Module, option or key that names it.
-        name: Class or kind of a network or covariance structure.
-
     Raises:
         ParameterError: If it was removed; the message says what to take in its place.
     """

@@ -124,9 +124,6 @@ def write_whole(path: str | Path, content: str | bytes) -> Path:
         path: The file, in a folder that is there.
         content: All of it; text as UTF-8.
 
-    Returns:
-        The path.
-
     Raises:
         OutputError: If it cannot be written; the file is then as it was.
     """

@@ -26,7 +26,7 @@ from patagium.aerodynamics.local_flow import strip_motions
 from patagium.aerodynamics.named_descriptions import check_keys
 from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.arguments import check_fields
-from patagium.arrays import Array
+from patagium.arrays import Array, real_array
 from patagium.dynamics.added_mass import BodyAddedMass
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.equations import kirchhoff_force
@@ -184,14 +184,14 @@ class AddedMass:
     def _force(self, name: str, wind: ArrayLike | None, **arguments: ArrayLike) -> Array:
         given = self.air.wind_at([0.0])[0] if wind is None else wind
         arrays = self._checked(**arguments)
-        result = self._functions[name](*arrays, np.asarray(given, float), *self._constants)
+        result = self._functions[name](*arrays, given, *self._constants)
         return np.atleast_1d(np.asarray(result, float))
 
     def _checked(self, **arguments: ArrayLike) -> list[Array]:
         arrays = []
         for name, value in arguments.items():
             size = self.robot.coordinate_count if name == "q" else self.robot.dof
-            arrays.append(np.asarray(value, float))
+            arrays.append(real_array(name, value))
             if arrays[-1].shape != (size,):
                 raise ShapeError(name, (size,), arrays[-1].shape)
         return arrays

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from patagium.aerodynamics.gusts import Gust, TravelingGust, gust_from_description, triple
 from patagium.aerodynamics.named_descriptions import from_field_values
 from patagium.arguments import check_fields
-from patagium.arrays import Array
+from patagium.arrays import Array, real_array
 from patagium.errors import ParameterError, ShapeError, finite, positive
 
 
@@ -99,7 +99,7 @@ class Air:
         Raises:
             ShapeError: If `time` is not (N,).
         """
-        times = np.asarray(time, float)
+        times = real_array("time", time)
         if times.ndim != 1:
             raise ShapeError("time", "(N,)", times.shape)
         wind = np.tile(self.wind, (times.size, 1))

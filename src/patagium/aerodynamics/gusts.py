@@ -433,8 +433,8 @@ class TravelingGust:
         Raises:
             ShapeError: If they are not (N,) and (N, 3).
         """
-        times = np.asarray(time, float)
-        places = np.asarray(points, float)
+        times = real_array("time", time)
+        places = real_array("points", points)
         if times.ndim != 1 or places.shape != (len(times), 3):
             raise ShapeError("points", "(N, 3) for times (N,)", places.shape)
         delay = (places - np.array(self.origin)) @ self.parameters[:3]

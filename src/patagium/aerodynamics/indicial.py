@@ -23,6 +23,7 @@ from scipy.special import hankel2
 
 from patagium.aerodynamics.local_flow import StripMotion, airspeed
 from patagium.aerodynamics.named_descriptions import field_values
+from patagium.arguments import check_fields
 from patagium.arrays import Array, real_array
 from patagium.errors import ParameterError, ShapeError
 
@@ -74,12 +75,11 @@ class Indicial:
     circulation: tuple[float, ...]
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in ("rate", "lift", "circulation"):
             values = np.asarray(getattr(self, name), float)
             if values.shape != (len(self.rate),):
                 raise ShapeError(name, (len(self.rate),), values.shape)
-            if not np.isfinite(values).all():
-                raise ParameterError(name, "finite numbers", getattr(self, name))
             object.__setattr__(self, name, tuple(values.tolist()))
         if min(self.rate, default=1.0) <= 0:
             raise ParameterError("rate", "positive rates [1/semichord]", self.rate)
@@ -99,7 +99,7 @@ class Indicial:
         Args:
             semichords: Distance travelled since the step, (N,) [semichords].
         """
-        s = np.atleast_1d(np.asarray(semichords, float))
+        s = np.atleast_1d(real_array("semichords", semichords))
         return np.asarray(1.0 - np.exp(-np.outer(s, self.rate)) @ np.asarray(self.lift, float))
 
     def lift_transfer(self, reduced_frequency: ArrayLike) -> ComplexArray:
@@ -138,7 +138,8 @@ def fitted_indicial(rate: Sequence[float]) -> Indicial:
 
 
 def _basis(reduced_frequency: ArrayLike, rate: ArrayLike) -> ComplexArray:
-    frequency = 1j * np.atleast_1d(np.asarray(reduced_frequency, float))[:, None]
+    given = real_array("reduced_frequency", reduced_frequency)
+    frequency = 1j * np.atleast_1d(given)[:, None]
     return np.asarray(frequency / (frequency + np.asarray(rate, float)))
 
 

@@ -45,7 +45,7 @@ from patagium.aerodynamics.trailing_vortices import (
     surface_gains,
 )
 from patagium.arguments import check_fields
-from patagium.arrays import Array, brief
+from patagium.arrays import Array, brief, real_array
 from patagium.errors import ParameterError, ShapeError
 from patagium.robot.model import Robot
 from patagium.robot.strip_chains import StripChain, strip_chains
@@ -215,7 +215,8 @@ class LiftingLine(Aerodynamics):
         """
         given = self.air.wind_at([0.0])[0] if wind is None else wind
         sizes = {"q": self.robot.coordinate_count, "v": self.robot.dof, "wind": 3}
-        arrays = [np.asarray(value, float) for value in (q, v, given)]
+        given = zip(sizes, (q, v, given), strict=True)
+        arrays = [real_array(*one) for one in given]
         for (name, size), array in zip(sizes.items(), arrays, strict=True):
             if array.shape != (size,):
                 raise ShapeError(name, (size,), array.shape)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.errors import Unreadable
 from patagium.reading import text_of
@@ -35,6 +36,7 @@ class PolarTable(NamedTuple):
     moment: Array | None
 
 
+@checked
 def read_polar(path: str | Path) -> PolarTable:
     """Static polar from a text file: columns alpha [degrees], CL, CD and perhaps CM, by name.
 

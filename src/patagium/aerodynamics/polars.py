@@ -18,6 +18,7 @@ import numpy as np
 
 from patagium.aerodynamics.named_descriptions import field_values, from_named_description
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
+from patagium.arguments import check_fields
 from patagium.arrays import Array, brief
 from patagium.errors import ParameterError
 
@@ -216,6 +217,7 @@ class DickinsonPolar(Polar):
     name = "dickinson"
 
     def __post_init__(self) -> None:
+        check_fields(self)
         possible = self.drag_offset >= abs(self.drag_amplitude)
         self.require(possible, "finite numbers, drag_offset >= |drag_amplitude|")
 
@@ -257,6 +259,7 @@ class SmoothPolar(Polar):
     name = "smooth"
 
     def __post_init__(self) -> None:
+        check_fields(self)
         possible = self.zero_lift_drag >= 0 and self.zero_lift_drag + self.drag_rise >= 0
         self.require(possible, "finite numbers, a drag coefficient >= 0 at every incidence")
 
@@ -294,6 +297,7 @@ class ReynoldsPolar(SmoothPolar):
     name = "reynolds"
 
     def __post_init__(self) -> None:
+        check_fields(self)
         possible = self.zero_lift_drag >= 0 and self.zero_lift_drag + self.drag_rise >= 1.03
         self.require(possible and self.viscosity > 0, "a drag coefficient >= 0 at any Re, finite")
 
@@ -331,9 +335,7 @@ class TablePolar(Polar):
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        for column in _COLUMNS:
-            values = np.asarray(getattr(self, column), float)
-            object.__setattr__(self, column, tuple(values.ravel().tolist()))
+        check_fields(self)
         angle = np.array(self.angle)
         expected = "two or more ascending angles within -pi/2..pi/2, as many lifts and drags >= 0"
         expected += f", all of {_LARGEST:g} at most"
@@ -393,9 +395,6 @@ def register_polar(kind: type[_Kind]) -> type[_Kind]:
 
 def polar_from_description(description: Mapping[str, Any]) -> Polar:
     """Polar of `describe()`.
-
-    Args:
-        description: Name of a known or registered polar, and its parameters.
 
     Raises:
         ParameterError: If the name is unknown, or a key is missing or unknown.

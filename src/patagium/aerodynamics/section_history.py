@@ -19,7 +19,8 @@ from scipy.interpolate import CubicSpline
 from patagium.aerodynamics.added_mass import AddedMass
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.model import Aerodynamics
-from patagium.arrays import Array
+from patagium.arguments import checked, of_kind
+from patagium.arrays import Array, real_array
 from patagium.errors import ParameterError, positive
 from patagium.robot.model import Body, Robot, Strip
 
@@ -29,6 +30,7 @@ _AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _AHEAD, _UP, _PITCH = 0, 2, 4
 
 
+@checked
 def section_history(
     model: Callable[[Robot, Air], Aerodynamics],
     time: ArrayLike,
@@ -64,7 +66,7 @@ def section_history(
     Raises:
         ParameterError: If times do not ascend, or a length or a number is not possible.
     """
-    times = np.asarray(time, float)
+    times = real_array("time", time)
     if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0).all():
         raise ParameterError("time", "two or more ascending times, (N,) [s]", times.shape)
     positive("chord", chord, "a positive number [m]")
@@ -72,6 +74,7 @@ def section_history(
         raise ParameterError("pitch_axis", "chords behind the leading edge, -2 to 2", pitch_axis)
     lever = (pitch_axis - 0.25) * chord
     aero = model(_wing(chord, lever), Air())
+    of_kind("model", aero, Aerodynamics)
     motion = _Motion(times, pitch, plunge, airspeed)
     carried = AddedMass(aero.robot, aero.air) if added_mass else None
     area = 0.5 * aero.air.density * motion.mean_speed**2 * chord * _SPAN * chord
@@ -102,7 +105,7 @@ class _Motion:
         given = {"pitch": pitch, "plunge": plunge, "airspeed": airspeed}
         columns = []
         for name, values in given.items():
-            column = np.asarray(values, float)
+            column = real_array(name, values)
             if column.shape not in ((), times.shape) or not np.isfinite(column).all():
                 raise ParameterError(name, f"finite, scalar or ({len(times)},)", column.shape)
             columns.append(np.broadcast_to(column, times.shape))

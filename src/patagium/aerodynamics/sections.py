@@ -29,7 +29,7 @@ from patagium.aerodynamics.polars import (
 )
 from patagium.aerodynamics.smooth_functions import smooth_step
 from patagium.arguments import check_fields
-from patagium.arrays import Array, brief
+from patagium.arrays import Array, brief, real_array
 from patagium.errors import ParameterError
 
 
@@ -381,7 +381,8 @@ def measured_section(
         Hansen, Gaunaa & Madsen (2004), A Beddoes-Leishman type dynamic stall model in
         state-space and indicial formulations, Risoe-R-1354.
     """
-    polar = TablePolar(*[tuple(np.asarray(x, float).ravel()) for x in (angle, lift, drag)])
+    columns = {"angle": angle, "lift": lift, "drag": drag}
+    polar = TablePolar(*(tuple(real_array(*one).ravel()) for one in columns.items()))
     a, c_l, c_d = (np.array(x) for x in (polar.angle, polar.lift, polar.drag))
     zero = _zero_lift(a, c_l)
     x = np.sin(a) - zero * np.cos(a)
@@ -403,7 +404,7 @@ def measured_section(
         of_telling = (c_d - (1 - share) * profile_drag)[telling] / share[telling]
         separated_drag = np.interp(a, a[telling], np.maximum(of_telling, 0.0))
     stalled = TablePolar(polar.angle, tuple(separated_lift), tuple(separated_drag))
-    static = () if moment is None else tuple(np.asarray(moment, float).ravel())
+    static = () if moment is None else tuple(real_array("moment", moment).ravel())
     return MeasuredSection(slope, zero, profile_drag, tuple(share), stalled, static)
 
 

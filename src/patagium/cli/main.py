@@ -158,6 +158,8 @@ def run(arguments: Sequence[str] | None = None) -> None:
         raise SystemExit(2) from None
     except typer.Abort:
         raise SystemExit(1) from None
+    except KeyboardInterrupt:  # before a verb is at work
+        raise SystemExit(130) from None
     except (PatagiumError, OSError) as error:
         if debug:
             raise

@@ -119,11 +119,7 @@ class AirWeights:
         self.weights = np.asarray(np.linalg.solve(self._information, self._vector), float)
 
     def forget(self, share: float) -> None:
-        """Forget a share of what the beats told, as where the robot has become another.
-
-        Args:
-            share: From 0 to 1.
-        """
+        """Forget a share, 0 to 1, of what the beats told, as where the robot is another now."""
         self._information += share * (self._own - self._information)
         self._vector += share * (self._own @ self.prior - self._vector)
         self._errors *= 1 - share

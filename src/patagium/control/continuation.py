@@ -145,8 +145,9 @@ def continue_orbit(
     held = {name: getattr(orbit, name) for name in hold if name != along}
     curve = _Curve(orbit, along, held, free)
     low, high = limits
-    if not low <= curve.first.value <= high or low == high:
-        expected = f"two that hold the orbit's {along} {curve.first.value:.6g} {curve.unit}"
+    if not (low <= curve.first.value <= high and 0 < high - low < np.inf):
+        own = f"{along} {curve.first.value:.6g} {curve.unit}"
+        expected = f"two that hold the orbit's {own}, a finite number apart"
         raise ParameterError("limits", expected, limits)
     down, back = _walk(curve, -1.0, (low, high), points)
     up, ahead = _walk(curve, 1.0, (low, high), points)
@@ -369,11 +370,7 @@ def _marks(
 
 
 def crossing_kind(multiplier: complex) -> str:
-    """Name of the bifurcation at which a multiplier crosses the unit circle.
-
-    Args:
-        multiplier: The multiplier, of absolute value near 1.
-    """
+    """Name of the bifurcation at which a multiplier crosses the unit circle."""
     if abs(multiplier.imag) > 1e-6:
         return "Neimark-Sacker"
     return "flip" if multiplier.real < 0 else "branch point"

@@ -234,10 +234,6 @@ class StuckEvent(Event):
 def with_gusts(aero: Aerodynamics, events: Sequence[Event]) -> Aerodynamics:
     """Model of the air with the gusts of all events.
 
-    Args:
-        aero: The model.
-        events: The events.
-
     Raises:
         ParameterError: If there are other gusts than one that travels.
     """

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from patagium.aerodynamics import Air
 from patagium.arguments import checked
-from patagium.arrays import Array
+from patagium.arrays import Array, real_array
 from patagium.control.wingbeat import PrescribedRows
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, ShapeError
 from patagium.robot import Robot
 from patagium.robot.model import COMMANDS
 from patagium.simulation.gait_models import FourierGait, Gait
@@ -106,11 +106,7 @@ class GaitFamily:
         return tuple(found)
 
     def gait(self, values: Array) -> FourierGait:
-        """Gait at some values of the parameters.
-
-        Args:
-            values: (p,) [Hz, 1, rad or m, rad].
-        """
+        """Gait at values of the parameters, (p,) [Hz, 1, rad or m, rad]."""
         shape = self._shape(values)
         series = self._turned(shape) + shape.added
         mean = self.base.mean + shape.offset
@@ -120,10 +116,13 @@ class GaitFamily:
 
     def _shape(self, values: Array) -> _Shape:
         """Frequency, and amplitudes, offsets, phases and coefficients of all joints."""
-        n = len(self.base.joints)
+        n, neutral = len(self.base.joints), self.neutral
+        given = real_array("values", values)
+        if given.shape != neutral.shape:
+            raise ShapeError("values", neutral.shape, given.shape)
         theta = np.zeros(self.directions.shape[1])
         theta[0], theta[1 : 1 + n] = self.base.frequency, 1.0
-        theta = theta + (np.asarray(values, float) - self.neutral) @ self.directions
+        theta = theta + (given - neutral) @ self.directions
         cosine, sine = theta[1 + 3 * n :].reshape(-1, 2, n).swapaxes(0, 1)
         amplitude, offset, lead = theta[1 : 1 + 3 * n].reshape(3, n)
         return _Shape(float(theta[0]), amplitude, offset, lead, cosine - 1j * sine)

@@ -26,6 +26,7 @@ from patagium.control.events import Event, StuckEvent, with_gusts
 from patagium.control.orbit import Orbit
 from patagium.control.predictive import OrbitModel
 from patagium.errors import Outcome, ParameterError, SimulationFailed, positive
+from patagium.limits import MOST_STEPS
 from patagium.robot import Robot
 from patagium.simulation.simulator import FlightState, Simulator, check_robots
 from patagium.simulation.steered_gait import SteeredGait
@@ -161,7 +162,10 @@ class _Loop:
     def __post_init__(self) -> None:
         period = positive("period of the controller", self.controller.period)
         longest = positive("time_step", self.options.get("time_step", TIME_STEP))
-        self.period = ceil(min(period / longest, 1e12) * (1 - 1e-9))
+        if not period / longest <= MOST_STEPS:
+            expected = f"at most {MOST_STEPS:.0e} time steps of {longest:g} s (shorten it)"
+            raise ParameterError("period of the controller", expected, period)
+        self.period = ceil(period / longest * (1 - 1e-9))
         step = period / self.period
         steps = max(1, round(min(positive("duration", self.duration) / step, 1e300)))
         self.duration = steps * step

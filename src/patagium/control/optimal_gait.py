@@ -234,13 +234,7 @@ def power_front(
 
 
 def coefficients(robot: Robot, gait: Gait, harmonics: int) -> tuple[str, ...]:
-    """Names of the parameters that an optimization changes where none are given.
-
-    Args:
-        robot: The machine.
-        gait: Its gait.
-        harmonics: Order of the Fourier series.
-    """
+    """Names of the parameters that an optimization changes where none are given."""
     base, joints = fourier_series(gait), [robot.dof_names[i] for i in robot.actuated]
     series = base.cosine - 1j * base.sine
     moving = np.abs(series).max(axis=0, initial=0.0) > 0

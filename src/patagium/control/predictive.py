@@ -28,7 +28,7 @@ from patagium.arrays import Array
 from patagium.control.gait_family import fourier_series, gait_family
 from patagium.control.quadratic_program import ProgramStatus, QuadraticProgram
 from patagium.control.wingbeat import FlightMap, PrescribedRows
-from patagium.errors import ParameterError, positive
+from patagium.errors import ParameterError, ShapeError, positive
 from patagium.simulation.gait_models import Gait
 from patagium.simulation.simulator import FlightState
 from patagium.simulation.steered_gait import Responses, SteeredGait
@@ -69,6 +69,9 @@ class RealTimeIteration:
         state_cost: Q, (n, n) [1/SI^2].
         input_cost: R, (n_u, n_u) [1/SI^2].
 
+    Raises:
+        ShapeError: If a cost is no square matrix.
+
     Attributes:
         program: Quadratic program of the last iteration.
         states: Prediction, (N + 1, n) [SI].
@@ -82,6 +85,12 @@ class RealTimeIteration:
     def __init__(
         self, predict: Predict, horizon: int, state_cost: Array, input_cost: Array
     ) -> None:
+        for name, cost in (
+            ("state_cost", state_cost),
+            ("input_cost", input_cost),
+        ):
+            if cost.ndim != 2 or np.ptp(cost.shape):
+                raise ShapeError(name, "(n, n)", cost.shape)
         size, count = len(state_cost), len(input_cost)
         self.predict = predict
         self.program = QuadraticProgram(horizon, size, count)
@@ -127,12 +136,7 @@ class RealTimeIteration:
         return status
 
     def converge(self, first: int, start: Array, before: Array) -> ProgramStatus:
-        """Iterations at one state until the inputs settle.
-
-        Args:
-            first: Number of the first interval.
-            start: State now, (n,) [SI].
-            before: Input of the interval before, (n_u,) [SI].
+        """Iterations at one state, all as `iterate` takes it, until the inputs settle.
 
         Returns:
             SOLVED where they settled; NOT_CONVERGED where they did not.
@@ -580,6 +584,7 @@ class OrbitController:
         """
         raise NotImplementedError
 
+    @checked
     def __call__(self, time: float, state: FlightState | None) -> dict[str, float]:
         """Commands for the interval that begins now.
 

@@ -46,6 +46,7 @@ _POINTS = 250  # flights of a search, at most
 _SHORTEST = 1.0 / 256  # part of a Newton step
 _RANK = 1e-9  # of singular values that count
 _PROJECTIONS, _SETTLED = 10, 1e-2  # ways back to where a search began, and the last one's length
+_SOUND = 340.0  # m/s, beyond which no model of the air holds
 _STEEPEST = 1.5  # pitch: Euler angles are singular at a right angle [rad]
 
 
@@ -76,11 +77,21 @@ class Conditions:
         turn_rate: Mean rate of the heading [rad/s].
         climb: Mean speed upward [m/s], or None.
         speed: Mean speed forward [m/s], or None.
+
+    Raises:
+        ParameterError: If a speed is beyond that of sound.
     """
 
     turn_rate: float = 0.0
     climb: float | None = None
     speed: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("climb", "speed"):
+            value = getattr(self, name)
+            if abs(value or 0.0) > _SOUND:
+                expected = f"up to {_SOUND:g} m/s"
+                raise ParameterError(name, expected, value)
 
     def beside(self, frame: Frame, end: Array, period: float) -> tuple[Array, Array, Array]:
         """Misfits of all but the return, their slopes by the end and by the period.
@@ -427,12 +438,7 @@ def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Condit
 
 @checked
 def free_parameters(robot: Robot, gait: Gait) -> tuple[str, ...]:
-    """Names of the gait parameters that a trim changes where none are given.
-
-    Args:
-        robot: The machine.
-        gait: Its gait.
-    """
+    """Names of the gait parameters that a trim changes where none are given."""
     every = symmetric_parameters(robot, gait)
     own = {name.removeprefix("left_").removeprefix("right_") for name in robot.actuators}
     return tuple(name for name in every if name in own) or every

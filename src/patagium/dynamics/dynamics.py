@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
-from patagium.arrays import Array
+from patagium.arrays import Array, real_array
 from patagium.dynamics import equations, kinematics
 from patagium.dynamics.kinematics import body_poses
 from patagium.errors import ShapeError
@@ -268,7 +268,7 @@ class Dynamics(_Methods):
             ParameterError: If there is no such body.
             ShapeError: If `offset` is not (3,).
         """
-        return Point(self.robot, self.robot.body_index(body), np.asarray(offset, float))
+        return Point(self.robot, self.robot.body_index(body), real_array("offset", offset))
 
 
 class Point:

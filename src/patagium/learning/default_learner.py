@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.aerodynamics import Air
+from patagium.arguments import checked
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.learner import Learner, OnlineLearner
 from patagium.learning.models.linear_strip import LinearStripNetwork
@@ -48,6 +49,7 @@ def default_network(
     return LinearStripNetwork(robot, air, measured)
 
 
+@checked
 def default_learner(
     subject: xr.Dataset | ForceSamples | LogTable | Robot,
     air: Air | None = None,
@@ -87,11 +89,6 @@ def table_share(table: LogTable, network: Network, every: int | None = None) -> 
     A network without physics is not the machine: batteries, ground and wear move the best weights.
     A filter that takes the samples as all of one truth becomes sure of their mean, and errs by
     more than the last sample held. The memory is 1000 updates at least.
-
-    Args:
-        table: The log, or the beginning of it.
-        network: That learns it, with the full covariance.
-        every: One sample in so many is used; None: as `table_every` says.
     """
     step = float(np.median(np.diff(table.time)))
     taken = _kept_up(network, "full", step) if every is None else every
@@ -126,17 +123,12 @@ def _structure(learner: Learner) -> Structure:
 
 
 def chosen_every(learner: Learner, step: float, period: float | None = None) -> int:
-    """Default interval between used samples, in samples.
+    """Default interval between used samples, in samples; of steps and wingbeats [s].
 
     One hundred updates a second, or twenty a wingbeat where that is more, but at most 1000, and
     no more than the estimated time of an update allows (`update_time`). More often does not tell
     more: the errors of a model last for a part of a wingbeat, and a filter that takes them for
     independent is too sure of itself.
-
-    Args:
-        learner: What learns.
-        step: Median time between two samples [s].
-        period: Of a wingbeat [s]; None: not known.
     """
     wanted = UPDATE_RATE if period is None else max(UPDATE_RATE, PER_WINGBEAT / period)
     rate = min(wanted, FASTEST, _LOAD / update_time(learner.network, _structure(learner)))

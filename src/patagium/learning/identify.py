@@ -266,6 +266,7 @@ def stds(flight: xr.Dataset | ForceSamples, network: Network) -> Array | None:
     return flight.std[:, [flight.robot.index(name) for name in network.output_names]]
 
 
+@checked
 def identify_table(
     table: LogTable,
     learner: Learner | None = None,
@@ -310,6 +311,7 @@ def identify_table(
     return result
 
 
+@checked
 def evaluate_table(table: LogTable, model: Trained, *, every: int = 100) -> Identification:
     """Scores of a model with frozen weights on a table it never saw; see `evaluate`.
 

@@ -123,6 +123,7 @@ class Model:
         return mean, scale[:, None] * covariance * scale
 
 
+@checked
 def model_of(learner: Learner, *, inputs: Sequence[str] | None = None, source: str = "") -> Model:
     """Model that a learner has learned, without the learner.
 

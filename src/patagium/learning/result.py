@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from patagium.arguments import checked, of_kind
 from patagium.arrays import Array
 from patagium.errors import LogError, Outcome
 from patagium.learning.learners.filter_learner import FilterLearner
@@ -74,6 +75,7 @@ class Identification:
         ]
         return found + [("learner", repr(self.learner))] * (self.learner is not None)
 
+    @checked
     def save(self, path: str | Path) -> None:
         """Write scores and predictions as one netCDF file, whole or not at all.
 
@@ -101,9 +103,11 @@ class Identification:
         """
         from patagium.learning.page import write_identification
 
+        of_kind("path", path, str | Path)
         write_identification(self.scores, self.prediction, path, title, replay)
 
 
+@checked
 def load_identification(path: str | Path) -> Identification:
     """Scores and predictions from a file that `Identification.save` wrote.
 

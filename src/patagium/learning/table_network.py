@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.errors import LogError
 from patagium.learning.models.dense import DenseNetwork
@@ -19,6 +20,7 @@ SCALING_TIME, SCALING_SAMPLES = 1.0, 50
 """Time [s] and least number of the samples that scale columns without a stated range."""
 
 
+@checked
 def network_for(
     table: LogTable, hidden: Sequence[int], activation: str = "softplus"
 ) -> DenseNetwork:

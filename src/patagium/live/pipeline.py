@@ -181,7 +181,7 @@ class Pipeline:
         Raises:
             ShapeError: If the packets have another shape.
         """
-        rows = np.ascontiguousarray(packets, float)
+        rows = np.ascontiguousarray(real_array("packets", packets))
         if rows.ndim != 2 or rows.shape[1] != self._columns:
             raise ShapeError("packets", ("N", self._columns), rows.shape)
         records = np.empty((len(rows), 3 * self.learner.network.outputs + 4))

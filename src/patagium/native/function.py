@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arrays import Array
+from patagium.arrays import Array, real_array
 from patagium.errors import ParameterError, ShapeError
 from patagium.native.emit import SHARED_SUFFIX
 
@@ -138,7 +138,7 @@ class NativeFunction:
             for position, (buffer, argument) in enumerate(
                 zip(self._inputs, arguments, strict=True)
             ):
-                array = np.asarray(argument, float)
+                array = real_array(self.signature.names_in[position], argument)
                 if array.shape != buffer.shape and not array.size == buffer.size == 1:
                     raise ShapeError(self.signature.names_in[position], buffer.shape, array.shape)
                 buffer[...] = array
@@ -165,7 +165,9 @@ class NativeFunction:
         self._check_count(arguments)
         arrays = [
             array[..., 0] if size == (1, 1) and array.shape[-1:] == (1,) else array
-            for array, size in zip(map(_array, arguments), self.size_in, strict=True)
+            for array, size in zip(
+                map(real_array, self.signature.names_in, arguments), self.size_in, strict=True
+            )
         ]
         count = self._batch_count(arrays)
         if self._compiled is None:
@@ -243,10 +245,6 @@ class NativeFunction:
                 for result, buffer in zip(results, self._outputs, strict=True):
                     result[k] = buffer
         return results[0] if self._single else tuple(results)
-
-
-def _array(argument: ArrayLike) -> Array:
-    return np.asarray(argument, float)
 
 
 def _padded(count: int) -> int:

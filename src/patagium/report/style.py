@@ -160,13 +160,7 @@ def _sized(look: Look) -> Any:
 
 
 def panels(rows: int, columns: int = 1, row_height: float = 1.7) -> tuple[Figure, NDArray[Any]]:
-    """An empty grid of panels, and its axes (rows, columns).
-
-    Args:
-        rows: Rows of panels.
-        columns: Columns of panels.
-        row_height: Height of a row on a page [inch].
-    """
+    """An empty grid of panels, and its axes (rows, columns)."""
     figure = Figure(figsize=(width(), height(row_height * rows) + 0.5), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False)
 

@@ -124,10 +124,6 @@ def load_urdf_text(
 def load_robot_text(text: str, name: str = "robot text") -> Robot:
     """Robot from the text of a robot file, such as a flight carries.
 
-    Args:
-        text: YAML.
-        name: What to call it in errors.
-
     Raises:
         RobotFileError: If it describes no robot.
     """

@@ -18,8 +18,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from patagium.arguments import checked, of_kind
 from patagium.arrays import Array, real_array
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, finite
 from patagium.robot.amendment import amended_source, composed_source, source_with_attitude
 from patagium.robot.attitude import quaternion_from_angles, rotation_from_angles
 
@@ -388,17 +389,17 @@ class Robot:
         Raises:
             ParameterError: If a name is not in `parameter_names`, or a value cannot be.
         """
+        of_kind("values", values, Mapping)
         known = set(self.parameter_names)
         for name, value in values.items():
             if name not in known:
                 raise ParameterError(name, f"a parameter of robot {self.name!r}", name, known)
-            if not np.isfinite(value):
-                raise ParameterError(name, "a finite number", value)
-            if value < 0 and name.rpartition(".")[2] in _NEVER_NEGATIVE:
+            if finite(name, value) < 0 and name.rpartition(".")[2] in _NEVER_NEGATIVE:
                 raise ParameterError(name, "a quantity that is not negative", value)
         source = amended_source(self.source, values) if self.source else ""
         return replace(_with_values(self, values), source=source)
 
+    @checked
     def with_attitude(self, attitude: Attitude) -> Robot:
         """Copy of the robot with its floating body's attitude in other coordinates.
 
@@ -411,8 +412,6 @@ class Robot:
         Raises:
             ParameterError: If it is neither, no body floats, or a joint has a quaternion's name.
         """
-        if attitude not in ("euler", "quaternion"):
-            raise ParameterError("attitude", "euler or quaternion", attitude)
         if not self.floating:
             raise ParameterError("attitude", f"a robot that floats, not {self.name!r}", attitude)
         bodies = tuple(
@@ -426,6 +425,7 @@ class Robot:
             raise ParameterError("attitude", "coordinates named once", f"{taken[0]} again")
         return other
 
+    @checked
     def coordinates(self, **values: float) -> Array:
         """Generalized coordinates, zero but for those named, (n_q,).
 
@@ -444,6 +444,7 @@ class Robot:
                 q[list(self.floating_coordinates(body)[3:])] = quaternion_from_angles(angles)
         return q
 
+    @checked
     def velocities(self, **values: float) -> Array:
         """Generalized velocities, zero but for those named, (n,).
 
@@ -455,6 +456,7 @@ class Robot:
             vector[self.index(name)] = value
         return vector
 
+    @checked
     def joints_named(self, name: str) -> tuple[str, ...]:
         """Actuated joints that a name addresses: itself, or those of both sides."""
         pair = (name, f"left_{name}", f"right_{name}")
@@ -480,6 +482,7 @@ class Robot:
         Raises:
             ParameterError: If there is none of that name.
         """
+        of_kind("coordinate", dof_name, str)
         if dof_name not in self.dof_names:
             known = self.dof_names
             raise ParameterError("coordinate", f"one of {', '.join(known)}", dof_name, known)
@@ -491,11 +494,13 @@ class Robot:
         Raises:
             ParameterError: If there is no such body.
         """
+        of_kind("body", name, str)
         names = [body.name for body in self.bodies]
         if name not in names:
             raise ParameterError("body", f"one of {', '.join(names)}", name, names)
         return names.index(name)
 
+    @checked
     def mounted_on(
         self,
         arm: Robot,

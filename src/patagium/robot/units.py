@@ -147,13 +147,7 @@ def quantity_type(unit: str, noun: str) -> Any:
 
 
 def mismatch(expected: str, found: str, at: str = "") -> PydanticCustomError:
-    """The error that pydantic carries to the message of a robot file.
-
-    Args:
-        expected: What was wanted, in words.
-        found: What was there.
-        at: Path below the part that noticed it.
-    """
+    """The error that pydantic carries to the message of a robot file."""
     evidence = {"expected": expected, "found": found, "at": at}
     return PydanticCustomError("mismatch", "expected {expected}, found {found}", evidence)
 

@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arrays import Array
+from patagium.arrays import Array, real_array
 from patagium.dynamics.chain import cross
 from patagium.dynamics.equations import damping_force, inverse
 from patagium.dynamics.kinematics import body_poses, body_velocities
@@ -557,7 +557,7 @@ def _solve_regular(jacobian: Array, error: Array) -> Array:
 def _starts(arm: Robot, tool: Tool, target: PrescribedMotion, start: ArrayLike | None) -> Array:
     """Ways to put the tool where the path begins, (S, 6), each within the limits if it can."""
     if start is not None:
-        seeds = np.array(start, float)
+        seeds = real_array("start", start)
         if seeds.shape != (AXES,):
             raise ShapeError("start", (AXES,), seeds.shape)
         seeds = seeds[None]

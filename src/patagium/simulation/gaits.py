@@ -127,6 +127,7 @@ def fourier(
     )
 
 
+@checked
 def linkage(
     robot: Robot,
     *,

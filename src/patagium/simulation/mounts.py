@@ -78,6 +78,7 @@ def carried(path: Path) -> Mount:
     return Mount("carried", path)
 
 
+@checked
 def on_arm(
     arm: Robot,
     path: Path,

@@ -17,7 +17,7 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arguments import checked
+from patagium.arguments import checked, of_kind
 from patagium.arrays import Array, real_array
 from patagium.errors import LogError, ParameterError, ShapeError, finite, positive, suggest_names
 from patagium.robot.model import FLOATING_COORDINATES, finite_triple
@@ -284,11 +284,12 @@ def superposed(*parts: Path) -> SuperposedGait:
     """
     if not parts:
         raise ParameterError("parts", "at least one path", parts)
+    for part in parts:
+        check_path(part)
     path = SuperposedGait(tuple(parts))
     if len({part.period is None for part in parts}) > 1:
         raise ParameterError("parts", "paths that all repeat or all end", "both kinds")
     for part in parts:
-        check_path(part)
         check_period(path, part)
     return _checked(path)
 
@@ -307,6 +308,7 @@ def check_path(path: Path) -> None:
     Raises:
         ParameterError: If it moves other coordinates.
     """
+    of_kind("path", path, Path)
     if tuple(path.joints) != FLOATING_COORDINATES:
         expected = f"a path of {', '.join(FLOATING_COORDINATES)}"
         raise ParameterError("path", expected, ", ".join(path.joints))

@@ -18,7 +18,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
-from patagium.arguments import checked
+from patagium.arguments import checked, of_kind
 from patagium.arrays import Array, real_array
 from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFailed, positive
 from patagium.limits import MOST_STEPS
@@ -332,6 +332,7 @@ class Simulator:
         """Result of the integration so far."""
         return self._integration.run
 
+    @checked
     def advance(self, steps: int, progress: Progress | None = None) -> Outcome:
         """Fly further, or up to where the run breaks.
 
@@ -373,6 +374,7 @@ class Simulator:
         Raises:
             ParameterError: If a name is no command, or a value not possible.
         """
+        of_kind("commands", commands, Mapping)
         if self._steered is None:
             self._steered = SteeredGait(self._robot, self._gait)
         for name in commands:
@@ -382,6 +384,7 @@ class Simulator:
         self._gait = self._steered
         self._commands.append((self._integration.done, dict(commands)))
 
+    @checked
     def change(self, robot: Robot, aero: Aerodynamics) -> None:
         """Fly on as another machine in other air, from the state as it is: damage, a payload.
 
@@ -415,6 +418,7 @@ class Simulator:
         self._changes.append((self._integration.done, float(energy), momentum))
         self._robot, self._aero, self._layout = robot, aero, layout
 
+    @checked
     def fly(
         self, controller: Controller | None = None, progress: Progress | None = None
     ) -> Outcome:
@@ -440,6 +444,7 @@ class Simulator:
         self, commands: Mapping[str, float] | None, progress: Progress | None = None
     ) -> Outcome:
         """Outcome after a command, if there is any, and one control period."""
+        of_kind("commands", commands, Mapping | None)
         if commands:
             self.command(commands)
         return self.advance(self._control_steps, progress)

@@ -79,11 +79,7 @@ class Door:
         self._allowed: dict[str, Callable[[Any], bool]] = {}
 
     def allow(self, control: Any, accepts: Callable[[Any], bool] = bool) -> Any:
-        """Let messages of a control in.
-
-        Returns:
-            The control.
-        """
+        """Let messages of a control in."""
         self._allowed[control._impl.uuid] = accepts  # noqa: SLF001  it has no other
         return control
 

@@ -20,7 +20,7 @@ from patagium.control import (
     WingLossEvent,
     off_nominal,
 )
-from patagium.errors import ParameterError, PatagiumError, SimulationFailed
+from patagium.errors import ParameterError, SimulationFailed
 from patagium.simulation.flight_summary import flight_summary
 from patagium.simulation.simulator import FlightState
 
@@ -247,12 +247,17 @@ def test_samples_in_the_loop_are_those_of_a_log(orbit):
     assert late[-1] <= flight["control_time"].values[-1] - camera.delay + 1e-9
 
 
-def test_a_period_beyond_all_whole_numbers_of_c_is_an_error_of_the_package(orbit):
+@pytest.mark.parametrize(("period", "refused"), [(10**30, True), (1e13, True), (1e9, False)])
+def test_a_period_of_too_many_steps_is_refused_before_the_flight(orbit, period, refused):
     class Still:
-        period = 10**30
+        def __init__(self):
+            self.period = period
 
         def __call__(self, time, state):
             return None
 
-    with pytest.raises(PatagiumError):
-        flown(orbit, Still(), duration=0.01)
+    if refused:
+        with pytest.raises(ParameterError, match="period of the controller.*shorten it"):
+            flown(orbit, Still(), duration=0.01)
+    else:  # it is asked once
+        assert len(flown(orbit, Still(), duration=0.01)["control_time"]) == 1

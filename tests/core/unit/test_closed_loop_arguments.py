@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.errors import ParameterError, PatagiumError
+from patagium.errors import ParameterError, PatagiumError, ShapeError
 from patagium.simulation.steered_gait import SteeredGait
 
 ROBOT = pt.load_robot("ornithopter")
@@ -102,3 +102,11 @@ def test_an_array_is_as_good_as_a_tuple_where_none_may_stand_too() -> None:
         for where in (np.ones(3), [1.0, 1.0, 1.0], (1.0, 1.0, 1.0))
     ]
     assert told[0] == told[1] == told[2] and told[0].position == (1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize("cost", [np.ones((2, 3)), np.ones(3), np.array(1.0), np.ones((2, 2, 2))])
+@pytest.mark.parametrize("name", ["state_cost", "input_cost"])
+def test_a_cost_that_is_no_square_matrix_is_refused(name: str, cost: Any) -> None:
+    given = {"state_cost": np.eye(2), "input_cost": np.eye(2), name: cost}
+    with pytest.raises(ShapeError, match=f"^{name}: expected"):
+        pt.control.RealTimeIteration(print, 2, **given)

@@ -104,6 +104,12 @@ def test_crossings_bear_the_names_of_the_field():
     assert crossing_kind(1.0 + 0j) == "branch point"
 
 
+def test_limits_whose_difference_is_no_number_are_refused(aerobat):
+    """Steps were then infinite, and half of one still is: the walk never ended."""
+    with pytest.raises(ParameterError, match=r"limits.*a finite number apart"):
+        continue_orbit(aerobat, "speed", (-1e308, 1e308), points=2)
+
+
 def test_refusals(aerobat):
     with pytest.raises(ParameterError, match="hold the orbit's speed"):
         continue_orbit(aerobat, "speed", (4.0, 5.0))

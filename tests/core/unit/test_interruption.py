@@ -9,6 +9,7 @@ import threading
 
 import pytest
 
+from patagium.cli import main
 from patagium.cli.interruption import interrupted
 
 
@@ -161,3 +162,35 @@ with repeated_interrupt():
 print("went on", signal.getsignal(signal.SIGINT) is signal.SIG_IGN)
 """
     assert spoken(program) == "went on True\n"
+
+
+EARLY = """
+import signal, sys
+
+class Early:
+    def find_spec(self, name, path=None, target=None):
+        if name == "{module}":
+            signal.raise_signal(signal.SIGINT)
+
+sys.meta_path.insert(0, Early())
+sys.argv = ["patagium", "fly", "ornithopter", "--duration", "0.01"]
+from patagium.__main__ import main
+main()
+"""
+
+
+@pytest.mark.parametrize("module", ["typer", "patagium.cli.view", "patagium.control"])
+def test_ctrl_c_while_modules_are_imported_ends_without_a_word(module: str) -> None:
+    words = [sys.executable, "-c", EARLY.format(module=module)]
+    ended = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stderr) == (130, "")
+
+
+def test_ctrl_c_before_a_verb_is_at_work_ends_with_130(monkeypatch: pytest.MonkeyPatch) -> None:
+    def pressed(*words: object, **options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(main, "app", pressed)
+    with pytest.raises(SystemExit) as left:
+        main.run(["robots"])
+    assert left.value.code == 130

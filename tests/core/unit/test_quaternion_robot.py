@@ -205,7 +205,7 @@ def test_files_that_name_a_wrong_attitude_are_refused(old, new, words):
 
 
 def test_attitudes_that_cannot_be_are_refused():
-    with pytest.raises(ParameterError, match="euler or quaternion"):
+    with pytest.raises(ParameterError, match="one of euler, quaternion"):
         pt.load_robot("aerobat").with_attitude("angles")
     with pytest.raises(ParameterError, match="a robot that floats"):
         pt.load_robot("yeo-wing").with_attitude("quaternion")

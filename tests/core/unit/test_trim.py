@@ -178,7 +178,16 @@ def test_segments_that_diverge_lead_nowhere_and_are_told(aerobat):
     failed = pt.trim(aerobat, void)
     assert not failed.found and "stalled" in failed.reason
     # An integer beyond 64 bits ended in a TypeError of NumPy.
-    assert not pt.trim(aerobat, speed=10**30).found
+    assert not pt.trim(aerobat, turn_rate=10**30).found
+
+
+@pytest.mark.parametrize("name", ["speed", "climb"])
+def test_a_speed_beyond_that_of_sound_is_refused(aerobat, name):
+    # A search at 2**63 m/s took 48 s to find nothing.
+    for seek in (pt.trim, pt.control.optimize):
+        for value in (2**63, -341.0):
+            with pytest.raises(ParameterError, match=f"^{name}: expected up to 340 m/s"):
+                seek(aerobat, **{name: value})
 
 
 def test_refusals(aerobat):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import chdir
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -22,8 +22,10 @@ from patagium import control, learning, sensing
 from patagium.errors import Outcome, PatagiumError
 from patagium.robot import Robot
 from patagium_lab.attack import seeds
+from patagium_lab.attack.further_calls import further_calls, method_calls
 from patagium_lab.attack.mutation import HOSTILE, Draw
 from patagium_lab.attack.oracle import Target, WrongNumber
+from patagium_lab.attack.valid import Valid
 from patagium_lab.attack.verbs import prepared
 
 AREA = "calls"
@@ -54,30 +56,22 @@ _UNTOLD = {
     "inverse_dynamics_force",
     "momentum_force",
     "tune",
+    "evaluate_table",
+    "identify_table",
+    "read_table",
+    "Pipeline.run",
+    "Pipeline.step",
 }
 """Functions whose results say by nan what the samples do not tell."""
 _KEPT = ("q", "v", "a")
-
-
-@dataclass(frozen=True)
-class Valid:
-    """Valid call of a function.
-
-    Attributes:
-        function: The function, or class.
-        given: Its arguments by name.
-        takes: Names of further arguments that it may have.
-    """
-
-    function: Callable[..., Any]
-    given: Mapping[str, Any]
-    takes: tuple[str, ...] = ()
 
 
 def call_targets() -> Iterator[Target]:
     """Targets of the area, with their shares of the cases."""
     yield Target(AREA, "functions of control", 1.0, lambda folder: _calls(folder, control_calls))
     yield Target(AREA, "other functions", 1.0, lambda folder: _calls(folder, other_calls))
+    yield Target(AREA, "further functions", 1.0, lambda folder: _calls(folder, further_calls))
+    yield Target(AREA, "methods", 1.0, lambda folder: _calls(folder, method_calls))
 
 
 @cache
@@ -521,9 +515,18 @@ def _called(name: str, valid: Valid, hostile: Mapping[str, Any]) -> None:
     except Exception as problem:
         problem.args = (f"{name}({shown}): {type(problem).__name__}: {problem}",)
         raise
-    wrong = "" if name in _UNTOLD else not_finite(result)
+    passed = valid.passes and any(map(_beyond, hostile.values()))
+    wrong = "" if name in _UNTOLD or passed else not_finite(result)
     if wrong:
         raise WrongNumber(f"{name}({shown}): {wrong} is not finite")
+
+
+def _beyond(value: Any) -> bool:
+    """Whether a value has a number that is not finite, or so large that sums of squares are not."""
+    try:
+        return not (np.abs(np.asarray(value, float)) < 1e150).all()
+    except (TypeError, ValueError, OverflowError):
+        return False
 
 
 def not_finite(result: Any, name: str = "result", depth: int = 3) -> str:

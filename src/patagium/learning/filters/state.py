@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.arrays import Array
-from patagium.errors import ShapeError
+from patagium.errors import ParameterError, ShapeError
 
 
 def vector(state: Mapping[str, Array], name: str, *shape: int) -> Array:
@@ -39,10 +39,12 @@ def arrays_like(
     """Arrays of a state that others can be replaced by.
 
     Raises:
-        KeyError: If one is missing.
+        ParameterError: If one is missing.
         ShapeError: If one has another shape.
     """
     for name, array in expected.items():
+        if name not in state:
+            raise ParameterError("state", f"an array {name}", "none")
         if state[name].shape != array.shape:
             raise ShapeError(name, array.shape, state[name].shape)
     return {name: state[name] for name in expected}

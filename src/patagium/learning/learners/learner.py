@@ -225,7 +225,7 @@ class OnlineLearner(Learner):
             state: Of a learner with the same description.
 
         Raises:
-            KeyError: If something is missing.
+            ParameterError: If something is missing.
             ShapeError: If an array has another shape.
         """
         screen = self._screen.arrays

@@ -40,13 +40,7 @@ _LONGEST = 60  # characters of a value in a message
 
 
 def make_learner(kind: str, network: Any, settings: Any, seed: int = 0) -> Any:
-    """New learner of a network.
-
-    Args:
-        kind: Kind of the learner, a key of `LEARNERS`.
-        network: Network whose weights it learns.
-        settings: Record of its settings, or plain values by name as a file holds them.
-        seed: Seed of the initial weights.
+    """New learner of a network; its settings a record, or plain values as a file holds them.
 
     Raises:
         ParameterError: If the kind is unknown, or a setting is missing, out of its range, or not
@@ -58,6 +52,7 @@ def make_learner(kind: str, network: Any, settings: Any, seed: int = 0) -> Any:
     return LEARNERS[kind](network, record, seed=seed)
 
 
+@checked
 def learner_from_description(description: Mapping[str, Any]) -> OnlineLearner:
     """Learner of a description, before any sample.
 
@@ -65,21 +60,21 @@ def learner_from_description(description: Mapping[str, Any]) -> OnlineLearner:
         description: Network and settings, as `describe()` gives them.
 
     Raises:
-        KeyError: If the network is missing.
-        ParameterError: If the kind or a setting is unknown, or a number out of its range.
+        ParameterError: If the network is missing, its kind or a setting unknown, or a number out
+            of its range.
         TypeError: If an argument is missing or unknown.
     """
     values = dict(description)
     for name in ("kind", "found"):
         values.pop(name, None)
-    kind, network = description.get("kind"), values.pop("network")
+    kind, network = str(description.get("kind")), values.pop("network", {})
     if kind == "linear":
         base = {k: v for k, v in network.items() if k not in ("features", "seed")}
-        features = {k: network[k] for k in ("features", "seed")}
+        features = {k: network[k] for k in ("features", "seed") if k in network}
         return LinearLearner(DenseNetwork.from_description(base), **features, **values)
     if kind == "gradient":
         return GradientLearner(network_from_description(network), **values)
-    learner = FILTER_LEARNERS.get(str(kind))
+    learner = FILTER_LEARNERS.get(kind)
     if learner is None:
         raise ParameterError("learner", f"of kind {', '.join(LEARNERS)}", kind)
     seed = values.pop("seed", 0)

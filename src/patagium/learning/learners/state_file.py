@@ -46,14 +46,6 @@ class LearnerState(NamedTuple):
 def write_state(path: str | Path, description: Mapping[str, Any], state: Mapping[str, Any]) -> Path:
     """Keep a learner's description and state, on the disk before this returns.
 
-    Args:
-        path: File, replaced whole or not at all, in a folder that is there.
-        description: Network and settings of the learner.
-        state: Arrays and JSON-able values by name, between two samples.
-
-    Returns:
-        The path.
-
     Raises:
         OutputError: If it cannot be written; the file is then as it was.
     """

@@ -36,10 +36,11 @@ from patagium.aerodynamics.trailing_vortices import (
     solve_normalwash,
     surface_gains,
 )
+from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import generalized_force
-from patagium.errors import ParameterError, positive
+from patagium.errors import ParameterError, finite, positive
 from patagium.learning.models.memory import (
     CompiledSteps,
     LagEquations,
@@ -136,6 +137,7 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
     options = ("lags", *_NUMBERS)
     readers = {**RobotNetwork.readers, "lags": partial(from_field_values, "lags", Indicial)}
 
+    @checked
     def __init__(
         self,
         robot: Robot,
@@ -150,8 +152,8 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
             word = sorted(unknown)[0]
             raise TypeError(f"HiddenStripNetwork() got an unexpected keyword argument {word!r}")
         start: dict[str, Any] = {**_NUMBERS, **numbers}
-        stall_begins = start["stall_begins"]
-        stall_complete = start["stall_complete"]
+        stall_begins = finite("stall_begins", start["stall_begins"])
+        stall_complete = finite("stall_complete", start["stall_complete"])
         if not robot.strips:
             raise ParameterError("robot", "a robot with wings", robot.name)
         if not 0 < stall_begins < stall_complete <= pi / 2:
@@ -159,8 +161,8 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
             raise ParameterError("stall", "0 < stall_begins < stall_complete <= pi/2", angles)
         self.lags = starting_lags(lags)
         self.lift_slope = positive("lift_slope", start["lift_slope"])
-        self.stall_begins = float(stall_begins)
-        self.stall_complete = float(stall_complete)
+        self.stall_begins = stall_begins
+        self.stall_complete = stall_complete
         self.coefficient_scale = positive("coefficient_scale", start["coefficient_scale"])
         self.robot, self._names = robot, robot.dof_names
         self.air = Air() if air is None else air
@@ -200,6 +202,7 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         """Equations of the strips' lags, whose weights are the first."""
         return ((0, self._lags),)
 
+    @checked
     def initial(self, seed: int) -> Array:
         """Weights to start from, (n,): the air's numbers and the section as given.
 

@@ -27,6 +27,7 @@ from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.local_flow import body_airflows, velocity_at
 from patagium.aerodynamics.quasi_steady import QuasiSteady
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
+from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import Twist, add_wrench, body_poses, generalized_force
@@ -141,6 +142,7 @@ class LinearStripNetwork(WingNetwork):
     options = ("measured", "by_surface")
     scaled_prior = True
 
+    @checked
     def __init__(
         self,
         robot: Robot,

@@ -19,6 +19,7 @@ from typing import Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arguments import checked
 from patagium.arrays import Array, Indices
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Encoding, Network
@@ -247,6 +248,7 @@ class PerceptronNetwork(Network):
         """Fan-in of the neuron of each weight, 1 for a bias, (n,)."""
         return self.perceptron.fan_in
 
+    @checked
     def initial(self, seed: int) -> Array:
         """Weights to start from: standard normal over sqrt(fan-in), (n,)."""
         normal = np.random.default_rng(seed).standard_normal(self.size)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
+from patagium.arguments import checked
 from patagium.errors import ParameterError
 from patagium.learning.models.dense import DenseNetwork, LinearNetwork
 from patagium.learning.models.grey_box import GreyBox
@@ -41,6 +42,7 @@ def register_network(network: _Kind) -> _Kind:
     return network
 
 
+@checked
 def network_from_description(description: Mapping[str, Any]) -> Network:
     """The network of `describe()`.
 

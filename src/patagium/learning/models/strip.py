@@ -118,6 +118,7 @@ class StripNetwork(WingNetwork):
         """Matrix from strip forces to y, where y is not the generalized force."""
         return FlightTerms(strip_forces=self._matrix)
 
+    @checked
     def initial(self, seed: int) -> Array:
         """Weights to start from, (n,): small coefficients, and neurons that look all around.
 

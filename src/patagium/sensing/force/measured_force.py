@@ -497,6 +497,7 @@ class MomentumObserver:
         ParameterError: If the gain is not positive.
     """
 
+    @checked
     def __init__(self, robot: Robot, gain: float) -> None:
         self.robot, self.gain = robot, positive("gain", gain)
         self._function = _momentum_function(robot)

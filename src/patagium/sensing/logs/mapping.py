@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from patagium.arguments import checked
 from patagium.errors import LogError, shown
 from patagium.limits import YAML_TEXT
 from patagium.reading import parsed_yaml, refused, text_of
@@ -241,6 +242,7 @@ class TableMapping(_Words):
         return plain and bool(time.column) and not taken and not self.channels
 
 
+@checked
 def load_mapping(path: str | Path) -> TableMapping:
     """Validated mapping of a YAML file.
 

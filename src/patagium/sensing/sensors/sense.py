@@ -146,6 +146,7 @@ _KINDS: dict[str, type[Sensor]] = {
 }
 
 
+@checked
 def save_sensor_log(log: SensorLog, path: str | Path) -> Path:
     """Write the measurements of a sensor log as netCDF4, whole or not at all.
 
@@ -180,6 +181,7 @@ def is_sensor_log(path: str | Path) -> bool:
         return False
 
 
+@checked
 def load_sensor_log(path: str | Path) -> SensorLog:
     """Sensor log from a file that `save_sensor_log` wrote.
 

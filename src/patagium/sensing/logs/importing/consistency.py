@@ -76,11 +76,6 @@ def consistency(
 ) -> tuple[list[Finding], list[dict[str, Any]]]:
     """Findings about relations between quantities, and the residuals of specific forces.
 
-    Args:
-        spool: The streams.
-        base: The time base.
-        gap: Length from which a step is a gap, in median steps.
-
     Returns:
         Findings; and for each specific force with an attitude, its mean in world axes and, with
         a velocity in world axes, the residual R f - g - dv/dt by axis [m/s^2]: its mean (the bias

@@ -364,6 +364,7 @@ def _half(progress: Progress | None, which: int) -> Progress | None:
     return lambda done, total: progress(done + which * total, 2 * total)
 
 
+@checked
 def read_table(
     path: str | Path,
     mapping: TableMapping | str | Path,

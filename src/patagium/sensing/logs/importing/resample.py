@@ -232,13 +232,7 @@ def after_gaps(spool: Spool, base: TimeBase, begin: int, gap: float) -> int:
 
 
 def resampled(spool: Spool, item: Quantity, stamps: Stamps, gap: float) -> tuple[Array, Bools]:
-    """Quantity at given stamps.
-
-    Args:
-        spool: The streams.
-        item: The quantity.
-        stamps: Increasing stamps, (k,) [ns].
-        gap: Length from which a step is a gap, in median steps.
+    """Quantity at given increasing stamps, (k,) [ns].
 
     Returns:
         Values in the unit of the item, (k, 1), (k, 3) or (k, 4), and whether each is valid, (k,).
