@@ -29,10 +29,8 @@ from patagium.learning.settings import (
 from patagium.removed import refuse_removed
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from patagium.aerodynamics import Air
+    from patagium.arrays import Array
     from patagium.learning.models.network import Network
     from patagium.robot import Robot
 
@@ -344,11 +342,7 @@ def winged_network(
 
 
 def scaled_network(
-    names: tuple[str, ...],
-    hidden: tuple[int, ...],
-    activation: str,
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
+    names: tuple[str, ...], hidden: tuple[int, ...], activation: str, x: Array, y: Array
 ) -> Any:
     """Dense network whose inputs and outputs are scaled by samples.
 
@@ -374,7 +368,7 @@ def scaled_network(
     )
 
 
-def _spans(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _spans(values: Array) -> tuple[Array, Array]:
     """Middle and half width of each column, one where it stands still."""
     low, high = values.min(axis=0), values.max(axis=0)
     half = (high - low) / 2
