@@ -127,12 +127,9 @@ class AirWeights:
         self.weights = np.asarray(np.linalg.solve(self._information, self._vector), float)
 
     def differ(self, others: Array) -> bool:
-        """Whether the weights differ from others by more than a standard deviation.
+        """Whether the weights differ from others, (n_w,) [1], by more than a standard deviation.
 
         That is of the errors made of late, where these are smaller than the noise.
-
-        Args:
-            others: Other weights, (n_w,).
         """
         gap = self.weights - others
         variance = min(1.0, self._errors[0] / max(self._count, 1.0))
@@ -322,12 +319,9 @@ class AdaptiveController:
         return f"{self.controller.report()} Orbits of the beats: {found or 'none yet'}."
 
     def take(self, air: Aerodynamics) -> None:
-        """Take another robot and air as the model from now on, as where a loss is known.
+        """Take another robot and air, without weights, as the model, as where a loss is known.
 
         Most of what was learned is forgotten, and the beat so far teaches nothing.
-
-        Args:
-            air: Model of the air around the robot as it is now, without weights.
         """
         self._air = air
         self._surprised = False

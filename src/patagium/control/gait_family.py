@@ -205,12 +205,7 @@ def gait_family(
 
 
 def symmetric_parameters(robot: Robot, gait: Gait) -> tuple[str, ...]:
-    """Names of all parameters that keep a mirrored robot's gait mirrored.
-
-    Args:
-        robot: The machine.
-        gait: Its gait.
-    """
+    """Names of all parameters that keep a mirrored robot's gait mirrored."""
     base, joints = fourier_series(gait), [robot.dof_names[i] for i in robot.actuated]
     moving = np.abs(np.r_[base.cosine, base.sine]).max(axis=0, initial=0.0) > 0
     found = ["frequency"] if gait.period else []

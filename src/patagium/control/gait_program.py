@@ -640,7 +640,7 @@ class GaitProgram:
         found = [ca.sparsify(ca.DM(part)) for part in every]
         return found[0].sparsity(), found[1].sparsity()
 
-    def _solver(self, warm: bool) -> tuple[ca.Function, list[ca.Callback]]:
+    def _solver(self, warm: bool) -> tuple[ca.Function, list[_Callback]]:
         """IPOPT for this program, and functions that it calls and that must outlive it."""
         slopes, bends = self._patterns()
         of_slopes, of_bends = slopes.get_triplet(), bends.get_triplet()
@@ -696,7 +696,7 @@ class GaitProgram:
 
     def _solved(self, begin: dict[str, Any]) -> tuple[dict[str, Any], Optimum]:
         """Solution by IPOPT, and where to begin from to go on."""
-        solver, _functions = self._solver(warm="lam_g0" in begin)
+        solver, functions = self._solver(warm="lam_g0" in begin)
         low, high, least, most = self._bounds()
         found = solver(
             **begin,
@@ -705,6 +705,9 @@ class GaitProgram:
             lbg=least,
             ubg=most,
         )
+        for one in functions:
+            if one.stopped is not None:
+                raise one.stopped
         z = np.array(found["x"]).ravel()
         on = np.array(found["lam_g"]).ravel()
         of = np.array(found["lam_x"]).ravel()
@@ -784,6 +787,7 @@ class _Callback(ca.Callback):  # type: ignore[misc]
         found: list[ca.Sparsity],
     ) -> None:
         super().__init__()
+        self.stopped: KeyboardInterrupt | None = None
         self._function, self._given, self._found = function, given, found
         self.construct(name, {})
 
@@ -804,5 +808,11 @@ class _Callback(ca.Callback):  # type: ignore[misc]
         return self._found[place]
 
     def eval(self, arguments: list[ca.DM]) -> list[Any]:
-        """Results."""
-        return self._function(*(np.array(part).ravel() for part in arguments))
+        """Results; none from a Ctrl-C on, which CasADi discards."""
+        if self.stopped is not None:
+            raise self.stopped
+        try:
+            return self._function(*(np.array(part).ravel() for part in arguments))
+        except KeyboardInterrupt as pressed:
+            self.stopped = pressed
+            raise

@@ -482,8 +482,7 @@ class Robot:
         Raises:
             ParameterError: If there is none of that name.
         """
-        of_kind("coordinate", dof_name, str)
-        if dof_name not in self.dof_names:
+        if not isinstance(dof_name, str) or dof_name not in self.dof_names:
             known = self.dof_names
             raise ParameterError("coordinate", f"one of {', '.join(known)}", dof_name, known)
         return self.dof_names.index(dof_name)
@@ -494,9 +493,8 @@ class Robot:
         Raises:
             ParameterError: If there is no such body.
         """
-        of_kind("body", name, str)
         names = [body.name for body in self.bodies]
-        if name not in names:
+        if not isinstance(name, str) or name not in names:
             raise ParameterError("body", f"one of {', '.join(names)}", name, names)
         return names.index(name)
 

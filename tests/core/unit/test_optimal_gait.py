@@ -230,3 +230,19 @@ def test_a_beat_that_closes_within_the_tolerance_is_converged(ornithopter, monke
     monkeypatch.setattr(Point, "residual", 1e-3)
     failed = pt.control.optimize(ornithopter, **given)
     assert "does not close: a misfit of 0.001" in failed.reason
+
+
+def test_one_ctrl_c_ends_a_search(ornithopter, best, monkeypatch):
+    """CasADi discards what Python code that it calls raises: the search went on to its end."""
+    calls, flown = [], GaitProgram.constraints
+
+    def pressed(program, z):
+        calls.append(z)
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+        return flown(program, z)
+
+    monkeypatch.setattr(GaitProgram, "constraints", pressed)
+    with pytest.raises(KeyboardInterrupt):
+        pt.control.optimize(ornithopter, start=best.orbit, free=["frequency"])
+    assert len(calls) == 4
