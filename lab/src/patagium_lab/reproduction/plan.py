@@ -54,10 +54,11 @@ class ReproductionPlan:
         starts: Number of starts of the best strip network of each flight.
         other_starts: Number of starts of the other strip networks.
         dense_every: Large networks learn from one sample in this many at most.
-        slow_every: What no target asks for learns from one sample in this many at most: gradient
-            steps, least squares, strip networks but the best of each flight, and dense networks
-            on the corrected flight; in air with memory all but the strips with hidden states.
-        replay_every: Gradient steps with replay learn from one sample in this many at most.
+        slow_every: What no target asks for learns from one sample in this many at most: least
+            squares, strip networks but the best of each flight, and dense networks on the
+            corrected flight; in air with memory all but the strips with hidden states.
+        gradient_every: Gradient steps learn from one sample in this many at most, with replay
+            from one in 10.
         rivals: Formulations of the dynamics that are timed, keys of `overhead.RIVALS`.
         air_models: Models of the air that are timed, by name.
         air_networks: Networks beside those of the bench that are timed, by name.
@@ -79,7 +80,7 @@ class ReproductionPlan:
     other_starts: int = 8
     dense_every: int = 1
     slow_every: int = 1
-    replay_every: int = 10
+    gradient_every: int = 1
     rivals: tuple[str, ...] = tuple(RIVALS)
     air_models: tuple[str, ...] = AIR_MODELS
     air_networks: tuple[str, ...] = AIR_NETWORKS
@@ -115,7 +116,7 @@ class ReproductionPlan:
                 other_starts=1,
                 dense_every=dense_every,
                 slow_every=10,
-                replay_every=100,
+                gradient_every=100,
                 rivals=USUAL_RIVALS,
                 unsteady_starts=2,
                 unsteady_candidates=USUAL_CANDIDATES,
@@ -171,8 +172,8 @@ class ReproductionPlan:
         words = [
             "The extended filter, a rival, learns from one sample in 10 at most, with the large "
             "network from one in 100. Gradient steps with replay learn from one sample in "
-            f"{self.replay_every} at most, the cubature filter with the dense network of the "
-            "paper's size from one in 10.",
+            f"{max(10, self.gradient_every)} at most, the cubature filter with the dense network "
+            "of the paper's size from one in 10.",
         ]
         if self.dense_every > 1:
             words.append(
@@ -185,10 +186,10 @@ class ReproductionPlan:
             "compile for half a minute each, are not timed (`--full` times them)": (
                 "published" not in self.rivals
             ),
-            "Single gradient steps, least squares, strip networks but the best of each flight, and "
-            "dense networks on the corrected flight learn from one sample in "
-            f"{self.slow_every} at most, and so do strip networks without memory in air with "
-            "memory (`--full`: from every sample)": self.slow_every > 1,
+            "Single gradient steps and, in air with memory, strip networks without it learn from "
+            "one sample in 100 at most, least squares, strip networks but the best of each flight, "
+            f"and dense networks on the corrected flight from one in {self.slow_every} (`--full`: "
+            "from every sample)": self.slow_every > 1,
             "Strip networks but the best of each flight start once, and the grey box does not "
             "learn the air with memory (`--full`: several starts, and it does)": (
                 self.other_starts == 1
@@ -240,8 +241,11 @@ class ReproductionPlan:
             ("dense_published", "cubature", max(10, slow)),
             (best, "extended", 10),
             ("dense_published", "extended", 100),
-            *((network, "gradient", self.slow_every) for network in (best, "dense_published")),
-            *((network, "replay", self.replay_every) for network in (best, "dense_published")),
+            *((network, "gradient", self.gradient_every) for network in (best, "dense_published")),
+            *(
+                (network, "replay", max(10, self.gradient_every))
+                for network in (best, "dense_published")
+            ),
             ("", "linear", self.slow_every),
             ("", "features", self.slow_every),
         ]
