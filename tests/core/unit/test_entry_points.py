@@ -48,6 +48,8 @@ def _others() -> list[tuple[str, Callable[..., Any], dict[str, Any]]]:
         ("robot", learning.HiddenStripNetwork, {}),
         ("stall_begins", learning.HiddenStripNetwork, {"robot": ROBOT}),
         ("air", learning.default_learner, {"subject": ROBOT}),
+        ("kind", air.register_polar, {}),
+        ("blocks", learning.register_blocks, {"name": "own"}),
         ("table", learning.identify_table, {"learner": LEARNER}),
         ("table", learning.evaluate_table, {"model": LEARNER}),
         ("table", learning.network_for, {"hidden": (3,)}),

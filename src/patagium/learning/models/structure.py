@@ -13,6 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arguments import checked
 from patagium.errors import ParameterError
 from patagium.learning.settings import BLOCKS, OWN_BLOCKS
 
@@ -76,6 +77,7 @@ Blocks = Callable[[Layered], Sequence[Indices]]
 _OWN: dict[str, Blocks] = {}
 
 
+@checked
 def register_blocks(name: str, blocks: Blocks) -> None:
     """Make `covariance=name` a structure of independent blocks of weights.
 
