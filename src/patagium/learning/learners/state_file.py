@@ -55,9 +55,6 @@ def write_state(path: str | Path, description: Mapping[str, Any], state: Mapping
 def read_state(path: str | Path) -> LearnerState:
     """Description and state from a file.
 
-    Args:
-        path: File.
-
     Raises:
         LogError: If there is no such file, it is damaged or of another version.
     """
