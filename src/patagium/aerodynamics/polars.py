@@ -383,8 +383,10 @@ def register_polar(kind: type[_Kind]) -> type[_Kind]:
         kind: Frozen dataclass derived from `Polar`, with a `name` of its own.
 
     Raises:
-        ParameterError: If a polar of another class has the name.
+        ParameterError: If it is none, or a polar of another class has the name.
     """
+    if Polar not in getattr(kind, "__mro__", ()):
+        raise ParameterError("kind", "a class derived from Polar", kind)
     for known in [known for known in _KINDS if known.name == kind.name]:
         if known.__qualname__ != kind.__qualname__:
             raise ParameterError("name of the polar", "one of its own", kind.name)

@@ -371,7 +371,8 @@ class Forecaster:
         self._x, self._y = x, y
         self._known = np.where(np.isfinite(y), y, persistence(y, every))
         step = float(np.median(np.diff(self._time)))
-        self._lead = sums.lead = max(1, round(sums.seconds / step))
+        sums.lead = max(1, round(min(sums.seconds / step, 1e15)))
+        self._lead = min(sums.lead, len(y))  # beyond them nothing is forecast
         self._ahead = _grid(self._lead, step)
         self._inputs = Repetition(self._time, x, period)
         self._motion: Motion = self._inputs if motion is None else motion

@@ -229,6 +229,7 @@ class Autopilot:
         found = {name: sum(getattr(one, name) for one in self._tracks) for name in names}
         return found | {"held": self._regulator.held}
 
+    @checked
     def step(
         self, time: float, samples: Mapping[str, ArrayLike], forces: ArrayLike | None = None
     ) -> Ticks:
@@ -266,12 +267,14 @@ class Autopilot:
             ShapeError: If the rows have another size.
             ParameterError: If times fall, or one is none.
         """
-        given = np.ascontiguousarray(rows, float)
+        given = np.ascontiguousarray(real_array("rows", rows))
         if given.ndim != 2 or given.shape[1] != len(self._row):
             raise ShapeError("rows", ("N", len(self._row)), given.shape)
         times = np.r_[self._time, given[:, 0]]
         if not (times[1:] >= times[:-1]).all():
-            raise ParameterError("rows", "times that do not fall", times[1:].tolist())
+            k = int(np.argmin(times[1:] >= times[:-1]))
+            found = f"{times[k + 1]:g} s after {times[k]:g} s"
+            raise ParameterError("rows", "times that do not fall", found)
         self._time = float(times[-1])
         records = np.empty((len(given), self._struct.record))
 

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import patagium as pt
 from patagium import air, learning, sensing
-from patagium.errors import ParameterError, PatagiumError
+from patagium.errors import LogError, ParameterError, PatagiumError
 
 ROBOT = pt.load_robot("aerobat")
 LEARNER = pt.ExtendedLearner(pt.DenseNetwork(3, (4,), 2))
@@ -48,6 +49,8 @@ def _others() -> list[tuple[str, Callable[..., Any], dict[str, Any]]]:
         ("robot", learning.HiddenStripNetwork, {}),
         ("stall_begins", learning.HiddenStripNetwork, {"robot": ROBOT}),
         ("air", learning.default_learner, {"subject": ROBOT}),
+        ("kind", air.register_polar, {}),
+        ("blocks", learning.register_blocks, {"name": "own"}),
         ("table", learning.identify_table, {"learner": LEARNER}),
         ("table", learning.evaluate_table, {"model": LEARNER}),
         ("table", learning.network_for, {"hidden": (3,)}),
@@ -121,3 +124,18 @@ def test_a_path_of_other_coordinates_is_no_part_of_a_sum() -> None:
     for value in ODD:
         with pytest.raises(ParameterError, match="^path: expected"):
             pt.paths.superposed(PATH, value)
+
+
+def test_a_log_without_times_is_refused_by_a_sentence() -> None:
+    with pytest.raises(LogError, match="variable `time`"):
+        pt.sensor_log(xr.Dataset(), ROBOT)
+
+
+@pytest.mark.parametrize("horizon", [1e30, 2**63, 1e9])
+def test_a_horizon_beyond_the_log_forecasts_nothing(horizon: float) -> None:
+    """Times of the forecast were made for all of it: 10^30 s are no array."""
+    time = 0.01 * np.arange(60)
+    learner = pt.ExtendedLearner(pt.DenseNetwork(3, (4,), 2))
+    x, y = np.sin(np.outer(time, [1.0, 2.0, 3.0])), np.cos(np.outer(time, [1.0, 2.0]))
+    found = learning.stream(learner, time, x, y, every=5, horizons=horizon)
+    assert [v for k, v in found.scores.items() if k.endswith("s_count")] == [0]

@@ -73,6 +73,7 @@ def _sections() -> dict[str, Valid]:
         "ReynoldsPolar": Valid(air.ReynoldsPolar, {}, ("lift_amplitude", "viscosity")),
         "TablePolar": Valid(air.TablePolar, {name: tuple(row) for name, row in table.items()}),
         "measured_section": Valid(air.measured_section, table, ("moment",)),
+        "register_polar": Valid(air.register_polar, {"kind": air.SmoothPolar}),
         "read_polar": Valid(air.read_polar, {"path": "polar.txt"}),
         "Indicial": Valid(
             air.Indicial,

@@ -36,7 +36,7 @@ _HOSTILE_WORDS = {
     "and texts with hostile lines or in pieces; no packet that was not sent, none twice",
     "loops": "`pt.fly` with hostile commands, periods, events, sensors, learners and start, and "
     "plans, flown for 20 ms; states of a flight that completed are finite",
-    "calls": "public functions and classes of Python with one or two arguments of a wrong kind, "
+    "calls": "public functions, classes and methods with one or two arguments of a wrong kind, "
     "shape, size or robot; the result is finite, or a failure that the function documents",
     "options": "one to four hostile options of a verb; a traceback, a death or an end later than "
     f"{LIMIT:g} s after Ctrl-C is a finding",

@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from patagium.arguments import checked
 from patagium.arrays import Array, Indices
 from patagium.errors import ParameterError
 from patagium.learning.settings import BLOCKS, OWN_BLOCKS
@@ -74,6 +75,7 @@ Blocks = Callable[[Layered], Sequence[Indices]]
 _OWN: dict[str, Blocks] = {}
 
 
+@checked
 def register_blocks(name: str, blocks: Blocks) -> None:
     """Make `covariance=name` a structure of independent blocks of weights.
 

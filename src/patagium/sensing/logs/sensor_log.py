@@ -73,6 +73,8 @@ def sensor_log(
     """
     machine = _machine(log, robot)
     table = _by_coordinate(log if isinstance(log, xr.Dataset) else load_log(log), machine)
+    if "time" not in table:
+        raise LogError("log: expected a variable `time` [s], found none")
     given = dict(bodies or {})
     for name, body in given.items():
         if name not in table:
