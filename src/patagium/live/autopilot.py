@@ -73,9 +73,6 @@ class Ticks:
         """Wall-clock time of each tick, (N,) [s]."""
         return self.rows[:, -1] * 1e-9
 
-    def __len__(self) -> int:
-        return len(self.rows)
-
 
 class Autopilot:
     """Tracker, learner and regulator as one compiled call.

@@ -362,13 +362,7 @@ def _solved(lower: Array, right: Array) -> Array:
 
 
 class CompiledFilter:
-    """Steps of a motion filter in C, over rows of numbers: see `MotionEstimate.row`.
-
-    Args:
-        owner: The filter, whose density it reads.
-        models: Measurement models by name of the sensor.
-        kernel: The compiled steps.
-    """
+    """Steps of a motion filter in C, over rows of numbers: see `MotionEstimate.row`."""
 
     def __init__(
         self, owner: MotionFilter, models: Mapping[str, MeasurementModel], kernel: ctypes.CDLL
