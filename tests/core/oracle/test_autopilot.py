@@ -145,6 +145,10 @@ def test_what_cannot_be_weighed_is_left_out_and_counted(orbit, log):
     old = [now - 1.0, *np.zeros(3), 1.0, 0.0, 0.0, 0.0]
     autopilot.step(now, {CAMERA.name: old})
     assert autopilot.counts["late"] == 1
+    for stamp in (now + 1.0, 1e300, np.inf):  # not yet taken: a later sample would end the filter
+        wrong = autopilot.step(now, {CAMERA.name: [stamp, *np.zeros(3), 1.0, 0.0, 0.0, 0.0]})
+        np.testing.assert_array_equal(wrong.motion, after.motion)
+    assert autopilot.counts["refused"] == 4
     lost = [now, *np.full(7, np.nan)]
     np.testing.assert_array_equal(autopilot.step(now, {CAMERA.name: lost}).motion, after.motion)
 
@@ -185,3 +189,19 @@ def test_parts_that_do_not_go_together_are_refused(orbit, log):
     autopilot.step(1.0, {})
     with pytest.raises(ParameterError, match="times that do not fall"):
         autopilot.step(0.5, {})
+
+
+def test_arguments_of_a_wrong_kind_are_told(orbit, log):
+    autopilot = Autopilot(tracked(orbit, [], 40, True, log), LinearRegulator(orbit, COMMANDS))
+    with pytest.raises(ParameterError, match="time: expected"):
+        autopilot.step("now", {})
+    with pytest.raises(ParameterError, match="samples: expected"):
+        autopilot.step(1.0, [1.0])
+    with pytest.raises(ParameterError, match=CAMERA.name):
+        autopilot.step(1.0, {CAMERA.name: "seen"})
+    with pytest.raises(ParameterError, match="rows: expected"):
+        autopilot.run("all")
+    with pytest.raises(ParameterError, match="times that do not fall, found"):
+        autopilot.run(np.full((2, autopilot.places["forces"].stop), np.nan))
+    with pytest.raises(ParameterError, match="tracker: expected"):
+        Autopilot("tracker", LinearRegulator(orbit, COMMANDS))

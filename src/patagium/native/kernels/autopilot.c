@@ -6,8 +6,8 @@
  *     [time, of each sensor: stamp (NaN: no sample), values; forces of the packet],
  *
  * and a record [q, v, a; record of the pipeline; commands; whether commanded now; nanoseconds].
- * Records are NaN where there is none. Nothing is allocated. A sample that cannot be weighed is
- * left out and counted, and a motion that is not finite holds the last commands.
+ * Records are NaN where there is none. Nothing is allocated. A sample that cannot be weighed, or
+ * is later than now, is left out and counted; a motion that is not finite holds the last commands.
  */
 #define _POSIX_C_SOURCE 199309L
 #include <time.h>
@@ -272,9 +272,11 @@ static void tick(autopilot *p, const double *row, double *record) {
   const int n = p->dof;
   const double time = row[0], *sample = row + 1;
   for (int k = 0; k < p->sensors; sample += p->widths[k++]) {
+    motion_track *tracks = p->track;
     if (isnan(sample[0])) continue;
-    for (int i = 0; i < p->tracks; i++)
-      push((motion_track *)p->track + i, k, sample[0], sample + 1);
+    if (sample[0] > time + 1e-9) tracks->refused++; /* later than now: it would end the filter */
+    for (int i = 0; i < p->tracks && sample[0] <= time + 1e-9; i++)
+      push(tracks + i, k, sample[0], sample + 1);
   }
   motion_now(p, time, record);
   double *learned = record + 3 * n, *commanded = learned + p->learned;
