@@ -30,8 +30,8 @@ from patagium.native.function import Compiled, NativeFunction, Signature
 
 LONG = 200_000
 """Length of a text from which on it is spared what gains nothing and takes long [B]."""
-SPARED = ("-fno-tree-pre", "-fno-code-hoisting", "-fno-tree-dse", "-fno-dse", "-fira-region=one")
-SPARED += ("--param=lra-max-considered-reload-pseudos=100",)  # to spill for one register
+_SOUGHT = ("-fno-tree-pre", "-fno-code-hoisting", "-fno-tree-dse", "-fno-dse")
+SPARED = (*_SOUGHT, "-fira-region=one", "--param=lra-max-considered-reload-pseudos=100")
 """What straight code lacks, and GCC seeks in a time that grows with the square of the text."""
 _SOURCES = (
     *("native", "robot", "dynamics", "aerodynamics"),
