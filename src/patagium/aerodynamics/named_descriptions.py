@@ -34,11 +34,6 @@ def from_field_values(what: str, kind: type[_Kind], description: Mapping[str, An
 def check_keys(what: str, description: Mapping[str, Any], known: Iterable[str]) -> None:
     """Refuse a description whose keys are not exactly the known ones.
 
-    Args:
-        what: Name of the thing described, for the message.
-        description: The description.
-        known: Keys it must have.
-
     Raises:
         ParameterError: If a key is missing or unknown.
     """
