@@ -436,6 +436,8 @@ class Simulator:
         """
         if controller is None:
             return self.advance(self.steps, progress)
+        if isinstance(controller, type):
+            raise ParameterError("controller", "a function or an object, no class", controller)
         while self.outcome is Outcome.COMPLETED and self._integration.done < self.steps:
             self._fly_period(controller(self.time, self.state), progress)
         return self.outcome

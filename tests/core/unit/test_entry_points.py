@@ -113,6 +113,12 @@ def test_a_flight_is_not_told_what_no_flight_understands(method: str, value: Any
     assert flight.advance(1).name == "COMPLETED"
 
 
+def test_a_class_is_no_controller() -> None:
+    flown = {"aero": pt.QuasiSteady(ROBOT), "gait": pt.gaits.cruise(ROBOT), "duration": 0.01}
+    with pytest.raises(ParameterError, match="^controller: expected a function or an object"):
+        pt.simulate(ROBOT, **flown, controller=int)
+
+
 def test_a_state_without_an_array_is_refused_by_its_name() -> None:
     with pytest.raises(ParameterError, match="state: expected an array numbers"):
         LEARNER.resume({"count": 1})
