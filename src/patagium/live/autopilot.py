@@ -24,13 +24,7 @@ from patagium.native import load_kernel
 from patagium.native.structs import AUTOPILOT, MOTION_TRACK, REGULATOR
 from patagium.sensing.motion.frame_model import euler_function, floating_base
 from patagium.sensing.motion.motion_filter import CompiledFilter
-from patagium.sensing.motion.motion_tracker import (
-    ENLIVENED,
-    LATELY,
-    LOUD,
-    Event,
-    MotionTracker,
-)
+from patagium.sensing.motion.motion_tracker import ENLIVENED, LATELY, LOUD, Event, MotionTracker
 
 
 @dataclass(frozen=True)
@@ -118,9 +112,9 @@ class Autopilot:
         filters = [one for one in own if one is not None]
         self.places: dict[str, slice] = {}
         end, widths = 1, []
-        for name in tracker.rates:
-            widths.append(1 + max(one.widths.get(name, 0) for one in filters))
-            self.places[name] = slice(end, end := end + widths[-1])
+        for name, width in tracker.widths.items():
+            self.places[name] = slice(end, end := end + 1 + width)
+            widths.append(1 + width)
         self.places["forces"] = slice(end, end := end + forces)
         self._row = np.full(end, np.nan)
         self._tracks = (MOTION_TRACK.type * len(filters))()

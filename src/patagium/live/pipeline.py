@@ -297,12 +297,9 @@ class _CompiledChain:
         self.account_for(done, records)
 
     def account_for(self, run: Callable[[int], int], records: Array) -> None:
-        """Account for samples that C code learns through `native`.
+        """Account for samples that C code learns through `native`; nan in records of those not due.
 
-        Args:
-            run: Function that goes on from a record, and returns how many it added: not all where
-                an alarm stopped it.
-            records: Record of each sample, (N, 3 n_y + 4) [as `Records`]; nan where none was due.
+        `run` goes on from a record, and returns how many it added: not all where an alarm stops it.
         """
         begin, memory = 0, self.learner.memory
         if self.lags is not None and memory is not None:

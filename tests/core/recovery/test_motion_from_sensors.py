@@ -260,3 +260,29 @@ def test_a_tracker_raises_noise_that_is_too_small_for_the_motion(flight: xr.Data
     k = robot.index("left_plunge")
     true = float(flight["a"].sel(time=time, method="nearest")[k])
     assert tracker.past([time])[0, 2, k] == pytest.approx(true, abs=20.0)  # of 490 rad/s^2
+
+
+@pytest.mark.parametrize("smoother", [pt.sensing.Kalman, pt.sensing.Spline])
+@pytest.mark.parametrize("value", ["much", None, -1.0, np.nan])
+def test_smoothers_refuse_what_is_no_number(smoother: type, value: object) -> None:
+    name = "order" if smoother is pt.sensing.Kalman else "knot_step"
+    with pytest.raises(ParameterError, match=name):
+        smoother(**{name: value})
+    with pytest.raises(ParameterError, match="window"):
+        pt.sensing.SavitzkyGolay(window=value)  # type: ignore[arg-type]
+
+
+def test_samples_of_a_wrong_size_or_kind_are_refused() -> None:
+    """The filter in C takes as many numbers as the sensor has."""
+    robot = pt.load_robot("aerobat")
+    sensors = {"angles": P.as5600(), "camera": P.prime_x_13("body")}
+    tracker = pt.sensing.MotionTracker(robot, sensors, np.full(robot.dof, 1e6))
+    for values in ([0.1], np.zeros(9), np.zeros((2, 4)), 1.0):
+        with pytest.raises(ShapeError, match=r"values: expected shape \(8,\)"):
+            tracker.push("angles", 0.0, values)
+    with pytest.raises(ParameterError, match="values"):
+        tracker.push("angles", 0.0, "all")  # type: ignore[arg-type]
+    with pytest.raises(ParameterError, match="stamp"):
+        tracker.push("angles", "now", np.zeros(8))  # type: ignore[arg-type]
+    with pytest.raises(ParameterError, match="name"):
+        tracker.push(["angles"], 0.0, np.zeros(8))  # type: ignore[arg-type]

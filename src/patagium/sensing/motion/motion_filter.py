@@ -374,7 +374,7 @@ class CompiledFilter:
         biased = 0
         for sensor, model in zip(self.sensors, models.values(), strict=True):
             sensor.variance = self._kept(model.variances)
-            sensor.values = sensor.width = len(model.variances)
+            sensor.values, sensor.width = len(model.variances), model.width
             if isinstance(model, EncoderModel):
                 places = [own.index(k) if k in own else -1 for k in model.columns]
                 sensor.place = self._kept(places, np.int32)
@@ -382,13 +382,11 @@ class CompiledFilter:
             frame = model.frame  # type: ignore[attr-defined]
             inertial = isinstance(model, ImuModel)
             sensor.kind = 1 if inertial else 2
-            sensor.width += 0 if inertial else 1
             sensor.frame = (frame.inertial_function if inertial else frame.pose_function).address
             sensor.offset, sensor.mount = self._kept(frame.offset), self._kept(frame.mount)
             sensor.parameters = self._kept(frame.parameters)
             if inertial:
                 sensor.bias, biased = biased, biased + 6
-        self.widths = {name: self.sensors[k].width for name, k in self.numbers.items()}
         values = sum(sensor.values for sensor in self.sensors)
         most, n = max(values, 6), owner.robot.dof
         spare = (s + 4) * (2 * s + 16) + 5 * (most + 1) * (most + s + 16)

@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from patagium.arrays import Array
+from patagium.arguments import checked
+from patagium.arrays import Array, real_array
 from patagium.errors import LogError, ParameterError, ShapeError, positive
 from patagium.robot import Robot
 from patagium.sensing.motion.estimate_motion import (
@@ -132,6 +133,7 @@ class MotionTracker:
         for name, values in (variances or {}).items():
             models[name].variances = values
         self.rates = {name: sensors[name].rate for name in models}
+        self.widths = {name: model.width for name, model in models.items()}
         self.shifts = dict(shifts or {})
         streams = [Stream(name, m, np.zeros(0), np.zeros((0, 0))) for name, m in models.items()]
         linked = coupled(self.robot, streams)
@@ -167,6 +169,7 @@ class MotionTracker:
         """Number of times that the driving noise was raised."""
         return sum(part.raised for part in self.parts)
 
+    @checked
     def push(self, name: str, stamp: float, values: ArrayLike) -> None:
         """Update with one sample.
 
@@ -178,11 +181,14 @@ class MotionTracker:
 
         Raises:
             ParameterError: If there is no such sensor.
+            ShapeError: If the sample has another size.
             FilterDiverged: If the estimate is no longer finite.
         """
         if name not in self.rates:
             raise ParameterError("name", f"one of {', '.join(self.rates)}", name)
-        row, time = np.asarray(values, float), stamp - self.shifts.get(name, 0.0)
+        row, time = real_array("values", values), stamp - self.shifts.get(name, 0.0)
+        if row.shape != (self.widths[name],):
+            raise ShapeError("values", (self.widths[name],), row.shape)
         for part in self.parts:
             if name in part.models:
                 part.push(name, time, row, self.memory)

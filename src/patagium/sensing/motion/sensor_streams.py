@@ -46,6 +46,7 @@ class MeasurementModel(Protocol):
     Attributes:
         linear: Whether it is linear in the coordinates.
         biases: Whether the sensor has biases that the filter estimates.
+        width: Numbers of a sample.
         bias_walk: Random walk of the biases, (6,) [m/s^2/sqrt(s), rad/s/sqrt(s)].
         bias_std: Initial standard deviation of the biases, (6,) [m/s^2, rad/s].
         variances: Variance of the noise of each value, (k,) [square of its unit]; stated, until
@@ -55,6 +56,7 @@ class MeasurementModel(Protocol):
 
     linear: bool
     biases: bool
+    width: int
     bias_walk: Array
     bias_std: Array
     variances: Array
@@ -107,6 +109,7 @@ class EncoderModel(_NoBias):
     def __init__(self, sensor: Encoder, robot: Robot) -> None:
         self.linear = True
         self.columns = [robot.index(name) for name in joint_names(sensor.joints, robot)]
+        self.width = len(self.columns)
         self.std = max(sensor.sample_std, FLOOR["rad"])
         self._slope = np.zeros((len(self.columns), 1, robot.dof))
         self._slope[np.arange(len(self.columns)), 0, self.columns] = 1.0
@@ -141,6 +144,7 @@ class ImuModel:
 
     linear = False
     biases = True
+    width = 6
 
     def __init__(self, sensor: Imu, robot: Robot) -> None:
         self.frame = FrameModel(robot, sensor.body, sensor.position, sensor.orientation)
@@ -190,6 +194,8 @@ class CaptureModel(_NoBias):
         sensor: The cameras.
         robot: The machine.
     """
+
+    width = 7
 
     def __init__(self, sensor: MotionCapture, robot: Robot) -> None:
         self.frame = FrameModel(robot, sensor.body, sensor.position, sensor.orientation)

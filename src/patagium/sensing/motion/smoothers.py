@@ -16,8 +16,9 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from patagium.arguments import check_fields
 from patagium.arrays import Array, Indices, rising
-from patagium.errors import FilterDiverged, LogError, ParameterError, ShapeError
+from patagium.errors import FilterDiverged, LogError, ParameterError, ShapeError, positive
 from patagium.sensing.motion.banded import SEEN, Information, Knots
 
 ORDERS = (1, 2, 3, 4, 5)
@@ -292,6 +293,7 @@ class Kalman:
     density: float | None = None
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if self.order not in MOTION_ORDERS:
             raise ParameterError("order", f"one of {MOTION_ORDERS}", self.order)
         if self.density is not None and not self.density > 0:
@@ -328,8 +330,8 @@ class Spline:
     knot_step: float
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.knot_step) and self.knot_step > 0):
-            raise ParameterError("knot_step", "a positive number of seconds", self.knot_step)
+        check_fields(self)
+        positive("knot_step", self.knot_step, "a positive number of seconds")
 
     def smooth(
         self, time: Array, values: Array, std: ArrayLike, at: Array | None = None
@@ -380,9 +382,9 @@ class SavitzkyGolay:
     degree: int = 4
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.window) and self.window > 0):
-            raise ParameterError("window", "a positive number of seconds", self.window)
-        if not isinstance(self.degree, int) or self.degree < 2:
+        check_fields(self)
+        positive("window", self.window, "a positive number of seconds")
+        if self.degree < 2:
             raise ParameterError("degree", "an integer of at least 2", self.degree)
 
     def smooth(
