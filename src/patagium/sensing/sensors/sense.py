@@ -66,7 +66,7 @@ class SensorLog:
         return self.readings[name]
 
     def samples(self) -> list[tuple[str, float, Array]]:
-        """Name, stamp [s] and values of each sample in order, as `MotionTracker.push` takes them."""
+        """Name, stamp [s] and values of samples in order, as `MotionTracker.push` takes them."""
         found = []
         for name, reading in self.readings.items():
             parts = [reading[kind].values for kind in _OF_MOTION if kind in reading]
