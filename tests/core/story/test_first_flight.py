@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import signal
 from contextlib import contextmanager
+from importlib import import_module
 
 import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.cli import words
 from patagium.cli.main import run
 from patagium.errors import Interrupted, ParameterError, RobotFileError
 from patagium.robot import load_robot_text
@@ -118,7 +118,7 @@ def test_an_interrupted_flight_is_kept_up_to_there(verb, number, tmp_path, capsy
     def bar(label):
         yield lambda done, total: signal.raise_signal(number) if done > 0.3 * total else None
 
-    monkeypatch.setattr(words, "progress_bar", bar)
+    monkeypatch.setattr(import_module(f"patagium.cli.{verb}"), "progress_bar", bar)
     code, _, err = say(capsys, verb, "ornithopter", "--duration", "4", "-o", path)
     assert code == 130 and "interrupted; start it again for the rest" in err
     assert path.read_bytes() == b"of before"
