@@ -11,9 +11,11 @@ import patagium as pt
 from patagium.control import LinearRegulator, driving_noise
 from patagium.errors import FilterDiverged, LogError, ParameterError, ShapeError
 from patagium.live import Autopilot
+from patagium.native import compiler_name
 from patagium.sensing import MotionTracker
 from patagium.simulation.simulator import FlightState
 
+pytestmark = pytest.mark.skipif(compiler_name() is None, reason="needs a C compiler")
 S, P = pt.sensors, pt.sensors.presets
 TURNED = ((0.0, -0.6, 0.8), (1.0, 0.0, 0.0), (0.0, 0.8, 0.6))
 COMMANDS = ("frequency", "plunge_amplitude", "elevation_offset", "rudder_offset")
