@@ -16,7 +16,7 @@ from patagium.sensing import MotionTracker
 from patagium.simulation.simulator import FlightState
 
 pytestmark = pytest.mark.skipif(compiler_name() is None, reason="needs a C compiler")
-S, P = pt.sensors, pt.sensors.presets
+P = pt.sensors.presets
 TURNED = ((0.0, -0.6, 0.8), (1.0, 0.0, 0.0), (0.0, 0.8, 0.6))
 COMMANDS = ("frequency", "plunge_amplitude", "elevation_offset", "rudder_offset")
 UNIT = replace(P.icm_42688_p("body", rate=500.0), position=(0.02, 0.01, 0.0), orientation=TURNED)
