@@ -98,7 +98,8 @@ class Autopilot:
     ) -> None:
         kernel, chain = load_kernel("autopilot"), None if pipeline is None else pipeline.chain
         if kernel is None:
-            raise CompilerError("autopilot: expected a C compiler, found none: use its parts")
+            expected = "a C compiler (or use tracker, pipeline and regulator by themselves)"
+            raise CompilerError(f"autopilot: expected {expected}, found none")
         _check(tracker, regulator, pipeline, every)
         self._kept: list[Any] = [pipeline]
         self._name, self._time = tracker.robot.name, -np.inf
