@@ -164,7 +164,7 @@ def one_wing() -> Callable[..., Robot]:
 
 @pytest.fixture(scope="session")
 def ornithopter_orbit() -> Orbit:
-    """The cruise of the ornithopter, trimmed once for all tests of a worker; nobody changes it."""
+    """Periodic orbit of the ornithopter, computed once per test process; tests do not modify it."""
     return trim(load_robot("ornithopter"))
 
 

@@ -5,7 +5,7 @@ import signal
 
 
 def main() -> None:
-    """Run the program; Ctrl-C while it is being imported ends it without a word, code 130."""
+    """Run the program; Ctrl-C during its imports ends it silently with exit code 130."""
     ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if ours:
         signal.signal(signal.SIGINT, lambda number, frame: os._exit(130))

@@ -106,7 +106,7 @@ class GaitFamily:
         return tuple(found)
 
     def gait(self, values: Array) -> FourierGait:
-        """Gait at values of the parameters, (p,) [Hz, 1, rad or m, rad]."""
+        """Gait for given values of the parameters, (p,) [Hz, 1, rad or m, rad]."""
         shape = self._shape(values)
         series = self._turned(shape) + shape.added
         mean = self.base.mean + shape.offset

@@ -123,7 +123,7 @@ def _structure(learner: Learner) -> Structure:
 
 
 def chosen_every(learner: Learner, step: float, period: float | None = None) -> int:
-    """Default interval between used samples, in samples; of steps and wingbeats [s].
+    """Default number of samples from one used sample to the next; step and period in [s].
 
     One hundred updates a second, or twenty a wingbeat where that is more, but at most 1000, and
     no more than the estimated time of an update allows (`update_time`). More often does not tell

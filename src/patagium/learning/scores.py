@@ -356,7 +356,7 @@ class Scorer:
         }
 
     def resume(self, state: Mapping[str, Array]) -> None:
-        """Go on from sums as `state` gave them, of the same outputs.
+        """Continue from the sums that `state` returned, for the same outputs.
 
         Raises:
             KeyError: If a sum is missing.

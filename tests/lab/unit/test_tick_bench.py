@@ -1,4 +1,4 @@
-"""The bench of a tick: one compiled call, beside its parts in Python on the same samples."""
+"""Times of one autopilot step, compiled and in Python, on the same samples."""
 
 from __future__ import annotations
 

@@ -171,7 +171,7 @@ def _networks() -> dict[str, Valid]:
 
 
 def _motions() -> dict[str, Valid]:
-    """Valid calls of gaits, mounts and sums of paths."""
+    """Functions that make gaits, mounts and sums of paths, each with correct arguments."""
     robot, center = seeds.robot(), (0.0, 0.0, 0.0)
     gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.1)
     path = pt.paths.line(center, (1.0, 0.0, 0.0), duration=1.0)
@@ -272,7 +272,7 @@ def _air() -> dict[str, Valid]:
 
 
 def _learned() -> dict[str, Valid]:
-    """Valid calls of methods of learners, networks and results."""
+    """Methods of learners, networks and results, each with correct arguments."""
     x, y = np.full(3, 0.1), np.full(2, 0.1)
     found: dict[str, Valid] = {}
     for file, make in seeds.LEARNERS.items():

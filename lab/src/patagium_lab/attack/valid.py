@@ -1,4 +1,4 @@
-"""Valid call of a function, which hostile arguments are put into."""
+"""Correct call of a function, whose arguments the attack replaces by wrong ones."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Valid:
-    """Valid call of a function.
+    """Function with correct arguments, some of which the attack replaces by wrong ones.
 
     Attributes:
         function: The function, or class.

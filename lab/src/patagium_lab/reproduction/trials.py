@@ -68,7 +68,7 @@ class Trial:
 
     @property
     def run(self) -> Trial:
-        """The trial without its place on the page: the same for all that would run alike."""
+        """The trial without its label and table: equal for trials that compute the same."""
         return replace(self, kind="table", label="", keep=False)
 
     @property

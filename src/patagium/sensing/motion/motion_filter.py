@@ -154,7 +154,7 @@ class MotionFilter:
         return estimate.biases[6 * k : 6 * k + 6]
 
     def predict(self, estimate: MotionEstimate, span: float) -> tuple[MotionEstimate, Array]:
-        """Estimate after a span, and the rotation vector of the attitude over it, (3,) [rad].
+        """Predicted estimate, and rotation vector over the time span in body axes, (3,) [rad].
 
         Args:
             estimate: Estimate at the beginning.
