@@ -45,11 +45,13 @@ class Intervals:
         ends: State at the end of each, (N, n) [SI].
         by_state: Derivative by the state at its beginning, (N, n, n) [SI].
         by_input: Derivative by the input, (N, n, n_u) [SI].
+        phase: Number by which the same derivatives come again; None where they do not.
     """
 
     ends: Array
     by_state: Array
     by_input: Array
+    phase: int | None = None
 
 
 Predict = Callable[[int, Array, Array], Intervals]
@@ -79,6 +81,8 @@ class RealTimeIteration:
         final_cost: P, (n, n) [1/SI^2]; Q to begin with.
         state_reference: x_ref, (N + 1, n) [SI]; zero to begin with.
         input_reference: u_ref, (N, n_u) [SI]; zero to begin with.
+        inverses: `QuadraticProgram.inverse` by phase, where derivatives come again; to be cleared
+            where they or the costs become others.
     """
 
     @checked
@@ -98,6 +102,7 @@ class RealTimeIteration:
         self.state_reference = np.zeros((horizon + 1, size))
         self.input_reference = np.zeros((horizon, count))
         self.final_cost = np.array(state_cost, float)
+        self.inverses: dict[int, Array] = {}
         self.program["Q"][...], self.program["R"][...] = state_cost, input_cost
 
     @property
@@ -130,7 +135,10 @@ class RealTimeIteration:
         program["q"][...] = -np.einsum("kij,kj->ki", program["Q"], self.state_reference)
         program["r"][...] = -np.einsum("kij,kj->ki", program["R"], self.input_reference)
         program["start"][...], program["before"][...] = start, before
-        status = program.solve()
+        phase, inverses = found.phase, self.inverses
+        if phase is not None and phase not in inverses and not program["weight"].any():
+            inverses[phase] = program.inverse()
+        status = program.solve(None if phase is None else inverses.get(phase))
         if status is ProgramStatus.SOLVED:
             self.states, self.inputs = program["x"].copy(), program["u"].copy()
         return status
@@ -401,7 +409,7 @@ class OrbitModel:
         by_state, by_input = self.by_state[places], self.by_input[places]
         ends = np.einsum("kij,kj->ki", by_state, states)
         ends += np.einsum("kij,kj->ki", by_input, inputs)
-        return Intervals(ends, by_state, by_input)
+        return Intervals(ends, by_state, by_input, first % self.parts)
 
 
 def periodic_riccati(
@@ -727,6 +735,7 @@ class PredictiveController(OrbitController):
         super().follow(orbit, parameters, first)
         self.iteration.inputs = self.iteration.inputs + before - self.model.neutral
         self.iteration.predict = self.model.predict
+        self.iteration.inverses.clear()
         self._place_ranges()
 
     def _place_ranges(self) -> None:
@@ -751,6 +760,8 @@ class PredictiveController(OrbitController):
 
     def _place_limits(self, first: int) -> None:
         """Soft limits about the orbit, at each interval of the horizon."""
+        if not self._limits:
+            return
         program, model = self.iteration.program, self.model
         ahead = np.array([model.along(first + k) for k in range(len(program["x"]))])
         for place, (low, high) in self._limits.items():

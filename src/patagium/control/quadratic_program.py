@@ -5,8 +5,9 @@
 
 Limits of inputs and of their changes are hard, limits of states soft: a program whose limits do
 not contradict each other always has a solution. `native/kernels/riccati_qp.h` solves it, warm
-started, without allocation; `_solve_dense` is what runs without a compiler: its interior point
-method on the program in the inputs alone. Neglected: hard limits of states.
+started, without allocation, and by active limits where the `inverse` is kept;
+`_solve_dense` is what runs without a compiler: its interior point method on the program in the
+inputs alone. Neglected: hard limits of states.
 
 References:
     Bertsekas (1982), Constrained Optimization and Lagrange Multiplier Methods.
@@ -89,7 +90,8 @@ def _fields(n: int, nx: int, nu: int) -> list[tuple[str, Any, tuple[int, ...]]]:
         "violation": (),
     }
     fields: list[tuple[str, Any, tuple[int, ...]]] = [(k, real, s) for k, s in shapes.items()]
-    return fields + [(k, np.int64, ()) for k in ("status", "factorizations", "sweeps")]
+    counts = ("status", "factorizations", "sweeps", "inverse", "held")
+    return fields + [(k, np.int64, ()) for k in counts]
 
 
 class QuadraticProgram:
@@ -126,6 +128,7 @@ class QuadraticProgram:
         self._memory = np.zeros(size + 64, np.uint8)
         first = -self._memory.ctypes.data % 64
         self._address = ctypes.c_void_p(self._memory.ctypes.data + first)
+        self._held: Any = None
         self.data: Any = np.frombuffer(self._memory.data, dtype, 1, first)[0]
         for name in _LOW:
             self[name][...] = -np.inf
@@ -135,14 +138,29 @@ class QuadraticProgram:
     def __getitem__(self, name: str) -> Array:
         return np.asarray(self.data[name])
 
-    def solve(self) -> ProgramStatus:
+    def inverse(self) -> Array:
+        """Inverse of the Hessian of the cost in the inputs alone, (N n_u, N n_u).
+
+        `solve` may be given it as long as `A`, `B`, `Q`, `S` and `R` are what they are now.
+        """
+        return np.asarray(np.linalg.inv(condensed(self)[0]), float)
+
+    def solve(self, inverse: Array | None = None) -> ProgramStatus:
         """Solve the program from the solution before, or anew where there was none.
+
+        Args:
+            inverse: What `inverse` gave; that of other matrices costs time only.
 
         Returns:
             Status; `u` and `x` hold a solution only where it is SOLVED.
         """
         if self._kernel is None:
             return _solve_dense(self)
+        self.data["inverse"] = 0 if inverse is None else inverse.ctypes.data
+        if inverse is not None and self._held is None:
+            self._kernel.riccati_qp_held.restype = ctypes.c_int64
+            self._held = np.zeros(int(self._kernel.riccati_qp_held()), np.uint8)
+            self.data["held"] = self._held.ctypes.data
         return ProgramStatus(self._kernel.riccati_qp_solve(self._address))
 
 

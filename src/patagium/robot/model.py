@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Any, Literal, TypeAlias
 
 import casadi as ca
@@ -359,7 +360,7 @@ class Robot:
         """
         return np.array([value for _, value in _leaves(self) if value != 0.0], float)
 
-    @property
+    @cached_property
     def structure(self) -> str:
         """Text of all that the generated equations depend on, values of the parameters aside."""
         same = _with_values(self, dict.fromkeys(self.parameter_names, 1.0))

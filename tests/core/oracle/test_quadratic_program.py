@@ -89,6 +89,69 @@ def test_it_finds_the_minimum_of_an_independent_solver(rates, soft, kernel, monk
     assert bites >= 3
 
 
+@pytest.mark.parametrize("rates", [True, False])
+def test_a_kept_inverse_gives_the_same(rates):
+    """Sample after sample, from a warm start, with limits that come and go."""
+    if compiler_name() is None:
+        pytest.skip("the dense form keeps nothing")
+    bites = set()
+    for seed in range(12):
+        rng, kept = np.random.default_rng(seed), filled(seed, rates=rates, soft=False)
+        inverse = kept.inverse()
+        for size in (2.0, 0.01, 0.5, 4.0, 0.0, 1e-7):
+            kept["start"][...] += size * rng.normal(size=NX)
+            kept["c"][...] = 0.1 * rng.normal(size=kept["c"].shape)
+            other = filled(seed, rates=rates, soft=False)
+            other["start"][...], other["c"][...] = kept["start"], kept["c"]
+            assert kept.solve(inverse) is ProgramStatus.SOLVED is other.solve()
+            assert int(kept["sweeps"]) == 0  # no recursion
+            # tolerance: 1e-9 of a width in the limits of both
+            np.testing.assert_allclose(kept["u"], other["u"], atol=1e-7)
+            np.testing.assert_allclose(kept["x"], other["x"], atol=1e-6)
+            assert float(kept["cost"]) == pytest.approx(float(other["cost"]), rel=1e-8)
+            bites.add(int((np.abs(kept["range_force"]) > 0).sum()))
+    assert len(bites) > 5
+
+
+def test_an_inverse_of_other_matrices_is_found_out():
+    if compiler_name() is None:
+        pytest.skip("the dense form keeps nothing")
+    wrong = filled(2, soft=False).inverse()
+    for inverse in (wrong, np.full_like(wrong, np.nan), -wrong, 0 * wrong):
+        program, other = filled(3, soft=False), filled(3, soft=False)
+        assert program.solve(inverse) is ProgramStatus.SOLVED is other.solve()
+        np.testing.assert_allclose(program["u"], other["u"], atol=1e-8)
+        assert int(program["sweeps"]) > 0
+    soft = filled(3)  # soft limits of states are the recursion's
+    assert soft.solve(soft.inverse()) is ProgramStatus.SOLVED
+    plain = filled(3)
+    plain.solve()
+    np.testing.assert_allclose(soft["u"], plain["u"], atol=1e-12)
+
+
+def test_limits_that_depend_on_each_other_are_met_with_an_inverse():
+    """Fixed inputs, ranges and rates that meet, both active at once, horizon after horizon."""
+    if compiler_name() is None:
+        pytest.skip("the dense form keeps nothing")
+    fixed = filled(5, soft=False)
+    fixed["lower"][:, 0] = fixed["upper"][:, 0] = 0.3
+    fixed["fall"][:, 1] = fixed["rise"][:, 1] = 0.0
+    assert fixed.solve(fixed.inverse()) is ProgramStatus.SOLVED
+    np.testing.assert_allclose(fixed["u"], np.tile([0.3, -0.2], (N, 1)), atol=1e-7)
+    ramp = filled(6, soft=False)
+    ramp["r"][...] = -50.0  # up at the rate until the range ends
+    ramp["before"][...] = 0.6 - 3 * 0.25
+    inverse = ramp.inverse()
+    for _ in range(4):
+        other = filled(6, soft=False)
+        other["r"][...], other["before"][...] = -50.0, ramp["before"]
+        assert ramp.solve(inverse) is ProgramStatus.SOLVED is other.solve()
+        np.testing.assert_allclose(ramp["u"], other["u"], atol=1e-7)
+        ramp["before"][...] = ramp["u"][0]
+        for name in ("u", "x", "range_force", "change_force"):
+            ramp[name][:-1] = ramp[name][1:]
+
+
 def test_a_warm_start_takes_few_factorizations_and_gives_the_same():
     if compiler_name() is None:
         pytest.skip("the dense form has no warm start")

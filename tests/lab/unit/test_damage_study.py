@@ -2,6 +2,8 @@
 
 from dataclasses import asdict
 
+import pytest
+
 from patagium_lab.damage.page import page, share
 from patagium_lab.damage.plan import LEARNING, OFF, DamagePlan, Flight
 from patagium_lab.damage.run import authority, fly
@@ -11,12 +13,13 @@ from patagium_lab.study import Results
 
 def test_every_flight_of_the_plan_is_another():
     flights = DamagePlan(flights=3, ablations=2, few=1).listed()
-    assert len(set(flights)) == len(flights) == 2 * 3 + 4 * 2 + 2 + 2 * 3
+    assert len(set(flights)) == len(flights) == 4 * 3 + 4 * 2 + 2 + 2 * 3
     assert {one.seed for one in flights} == {100, 101, 102}
 
 
-def test_a_lost_wing_shows_in_the_score():
-    flight = Flight("damage", "linear", OFF, seed=40, share=0.5, before=11, after=6)
+@pytest.mark.parametrize("group", ["damage", "sensed"])
+def test_a_lost_wing_shows_in_the_score(group):
+    flight = Flight(group, "linear", OFF, seed=40, share=0.5, before=11, after=6)
     found = fly(flight)
     assert asdict(flight).items() <= found.items()
     assert len(found["error"]) == 17
@@ -47,8 +50,8 @@ def test_the_page_counts_flights_that_are_back(tmp_path):
     ]
     metrics = {"rows": rows, "share": 0.3, "seed": 1, "authority": [], "environment": {}}
     text = page(Results(metrics, Gallery(tmp_path))).write(tmp_path / "page.md").read_text()
-    assert "without learning 0 (0 to 66) % of 2 flights" in text
-    assert "with learning 100 (34 to 100) % of 2" in text
+    assert "without learning, 0 (0 to 66) % of 2 flights" in text
+    assert "with learning, 100 (34 to 100) % of 2" in text
     assert "| learning: back within 10 beats [%] | at least 95 | 100 | yes |" in text
     assert "| undamaged: error with learning over that without, every pair [1] | at most" in text
     assert "0.500" in text  # ratio of errors without damage

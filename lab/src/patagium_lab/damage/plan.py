@@ -5,7 +5,10 @@ The loss is chosen by the authority of the commands (`authority`), not by how fl
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 COMMANDS = (
     *("left_plunge_amplitude", "right_plunge_amplitude"),
@@ -33,6 +36,20 @@ NOISE = {
     **{f"velocity of {name}": 0.02 for name in ("x", "y", "z", "roll", "pitch", "yaw")},
 }
 """Standard deviations of the measured state [m, rad, m/s, rad/s]."""
+IMU: Mapping[str, Any] = {
+    "accelerometer_range": 30 * 9.80665,
+    "gyroscope_range": math.radians(4000.0),
+    "accelerometer_density": 285e-6 * 9.80665,
+    "gyroscope_density": math.radians(0.0175),
+    "accelerometer_bias": 50e-3 * 9.80665,
+    "gyroscope_bias": math.radians(5.0),
+    "accelerometer_step": 9.80665 / 1024,
+    "gyroscope_step": math.radians(1 / 8.2),
+}
+"""Inertial unit where sensors are in the loop [SI]: ranges of TDK's ICM-20649, since the body of
+the Aerobat shakes with 22 g; noise and biases of that class."""
+ENCODERS = 500.0
+"""Samples a second of the encoders there [Hz]."""
 SCALES = {
     "z": 0.1,
     "yaw": 0.1,
@@ -62,7 +79,8 @@ class Flight:
     """Flight of the study.
 
     Attributes:
-        group: Table in which it is counted: damage, no harm, gusts.
+        group: Table in which it is counted: damage, sensed (the same with sensors and a tracker in
+            the loop), no harm, gusts.
         law: Controller: linear or predictive.
         learner: `OFF`, `LEARNING`, `FROZEN` or `KNOWN`.
         seed: Seed of masses, noise, side and time of the loss.
@@ -89,7 +107,8 @@ class DamagePlan:
     Attributes:
         share: Share of the span of one wing that is lost [1].
         seed: First seed.
-        flights: Flights with learning and without, by the linear regulator.
+        flights: Flights with learning and without, by the linear regulator, with sensors in the
+            loop and with a noisy state.
         ablations: Flights of each ablation, and undamaged ones.
         few: Flights of each of the predictive controller's rows and of each gust.
         gusts: Standard deviations of the turbulence [m/s].
@@ -107,6 +126,8 @@ class DamagePlan:
     def listed(self) -> list[Flight]:
         """All flights, those of the main comparison first."""
         rows = [
+            ("sensed", "linear", LEARNING, self.flights, self.share, 0.0),
+            ("sensed", "linear", OFF, self.flights, self.share, 0.0),
             ("damage", "linear", LEARNING, self.flights, self.share, 0.0),
             ("damage", "linear", OFF, self.flights, self.share, 0.0),
             ("no harm", "linear", LEARNING, self.ablations, 0.0, 0.0),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, cast
@@ -25,7 +25,9 @@ from patagium_lab.conditions import conditions
 from patagium_lab.damage.plan import (
     CHANGE_COST,
     COMMANDS,
+    ENCODERS,
     FROZEN,
+    IMU,
     KNOWN,
     LOST,
     MARGIN,
@@ -162,7 +164,7 @@ def fly(flight: Flight) -> dict[str, Any]:
         controller,
         orbit=orbit,
         duration=(flight.before + flight.after) * beat,
-        sensors=control.NoisyState(NOISE),
+        sensors=_sensors() if flight.group == "sensed" else control.NoisyState(NOISE),
         events=[loss] if flight.share else [],
         seed=flight.seed,
         time_step=beat / STEPS * 1.0001,
@@ -170,6 +172,14 @@ def fly(flight: Flight) -> dict[str, Any]:
     )
     counts = dict(adaptive.counts) if flight.learner != OFF else {}
     return asdict(flight) | scored(flown, law, flight.before) | {"counts": counts}
+
+
+def _sensors() -> control.TrackedState:
+    """Inertial unit and cameras on the body, encoders, and the tracker behind them."""
+    presets = pt.sensors.presets
+    unit = replace(presets.icm_42688_p("body"), name="imu", **IMU)
+    encoders = presets.as5600(rate=ENCODERS)
+    return control.TrackedState([unit, encoders, presets.prime_x_13("body")])
 
 
 def _law(name: str, orbit: Orbit) -> OrbitController:
@@ -246,7 +256,7 @@ def run(plan: DamagePlan, out: Path, stages: Stages) -> Results:
     rows = _read(kept)
     wanted = [one for one in plan.listed() if _key(asdict(one)) not in rows]
     with stages.stage("flights", 0.0, 0.95) as tell, kept.open("a") as file:
-        jobs = [Job(fly, (one,), 3.0 if one.learner == OFF else 15.0) for one in wanted]
+        jobs = [Job(fly, (one,), _cost(one)) for one in wanted]
 
         def keep(number: int, row: Mapping[str, Any]) -> None:
             file.write(json.dumps(row) + "\n")
@@ -264,6 +274,12 @@ def run(plan: DamagePlan, out: Path, stages: Stages) -> Results:
         "rows": [rows[_key(asdict(one))] for one in plan.listed()],
     }
     return Results(metrics, Gallery(out))
+
+
+def _cost(flight: Flight) -> float:
+    """Expected duration of a flight [s]."""
+    sensed = 6.0 if flight.group == "sensed" else 0.0
+    return sensed + (3.0 if flight.learner == OFF else 6.0)
 
 
 def _read(path: Path) -> dict[str, dict[str, Any]]:

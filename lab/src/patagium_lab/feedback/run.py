@@ -139,6 +139,7 @@ def fresh(one: PredictiveController) -> PredictiveController:
     model.steered = SteeredGait(model.robot, model.steered.gait)
     costs = one.state_cost, one.input_cost
     found.iteration = RealTimeIteration(model.predict, len(before.inputs), *costs)
+    found.iteration.inverses = before.inverses
     for name in ("lower", "upper", "fall", "rise"):
         found.iteration.program[name][...] = before.program[name]
     return found

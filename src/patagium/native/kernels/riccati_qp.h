@@ -10,10 +10,11 @@
  * factorization. Where there is no warm start, or it does not lead there in a few steps, an
  * interior point method (Mehrotra's predictor and corrector, the same recursion) finds where the
  * first method begins. The change u - v has v, the input before, as a state of its own, whose blocks
- * are there only where it is limited. What is returned is checked by its own conditions of
- * optimality (Karush, Kuhn, Tucker), by costates and not by the factors. Sizes are set at build:
- * STAGES, STATES, INPUTS; all memory is the structure's, which Python mirrors
- * (`control/quadratic_program.py`). */
+ * are there only where it is limited. Where the matrices come again, condensed_qp.h is faster. What
+ * is returned is checked by its own conditions of optimality (Karush, Kuhn, Tucker), by costates
+ * and not by factors, so that an inverse of other matrices is found out, and the recursion taken.
+ * Sizes are set at build: STAGES, STATES, INPUTS; all memory is the structure's, which Python
+ * mirrors (`control/quadratic_program.py`), or given in it. */
 #ifndef PATAGIUM_RICCATI_QP_H
 #define PATAGIUM_RICCATI_QP_H
 
@@ -43,12 +44,15 @@ typedef struct {
   double u[N][NU], x[N + 1][NX], force[BOXES], penalty[NU];
   double cost, gradient, violation;
   int64_t status, factorizations, sweeps;
+  const double *inverse; /* (N NU) x (N NU), of the Hessian in the inputs alone; NULL: not kept */
+  void *held;            /* memory that goes with it */
   /* memory: the next point, limits at both, pieces, factors, slacks and duals */
   double u_next[N][NU], x_next[N + 1][NX], value[LIMITS], value_next[LIMITS];
   double rigidity[LIMITS], stiffness[LIMITS], pull[LIMITS];
   double L[N][NU][NU], Kx[N][NU][NX], Kv[N][NU][NU], H[N][NU][NX], Pc[N][NX], Pvc[N][NU];
   double curvature[NU];
   double slack[2][LIMITS], dual[2][LIMITS], ds[2][LIMITS], dz[2][LIMITS];
+  double alone[N * NU]; /* minimum without limits, where an inverse is kept */
   int8_t active[LIMITS];
 } riccati_qp;
 
@@ -595,14 +599,20 @@ static int interior(riccati_qp *o, double gap) {
   return SOLVED;
 }
 
+#include "condensed_qp.h"
+
 /* Status of the solution in u and x, which are also where the next call begins. */
 static int solve(riccati_qp *o) {
+  double soft = 0;
   o->cost = o->gradient = o->violation = NAN;
   o->factorizations = o->sweeps = 0;
   o->status = possible(o);
   if (o->status != SOLVED) return (int)o->status;
   o->status = NOT_CONVERGED;
-  if (o->penalty[0] > 0) {
+  for (int k = 1; k <= N; k++)
+    for (int i = 0; i < NX; i++) soft = fmax(soft, o->weight[k][i]);
+  if (o->inverse && !(soft > 0)) o->status = solve_condensed(o);
+  if (o->status == NOT_CONVERGED && o->penalty[0] > 0) {
     memcpy(o->x[0], o->start, sizeof o->start);
     for (int k = 0; k < N; k++) roll_out(o, k, o->u, o->x);
     o->status = minimize(o, MOST_WARM);

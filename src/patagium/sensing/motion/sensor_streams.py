@@ -148,16 +148,10 @@ class ImuModel:
 
     def __init__(self, sensor: Imu, robot: Robot) -> None:
         self.frame = FrameModel(robot, sensor.body, sensor.position, sensor.orientation)
-        forces = np.maximum(
-            np.hypot(sensor.accelerometer_std, sensor.accelerometer_step / np.sqrt(12)),
-            FLOOR["m/s^2"],
-        )
-        rates = np.maximum(
-            np.hypot(sensor.gyroscope_std, sensor.gyroscope_step / np.sqrt(12)),
-            FLOOR["rad/s"],
-        )
-        self.variance = np.concatenate([forces, rates]) ** 2
         floors = np.repeat([FLOOR["m/s^2"], FLOOR["rad/s"]], 3)
+        steps = np.repeat([sensor.accelerometer_step, sensor.gyroscope_step], 3)
+        noise = np.concatenate([sensor.accelerometer_std, sensor.gyroscope_std])
+        self.variance = np.maximum(np.hypot(noise, steps / np.sqrt(12)), floors) ** 2
         self.bias_std: Array = np.maximum(
             np.repeat([sensor.accelerometer_bias, sensor.gyroscope_bias], 3), floors
         )
