@@ -3,8 +3,10 @@
 The same random programs of 20 stages, 12 states and 6 inputs for all, in one run: once from
 nothing, once from the solution of a program whose first state was a little different, as a
 controller meets them. Rivals are called directly by their own Python wheels, prepared once and
-given new numbers; qpOASES through CasADi, which bundles it and is the only one to do so.
-Neglected: rivals without a wheel; models that change from sample to sample.
+given new numbers; qpOASES through CasADi, which bundles it and is the only one to do so. Then the
+programs of a predictive controller on the way from a start to its orbit, sample after sample,
+whose matrices come again beat by beat: ours as it flies, rivals from nothing, their preparation not
+counted. Neglected: rivals without a wheel; models that are new at every sample.
 """
 
 from __future__ import annotations
@@ -23,6 +25,8 @@ from numpy.typing import NDArray
 
 from patagium.control.quadratic_program import ProgramStatus, QuadraticProgram, condensed
 from patagium_lab.bench.result import Result, compared
+from patagium_lab.feedback.plan import AEROBAT, NOISE, ORNITHOPTER, PREDICTIVE, Case
+from patagium_lab.feedback.run import controller, design, starts_of, vector
 
 Array = NDArray[np.float64]
 
@@ -62,6 +66,7 @@ class Sparse:
     """A program by matrices: 1/2 z'P z, A z = b, g_low <= G z <= g_high, stage by stage.
 
     Attributes:
+        states: Number of states n_x.
         cost: P.
         equal: A.
         limited: G.
@@ -70,6 +75,7 @@ class Sparse:
         high: g_high.
     """
 
+    states: int
     cost: Any
     equal: Any
     limited: Any
@@ -86,33 +92,33 @@ def sparse(program: QuadraticProgram, rates: bool, soft: bool) -> Sparse:
         rates: Whether rates are limited.
         soft: Whether states are.
     """
-    slacks = STATES if soft else 0
-    width = STATES + INPUTS + slacks
-    last = STATES + slacks
-    size = STAGES * width + last
-    x, u, s = _pickers(width, size, slacks)
+    stages, states, inputs = program.sizes
+    slacks = states if soft else 0
+    x, u, s = _pickers(program.sizes, slacks)
     costs = []
-    for k in range(STAGES + 1):
+    for k in range(stages + 1):
         costs.append(program["Q"][k])
-        costs += [program["R"][k]] if k < STAGES else []
+        costs += [program["R"][k]] if k < stages else []
         costs += [np.diag(program["weight"][k])] if soft else []
     equal, limited, low, high = [x(0)], [], [], []
-    for k in range(STAGES):
+    for k in range(stages):
         equal.append(program["A"][k] @ x(k) + program["B"][k] @ u(k) - x(k + 1))
         limited.append(u(k))
         low.append(program["lower"][k])
         high.append(program["upper"][k])
         if rates:
+            before = np.zeros(inputs) if k else program["before"]
             limited.append(u(k) - u(k - 1) if k else u(k))
-            low.append(program["fall"][k])
-            high.append(program["rise"][k])
+            low.append(program["fall"][k] + before)
+            high.append(program["rise"][k] + before)
         if soft:
             limited.append(x(k + 1) - s(k + 1))
             low.append(program["least"][k])
             high.append(program["most"][k])
-    right = np.r_[program["start"], np.zeros(STAGES * STATES)]
+    right = np.r_[program["start"], -program["c"].ravel()]
     stacked = [sp.vstack([sp.csc_matrix(one) for one in part]) for part in (equal, limited)]
     return Sparse(
+        states=states,
         cost=sp.block_diag(costs, format="csc"),
         equal=stacked[0].tocsc(),
         limited=stacked[1].tocsc(),
@@ -122,18 +128,20 @@ def sparse(program: QuadraticProgram, rates: bool, soft: bool) -> Sparse:
     )
 
 
-def _pickers(width: int, size: int, slacks: int) -> list[Callable[[int], Any]]:
+def _pickers(sizes: tuple[int, int, int], slacks: int) -> list[Callable[[int], Any]]:
     """Functions from a stage to the rows that pick its states, inputs and slacks."""
-    whole = sp.identity(size, format="csr")
+    stages, states, inputs = sizes
+    width = states + inputs + slacks
+    whole = sp.identity(stages * width + states + slacks, format="csr")
 
     def rows(offset: int, count: int, k: int) -> Any:
-        first = k * width + (offset if k < STAGES else min(offset, STATES))
+        first = k * width + (offset if k < stages else min(offset, states))
         return whole[first : first + count]
 
     return [
-        partial(rows, 0, STATES),
-        partial(rows, STATES, INPUTS),
-        partial(rows, STATES + INPUTS, slacks),
+        partial(rows, 0, states),
+        partial(rows, states, inputs),
+        partial(rows, states + inputs, slacks),
     ]
 
 
@@ -153,7 +161,7 @@ def _piqp(form: Sparse) -> Solver:
     right = form.right.copy()
 
     def solve(start: Array) -> float:
-        right[:STATES] = start
+        right[: form.states] = start
         solver.update(b=right)
         if solver.solve() != piqp.PIQP_SOLVED:
             return np.nan
@@ -173,7 +181,7 @@ def _osqp(form: Sparse) -> Solver:
     )  # fmt: skip
 
     def solve(start: Array) -> float:
-        low[:STATES] = high[:STATES] = start
+        low[: form.states] = high[: form.states] = start
         solver.update(l=low, u=high)
         found = solver.solve(raise_error=False)
         return float(found.info.obj_val) if found.info.status == "solved" else np.nan
@@ -292,3 +300,80 @@ def _rows(
             f"costs differ by {worst:.0e} at most"
         )
         yield compared(title, own, "ns", name, other, note)
+
+
+SAMPLES, BESIDE = 400, 8
+"""Samples of each controller, and those of which one is given to the rivals."""
+PUSHED = 0.5
+"""Size of the start, over that of the largest ones of the region of attraction."""
+
+
+def controller_results() -> Iterator[Result]:
+    """Times of the programs that a predictive controller solves on its way to its orbit.
+
+    Yields:
+        Medians [ns]; the note holds both 99th percentiles and how far costs differ.
+    """
+    for case in (AEROBAT, ORNITHOPTER):
+        one = controller(case, PREDICTIVE)
+        program = one.iteration.program  # type: ignore[attr-defined]
+        times: list[int] = []
+        solve, rng = program.solve, np.random.default_rng(0)
+
+        def timed(inverse: Array | None = None, solve=solve, times=times) -> ProgramStatus:  # type: ignore[no-untyped-def]
+            began = perf_counter_ns()
+            status: ProgramStatus = solve(inverse)
+            times.append(perf_counter_ns() - began)
+            return status
+
+        model = one.model
+        std = np.r_[vector(design(case), NOISE, 0.0)[model.kept], np.zeros(sum(model.chains))]
+        state, command = np.zeros(model.size), np.zeros(len(model.commands))
+        away = starts_of(case, 0, 1)[1][0] - model.states[0]
+        state[: len(model.kept)] = PUSHED / starts_of(case, 0, 1)[0][0] * away[model.kept]
+        others: dict[str, list[int]] = {name: [] for name in RIVALS}
+        gaps: dict[str, list[float]] = {name: [] for name in RIVALS}
+        for k in range(model.parts):  # what comes again is made beforehand
+            one.answer(k, 0 * state, command)
+        program.solve = timed
+        for k in range(SAMPLES):
+            measured = state + std * rng.standard_normal(model.size)
+            answer = one.answer(model.parts + k, measured, command)
+            command = command if answer is None else answer
+            for name, prepare in RIVALS.items() if k % BESIDE == 0 else ():
+                try:
+                    rival = prepare(sparse(program, True, False))
+                except ImportError:
+                    continue
+                began = perf_counter_ns()
+                cost = rival(measured)
+                others[name].append(perf_counter_ns() - began)
+                gaps[name].append(abs(cost / float(program["cost"]) - 1))
+            part = (model.parts + k) % model.parts
+            state = model.by_state[part] @ state + model.by_input[part] @ command
+        program.solve = solve
+        yield from _flown(case, times, others, gaps, program.sizes)
+
+
+def _flown(
+    case: Case,
+    times: list[int],
+    others: dict[str, list[int]],
+    gaps: dict[str, list[float]],
+    sizes: tuple[int, int, int],
+) -> Iterator[Result]:
+    title = f"predictive controller, {case.robot}, next sample"
+    own, slow = float(np.median(times)), float(np.percentile(times, 99)) / 1e3
+    for name, found in others.items():
+        if not found:
+            yield Result(f"{title}: {name} left out", None, "ns", note="it is not installed")
+            continue
+        unsolved = int(np.isnan(gaps[name]).sum())
+        note = (
+            "{} stages, {} states, {} inputs, ranges and rates; ".format(*sizes)
+            + (f"{unsolved} of {len(found)} not solved by the rival; " if unsolved else "")
+            + f"99 % of {len(times)} within {slow:.0f} us; rival from nothing, "
+            f"99 % within {np.percentile(found, 99) / 1e3:.0f} us; "
+            f"costs differ by {np.nanmax([0.0, *gaps[name]]):.0e} at most"
+        )
+        yield compared(title, own, "ns", name, float(np.median(found)), note)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
 from typing import Any
 
 from patagium.robot import Robot, load_robot
@@ -133,7 +134,9 @@ TIMERS: dict[str, Timer] = {
     "strips": _on_one_core(lambda bench: benchmark_air.strip_results(bench.robot)),
     "update": lambda bench: learning.on_one_thread("update"),
     "pipeline": lambda bench: learning.pipeline_results(),
-    "programs": _on_one_core(lambda bench: programs.program_results()),
+    "programs": _on_one_core(
+        lambda bench: chain(programs.program_results(), programs.controller_results())
+    ),
     "tick": _on_one_core(lambda bench: tick.tick_results()),
     "simulation": _on_one_core(lambda bench: [learning.flight_result(bench.robot)]),
     "compile": lambda bench: learning.compile_results(),

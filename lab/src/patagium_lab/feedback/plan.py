@@ -78,6 +78,7 @@ class Case:
         amplitude: Range of the amplitude of each plunging joint, where the preset has no actuators
             [rad].
         offset: Range of the mean of each feathering joint, likewise [rad].
+        share: Share of the starts of the study that it is flown from [1].
     """
 
     robot: str
@@ -85,6 +86,7 @@ class Case:
     speed: float | None = None
     amplitude: tuple[float, float] | None = None
     offset: tuple[float, float] | None = None
+    share: float = 1.0
 
     @property
     def name(self) -> str:
@@ -101,7 +103,9 @@ AEROBAT = Case(
     ),
 )
 ORNITHOPTER = Case(
-    "ornithopter", ("frequency", "plunge_amplitude", "elevation_offset", "rudder_offset")
+    "ornithopter",
+    ("frequency", "plunge_amplitude", "elevation_offset", "rudder_offset"),
+    share=0.2,
 )
 DRAGONFLY = Case(
     "dragonfly",
@@ -111,6 +115,7 @@ DRAGONFLY = Case(
     speed=0.0,
     amplitude=(0.0, 0.8),
     offset=(-0.9, 0.9),
+    share=0.2,
 )
 
 
@@ -122,7 +127,7 @@ class FeedbackPlan:
         seed: First seed; seeds from 0 on are those that settings were chosen with.
         flights: Flights of each delay and each rate.
         starts: Starts of each regulator.
-        few: Of these the first that the predictive controller flies, which takes ten times as long.
+        few: Of these the first that the predictive controller flies, which takes longer.
         beats: Beats of a flight.
         longest: Longest delay that is tried [beats].
         shares: Delays that are tried to a beat.

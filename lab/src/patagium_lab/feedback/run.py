@@ -294,15 +294,15 @@ def run(plan: FeedbackPlan, out: Path, stages: Stages) -> Results:
     jobs: list[Job] = []
     for case in plan.margins:
         for kind in (PERIODIC, PREDICTIVE):
-            cost = 10.0 if kind == PREDICTIVE else 2.0
+            cost = 4.0 if kind == PREDICTIVE else 2.0
             jobs.append(Job(margins, (case, kind, plan), cost * plan.flights))
     first = len(jobs)
     for case in plan.regions:
         for kind in (PREDICTIVE, PERIODIC, AVERAGED):
             few = kind == PREDICTIVE
-            count = min(plan.few, plan.starts) if few else plan.starts
+            count = max(1, round((min(plan.few, plan.starts) if few else plan.starts) * case.share))
             words = case, kind, plan.seed, count, plan.beats
-            jobs.append(Job(region, words, (5.0 if few else 0.3) * count))
+            jobs.append(Job(region, words, (0.4 if few else 0.08) * count))
     kept = out / "jobs.jsonl"
     done = _read(kept)
     left = [job for job in jobs if _key(job) not in done]

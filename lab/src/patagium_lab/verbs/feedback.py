@@ -10,16 +10,18 @@ import typer
 
 EXAMPLES = (
     "patagium study feedback --out feedback --quick",
-    "patagium study feedback --out feedback --starts 300 --page docs/feedback.md",
+    "patagium study feedback --out feedback --starts 10000 --few 3000 --page docs/feedback.md",
 )
 
 
 def feedback(
     out: Annotated[Path, typer.Option(help="Folder of the report and its figures.")],
-    starts: Annotated[int, typer.Option(min=1, help="Starts of each regulator.")] = 200,
+    starts: Annotated[
+        int, typer.Option(min=1, help="Starts of each regulator; a fifth for all but one robot.")
+    ] = 1000,
     few: Annotated[
         int, typer.Option(min=1, help="Of these, starts of the predictive controller.")
-    ] = 60,
+    ] = 300,
     flights: Annotated[int, typer.Option(min=1, help="Flights of each delay and each rate.")] = 6,
     beats: Annotated[int, typer.Option(min=2, help="Beats of each flight.")] = 40,
     seed: Annotated[int, typer.Option(min=0, help="First seed.")] = 1000,
@@ -45,7 +47,7 @@ def feedback(
     plan = FeedbackPlan(seed, flights, starts, few, beats, workers=jobs)
     if quick:
         bird = (ORNITHOPTER,)
-        plan = replace(plan, flights=1, starts=20, beats=20, margins=bird, regions=bird)
+        plan = replace(plan, flights=1, starts=100, beats=20, margins=bird, regions=bird)
     with stage_bar("Feedback") as progress:
         report, results = write_study(out, plan, run, pages.page, progress)
         if page is not None:
