@@ -102,15 +102,20 @@ static void leave(active_set *s, int k) {
   }
 }
 
-/* Duals at which the active limits are met exactly, and the inputs. */
+/* Duals at which the active limits are met exactly, and the inputs; a second time for rounding. */
 static void meet(const riccati_qp *o, active_set *s, double *u) {
-  for (int a = 0; a < s->count; a++)
-    s->dual[a] = beyond_side(o, s->row[a], s->side[a], o->alone);
-  forward(s, s->dual);
-  backward(s, s->dual);
+  double part[NV];
   memcpy(u, o->alone, sizeof o->alone);
-  for (int a = 0; a < s->count; a++)
-    for (int j = 0; j < NV; j++) u[j] -= s->dual[a] * s->way[s->place[a]][j];
+  memset(s->dual, 0, sizeof s->dual);
+  for (int again = 0; again < 2; again++) {
+    for (int a = 0; a < s->count; a++) part[a] = beyond_side(o, s->row[a], s->side[a], u);
+    forward(s, part);
+    backward(s, part);
+    for (int a = 0; a < s->count; a++) {
+      s->dual[a] += part[a];
+      for (int j = 0; j < NV; j++) u[j] -= part[a] * s->way[s->place[a]][j];
+    }
+  }
 }
 
 /* Gradient at no inputs, and the minimum without limits. */
