@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -160,7 +160,17 @@ class TrackedState:
 
         Raises:
             LogError: If a coordinate is seen by no sensor.
+            ParameterError: If an inertial unit saturates on the orbit.
         """
+        scene = Scene(orbit.flight(beats=1.0))
+        for unit in (one for one in self.sensors if isinstance(one, Imu)):
+            free = replace(unit, accelerometer_range=None, gyroscope_range=None)
+            shown = free.shown(scene, scene.time, (np.zeros(3),) * 4).true
+            for name, of in (("accelerometer", "specific_force"), ("gyroscope", "angular_rate")):
+                most, end = float(np.abs(shown[of].values).max()), getattr(unit, f"{name}_range")
+                if end is not None and most > end:
+                    expected = f"{most:.4g} {shown[of].units} at least, which the orbit asks for"
+                    raise ParameterError(f"{unit.name}.{name}_range", expected, end)
         return _Tracking(self.sensors, orbit, duration, seed)
 
 

@@ -531,10 +531,7 @@ class OrbitController:
             expected = "a new one for each flight in which it learns"
             found = "one that has learned another orbit in the flight before"
             raise ParameterError("controller", expected, found)
-        steered = SteeredGait(
-            self.model.robot,
-            self.model.steered.gait,
-        )
+        steered = SteeredGait(self.model.robot, self.model.steered.gait)
         self.model = copy(self.model)
         self.model.steered = steered
         self.before = np.zeros(len(self.ends))
@@ -542,9 +539,7 @@ class OrbitController:
 
     def _law(self, model: OrbitModel) -> tuple[Array, Array]:
         """Costs to go and gains of a model."""
-        a, b = model.by_state, model.by_input
-        costs = self.state_cost, self.input_cost
-        return periodic_riccati(a, b, *costs)
+        return periodic_riccati(model.by_state, model.by_input, self.state_cost, self.input_cost)
 
     def follow(self, orbit: Reference, parameters: Mapping[str, float], first: int) -> None:
         """Follow another orbit of the same frequency from an interval on.
@@ -715,12 +710,8 @@ class PredictiveController(OrbitController):
 
     def _begin(self) -> None:
         model = self.model
-        self.iteration = RealTimeIteration(
-            model.predict,
-            self._horizon,
-            self.state_cost,
-            self.input_cost,
-        )
+        costs = self.state_cost, self.input_cost
+        self.iteration = RealTimeIteration(model.predict, self._horizon, *costs)
         program = self.iteration.program
         self._place_ranges()
         program["rise"][...] = self.fastest
