@@ -89,10 +89,7 @@ class RealTimeIteration:
     def __init__(
         self, predict: Predict, horizon: int, state_cost: Array, input_cost: Array
     ) -> None:
-        for name, cost in (
-            ("state_cost", state_cost),
-            ("input_cost", input_cost),
-        ):
+        for name, cost in {"state_cost": state_cost, "input_cost": input_cost}.items():
             if cost.ndim != 2 or np.ptp(cost.shape):
                 raise ShapeError(name, "(n, n)", cost.shape)
         size, count = len(state_cost), len(input_cost)
@@ -161,8 +158,7 @@ class RealTimeIteration:
 
     def shift(self) -> None:
         """Go on by one interval: what was predicted next is predicted now."""
-        program = self.program
-        arrays = [program[k] for k in ("u", "range_force", "change_force", "x")]
+        arrays = [self.program[k] for k in ("u", "range_force", "change_force", "x")]
         for array in (self.states, self.inputs, *arrays):
             array[:-1] = array[1:]
 
@@ -559,8 +555,7 @@ class OrbitController:
         beat = range(first, first + before.parts)
         former = np.mean([before.along(k) for k in beat], axis=0)
         heading = float(former[before.names.index("yaw")])
-        options = (before.commands, before.parts, before.steered, parameters, heading)
-        model = OrbitModel(orbit, *options)
+        model = OrbitModel(orbit, before.commands, before.parts, before.steered, parameters, heading)
         costs, gains = self._law(model)
         gap = former - np.mean([model.along(k) for k in beat], axis=0)
         places = [model.names.index(name) for name in ("x", "y", "z")]
@@ -741,9 +736,9 @@ class PredictiveController(OrbitController):
             for _ in range(min(first - self._last, len(self.iteration.inputs))):
                 self.iteration.shift()
         self._last = first
-        self._place_limits(first)
-        horizon = len(self.iteration.inputs)
-        self.iteration.final_cost = self.costs[(first + horizon) % self.model.parts]
+        if self._limits:
+            self._place_limits(first)
+        self.iteration.final_cost = self.costs[(first + self._horizon) % self.model.parts]
         status = self.iteration.iterate(first, start, before)
         if status is not ProgramStatus.SOLVED:
             return None
@@ -751,8 +746,6 @@ class PredictiveController(OrbitController):
 
     def _place_limits(self, first: int) -> None:
         """Soft limits about the orbit, at each interval of the horizon."""
-        if not self._limits:
-            return
         program, model = self.iteration.program, self.model
         ahead = np.array([model.along(first + k) for k in range(len(program["x"]))])
         for place, (low, high) in self._limits.items():

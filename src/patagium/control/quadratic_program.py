@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 
 from patagium.arguments import checked
-from patagium.arrays import Array
-from patagium.errors import CompilerError, ParameterError
+from patagium.arrays import Array, real_array
+from patagium.errors import CompilerError, ParameterError, ShapeError
 from patagium.native import load_kernel
 
 TOLERANCE, OPTIMALITY, GAP, MOST_STEPS = 1e-9, 1e-7, 1e-11, 80
@@ -153,14 +153,22 @@ class QuadraticProgram:
 
         Returns:
             Status; `u` and `x` hold a solution only where it is SOLVED.
+
+        Raises:
+            ShapeError: If the inverse has another size.
         """
         if self._kernel is None:
             return _solve_dense(self)
-        self.data["inverse"] = 0 if inverse is None else inverse.ctypes.data
-        if inverse is not None and self._held is None:
-            self._kernel.riccati_qp_held.restype = ctypes.c_int64
-            self._held = np.zeros(int(self._kernel.riccati_qp_held()), np.uint8)
-            self.data["held"] = self._held.ctypes.data
+        self.data["inverse"] = 0
+        if inverse is not None:
+            size = self.sizes[0] * self.sizes[2]
+            self._kept = np.ascontiguousarray(real_array("inverse", inverse))
+            if self._kept.shape != (size, size):
+                raise ShapeError("inverse", (size, size), self._kept.shape)
+            if self._held is None:
+                self._held = np.zeros(2 * size * (size + 4) + 16)
+                self.data["held"] = self._held.ctypes.data
+            self.data["inverse"] = self._kept.ctypes.data
         return ProgramStatus(self._kernel.riccati_qp_solve(self._address))
 
 

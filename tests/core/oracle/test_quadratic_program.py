@@ -8,6 +8,7 @@ import pytest
 
 from patagium.control import quadratic_program
 from patagium.control.quadratic_program import ProgramStatus, QuadraticProgram
+from patagium.errors import PatagiumError
 from patagium.native import compiler_name
 
 N, NX, NU = 8, 4, 2
@@ -122,6 +123,12 @@ def test_an_inverse_of_other_matrices_is_found_out():
         assert program.solve(inverse) is ProgramStatus.SOLVED is other.solve()
         np.testing.assert_allclose(program["u"], other["u"], atol=1e-8)
         assert int(program["sweeps"]) > 0
+    for inverse in (wrong[1:, 1:], wrong[0], wrong.astype(str), "wrong"):
+        with pytest.raises(PatagiumError, match="inverse"):
+            filled(3, soft=False).solve(inverse)
+    program = filled(2, soft=False)
+    assert program.solve(np.asfortranarray(np.tile(wrong, (1, 2)))[:, :16]) is ProgramStatus.SOLVED
+    assert int(program["sweeps"]) == 0
     soft = filled(3)  # soft limits of states are the recursion's
     assert soft.solve(soft.inverse()) is ProgramStatus.SOLVED
     plain = filled(3)

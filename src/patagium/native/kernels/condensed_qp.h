@@ -19,6 +19,7 @@ typedef struct {
   double dual[NV];
   int row[NV], place[NV + 1], side[NV], count;
 } active_set;
+_Static_assert(sizeof(active_set) <= sizeof(double) * (2 * NV * (NV + 4) + 16), "Python's memory");
 
 static inline double dot(const double *a, const double *b, int count) {
   double lanes[8] = {0}, rest = 0;
@@ -63,8 +64,8 @@ static void backward(const active_set *s, double *b) {
 static double looked_at(const riccati_qp *o, active_set *s, int m, int side, double *part) {
   double *way = s->way[s->place[s->count]];
   const double *own = o->inverse + input_of(m) * NV;
-  const double *past = o->inverse + before_of(m) * NV;
-  for (int j = 0; j < NV; j++) way[j] = side * (before_of(m) >= 0 ? own[j] - past[j] : own[j]);
+  const double *past = before_of(m) >= 0 ? o->inverse + before_of(m) * NV : NULL;
+  for (int j = 0; j < NV; j++) way[j] = side * (past ? own[j] - past[j] : own[j]);
   for (int a = 0; a < s->count; a++) part[a] = s->side[a] * along(s->row[a], way);
   forward(s, part);
   const double whole = side * along(m, way), left = whole - dot(part, part, s->count);

@@ -3,6 +3,4 @@
 
 int64_t riccati_qp_size(void) { return sizeof(riccati_qp); }
 
-int64_t riccati_qp_held(void) { return sizeof(active_set); }
-
 int riccati_qp_solve(riccati_qp *program) { return solve(program); }
