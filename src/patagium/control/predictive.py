@@ -551,17 +551,17 @@ class OrbitController:
             ParameterError: If it is no orbit, or the commands cannot hold it; the one before is
                 followed on then.
         """
-        before = self.model
-        beat = range(first, first + before.parts)
-        former = np.mean([before.along(k) for k in beat], axis=0)
-        heading = float(former[before.names.index("yaw")])
-        model = OrbitModel(orbit, before.commands, before.parts, before.steered, parameters, heading)
+        last = self.model
+        beat = range(first, first + last.parts)
+        former = np.mean([last.along(k) for k in beat], axis=0)
+        heading = float(former[last.names.index("yaw")])
+        model = OrbitModel(orbit, last.commands, last.parts, last.steered, parameters, heading)
         costs, gains = self._law(model)
         gap = former - np.mean([model.along(k) for k in beat], axis=0)
         places = [model.names.index(name) for name in ("x", "y", "z")]
         model.origin[places] = gap[places]
         self._followed = True
-        self.before = self.before + before.neutral - model.neutral
+        self.before = self.before + last.neutral - model.neutral
         self.model, self.costs, self.gains = model, costs, gains
 
     @property
