@@ -128,6 +128,7 @@ class SteeredGait:
 
     def __init__(self, robot: Robot, gait: Gait) -> None:
         self.gait, self._robot, self._count = gait, robot, len(gait.joints)
+        self._known: dict[str, tuple[str, list[int]]] = {}
         motion = gait.motion((gait.period or 0.0) * np.arange(_SAMPLES) / _SAMPLES).position
         self.mean = motion.mean(axis=0)
         away = motion - self.mean
@@ -300,7 +301,9 @@ class SteeredGait:
 
     def _commanded_places(self, name: str) -> tuple[str, list[int]]:
         """Kind of a command that somebody answers, and its places among the responses."""
-        kind, places = self._places(name)
+        if name not in self._known:
+            self._known[name] = self._places(name)
+        kind, places = self._known[name]
         if places:
             return kind, places
         expected = f"<joint>_offset of {', '.join(self.joints)}"
