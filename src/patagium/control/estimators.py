@@ -162,8 +162,8 @@ class TrackedState:
             LogError: If a coordinate is seen by no sensor.
             ParameterError: If an inertial unit saturates on the orbit.
         """
-        scene = Scene(orbit.flight(beats=1.0))
         for unit in (one for one in self.sensors if isinstance(one, Imu)):
+            scene = Scene(orbit.flight(beats=1.0))
             free = replace(unit, accelerometer_range=None, gyroscope_range=None)
             shown = free.shown(scene, scene.time, (np.zeros(3),) * 4).true
             for name, of in (("accelerometer", "specific_force"), ("gyroscope", "angular_rate")):

@@ -5,7 +5,7 @@
 
 Limits of inputs and of their changes are hard, limits of states soft: a program whose limits do
 not contradict each other always has a solution. `native/kernels/riccati_qp.h` solves it, warm
-started, without allocation, and by active limits where the `inverse` is kept;
+started and without allocation; `condensed_qp.h` is faster where an `inverse` is given.
 `_solve_dense` is what runs without a compiler: its interior point method on the program in the
 inputs alone. Neglected: hard limits of states.
 
@@ -128,7 +128,7 @@ class QuadraticProgram:
         self._memory = np.zeros(size + 64, np.uint8)
         first = -self._memory.ctypes.data % 64
         self._address = ctypes.c_void_p(self._memory.ctypes.data + first)
-        self._held: Any = None
+        self._held: Array | None = None
         self.data: Any = np.frombuffer(self._memory.data, dtype, 1, first)[0]
         for name in _LOW:
             self[name][...] = -np.inf
@@ -139,7 +139,7 @@ class QuadraticProgram:
         return np.asarray(self.data[name])
 
     def inverse(self) -> Array:
-        """Inverse of the Hessian of the cost in the inputs alone, (N n_u, N n_u).
+        """Inverse Hessian of the cost as a function of the inputs alone, (N n_u, N n_u).
 
         `solve` may be given it as long as `A`, `B`, `Q`, `S` and `R` are what they are now.
         """

@@ -171,7 +171,7 @@ _ERROR = (
 )
 _CAPTION = (
     "Error of the mean of each beat: median of the flights, and from the tenth to the ninetieth "
-    "percentile. The wing is lost in beat 0."
+    "percentile; states measured with white noise. The wing is lost in beat 0."
 )
 
 

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from patagium.sensing.sensors.presets import STANDARD_GRAVITY
+
 COMMANDS = (
     *("left_plunge_amplitude", "right_plunge_amplitude"),
     *("left_feather_offset", "right_feather_offset", "feather_amplitude"),
@@ -37,13 +39,13 @@ NOISE = {
 }
 """Standard deviations of the measured state [m, rad, m/s, rad/s]."""
 IMU: Mapping[str, Any] = {
-    "accelerometer_range": 30 * 9.80665,
+    "accelerometer_range": 30 * STANDARD_GRAVITY,
     "gyroscope_range": math.radians(4000.0),
-    "accelerometer_density": 285e-6 * 9.80665,
+    "accelerometer_density": 285e-6 * STANDARD_GRAVITY,
     "gyroscope_density": math.radians(0.0175),
-    "accelerometer_bias": 50e-3 * 9.80665,
+    "accelerometer_bias": 50e-3 * STANDARD_GRAVITY,
     "gyroscope_bias": math.radians(5.0),
-    "accelerometer_step": 9.80665 / 1024,
+    "accelerometer_step": STANDARD_GRAVITY / 1024,
     "gyroscope_step": math.radians(1 / 8.2),
 }
 """Inertial unit where sensors are in the loop [SI]: ranges of TDK's ICM-20649, since the body of

@@ -17,7 +17,7 @@ EXAMPLES = (
 def damage(
     out: Annotated[Path, typer.Option(help="Folder of the report and its flights.")],
     flights: Annotated[
-        int, typer.Option(min=1, help="Flights with learning, and as many without.")
+        int, typer.Option(min=1, help="Flights of each kind: learning or not, sensors or noise.")
     ] = 100,
     ablations: Annotated[
         int, typer.Option(min=1, help="Flights of each ablation, and undamaged ones.")

@@ -4,9 +4,12 @@
  * without limits, or under those that were active last, the most violated limit is met step by
  * step, and limits that would pull the wrong way are left [Goldfarb & Idnani 1983]. A step costs
  * the number of inputs times that of active limits. Ranges of inputs and of their changes only.
- * Neglected: soft limits of states, for which riccati_qp.h takes its own recursion. */
+ * Neglected: soft limits of states, for which riccati_qp.h takes its own recursion.
+ *
+ * Goldfarb & Idnani (1983), A numerically stable dual method for solving strictly convex quadratic
+ * programs, Mathematical Programming 27. */
 #ifndef PATAGIUM_CONDENSED_QP_H
-#define PATAGIUM_CONDENSED_QP_H
+#define PATAGIUM_CONDENSED_QP_H /* part of riccati_qp.h, after its functions */
 
 enum { NV = N * NU };
 #define MOST_CHANGES (10 * NV) /* of the active limits */

@@ -601,17 +601,21 @@ static int interior(riccati_qp *o, double gap) {
 
 #include "condensed_qp.h"
 
+/* Whether a state after the first, which is given, has a soft limit. */
+static int any_weight(const riccati_qp *o) {
+  for (const double *w = o->weight[1]; w < o->weight[N + 1]; w++)
+    if (*w > 0) return 1;
+  return 0;
+}
+
 /* Status of the solution in u and x, which are also where the next call begins. */
 static int solve(riccati_qp *o) {
-  double soft = 0;
   o->cost = o->gradient = o->violation = NAN;
   o->factorizations = o->sweeps = 0;
   o->status = possible(o);
   if (o->status != SOLVED) return (int)o->status;
   o->status = NOT_CONVERGED;
-  for (int k = 1; k <= N; k++)
-    for (int i = 0; i < NX; i++) soft = fmax(soft, o->weight[k][i]);
-  if (o->inverse && !(soft > 0)) o->status = solve_condensed(o);
+  if (o->inverse && !any_weight(o)) o->status = solve_condensed(o);
   if (o->status == NOT_CONVERGED && o->penalty[0] > 0) {
     memcpy(o->x[0], o->start, sizeof o->start);
     for (int k = 0; k < N; k++) roll_out(o, k, o->u, o->x);
