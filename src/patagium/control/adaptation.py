@@ -91,8 +91,8 @@ class AirWeights:
             raise ParameterError("memory", "more than one beat", memory)
         if prior.ndim != 1 or stds.shape != prior.shape or not (stds > 0).all():
             raise ParameterError("stds", "a positive number for each weight", stds)
-        self.prior, self.weights, self._kept = prior, prior.copy(), 1.0 - 1.0 / memory
-        self._own = np.diag(stds**-2.0)
+        self.prior, self.stds = prior, stds
+        self.weights, self._kept, self._own = prior.copy(), 1 - 1 / memory, np.diag(stds**-2.0)
         self._information, self._vector = self._own.copy(), self._own @ prior
         self._errors, self._count = np.zeros(2), 0.0
 

@@ -2,18 +2,20 @@
 
 from dataclasses import asdict
 
+import numpy as np
 import pytest
 
+from patagium.control.adaptation import AirWeights
 from patagium_lab.damage.page import page, share
-from patagium_lab.damage.plan import LEARNING, OFF, DamagePlan, Flight
-from patagium_lab.damage.run import authority, fly
+from patagium_lab.damage.plan import FORGETTING, GRADIENT, LEARNING, OFF, DamagePlan, Flight
+from patagium_lab.damage.run import GradientWeights, authority, fly
 from patagium_lab.gallery import Gallery
 from patagium_lab.study import Results
 
 
 def test_every_flight_of_the_plan_is_another():
     flights = DamagePlan(flights=3, ablations=2, few=1).listed()
-    assert len(set(flights)) == len(flights) == 4 * 3 + 4 * 2 + 2 + 2 * 3
+    assert len(set(flights)) == len(flights) == 6 * 3 + 4 * 2 + 2 + 2 * 3
     assert {one.seed for one in flights} == {100, 101, 102}
 
 
@@ -26,6 +28,32 @@ def test_a_lost_wing_shows_in_the_score(group):
     assert found["worst"] > 3 * found["former"]
     assert found["back"] is None and not found["lost"]
     assert found["power_before"] > 0
+
+
+def test_what_brings_a_lost_wing_back_is_the_search_for_the_cut():
+    """By gradient in place of least squares it is back, too; without the search it is not."""
+    flights = [Flight("damage", "linear", one, 40, 1 / 3) for one in (GRADIENT, FORGETTING)]
+    gradient, forgetting = (fly(one) for one in flights)
+    assert gradient["counts"]["cut of a wing found"] == 1 and gradient["back"] <= 10
+    assert "cut of a wing found" not in forgetting["counts"] and forgetting["back"] is None
+    assert forgetting["end"] > 2 * gradient["end"]  # seen: 5.6 times
+
+
+def test_a_gradient_step_descends_towards_least_squares():
+    rng = np.random.default_rng(0)
+    prior, truth, stds = np.ones(3), np.array([1.5, 0.5, 2.0]), np.array([0.3, 0.5, 1.0])
+    exact, step = AirWeights(prior, stds, 1e6), GradientWeights(prior, stds, 1e6)
+    errors = []
+    for _ in range(200):
+        slopes = rng.normal(size=(20, 3))
+        errors.append(np.linalg.norm((step.weights - truth) / stds))
+        for one in (exact, step):
+            one.learn(slopes, slopes @ truth)
+    assert np.all(np.diff(errors) <= 0)  # no noise: each step descends
+    assert np.abs(exact.weights - truth).max() < 1e-2
+    assert errors[-1] < 1e-6 < errors[5]
+    step.forget(1.0)
+    assert np.array_equal(step.weights, prior)
 
 
 def test_authority_shrinks_with_the_wing():

@@ -21,7 +21,6 @@ from patagium_lab.damage.plan import (
     MASSES,
     OFF,
     SCALES,
-    UNDAMAGED,
 )
 from patagium_lab.study import Columns, Page, Results, Row, table_of
 
@@ -218,6 +217,7 @@ def _pairs(rows: Sequence[Row]) -> list[dict[str, Any]]:
         found.append(
             {
                 "gust": gust,
+                "beats": BEATS + min(len(one) for one in errors[LEARNING].values()),
                 "flights": len(seeds),
                 "off": float(np.median(off)),
                 "on": float(np.median(on)),
@@ -231,6 +231,7 @@ def _pairs(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 _PAIRS = {
     "turbulence, standard deviation [m/s]": "gust",
+    "beats of a flight": "beats",
     "pairs of flights": "flights",
     "error without learning, median [1]": "off",
     "with learning [1]": "on",
@@ -239,8 +240,8 @@ _PAIRS = {
     "lost, of all": "lost",
 }
 _PAIR = (
-    f"Flights of {UNDAMAGED} beats. Dryden turbulence of length scale 5 m; both flights of a pair "
-    "have the same seed. Errors from the tenth beat on."
+    "Dryden turbulence of length scale 5 m; both flights of a pair have the same seed. Errors from "
+    "the tenth beat on."
 )
 _AUTHORITY: Columns = {
     "share of the left wing lost [1]": "share",
@@ -289,5 +290,7 @@ def _notes(metrics: Row) -> list[str]:
         "200 to 239 did. "
         "Side and time of the loss follow from the seed.",
         "'Loss known': the controller is given the cut robot as its model in the interval of the "
-        "loss. 'Frozen': nothing is learned from the loss on.",
+        "loss. 'Frozen': nothing is learned from the loss on. 'Forgetting only': no cut is sought, "
+        "every beat teaches. 'Gradient learner': one step along the gradient a beat, the longest "
+        "that is sure to descend, in place of least squares; cuts are sought.",
     ]

@@ -70,10 +70,11 @@ MARGIN = 1.5
 MASSES = 0.02
 """Standard deviation of masses and inertias of the truth over those of the model [1]."""
 
-UNDAMAGED = 200
-"""Beats of a flight without damage, 10 s: learning is not over after the first ten."""
+UNDAMAGED, GUSTY = 780, 200
+"""Beats of a flight without damage in still air, 60 s, and in turbulence, 15 s."""
 
 OFF, LEARNING, FROZEN, KNOWN = "off", "learning", "frozen at the loss", "loss known"
+FORGETTING, GRADIENT = "forgetting only", "gradient learner"
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ class Flight:
         group: Table in which it is counted: damage, sensed (the same with sensors and a tracker in
             the loop), no harm, gusts.
         law: Controller: linear or predictive.
-        learner: `OFF`, `LEARNING`, `FROZEN` or `KNOWN`.
+        learner: `OFF`, `LEARNING`, `FROZEN`, `KNOWN`, `FORGETTING` or `GRADIENT`.
         seed: Seed of masses, noise, side and time of the loss.
         share: Share of the wing that is lost, 0 for none [1].
         gust: Standard deviation of the turbulence [m/s].
@@ -109,11 +110,12 @@ class DamagePlan:
     Attributes:
         share: Share of the span of one wing that is lost [1].
         seed: First seed.
-        flights: Flights with learning and without, by the linear regulator, with sensors in the
-            loop and with a noisy state.
-        ablations: Flights of each ablation, and undamaged ones.
+        flights: Flights with learning and without, by the linear regulator: with sensors in the
+            loop, with a noisy state, and undamaged.
+        ablations: Flights of each ablation.
         few: Flights of each of the predictive controller's rows and of each gust.
         gusts: Standard deviations of the turbulence [m/s].
+        undamaged: Beats of an undamaged flight in still air.
         workers: Number of processes.
     """
 
@@ -123,6 +125,7 @@ class DamagePlan:
     ablations: int = 20
     few: int = 10
     gusts: tuple[float, ...] = (0.2, 0.4, 0.8)
+    undamaged: int = UNDAMAGED
     workers: int = 2
 
     def listed(self) -> list[Flight]:
@@ -132,10 +135,12 @@ class DamagePlan:
             ("sensed", "linear", OFF, self.flights, self.share, 0.0),
             ("damage", "linear", LEARNING, self.flights, self.share, 0.0),
             ("damage", "linear", OFF, self.flights, self.share, 0.0),
-            ("no harm", "linear", LEARNING, self.ablations, 0.0, 0.0),
-            ("no harm", "linear", OFF, self.ablations, 0.0, 0.0),
-            ("damage", "linear", FROZEN, self.ablations, self.share, 0.0),
-            ("damage", "linear", KNOWN, self.ablations, self.share, 0.0),
+            ("no harm", "linear", LEARNING, self.flights, 0.0, 0.0),
+            ("no harm", "linear", OFF, self.flights, 0.0, 0.0),
+            *(
+                ("damage", "linear", one, self.ablations, self.share, 0.0)
+                for one in (FROZEN, FORGETTING, GRADIENT, KNOWN)
+            ),
             ("damage", "predictive", OFF, self.few, self.share, 0.0),
             ("damage", "predictive", LEARNING, self.few, self.share, 0.0),
         ]
@@ -144,10 +149,13 @@ class DamagePlan:
             for gust in self.gusts
             for learner in (OFF, LEARNING)
         ]
-        whole = {"after": UNDAMAGED - Flight.before}
-        longer = {"no harm": whole, "gusts": whole}
+        longer = {"no harm": self.undamaged, "gusts": GUSTY}
+        after = {group: beats - Flight.before for group, beats in longer.items()}
         return [
-            Flight(group, law, learner, self.seed + k, share, gust, **longer.get(group, {}))
+            Flight(
+                *(group, law, learner, self.seed + k, share, gust),
+                after=after.get(group, Flight.after),
+            )
             for group, law, learner, count, share, gust in rows
             for k in range(count)
         ]

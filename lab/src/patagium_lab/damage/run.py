@@ -17,6 +17,7 @@ import patagium as pt
 from patagium import control
 from patagium.aerodynamics import Aerodynamics, Air, DrydenGust, QuasiSteady, SmoothPolar
 from patagium.control import AdaptiveController, Orbit
+from patagium.control.adaptation import MEMORY, AirWeights
 from patagium.control.events import without_tip
 from patagium.control.predictive import OrbitController
 from patagium.simulation.simulator import FlightState
@@ -26,7 +27,9 @@ from patagium_lab.damage.plan import (
     CHANGE_COST,
     COMMANDS,
     ENCODERS,
+    FORGETTING,
     FROZEN,
+    GRADIENT,
     IMU,
     KNOWN,
     LOST,
@@ -102,6 +105,42 @@ def _room(orbit: Orbit) -> float:
     return float(min(rooms))
 
 
+class ForgettingOnly(AdaptiveController):
+    """Adaptive controller that never seeks a cut: every beat teaches, and the former fade."""
+
+    def _surprise(self, missed: Array, beat: Any) -> float:
+        """Zero: nothing is beyond the weights."""
+        return 0.0
+
+
+class GradientWeights(AirWeights):
+    """Weights that follow the gradient of a beat's square error, one step a beat.
+
+    Weights count their standard deviations, and the step is the longest one that is sure to
+    descend: 1 over the largest curvature. There is no setting. What is learned of the errors and
+    what counts as other weights are as for least squares.
+
+    Args:
+        prior: Weights before any flight, (n_w,) [1, N, N m].
+        stds: Their standard deviations, (n_w,) [1, N, N m].
+        memory: Beats that are remembered by the judgements of weights.
+    """
+
+    def learn(self, slopes: Array, measured: Array, alike: float = 1.0) -> None:
+        """Take the samples of a beat; see `AirWeights.learn`."""
+        before = self.weights
+        super().learn(slopes, measured, alike)
+        scaled = slopes * self.stds
+        steepest = self.stds * (scaled.T @ (measured - slopes @ before))
+        self.weights = before + steepest / np.linalg.norm(scaled, 2) ** 2
+
+    def forget(self, share: float) -> None:
+        """Go back to the prior by a share, 0 to 1."""
+        before = self.weights
+        super().forget(share)
+        self.weights = before + share * (self.prior - before)
+
+
 class _Told:
     """Adaptive controller that is told of the loss, or stops learning then.
 
@@ -149,7 +188,11 @@ def fly(flight: Flight) -> dict[str, Any]:
     loss = control.WingLossEvent(time=time, wing=wing, share=flight.share or 1.0)
     controller: Any = law
     if flight.learner != OFF:
-        controller = adaptive = AdaptiveController(law, orbit)
+        kind = ForgettingOnly if flight.learner == FORGETTING else AdaptiveController
+        controller = adaptive = kind(law, orbit)
+        if flight.learner == GRADIENT:
+            own = adaptive.learner
+            adaptive.learner = GradientWeights(own.prior, own.stds, MEMORY)
         if flight.learner in (FROZEN, KNOWN):
             cut = loss.changed(robot, orbit.aero)[1] if flight.learner == KNOWN else None
             controller = _Told(adaptive, time, cut)
@@ -279,7 +322,8 @@ def run(plan: DamagePlan, out: Path, stages: Stages) -> Results:
 def _cost(flight: Flight) -> float:
     """Expected duration of a flight [s]."""
     sensed = 6.0 if flight.group == "sensed" else 0.0
-    return sensed + (3.0 if flight.learner == OFF else 6.0)
+    beats = (flight.before + flight.after) / (Flight.before + Flight.after)
+    return sensed + beats * (1.5 if flight.learner == OFF else 3.0)
 
 
 def _read(path: Path) -> dict[str, dict[str, Any]]:

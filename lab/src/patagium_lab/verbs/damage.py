@@ -17,11 +17,9 @@ EXAMPLES = (
 def damage(
     out: Annotated[Path, typer.Option(help="Folder of the report and its flights.")],
     flights: Annotated[
-        int, typer.Option(min=1, help="Flights of each kind: learning or not, sensors or noise.")
+        int, typer.Option(min=1, help="Flights of each kind: learning or not, damaged or not.")
     ] = 100,
-    ablations: Annotated[
-        int, typer.Option(min=1, help="Flights of each ablation, and undamaged ones.")
-    ] = 20,
+    ablations: Annotated[int, typer.Option(min=1, help="Flights of each ablation.")] = 20,
     few: Annotated[
         int, typer.Option(min=1, help="Flights by predictive control, and of each turbulence.")
     ] = 10,
@@ -50,7 +48,7 @@ def damage(
 
     plan = DamagePlan(share, seed, flights, ablations, few, workers=jobs)
     if quick:
-        plan = replace(plan, flights=2, ablations=2, few=2)
+        plan = replace(plan, flights=2, ablations=2, few=2, undamaged=100)
     with stage_bar("Lost wing") as progress:
         report, results = write_study(out, plan, run, pages.page, progress)
         if page is not None:
