@@ -168,7 +168,9 @@ class SteeredGait:
     def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s]."""
         times = np.atleast_1d(np.asarray(time, float))
-        places = np.maximum(np.searchsorted(self._starts, times, side="right") - 1, 0)
+        first = max(bisect_right(self._starts, times.min(initial=np.inf)) - 1, 0)
+        starts = self._starts[first : bisect_right(self._starts, times.max(initial=0.0))]
+        places = first + np.maximum(np.searchsorted(starts, times, side="right") - 1, 0)
         parts = np.empty((3, len(times), self._count))
         for place in np.unique(places):
             inside = places == place
