@@ -150,7 +150,7 @@ class SteeredGait:
                 times[places] = actuator.response_time
         first = Responses(self.target, none, SHARPNESS / times, np.zeros((3, len(none))))
         self.pieces = [_Piece(0.0, 0.0, first)]
-        self._starts = [0.0]
+        self._starts = [-np.inf]
         self._since = 0.0
         self.limited = 0
 
@@ -168,9 +168,9 @@ class SteeredGait:
     def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s]."""
         times = np.atleast_1d(np.asarray(time, float))
-        first = max(bisect_right(self._starts, times.min(initial=np.inf)) - 1, 0)
-        starts = self._starts[first : bisect_right(self._starts, times.max(initial=0.0))]
-        places = first + np.maximum(np.searchsorted(starts, times, side="right") - 1, 0)
+        first = bisect_right(self._starts, np.fmin.reduce(times, initial=np.inf)) - 1
+        last = bisect_right(self._starts, np.fmax.reduce(times, initial=-np.inf))
+        places = first + np.searchsorted(self._starts[first:last], times, side="right") - 1
         parts = np.empty((3, len(times), self._count))
         for place in np.unique(places):
             inside = places == place
@@ -245,7 +245,7 @@ class SteeredGait:
             Own time, and (3, 1 + 3 n_a): rate of it, then amplitudes, offsets and leads [s] of all
             joints; `neutral` where nobody steered.
         """
-        piece = self.pieces[max(bisect_right(self._starts, time) - 1, 0)]
+        piece = self.pieces[bisect_right(self._starts, time) - 1]
         since = time - piece.time
         found = np.array([part[0] for part in piece.responses.at(np.array([since]))])
         return piece.phase + float(piece.responses.integral(np.array(since), 0)), found

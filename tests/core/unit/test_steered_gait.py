@@ -86,6 +86,18 @@ def test_position_velocity_and_acceleration_go_on_where_it_is_asked():
             assert np.abs(part[1] - part[0]).max() < 1e-11 * scale  # rounding
 
 
+def test_times_in_any_order_give_what_each_gives_alone():
+    gait = on_its_way()
+    times = np.array([0.9, -0.1, 0.2, 0.33, np.nan, 0.36, 0.0, 0.31])
+    together = gait.motion(times)
+    for k, time in enumerate(times):
+        alone = gait.motion(time)
+        for name in ("position", "velocity", "acceleration"):
+            several, one = getattr(together, name)[k], getattr(alone, name)[0]
+            assert np.allclose(several, one, rtol=1e-12, atol=1e-12, equal_nan=True)  # rounding
+    assert len(gait.motion([]).position) == 0
+
+
 def test_it_settles_where_it_was_asked_to_and_stays_between():
     gait = SteeredGait(ROBOT, a_gait())
     gait.command(0.1, both(12.0, 0.5))

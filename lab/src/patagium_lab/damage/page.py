@@ -217,7 +217,7 @@ def _pairs(rows: Sequence[Row]) -> list[dict[str, Any]]:
         found.append(
             {
                 "gust": gust,
-                "beats": BEATS + min(len(one) for one in errors[LEARNING].values()),
+                "beats": own[0]["before"] + own[0]["after"],
                 "flights": len(seeds),
                 "off": float(np.median(off)),
                 "on": float(np.median(on)),
@@ -290,7 +290,8 @@ def _notes(metrics: Row) -> list[str]:
         "200 to 239 did. "
         "Side and time of the loss follow from the seed.",
         "'Loss known': the controller is given the cut robot as its model in the interval of the "
-        "loss. 'Frozen': nothing is learned from the loss on. 'Forgetting only': no cut is sought, "
-        "every beat teaches. 'Gradient learner': one step along the gradient a beat, the longest "
-        "that is sure to descend, in place of least squares; cuts are sought.",
+        "loss. 'Frozen': nothing is learned from the loss on. 'Forgetting only': the controller "
+        "does not look for a lost wing tip; it learns from every beat, and older beats count less. "
+        "'Gradient learner': one step of gradient descent per beat, of size 1 over the largest "
+        "eigenvalue of the Hessian, in place of least squares; it does look for a lost wing tip.",
     ]

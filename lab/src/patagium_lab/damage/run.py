@@ -106,28 +106,32 @@ def _room(orbit: Orbit) -> float:
 
 
 class ForgettingOnly(AdaptiveController):
-    """Adaptive controller that never seeks a cut: every beat teaches, and the former fade."""
+    """Adaptive controller that does not look for a lost wing tip.
+
+    It learns from every wingbeat, and older wingbeats count less and less.
+    """
 
     def _surprise(self, missed: Array, beat: Any) -> float:
-        """Zero: nothing is beyond the weights."""
+        """Zero, so that no wingbeat is taken for one in which a wing tip was lost."""
         return 0.0
 
 
 class GradientWeights(AirWeights):
-    """Weights that follow the gradient of a beat's square error, one step a beat.
+    """Weights of the air that are learned by gradient descent, one step per wingbeat.
 
-    Weights count their standard deviations, and the step is the longest one that is sure to
-    descend: 1 over the largest curvature. There is no setting. What is learned of the errors and
-    what counts as other weights are as for least squares.
+    Each step reduces the sum of squared errors of its wingbeat. Weights are scaled by their prior
+    standard deviations, and the step size is 1 over the largest eigenvalue of the Hessian, so that
+    nothing has to be set. Whether the weights predict better than the prior, and whether they have
+    changed, is judged as in `AirWeights`.
 
     Args:
         prior: Weights before any flight, (n_w,) [1, N, N m].
         stds: Their standard deviations, (n_w,) [1, N, N m].
-        memory: Beats that are remembered by the judgements of weights.
+        memory: Number of wingbeats over which these two questions are judged.
     """
 
     def learn(self, slopes: Array, measured: Array, alike: float = 1.0) -> None:
-        """Take the samples of a beat; see `AirWeights.learn`."""
+        """Take one gradient step with the samples of a beat; see `AirWeights.learn`."""
         before = self.weights
         super().learn(slopes, measured, alike)
         scaled = slopes * self.stds
@@ -135,7 +139,7 @@ class GradientWeights(AirWeights):
         self.weights = before + steepest / np.linalg.norm(scaled, 2) ** 2
 
     def forget(self, share: float) -> None:
-        """Go back to the prior by a share, 0 to 1."""
+        """Move the weights towards the prior: a share of 0 keeps them, 1 gives the prior."""
         before = self.weights
         super().forget(share)
         self.weights = before + share * (self.prior - before)
