@@ -198,7 +198,7 @@ def lagged(sharpness: float, time: Array, integrated: bool) -> tuple[Array, Arra
     """
     *state, target = np.eye(4)
     responses = Responses.from_state(np.array(state), target, 0 * target, 0 * target + sharpness)
-    found = np.stack(responses.at(time), axis=1)
+    found = np.stack(responses.at(time[:, None]), axis=1)
     if not integrated:
         return found[:, :, :3], found[:, :, 3]
     whole = np.stack([responses.integral(time, k) for k in range(4)], axis=1)

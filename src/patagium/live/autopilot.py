@@ -25,6 +25,7 @@ from patagium.native.structs import AUTOPILOT, MOTION_TRACK, REGULATOR
 from patagium.sensing.motion.frame_model import euler_function, floating_base
 from patagium.sensing.motion.motion_filter import CompiledFilter
 from patagium.sensing.motion.motion_tracker import ENLIVENED, LATELY, LOUD, Event, MotionTracker
+from patagium.simulation.steered_gait import Responses
 
 
 @dataclass(frozen=True)
@@ -183,16 +184,20 @@ class Autopilot:
         moves = np.zeros((count, len(gait.neutral)))
         for row, name in zip(moves, model.commands, strict=True):
             row[gait.places(name)] = 1.0
-        last, goes = gait.pieces[-1], gait.pieces[-1].responses
+        last = gait.answers[-1]
+        end = np.array([last.lasting.max()])
+        state, still = np.concatenate(last.at(end)), np.zeros_like(gait.target)
+        goes = Responses.from_state(state, gait.target, still, gait.sharpness)
+        start = [last.time + end[0], last.own(end)[0]]
         pieces = np.zeros((len(gait.neutral) + 3, 2 + 5 * len(gait.neutral)))
-        pieces[0] = np.concatenate([[last.time, last.phase], goes.target, goes.slope, *goes.c])
+        pieces[0] = np.concatenate([start, goes.target, goes.slope, *goes.c])
         arrays = {
             "along": model.states, "travel": model.travel, "origin": model.origin,
             "moves": moves, "neutral": model.neutral, "low": regulator.low,
             "high": regulator.high, "fastest": regulator.fastest, "gains": regulator.gains,
             "scale": [gait.scale(name) for name in model.commands], "before": regulator.before,
             "sharpness": gait.sharpness, "range": gait.range, "rates": gait.rates,
-            "largest": gait.largest_amplitudes(), "room": gait.room, "reach": gait.reach,
+            "largest": gait.largest_amplitudes, "room": gait.room, "reach": gait.reach,
             "target": gait.target, "pieces": pieces,
         }  # fmt: skip
         places = {

@@ -282,7 +282,7 @@ class Robot:
         """Number of degrees of freedom n: velocities, accelerations, forces."""
         return len(self.dof_names)
 
-    @property
+    @cached_property
     def coordinate_names(self) -> tuple[str, ...]:
         """Names of the coordinates, in the order of q: those of v, but for a quaternion's."""
         return coordinate_names(self.dof_names, self._attitudes)

@@ -16,6 +16,8 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -61,8 +63,8 @@ class Responses:
     c: Array
 
     def at(self, time: Array) -> tuple[Array, Array, Array]:
-        """Values and their first two rates, (N, n) each, t after the answer began, (N,)."""
-        k, (c0, c1, c2), t = self.sharpness, self.c, time[:, None]
+        """Values and their first two rates, (N, n) each, t after the answer began, (N, 1 or n)."""
+        k, (c0, c1, c2), t = self.sharpness, self.c, time
         fading = np.exp(-k * t)
         p0 = c0 + (c1 + c2 * t) * t
         p1 = (c1 - k * c0) + (2 * c2 - k * c1) * t - k * c2 * t**2
@@ -80,33 +82,45 @@ class Responses:
 
     @staticmethod
     def from_state(state: Array, target: Array, slope: Array, sharpness: Array) -> Responses:
-        """Responses that begin at given values and their first two rates.
-
-        Args:
-            state: Values and rates, (3, n) [unit of the target, over s, over s^2].
-            target: Where they go at first, (n,) [unit of the target].
-            slope: Rate of the target, (n,) [unit of the target, over s].
-            sharpness: Of each lag k, (n,) [1/s].
-        """
+        """Responses that begin at given values and their first two rates, (3, n); else as above."""
         (value, rate, bend), k = state, sharpness
         gap = value - target + 3 * slope / k
         c1 = rate - slope + k * gap
         c = np.array([gap, c1, (bend + 2 * k * c1 - k**2 * gap) / 2])
         return Responses(target, slope, k, c)
 
-    def toward(self, target: Array, slope: Array, time: float) -> Responses:
-        """The answer to other targets, from where this one is t after it began."""
-        state = np.concatenate(self.at(np.array([time])))
-        return Responses.from_state(state, target, slope, self.sharpness)
-
 
 @dataclass(frozen=True)
-class _Piece:
-    """Responses that hold from a time on, and the gait's own time then."""
+class _Answer:
+    """Responses to a command, each along a ramp at first, and from its end on to a fixed target.
+
+    Attributes:
+        time: When it was commanded [s].
+        phase: The gait's own time then [s].
+        lasting: Duration of each ramp, (n,) [s].
+        ramp: Responses along the ramps.
+        fixed: Responses from the end of each ramp on.
+    """
 
     time: float
     phase: float
-    responses: Responses
+    lasting: Array
+    ramp: Responses
+    fixed: Responses
+
+    def at(self, since: Array) -> tuple[Array, Array, Array]:
+        """Values and their first two rates, (N, n) each, some times after the command, (N,)."""
+        there, first, then = since[:, None] >= self.lasting, self.ramp, self.fixed
+        c = np.where(there, then.c[:, None], first.c[:, None])
+        target = np.where(there, then.target, first.target)
+        now = Responses(target, np.where(there, 0.0, first.slope), first.sharpness, c)
+        return now.at(since[:, None] - there * self.lasting)
+
+    def own(self, since: Array) -> Array:
+        """The gait's own time some times after the command, (N,) [s]."""
+        on_ramp = np.minimum(since, self.lasting[0])
+        found = self.ramp.integral(on_ramp, 0) + self.fixed.integral(since - on_ramp, 0)
+        return np.asarray(self.phase + found)
 
 
 class SteeredGait:
@@ -149,7 +163,8 @@ class SteeredGait:
             if actuator.response_time is not None:
                 times[places] = actuator.response_time
         first = Responses(self.target, none, SHARPNESS / times, np.zeros((3, len(none))))
-        self.pieces = [_Piece(0.0, 0.0, first)]
+        self.sharpness = first.sharpness
+        self.answers = [_Answer(0.0, 0.0, none, first, first)]
         self._starts = [-np.inf]
         self._since = 0.0
         self.limited = 0
@@ -174,7 +189,7 @@ class SteeredGait:
         parts = np.empty((3, len(times), self._count))
         for place in np.unique(places):
             inside = places == place
-            found = self._piece_motion(self.pieces[place], times[inside])
+            found = self._answered(self.answers[place], times[inside])
             parts[:, inside] = found.position, found.velocity, found.acceleration
         return PrescribedMotion(*parts)
 
@@ -202,25 +217,18 @@ class SteeredGait:
                 raise ParameterError(f"command {name}", wanted, value)
             target[places] = value * self._scale(kind)
         self._since, self.target = time, self._within_limits(target)
-        while self._starts[-1] > time:
-            self._starts.pop()
-            self.pieces.pop()
-        last = self.pieces[-1]
-        now = last.responses.target + last.responses.slope * (time - last.time)
-        gap = self.target - now
+        last = self.answers[-1]
+        since = np.array([time - last.time])
+        state = np.concatenate(last.at(since))
+        aim = last.fixed.target - last.ramp.slope * np.maximum(last.lasting - since, 0.0)
+        gap = self.target - aim
         lasting = np.abs(gap) / self.rates
         slope = np.sign(gap) * np.where(lasting > 0, self.rates, 0.0)
-        for end in np.unique(np.r_[0.0, lasting]):
-            under_way = lasting > end
-            aim = np.where(under_way, now + slope * end, self.target)
-            self._append(time + end, aim, np.where(under_way, slope, 0.0))
-
-    def _append(self, time: float, target: Array, slope: Array) -> None:
-        """Go on to other targets from a time on, not before the last piece began [s]."""
-        last = self.pieces[-1]
-        since = time - last.time
-        phase = last.phase + float(last.responses.integral(np.array(since), 0))
-        self.pieces.append(_Piece(time, phase, last.responses.toward(target, slope, since)))
+        ramp = Responses.from_state(state, aim, slope, self.sharpness)
+        there = np.concatenate(ramp.at(lasting[None]))
+        fixed = Responses.from_state(there, self.target, 0.0 * slope, self.sharpness)
+        own = float(last.own(since)[0])
+        self.answers.append(_Answer(time, own, lasting, ramp, fixed))
         self._starts.append(time)
 
     def commanded(self, name: str) -> float:
@@ -245,21 +253,16 @@ class SteeredGait:
             Own time, and (3, 1 + 3 n_a): rate of it, then amplitudes, offsets and leads [s] of all
             joints; `neutral` where nobody steered.
         """
-        piece = self.pieces[bisect_right(self._starts, time) - 1]
-        since = time - piece.time
-        found = np.array([part[0] for part in piece.responses.at(np.array([since]))])
-        return piece.phase + float(piece.responses.integral(np.array(since), 0)), found
+        answer = self.answers[bisect_right(self._starts, time) - 1]
+        since = np.array([time - answer.time])
+        return float(answer.own(since)[0]), np.concatenate(answer.at(since))
 
     def limits(self, name: str) -> tuple[float, float, float]:
-        """Least and greatest value of a command's response, and its fastest rate.
-
-        Args:
-            name: Name of the command.
-        """
+        """Least and greatest value of a command's response, and its fastest rate."""
         kind, (place, *_) = self._commanded_places(name)
         low, high = self.range[:, place]
         if kind == "amplitude":
-            high = self.largest_amplitudes()[place - 1]
+            high = self.largest_amplitudes[place - 1]
         return float(low), float(high), float(self.rates[place])
 
     def places(self, name: str) -> list[int]:
@@ -270,15 +273,6 @@ class SteeredGait:
         """Factor from the unit of a command to that of its response."""
         return self._scale(self._commanded_places(name)[0])
 
-    @property
-    def sharpness(self) -> Array:
-        """Sharpness of each lag of each response, (1 + 3 n_a,) [1/s]."""
-        return self.pieces[0].responses.sharpness
-
-    def largest_amplitude(self) -> float:
-        """Largest amplitude, over the gait's own, at which all joints keep their limits."""
-        return float(self.largest_amplitudes().min(initial=np.inf))
-
     def describe(self) -> dict[str, Any]:
         """Description, as JSON-able values."""
         beat = self.period
@@ -286,7 +280,7 @@ class SteeredGait:
             "kind": "steered",
             "frequency": 1.0 / beat if beat else 0.0,
             "parts": [self.gait.describe()],
-            "response_time": (SHARPNESS / self.pieces[0].responses.sharpness).tolist(),
+            "response_time": (SHARPNESS / self.sharpness).tolist(),
         }
 
     def _places(self, name: str) -> tuple[str, list[int]]:
@@ -346,6 +340,7 @@ class SteeredGait:
         beat = self.gait.period or 1.0
         return {"frequency": beat, "phase": beat / (2 * np.pi)}.get(kind, 1.0)
 
+    @cached_property
     def largest_amplitudes(self) -> Array:
         """Largest amplitude of each joint about its own mean, (n_a,)."""
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -358,20 +353,19 @@ class SteeredGait:
         n = self._count
         kept: Array = np.clip(target, *self.range)
         amplitude, offset = kept[1 : 1 + n], kept[1 + n : 1 + 2 * n]  # views
-        np.minimum(amplitude, self.largest_amplitudes(), out=amplitude)
+        np.minimum(amplitude, self.largest_amplitudes, out=amplitude)
         room = self.room - amplitude * self.reach
         np.clip(offset, np.minimum(room[0], 0.0), np.maximum(room[1], 0.0), out=offset)
         self.limited += bool(np.abs(kept - target).max() > _ROUNDING)
         return kept
 
-    def _piece_motion(self, piece: _Piece, times: Array) -> PrescribedMotion:
-        n, since = self._count, times - piece.time
-        parts = [
-            np.split(part, [1, 1 + n, 1 + 2 * n], axis=1) for part in piece.responses.at(since)
-        ]
+    def _answered(self, answer: _Answer, times: Array) -> PrescribedMotion:
+        n, since = self._count, times - answer.time
+        ends = [0, 1, 1 + n, 1 + 2 * n, 1 + 3 * n]
+        parts = [[part[:, i:j] for i, j in pairwise(ends)] for part in answer.at(since)]
         (rate, size, offset, lead), (bend, growth, drift, lead_rate) = parts[0], parts[1]
         _, spurt, push, lead_bend = parts[2]
-        own = (piece.phase + piece.responses.integral(since, 0))[:, None] + lead
+        own = answer.own(since)[:, None] + lead
         found = self._own_motion(own)
         pace, quickening = rate + lead_rate, bend + lead_bend
         away, more = found.position - self.mean, size - 1.0

@@ -51,7 +51,7 @@ def flight_subject(robot: Robot, gait: Gait, pipeline: Pipeline | None) -> Subje
     outputs = robot.dof_names if network is None else network.output_names
     steering = None
     if gait.period:
-        most = min(_MOST_AMPLITUDE, SteeredGait(robot, gait).largest_amplitude())
+        most = min(_MOST_AMPLITUDE, SteeredGait(robot, gait).largest_amplitudes.min(initial=np.inf))
         own = 1.0 / gait.period
         steering = Steering(own, _SLOWEST * own, _FASTEST * own, max(1.0, most))
     title = f"{robot.name}: flying" + ("" if network is None else " and learning")

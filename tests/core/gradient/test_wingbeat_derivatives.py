@@ -152,7 +152,7 @@ def test_gaits_of_a_family_are_what_steering_gives(case):
     found = case.family.gait(np.array([*values.values(), 0.2, 0.0, 0.0]))
     beat = found.period
     late = 40 * beat + np.linspace(0.0, beat, 17)  # the answer to the command is over
-    lag = steered.pieces[-1].responses.integral(np.array(late[0]), 0) * 6.0 / 6.5
+    lag = steered.answers[-1].own(late[:1])[0] * 6.0 / 6.5
     expected = steered.motion(late)
     shifted = found.motion(late - late[0] + float(lag))
     np.testing.assert_allclose(shifted.position, expected.position, atol=1e-9)
