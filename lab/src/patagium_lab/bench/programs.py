@@ -1,12 +1,13 @@
-"""Times of quadratic programs of predictive control, compared with PIQP, OSQP and qpOASES.
+"""Times of quadratic programs of predictive control, compared with those of four other solvers.
 
 The same random programs of 20 stages, 12 states and 6 inputs for all, in one run: once from
 nothing, once from the solution of a program whose first state was a little different, as a
-controller meets them. Rivals are called directly by their own Python wheels, prepared once and
-given new numbers; qpOASES through CasADi, which bundles it and is the only one to do so. Then the
-programs of a predictive controller on the way from a start to its orbit, sample after sample,
-whose matrices come again beat by beat: ours as it flies, rivals from nothing, their preparation not
-counted. Neglected: rivals without a wheel; models that are new at every sample.
+controller meets them. PIQP and OSQP are called directly by their own Python wheels, HPIPM and
+qpOASES through CasADi, which bundles them and copies all matrices at each call; each is prepared
+once and given new numbers. Then the programs of a predictive controller on the way from a start to
+its orbit, sample after sample, whose matrices come again beat by beat: ours as it flies, rivals
+from nothing, their preparation not counted. Neglected: rivals without a wheel; models that are new
+at every sample.
 """
 
 from __future__ import annotations
@@ -145,6 +146,8 @@ def _pickers(sizes: tuple[int, int, int], slacks: int) -> list[Callable[[int], A
     ]
 
 
+INFINITE = 1e4
+"""Bound of what has none for HPIPM, beyond all states met; 1e8 keeps it from converging."""
 Solver = Callable[[Array], float]
 """Function from the first state to the cost; begins where it ended, if it can."""
 
@@ -189,21 +192,32 @@ def _osqp(form: Sparse) -> Solver:
     return solve
 
 
-def _qpoases(program: QuadraticProgram) -> Solver:
-    """Solver of the program in the inputs alone, as fits an active set method; ranges only."""
+def _qpoases(program: QuadraticProgram, rates: bool, soft: bool) -> Solver:
+    """Solver of the program in the inputs alone, as fits an active set method."""
+    if soft:
+        raise NotImplementedError("soft limits")
     hessian, _, _, _ = condensed(program)
-    shapes = {"h": ca.DM(hessian).sparsity(), "a": ca.Sparsity(0, len(hessian))}
+    stages, _, inputs = program.sizes
+    count = len(hessian) if rates else 0
+    changes = ca.DM(np.eye(count, len(hessian)) - np.eye(count, len(hessian), -inputs))
+    shapes = {"h": ca.DM(hessian).sparsity(), "a": changes.sparsity()}
     options = {"printLevel": "none", "error_on_fail": False}
     solver = ca.conic("rival", "qpoases", shapes, options)
-    low, high = program["lower"].ravel(), program["upper"].ravel()
+    given = {"h": ca.DM(hessian), "a": changes}
+    given |= {"lbx": program["lower"].ravel(), "ubx": program["upper"].ravel()}
+    if rates:
+        before = np.zeros((stages, inputs))
+        before[0] = program["before"]
+        given["lba"] = (program["fall"] + before).ravel()
+        given["uba"] = (program["rise"] + before).ravel()
     weights = sp.block_diag(list(program["Q"]), format="csr")
     last: dict[str, Any] = {}
 
     def solve(start: Array) -> float:
         program["start"][...] = start
         _, gradient, _, offsets = condensed(program)
-        found = solver(h=hessian, g=gradient, lbx=low, ubx=high, **last)
-        last.update(x0=found["x"], lam_x0=found["lam_x"])
+        found = solver(g=gradient, **given, **last)
+        last.update(x0=found["x"], lam_x0=found["lam_x"], lam_a0=found["lam_a"])
         if not solver.stats()["success"]:
             return np.nan
         return float(found["cost"]) + float(offsets @ (weights @ offsets)) / 2
@@ -211,10 +225,79 @@ def _qpoases(program: QuadraticProgram) -> Solver:
     return solve
 
 
-RIVALS: dict[str, Callable[[Sparse], Solver]] = {"PIQP (multistage)": _piqp, "OSQP (1e-6)": _osqp}
-"""Functions that prepare a rival for a program by sparse matrices."""
-CONDENSED = "qpOASES through CasADi"
-"""Rival that gets the program in the inputs alone, where only their ranges are limited."""
+def _hpipm(program: QuadraticProgram, rates: bool, soft: bool) -> Solver:
+    """Solver of the program stage by stage, the first state eliminated.
+
+    Where rates are limited the inputs before are states, and slacks of soft limits are inputs.
+    """
+    stages, states, inputs = program.sizes
+    former, slacks = inputs * rates, states * soft
+    width, rest = states + former, inputs + slacks
+    ways = np.zeros((stages, width + former + slacks, width + rest))
+    moved, kept, limited = slice(0, states), slice(states, width), slice(width, width + former)
+    given = slice(width, width + inputs)
+    ways[:, moved, moved], ways[:, moved, given] = program["A"], program["B"]
+    ways[:, kept, given] = ways[:, limited, given] = np.eye(former, inputs)
+    ways[:, limited, kept] = -np.eye(former)
+    ways[:, width + former :] = ways[:, :slacks]
+    ways[:, width + former :, width + inputs :] = -np.eye(slacks)
+    whole = sp.block_diag(list(ways), format="lil")
+    for k in range(1, stages):
+        here, before = k * (width + rest), (k - 1) * len(ways[0])
+        whole[before : before + width, here : here + width] = -np.eye(width)
+    end = sp.lil_matrix((whole.shape[0], width))
+    end[-len(ways[0]) : width - len(ways[0]) or None] = -np.eye(width)
+    matrix = sp.hstack([whole, end], format="csc")
+    first, others = matrix[:, :width].toarray(), ca.DM(matrix[:, width:])
+    free, none = np.full((stages, width), np.inf), np.zeros((stages, former))
+    plain = np.full((stages, slacks), np.inf)
+    change, still = program["c"], np.hstack([-program["c"], none])
+    low = np.hstack(
+        [still, program["fall"][:, :former], (program["least"][1:] - change)[:, :slacks]]
+    )
+    high = np.hstack(
+        [still, program["rise"][:, :former], (program["most"][1:] - change)[:, :slacks]]
+    )
+    costs = [np.zeros((0, 0))]
+    for k in range(stages):
+        costs += [program["R"][k], np.diag(program["weight"][k + 1][:slacks])]
+        costs += [program["Q"][k + 1], np.zeros((former, former))]
+    numbers = {
+        "h": ca.DM(sp.block_diag(costs, format="csc")), "a": others,
+        "lbx": np.hstack([program["lower"], -plain, -free]).ravel(),
+        "ubx": np.hstack([program["upper"], plain, free]).ravel(),
+    }  # fmt: skip
+    shapes = {name: numbers[name].sparsity() for name in "ha"}
+    options = {
+        "N": stages, "nx": [0] + [width] * stages, "nu": [rest] * stages + [0],
+        "ng": [former + slacks] * stages + [0], "error_on_fail": False, "inf": INFINITE,
+        "hpipm": {"iter_max": 100} | {f"res_{kind}_max": 1e-8 for kind in "gbdm"},
+    }  # fmt: skip
+    solver = ca.conic("rival", "hpipm", shapes, options)
+
+    def solve(start: Array) -> float:
+        known = first @ np.r_[start, program["before"][:former]]
+        found = solver(lba=low.ravel() - known, uba=high.ravel() - known, **numbers)
+        if not solver.stats()["success"]:
+            return np.nan
+        return float(found["cost"] + start @ program["Q"][0] @ start / 2)
+
+    return solve
+
+
+def _by_matrices(prepare: Callable[[Sparse], Solver]) -> Preparation:
+    return lambda program, rates, soft: prepare(sparse(program, rates, soft))
+
+
+Preparation = Callable[[QuadraticProgram, bool, bool], Solver]
+"""Function that prepares a solver for a program, whose rates or states are limited or not."""
+RIVALS: dict[str, Preparation] = {
+    "PIQP (multistage)": _by_matrices(_piqp),
+    "OSQP (1e-6)": _by_matrices(_osqp),
+    "HPIPM through CasADi": _hpipm,
+    "qpOASES through CasADi": _qpoases,
+}
+"""Solvers to compare with; qpOASES gets the program in the inputs alone, without soft limits."""
 
 
 def program_results() -> Iterator[Result]:
@@ -224,11 +307,7 @@ def program_results() -> Iterator[Result]:
         Medians [ns]; the note holds both 99th percentiles and how far costs differ.
     """
     for kind, (rates, soft) in KINDS.items():
-        rivals: dict[str, Callable[[QuadraticProgram], Solver]] = {
-            name: partial(_from_sparse, prepare, rates, soft) for name, prepare in RIVALS.items()
-        }
-        if not (rates or soft):
-            rivals[CONDENSED] = _qpoases
+        rivals = {name: one for name, one in RIVALS.items() if not (soft and one is _qpoases)}
         ours, times = _Times(), {name: _Times() for name in rivals}
         worst: dict[str, float] = {}
         reasons: dict[str, str] = {}
@@ -241,7 +320,7 @@ def program_results() -> Iterator[Result]:
             for name, prepare in rivals.items():
                 program["start"][...] = first
                 try:
-                    solver = prepare(program)
+                    solver = prepare(program, rates, soft)
                 except ImportError as error:
                     reasons[name] = str(error)
                     continue
@@ -273,12 +352,6 @@ def _own(program: QuadraticProgram, start: Array) -> float:
     program["start"][...] = start
     solved = program.solve() is ProgramStatus.SOLVED
     return float(program["cost"]) if solved else float("nan")
-
-
-def _from_sparse(
-    prepare: Callable[[Sparse], Solver], rates: bool, soft: bool, program: QuadraticProgram
-) -> Solver:
-    return prepare(sparse(program, rates, soft))
 
 
 def _rows(
@@ -342,7 +415,7 @@ def controller_results() -> Iterator[Result]:
             command = command if answer is None else answer
             for name, prepare in RIVALS.items() if k % BESIDE == 0 else ():
                 try:
-                    rival = prepare(sparse(program, True, False))
+                    rival = prepare(program, True, False)
                 except ImportError:
                     continue
                 began = perf_counter_ns()
