@@ -112,22 +112,13 @@ def faster(speed: Any, other: Any) -> Any:
     """Greater of two positive speeds, rounded off where they are the same within 2 % [m/s].
 
     So a wing that turns over, slow through air that it has set in motion, still forgets.
-
-    Args:
-        speed: One [m/s].
-        other: Other [m/s].
     """
     both, apart = speed + other, speed - other
     return (both + ca.sqrt(apart * apart + (0.01 * both) ** 2)) / 2
 
 
 def vortex_lift(fed: Any, shed: Any) -> Any:
-    """Coefficient of the vortex, fed - shed while it has the sign of fed, else zero.
-
-    Args:
-        fed: s (C_a - C_s).
-        shed: y.
-    """
+    """Coefficient of the vortex, s (C_a - C_s) - y, 0 where it has not the sign of the first."""
     sign = fed / ca.sqrt(fed * fed + FEEBLE**2)
     left, most = (fed - shed) * sign - FEEBLE, fed * sign
     return sign * (rounded_ramp(left, FEEBLE) - rounded_ramp(left - most, FEEBLE))

@@ -14,8 +14,9 @@ from patagium.errors import ParameterError
 if TYPE_CHECKING:
     import xarray as xr
 
-    from patagium.aerodynamics import Aerodynamics
+    from patagium.aerodynamics import Aerodynamics, Air
     from patagium.learning import Identification
+    from patagium.robot import Robot
 
 
 GreyModel: TypeAlias = Literal["quasi-steady", "lifting-line", "delaurier"]
@@ -131,3 +132,24 @@ def air_class(word: str) -> Any:
     from patagium.aerodynamics import DeLaurier, LiftingLine, QuasiSteady
 
     return {one.name.replace("_", "-"): one for one in (QuasiSteady, LiftingLine, DeLaurier)}[word]
+
+
+def air_model(word: str, machine: Robot, air: Air, polar: str | None = None) -> Aerodynamics:
+    """Model of the air around a robot, with a polar by its name or that of its file.
+
+    Raises:
+        ParameterError: If the polar is not one of the model.
+    """
+    from patagium import aerodynamics as models
+
+    chosen: dict[str, Any] = {}
+    named = {one.name: one for one in (models.DickinsonPolar, models.ReynoldsPolar)}
+    if word == "quasi-steady" and polar in named:
+        chosen["polar"] = named[polar]()
+    elif word == "lifting-line" and polar and polar not in named:
+        chosen["section"] = models.measured_section(*models.read_polar(polar))
+    elif polar is not None:
+        expected = f"{' or '.join(named)} with quasi-steady air, a file with a lifting line"
+        raise ParameterError("--polar", expected, polar)
+    made: Aerodynamics = air_class(word)(machine, air, **chosen)
+    return made

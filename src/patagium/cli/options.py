@@ -33,6 +33,13 @@ DensityOption = Annotated[
     float,
     typer.Option(parser=quantity("kg/m^3", "a density"), help="Density of the air, in kg/m^3."),
 ]
+PolarOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Polar of quasi-steady air, dickinson by default or reynolds (insects of any size); "
+        "of a lifting line a file of XFOIL, AeroSandbox or NeuralFoil."
+    ),
+]
 PredictedOption = Annotated[
     Path | None, typer.Option(help="Predicted forces too, by what identify --model wrote.")
 ]

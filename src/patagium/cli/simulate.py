@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import typer
 
 from patagium.cli import live as live_options
-from patagium.cli.estimates import GreyModel, air_class
+from patagium.cli.estimates import GreyModel, air_model
 from patagium.cli.learner_options import LearnerChoice, with_learner_options
 from patagium.cli.mounting import MountKind, PathWords, Sizes, mount_from, sizes
 from patagium.cli.options import (
@@ -18,6 +18,7 @@ from patagium.cli.options import (
     DurationOption,
     FlightOutput,
     JsonOption,
+    PolarOption,
     RobotArgument,
 )
 from patagium.cli.outputs import Outputs
@@ -64,7 +65,7 @@ EXAMPLES = (
 )
 PANELS = {
     "Gait": "gait plunge elbow feather amplitude phase offset",
-    "Air and start": "aero inflow added_mass density wind ground pitch attitude",
+    "Air and start": "aero polar inflow added_mass density wind ground pitch attitude",
     "Mount": "mount load_cell arm arm_at arm_turn arm_shift",
     "Path of the mount": "path path_center path_size path_speed path_frequency path_along "
     "path_across path_attitude path_amplitude",
@@ -115,6 +116,7 @@ def simulate(
         list[str] | None, typer.Option(help="Mean of a joint: elbow='-10 deg'. Repeat it.")
     ] = None,
     aero: Annotated[AirModel, typer.Option(help="Model of the air.")] = "quasi-steady",
+    polar: PolarOption = None,
     inflow: Annotated[
         bool, typer.Option("--inflow", help="Wings meet the air that they have thrown down.")
     ] = False,
@@ -233,7 +235,7 @@ def simulate(
     own = None if any(one is not None for one in asked) else machine.cruise
     standing = not machine.floating or mount == "fixed"
     air = Air(density, wind or (-own.speed if own and standing else 0.0, 0, 0), ground=ground)
-    model = _air_model(aero, machine, air, inflow)
+    model = _air_model(aero, machine, air, inflow, polar)
     carried = None if added_mass is None else AddedMass(machine, air, factor=added_mass)
     if stepping == "published":
         if time_step is None or duration is None:
@@ -340,13 +342,18 @@ _LABELS = {
 }
 
 
-def _air_model(aero: AirModel, machine: Robot, air: Air, inflow: bool) -> Aerodynamics:
+def _air_model(
+    aero: AirModel, machine: Robot, air: Air, inflow: bool, polar: str | None
+) -> Aerodynamics:
     from patagium.aerodynamics import Inflow
     from patagium.plugins import AIR_MODELS, plugin
 
-    published = aero == "published"
-    make = _of_laboratory(plugin(AIR_MODELS, "published"), "--aero") if published else None
-    made: Aerodynamics = (make or air_class(aero))(machine, air)
+    if aero == "published":
+        if polar is not None:
+            raise ParameterError("--polar", "nothing with --aero published", polar)
+        made = _of_laboratory(plugin(AIR_MODELS, "published"), "--aero")(machine, air)
+    else:
+        made = air_model(aero, machine, air, polar)
     return Inflow(made) if inflow else made
 
 

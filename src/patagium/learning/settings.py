@@ -120,24 +120,12 @@ _MOST_SAMPLES = 1_000_000  # minutes of flapping; their arrays are made at once
 
 
 def setting(default: Any, text: str, **meaning: Any) -> Any:
-    """A field of a record of settings.
-
-    Args:
-        default: Its default.
-        text: A phrase with its noun.
-        **meaning: See `Meaning`.
-    """
+    """A field of a record of settings, described by a phrase with its noun; see `Meaning`."""
     return field(default=default, metadata={"meaning": Meaning(text, **meaning)})
 
 
 def group(kind: type, text: str, **meaning: Any) -> Any:
-    """A field that is a record of settings itself, or None where it is switched off.
-
-    Args:
-        kind: Class of the record.
-        text: A phrase with its noun.
-        **meaning: See `Meaning`.
-    """
+    """A field that is a record of settings itself, or None where it is switched off."""
     return field(default=None, metadata={"meaning": Meaning(text, **meaning), "group": kind})
 
 

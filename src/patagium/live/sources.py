@@ -414,13 +414,7 @@ def is_loopback(host: str) -> bool:
 
 
 def start_reading(source: Source, queue: PacketQueue, stop: threading.Event) -> threading.Thread:
-    """Thread that reads a source until it ends, then closes the queue.
-
-    Args:
-        source: Where packets come from.
-        queue: Where they go.
-        stop: Set it, and reading ends.
-    """
+    """Thread that reads a source until it ends or stop is set, then closes the queue."""
 
     def read() -> None:
         try:

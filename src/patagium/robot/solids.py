@@ -84,14 +84,7 @@ def surface_points(solid: Solid) -> Array:
 
 
 def tube(body: int, start: Array, end: Array, radius: float) -> Solid:
-    """A tube between two points fixed to a body.
-
-    Args:
-        body: Its index.
-        start: In body axes, (3,) [m].
-        end: The other, (3,) [m].
-        radius: Of the tube [m].
-    """
+    """A tube of some radius [m] between two points fixed to a body, in its axes, (3,) [m]."""
     link = end - start
     length = float(np.linalg.norm(link))
     center, axis = (tuple(float(x) for x in k) for k in ((start + end) / 2, link / length))

@@ -132,12 +132,7 @@ class StateLayout:
         return (*names, *rates, *self.lag_names, *self.works, *IMPULSE)
 
     def coordinates_and_velocities(self, state: ca.SX, row: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Coordinates (n_q, 1) [m, rad, 1] and velocities (n, 1) [m/s, rad/s] of the machine.
-
-        Args:
-            state: State, (size,).
-            row: Row of the table, (row_size,).
-        """
+        """Coordinates (n_q, 1) [m, rad, 1] and velocities (n, 1) [m/s, rad/s] of the machine."""
         machine = self.machine
         n_u = len(self.passive_coordinates)
         n_p = len(self.prescribed_coordinates)

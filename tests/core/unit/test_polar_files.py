@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import patagium as pt
+from patagium.cli.estimates import air_model
+from patagium.cli.main import run
 from patagium.errors import PatagiumError
 
 XFOIL = """
@@ -56,3 +58,25 @@ def test_what_is_no_polar_is_refused(tmp_path: Path, text: str, said: str) -> No
         pt.air.read_polar(file)
     with pytest.raises(PatagiumError, match="no such file"):
         pt.air.read_polar(tmp_path / "none.txt")
+
+
+def test_the_program_takes_a_polar_by_name_or_file(tmp_path: Path) -> None:
+    file, robot = tmp_path / "naca0012.txt", pt.load_robot("aerobat")
+    file.write_text(XFOIL)
+    plain = air_model("quasi-steady", robot, pt.Air())
+    insect = air_model("quasi-steady", robot, pt.Air(), "reynolds")
+    assert plain == pt.QuasiSteady(robot)
+    assert insect == pt.QuasiSteady(robot, polar=pt.air.ReynoldsPolar())
+    section = pt.air.measured_section(*pt.air.read_polar(file))
+    line = air_model("lifting-line", robot, pt.Air(), str(file))
+    assert line.describe() == pt.LiftingLine(robot, section=section).describe()
+
+
+@pytest.mark.parametrize("verb", ["simulate", "trim", "optimize"])
+@pytest.mark.parametrize("air", ["quasi-steady", "lifting-line", "delaurier"])
+def test_a_polar_that_the_air_does_not_take_is_refused(verb: str, air: str, capsys) -> None:
+    polar = "naca0012.txt" if air == "quasi-steady" else "reynolds"
+    with pytest.raises(SystemExit) as left:
+        run([verb, "aerobat", "--aero", air, "--polar", polar])
+    assert left.value.code == 2
+    assert "--polar: expected dickinson or reynolds" in capsys.readouterr().err

@@ -14,8 +14,8 @@ from patagium_lab.study import Results
 
 
 def test_every_flight_of_the_plan_is_another():
-    flights = DamagePlan(flights=3, ablations=2, few=1).listed()
-    assert len(set(flights)) == len(flights) == 6 * 3 + 4 * 2 + 2 + 2 * 3
+    flights = DamagePlan(flights=3, pairs=2, ablations=2, few=1).listed()
+    assert len(set(flights)) == len(flights) == 4 * 3 + 2 * 2 + 4 * 2 + 2 + 2 * 3
     assert {one.seed for one in flights} == {100, 101, 102}
 
 

@@ -111,7 +111,8 @@ class DamagePlan:
         share: Share of the span of one wing that is lost [1].
         seed: First seed.
         flights: Flights with learning and without, by the linear regulator: with sensors in the
-            loop, with a noisy state, and undamaged.
+            loop, and with a noisy state.
+        pairs: Undamaged flights with learning and without, by the linear regulator.
         ablations: Flights of each ablation.
         few: Flights of each of the predictive controller's rows and of each gust.
         gusts: Standard deviations of the turbulence [m/s].
@@ -122,6 +123,7 @@ class DamagePlan:
     share: float = 1 / 3
     seed: int = 100
     flights: int = 100
+    pairs: int = 100
     ablations: int = 20
     few: int = 10
     gusts: tuple[float, ...] = (0.2, 0.4, 0.8)
@@ -135,8 +137,8 @@ class DamagePlan:
             ("sensed", "linear", OFF, self.flights, self.share, 0.0),
             ("damage", "linear", LEARNING, self.flights, self.share, 0.0),
             ("damage", "linear", OFF, self.flights, self.share, 0.0),
-            ("no harm", "linear", LEARNING, self.flights, 0.0, 0.0),
-            ("no harm", "linear", OFF, self.flights, 0.0, 0.0),
+            ("no harm", "linear", LEARNING, self.pairs, 0.0, 0.0),
+            ("no harm", "linear", OFF, self.pairs, 0.0, 0.0),
             *(
                 ("damage", "linear", one, self.ablations, self.share, 0.0)
                 for one in (FROZEN, FORGETTING, GRADIENT, KNOWN)

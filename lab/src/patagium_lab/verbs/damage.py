@@ -17,7 +17,10 @@ EXAMPLES = (
 def damage(
     out: Annotated[Path, typer.Option(help="Folder of the report and its flights.")],
     flights: Annotated[
-        int, typer.Option(min=1, help="Flights of each kind: learning or not, damaged or not.")
+        int, typer.Option(min=1, help="Flights of each kind: learning or not, sensors or not.")
+    ] = 100,
+    pairs: Annotated[
+        int, typer.Option(min=1, help="Pairs of undamaged flights of 60 s, the longest of all.")
     ] = 100,
     ablations: Annotated[int, typer.Option(min=1, help="Flights of each ablation.")] = 20,
     few: Annotated[
@@ -46,9 +49,9 @@ def damage(
     from patagium_lab.stage_bar import stage_bar
     from patagium_lab.study import write_study
 
-    plan = DamagePlan(share, seed, flights, ablations, few, workers=jobs)
+    plan = DamagePlan(share, seed, flights, pairs, ablations, few, workers=jobs)
     if quick:
-        plan = replace(plan, flights=2, ablations=2, few=2, undamaged=100)
+        plan = replace(plan, flights=2, pairs=2, ablations=2, few=2, undamaged=100)
     with stage_bar("Lost wing") as progress:
         report, results = write_study(out, plan, run, pages.page, progress)
         if page is not None:

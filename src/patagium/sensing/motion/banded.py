@@ -204,12 +204,7 @@ class BandedCovariance:
         return found
 
     def trace(self, product: Array, spans: int) -> Array:
-        """Sum of the covariance of six points times a symmetric matrix, (spans, width).
-
-        Args:
-            product: Matrix, (6, 6) [1].
-            spans: Number of spans.
-        """
+        """Sum of the covariance of six points times a symmetric matrix (6, 6), (spans, width)."""
         held = self.matrix.reshape(self.points, self.width, -1)
         found = np.zeros((spans, self.width))
         for i in range(SEEN):
