@@ -75,12 +75,7 @@ class ParameterError(PatagiumError, ValueError):
 
 
 def shown(value: object, most: int = SHOWN) -> str:
-    """Value as a message shows it, cut where it is long.
-
-    Args:
-        value: What was found; any object.
-        most: Characters at most.
-    """
+    """Any object as a message shows it, cut to a number of characters."""
     try:
         text = repr(value)
     except (RecursionError, ValueError):  # a number of thousands of digits

@@ -297,10 +297,6 @@ def faults(errors: Sequence[Any], model: Any) -> list[tuple[str, str, str]]:
     """Place, what is expected there and what was found, of each value that pydantic refused.
 
     A misspelled key is told once, not as a missing key too.
-
-    Args:
-        errors: Problems, from `ValidationError.errors()`.
-        model: Class of the file's content.
     """
     inner = {error["loc"][:k] for error in errors for k in range(len(error["loc"]))}
     found = [

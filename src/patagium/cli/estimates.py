@@ -134,7 +134,9 @@ def air_class(word: str) -> Any:
     return {one.name.replace("_", "-"): one for one in (QuasiSteady, LiftingLine, DeLaurier)}[word]
 
 
-def air_model(word: str, machine: Robot, air: Air, polar: str | None = None) -> Aerodynamics:
+def air_model(
+    word: str, machine: Robot, air: Air, polar: str | None = None, inflow: bool = False
+) -> Aerodynamics:
     """Model of the air around a robot, with a polar by its name or that of its file.
 
     Raises:
@@ -152,4 +154,4 @@ def air_model(word: str, machine: Robot, air: Air, polar: str | None = None) -> 
         expected = f"{' or '.join(named)} with quasi-steady air, a file with a lifting line"
         raise ParameterError("--polar", expected, polar)
     made: Aerodynamics = air_class(word)(machine, air, **chosen)
-    return made
+    return models.Inflow(made) if inflow else made

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from patagium.cli.estimates import GreyModel, air_model
-from patagium.cli.options import OUTPUT, DensityOption, JsonOption, PolarOption, RobotArgument
+from patagium.cli.options import (
+    OUTPUT,
+    DensityOption,
+    InflowOption,
+    JsonOption,
+    PolarOption,
+    RobotArgument,
+)
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import Numbers, answer, numbers, quantity, say_json, show_table
 from patagium.errors import ParameterError, PatagiumError
@@ -25,7 +32,7 @@ EXAMPLES = (
 )
 MOST_SPEEDS = 100
 """Speeds of a front, each of which takes some optimizations."""
-PANELS = {"Air and flight": "climb aero polar density", "Files": "output beats gait figure"}
+PANELS = {"Air and flight": "climb aero polar inflow density", "Files": "output beats gait figure"}
 
 
 def optimize(
@@ -61,6 +68,7 @@ def optimize(
     ] = None,
     aero: Annotated[GreyModel, typer.Option(help="Model of the air.")] = "quasi-steady",
     polar: PolarOption = None,
+    inflow: InflowOption = False,
     density: DensityOption = 1.225,
     output: Annotated[
         Path | None, typer.Option(*OUTPUT, help="File for a flight with the gait (.nc).")
@@ -89,7 +97,7 @@ def optimize(
     if front is None and figure is not None:
         raise ParameterError("--figure", "--front with the speeds of the picture", None)
     machine = load_robot(robot)
-    model = air_model(aero, machine, Air(density=density), polar)
+    model = air_model(aero, machine, Air(density=density), polar, inflow)
     if front is not None:
         if speed is not None or output is not None or gait is not None or goal != "power":
             raise ParameterError("--front", "no --speed, --goal, --output or --gait with it", front)

@@ -40,6 +40,9 @@ PolarOption = Annotated[
         "of a lifting line a file of XFOIL, AeroSandbox or NeuralFoil."
     ),
 ]
+InflowOption = Annotated[
+    bool, typer.Option("--inflow", help="Wings meet the air that they have thrown down.")
+]
 PredictedOption = Annotated[
     Path | None, typer.Option(help="Predicted forces too, by what identify --model wrote.")
 ]

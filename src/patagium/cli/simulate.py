@@ -17,6 +17,7 @@ from patagium.cli.options import (
     DrawingOption,
     DurationOption,
     FlightOutput,
+    InflowOption,
     JsonOption,
     PolarOption,
     RobotArgument,
@@ -117,9 +118,7 @@ def simulate(
     ] = None,
     aero: Annotated[AirModel, typer.Option(help="Model of the air.")] = "quasi-steady",
     polar: PolarOption = None,
-    inflow: Annotated[
-        bool, typer.Option("--inflow", help="Wings meet the air that they have thrown down.")
-    ] = False,
+    inflow: InflowOption = False,
     added_mass: Annotated[
         float | None,
         typer.Option(help="Factor of the added mass: 1 for long wings, .85 at aspect ratio 3."),
@@ -345,16 +344,14 @@ _LABELS = {
 def _air_model(
     aero: AirModel, machine: Robot, air: Air, inflow: bool, polar: str | None
 ) -> Aerodynamics:
-    from patagium.aerodynamics import Inflow
     from patagium.plugins import AIR_MODELS, plugin
 
-    if aero == "published":
-        if polar is not None:
-            raise ParameterError("--polar", "nothing with --aero published", polar)
-        made = _of_laboratory(plugin(AIR_MODELS, "published"), "--aero")(machine, air)
-    else:
-        made = air_model(aero, machine, air, polar)
-    return Inflow(made) if inflow else made
+    if aero != "published":
+        return air_model(aero, machine, air, polar, inflow)
+    if inflow or polar is not None:
+        raise ParameterError("--aero", "another with --inflow or --polar", aero)
+    made: Aerodynamics = _of_laboratory(plugin(AIR_MODELS, aero), "--aero")(machine, air)
+    return made
 
 
 def _of_laboratory(found: Any, option: str) -> Any:

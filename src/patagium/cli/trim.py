@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from patagium.cli.estimates import GreyModel, air_model
-from patagium.cli.options import OUTPUT, DensityOption, JsonOption, PolarOption, RobotArgument
+from patagium.cli.options import (
+    OUTPUT,
+    DensityOption,
+    InflowOption,
+    JsonOption,
+    PolarOption,
+    RobotArgument,
+)
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import answer, heading, quantity, say_json, show_table
 from patagium.errors import ParameterError, PatagiumError
@@ -24,7 +31,7 @@ EXAMPLES = (
     "patagium trim aerobat --along speed=2.5:6 --figure branch.svg",
     "patagium trim dragonfly --speed 0 --free frequency --free fore_feather_offset --json",
 )
-PANELS = {"Air and flight": "aero polar density beats", "Branch of orbits": "along figure"}
+PANELS = {"Air and flight": "aero polar inflow density beats", "Branch of orbits": "along figure"}
 _SPEED = {"parser": quantity("m/s", "a speed")}
 
 
@@ -54,6 +61,7 @@ def trim(
     ] = None,
     aero: Annotated[GreyModel, typer.Option(help="Model of the air.")] = "quasi-steady",
     polar: PolarOption = None,
+    inflow: InflowOption = False,
     density: DensityOption = 1.225,
     beats: Annotated[
         float, typer.Option(min=1e-3, max=1e4, help="Wingbeats of the flight that -o writes.")
@@ -89,7 +97,7 @@ def trim(
     if not as_json:
         kind = "Wingbeat" if gait.period else "Glide"
         typer.echo(f"{kind} of the file's cruise, {aero} air; free: {', '.join(chosen)}", err=True)
-    model = air_model(aero, machine, Air(density=density), polar)
+    model = air_model(aero, machine, Air(density=density), polar, inflow)
     orbit = control.trim(
         machine,
         model,

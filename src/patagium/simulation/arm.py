@@ -116,12 +116,7 @@ def _functions(arm: Robot, body: int) -> list[ca.Function]:
 
 
 def solve_each(matrices: Array, right: Array) -> Array:
-    """Solutions of square systems, (N, n), one right-hand side each.
-
-    Args:
-        matrices: Matrices, (N, n, n) [SI].
-        right: Right-hand sides, (N, n) [SI].
-    """
+    """Solutions of square systems (N, n, n) [SI], one right-hand side each, (N, n)."""
     return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0], np.float64)
 
 
