@@ -65,11 +65,18 @@ def lifting_line(robot: Robot, lags: Indicial, surface_constant: float = 0.0) ->
     return LiftingLine(robot, lags=lags, section=section, surface_constant=surface_constant)
 
 
+_FORCES: dict[str, ca.Function] = {}
+"""Force of each structure, numbers aside: that of a hundred strips takes seconds to derive."""
+
+
 def steady_coefficients(model: LiftingLine) -> tuple[float, float]:
     """Lift coefficient over angle, and drag coefficient over its square, uncompiled."""
     v = AIRSPEED * np.array([np.cos(SMALL_ANGLE), 0, -np.sin(SMALL_ANGLE), 0, 0, 0])
     lags, constants = ca.DM.zeros(model.state_size), (model.robot.parameters, model.parameters)
-    force = aero_functions(model)[0](np.zeros(6), v, lags, np.zeros(3), *constants)
+    key = f"{model.structure} {model.robot.structure}"
+    if key not in _FORCES:
+        _FORCES[key] = aero_functions(model)[0]
+    force = _FORCES[key](np.zeros(6), v, lags, np.zeros(3), *constants)
     x, _, z = np.array(force).ravel()[:3]
     area = sum(float(strip.chord * strip.width) for strip in model.robot.strips)
     pressure = 0.5 * model.air.density * AIRSPEED**2 * area
