@@ -251,8 +251,8 @@ class _Tracking:
         begin = max(0, min(int(earliest / truth.time_step), len(truth.q)) - _BESIDE)
         time = truth.time_step * np.arange(begin, len(truth.q))
         parts = {name: getattr(truth, name)[begin:] for name in ("q", "v", "a")}
-        flown = xr.Dataset({k: (("time", f"of_{k}"), part) for k, part in parts.items()})
-        scene = Scene(flown.assign_coords(time=time), truth.robot)
+        series = {k: (("time", f"of_{k}"), part) for k, part in parts.items()}
+        scene = Scene(xr.Dataset(series, {"time": time}), truth.robot)
         for name, span in due.items():
             sensor, (times, errors) = self._by_name[name], self._samples[name]
             own = np.clip(times[span], time[0], time[-1])

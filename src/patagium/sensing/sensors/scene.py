@@ -8,6 +8,7 @@ fast for the time step of the flight.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -129,6 +130,7 @@ class Scene:
         return FrameMotion(origin, turn @ rotation, spin @ rotation, felt @ rotation)
 
 
+@lru_cache
 def frame_function(robot: Robot, body: int) -> NativeFunction:
     """Compiled function (q, v, a, offset, parameters) -> motion of a frame on a body.
 
