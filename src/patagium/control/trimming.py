@@ -430,7 +430,7 @@ def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Condit
         told = f"at least {count} of them, one for each of speed, climb and turn rate asked for"
         raise ParameterError("free", told, ", ".join(names) or "none")
     if gait.period is None and wanted.climb == 0:
-        expected = "a speed below 0, such as -0.5 m/s, as joints that are held glide"
+        expected = "a speed below 0, such as -0.5 m/s, or None (free), as held joints glide"
         raise ParameterError("climb", expected, wanted.climb)
     SteeredGait(robot, gait)  # refuses a gait that ranges of actuators exclude
     return gait_family(robot, gait, names)
