@@ -61,7 +61,7 @@ PARTS: tuple[tuple[str, tuple[str, ...], str], ...] = (
         "Predictive control",
         ("programs",),
         "Quadratic programs of predictive control, from nothing and as the next sample of a "
-        "controller, beside solvers with a wheel of their own.",
+        "controller, beside four other solvers.",
     ),
     (
         "From sensors to commands",
