@@ -75,7 +75,7 @@ class ParameterError(PatagiumError, ValueError):
 
 
 def shown(value: object, most: int = SHOWN) -> str:
-    """Any object as a message shows it, cut to a number of characters."""
+    """Text of any object for a message, cut to a number of characters."""
     try:
         text = repr(value)
     except (RecursionError, ValueError):  # a number of thousands of digits

@@ -118,7 +118,7 @@ def faster(speed: Any, other: Any) -> Any:
 
 
 def vortex_lift(fed: Any, shed: Any) -> Any:
-    """Coefficient of the vortex, s (C_a - C_s) - y, 0 where it has not the sign of the first."""
+    """Vortex lift coefficient, s (C_a - C_s) - y; zero where s (C_a - C_s) has another sign."""
     sign = fed / ca.sqrt(fed * fed + FEEBLE**2)
     left, most = (fed - shed) * sign - FEEBLE, fed * sign
     return sign * (rounded_ramp(left, FEEBLE) - rounded_ramp(left - most, FEEBLE))

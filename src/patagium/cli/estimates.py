@@ -137,7 +137,7 @@ def air_class(word: str) -> Any:
 def air_model(
     word: str, machine: Robot, air: Air, polar: str | None = None, inflow: bool = False
 ) -> Aerodynamics:
-    """Model of the air around a robot, with a polar by its name or that of its file.
+    """Model of the air around a robot, with a polar given by its name or by its file.
 
     Raises:
         ParameterError: If the polar is not one of the model.

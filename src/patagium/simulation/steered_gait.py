@@ -63,7 +63,7 @@ class Responses:
     c: Array
 
     def at(self, time: Array) -> tuple[Array, Array, Array]:
-        """Values and their first two rates, (N, n) each, t after the answer began, (N, 1 or n)."""
+        """Values and their first two rates, (N, n) each, at times since the start, (N, 1 or n)."""
         k, (c0, c1, c2), t = self.sharpness, self.c, time
         fading = np.exp(-k * t)
         p0 = c0 + (c1 + c2 * t) * t
@@ -82,7 +82,7 @@ class Responses:
 
     @staticmethod
     def from_state(state: Array, target: Array, slope: Array, sharpness: Array) -> Responses:
-        """Responses that begin at given values and their first two rates, (3, n); else as above."""
+        """Responses that begin with given values and first two rates, (3, n); the rest as above."""
         (value, rate, bend), k = state, sharpness
         gap = value - target + 3 * slope / k
         c1 = rate - slope + k * gap
@@ -109,7 +109,7 @@ class _Answer:
     fixed: Responses
 
     def at(self, since: Array) -> tuple[Array, Array, Array]:
-        """Values and their first two rates, (N, n) each, some times after the command, (N,)."""
+        """Values and their first two rates, (N, n) each, at times since the command, (N,) [s]."""
         there, first, then = since[:, None] >= self.lasting, self.ramp, self.fixed
         c = np.where(there, then.c[:, None], first.c[:, None])
         target = np.where(there, then.target, first.target)
@@ -117,7 +117,7 @@ class _Answer:
         return now.at(since[:, None] - there * self.lasting)
 
     def own(self, since: Array) -> Array:
-        """The gait's own time some times after the command, (N,) [s]."""
+        """The gait's own time, (N,) [s], at times since the command, (N,) [s]."""
         on_ramp = np.minimum(since, self.lasting[0])
         found = self.ramp.integral(on_ramp, 0) + self.fixed.integral(since - on_ramp, 0)
         return np.asarray(self.phase + found)

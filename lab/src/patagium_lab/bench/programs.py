@@ -226,7 +226,7 @@ def _qpoases(program: QuadraticProgram, rates: bool, soft: bool) -> Solver:
 
 
 def _hpipm(program: QuadraticProgram, rates: bool, soft: bool) -> Solver:
-    """Solver of the program stage by stage, the first state eliminated.
+    """Solver that keeps the stages of the program; its first state, which is given, is eliminated.
 
     Where rates are limited the inputs before are states, and slacks of soft limits are inputs.
     """
