@@ -84,7 +84,7 @@ def surface_points(solid: Solid) -> Array:
 
 
 def tube(body: int, start: Array, end: Array, radius: float) -> Solid:
-    """A tube of some radius [m] between two points fixed to a body, in its axes, (3,) [m]."""
+    """A tube of a radius [m] from one point to another, in the axes of its body, (3,) [m]."""
     link = end - start
     length = float(np.linalg.norm(link))
     center, axis = (tuple(float(x) for x in k) for k in ((start + end) / 2, link / length))

@@ -116,7 +116,7 @@ def _functions(arm: Robot, body: int) -> list[ca.Function]:
 
 
 def solve_each(matrices: Array, right: Array) -> Array:
-    """Solutions of square systems (N, n, n) [SI], one right-hand side each, (N, n)."""
+    """Solutions, (N, n), of N linear systems (N, n, n) [SI] with right-hand sides (N, n)."""
     return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0], np.float64)
 
 

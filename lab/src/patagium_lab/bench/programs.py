@@ -193,7 +193,7 @@ def _osqp(form: Sparse) -> Solver:
 
 
 def _qpoases(program: QuadraticProgram, rates: bool, soft: bool) -> Solver:
-    """Solver of the program in the inputs alone, as fits an active set method."""
+    """Active set solver of the program in the inputs alone, its states eliminated."""
     if soft:
         raise NotImplementedError("soft limits")
     hessian, _, _, _ = condensed(program)
@@ -228,7 +228,8 @@ def _qpoases(program: QuadraticProgram, rates: bool, soft: bool) -> Solver:
 def _hpipm(program: QuadraticProgram, rates: bool, soft: bool) -> Solver:
     """Solver that keeps the stages of the program; its first state, which is given, is eliminated.
 
-    Where rates are limited the inputs before are states, and slacks of soft limits are inputs.
+    Where rates are limited, the inputs of the stage before are further states; slack variables of
+    soft limits are further inputs.
     """
     stages, states, inputs = program.sizes
     former, slacks = inputs * rates, states * soft

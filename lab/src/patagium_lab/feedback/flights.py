@@ -138,8 +138,9 @@ class Answers:
         sharpness = np.broadcast_to(self.gait.sharpness, gap.shape)
         on_ramp = np.minimum(lasting, time)
         aim = np.where(lasting > 0.0, self.aim, self.target)
-        there = _responded(self.state, aim, slope, sharpness, on_ramp)
-        arrived = _responded(there, self.target, np.zeros_like(gap), sharpness, time - on_ramp)
+        there = np.array(Responses.from_state(self.state, aim, slope, sharpness).at(on_ramp))
+        rest = Responses.from_state(there, self.target, np.zeros_like(gap), sharpness)
+        arrived = np.array(rest.at(time - on_ramp))
         return np.where(lasting > time, there, arrived)
 
     def _joints(self) -> Array:
@@ -160,17 +161,6 @@ class Answers:
                 acceleration + more * acceleration + 2.0 * growth * velocity + spurt * away + push,
             ]
         )
-
-
-def _responded(state: Array, aim: Array, slope: Array, sharpness: Array, time: Array) -> Array:
-    """Value and first two rates of three lags after a time of each, (3, ...)."""
-    k, t = sharpness, time
-    c0, c1, c2 = Responses.from_state(state, aim, slope, k).c
-    fading = np.exp(-k * t)
-    p0 = c0 + (c1 + c2 * t) * t
-    p1 = (c1 - k * c0) + (2 * c2 - k * c1) * t - k * c2 * t**2
-    p2 = (2 * c2 - 2 * k * c1 + k**2 * c0) + (k**2 * c1 - 4 * k * c2) * t + k**2 * c2 * t**2
-    return np.array([aim + slope * (t - 3 / k) + fading * p0, slope + fading * p1, fading * p2])
 
 
 def _integral(begin: Array, end: Array, length: float) -> Array:
