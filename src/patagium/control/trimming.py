@@ -45,6 +45,7 @@ _NEWTON = 40  # steps at most
 _POINTS = 250  # flights of a search, at most
 _SHORTEST = 1.0 / 256  # part of a Newton step
 _RANK = 1e-9  # of singular values that count
+_SURE = 0.05  # size of misfits from which on Newton steps no longer bring a gait back in its limits
 _PROJECTIONS, _SETTLED = 10, 1e-2  # ways back to where a search began, and the last one's length
 _SOUND = 340.0  # m/s, beyond which no model of the air holds
 _STEEPEST = 1.5  # pitch: Euler angles are singular at a right angle [rad]
@@ -214,13 +215,7 @@ class OrbitSearch:
         return states - at.states, values - at.values
 
     def moved(self, at: Point, nodes: Nodes, found: Array) -> tuple[Array, Array]:
-        """States of all nodes, (m, n), and parameters, (p,), after a step of scaled unknowns.
-
-        Args:
-            at: Where the step begins.
-            nodes: How its nodes follow the unknowns, of `system`.
-            found: Step of the state at the beginning, then of the parameters, scaled.
-        """
+        """States of all nodes, (m, n), and parameters, (p,), after a step of scaled unknowns."""
         kept, first = self.frame.kept, np.zeros(self.frame.size)
         first[kept] = found[: len(kept)] * self._size
         values = found[len(kept) :] * self.reach
@@ -232,8 +227,13 @@ class OrbitSearch:
         """Sizes of the parameters, 0 where one is held, (p,) [Hz, 1, rad or m, rad]."""
         return np.where(self.still, 0.0, self._reach)
 
-    def newton(self, at: Point, conditions: Conditions) -> tuple[Point, str]:
-        """Point where Newton's method ended, and why before an orbit; empty if it is one."""
+    def newton(
+        self, at: Point, conditions: Conditions, *, limited: bool = False
+    ) -> tuple[Point, str]:
+        """Point where Newton's method ended, and why before an orbit; empty if it is one.
+
+        With `limited` it ends early, without a reason, where the gait and the next exceed a limit.
+        """
         if not np.isfinite(at.size):
             return at, "the flight breaks within the first wingbeat"
         for _ in range(_NEWTON):
@@ -242,6 +242,9 @@ class OrbitSearch:
             if at.residual <= 0.1 * TOLERANCE:
                 break
             states, values = self.step(at)
+            excess = self.excess(at.values) if limited and at.size < _SURE else ""
+            if excess and self._same(excess, at.values + values):
+                return at._replace(values=at.values + values), ""
             best, part = None, 1.0
             while best is None and part >= _SHORTEST:
                 nodes, trial = at.states + part * states, at.values + part * values
@@ -282,7 +285,7 @@ class OrbitSearch:
     def within(self, at: Point, conditions: Conditions) -> tuple[Point, str]:
         """Orbit whose gait keeps the limits: parameters that would exceed one are held there."""
         begin = at
-        at, trouble = self.newton(at, conditions)
+        at, trouble = self.newton(at, conditions, limited=True)
         for _ in self.still:
             excess = "" if trouble else self.excess(at.values)
             if not excess:
@@ -297,7 +300,8 @@ class OrbitSearch:
                 low, high = (low, values[k]) if self._same(excess, values) else (values[k], high)
             values[:] = np.where(self.still, at.values, begin.values)
             values[k], self.still[k] = low, True
-            at, trouble = self.newton(self.point(begin.states, values, conditions), conditions)
+            at = self.point(begin.states, values, conditions)
+            at, trouble = self.newton(at, conditions, limited=True)
             trouble = excess if trouble else ""
         return at, trouble or self.excess(at.values)
 
@@ -345,21 +349,13 @@ class OrbitSearch:
 
 
 def state_sizes(names: Sequence[str]) -> Array:
-    """Sizes that changes of states are measured by, (n,) [SI].
-
-    Args:
-        names: Names of the states.
-    """
+    """Sizes that changes of states are measured by, (n,) [SI]."""
     speeds = {f"velocity of {name}": 3.0 for name in "xyz"}
     return np.array([speeds.get(k, 20.0 if k.startswith("velocity of ") else 1.0) for k in names])
 
 
 def parameter_sizes(family: GaitFamily) -> Array:
-    """Sizes that changes of gait parameters are measured by, (p,) [Hz, 1, rad or m, rad].
-
-    Args:
-        family: Gaits that they reach.
-    """
+    """Sizes that changes of gait parameters are measured by, (p,) [Hz, 1, rad or m, rad]."""
     own = zip(family.names, family.neutral, strict=True)
     return np.array([0.3 * abs(value) if name == "frequency" else 0.3 for name, value in own])
 

@@ -154,6 +154,14 @@ def test_parameters_stop_at_limits():
     assert orbit.parameters["plunge_amplitude"] == pytest.approx(1.0018, abs=1e-3)  # 45 deg
 
 
+def test_a_search_that_leaves_the_limits_is_not_taken_to_its_end():
+    # Of Newton's method, five steps lead to the orbit at the limit: a residual of .7 is squared
+    # from one to the next. A search without the limit first, to its end, takes five more.
+    orbit = pt.trim(pt.load_robot("ornithopter"))
+    assert orbit.found and orbit.residual <= 1e-12
+    assert orbit.iterations <= 7
+
+
 def test_what_lacks_is_said():
     failed = pt.trim(pt.load_robot("ornithopter"), free=("frequency",))
     assert not failed.found
