@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.errors import LogError, ParameterError
+from patagium.errors import LogError, ParameterError, ShapeError
 
 Array: TypeAlias = NDArray[np.float64]
 Bools: TypeAlias = NDArray[np.bool_]
@@ -57,27 +57,57 @@ def rising(times: Any) -> Array:
     return stamps
 
 
-def real_array(name: str, values: Any) -> Array:
+def selected(kept: Any, count: int) -> Indices:
+    """Indices of selected samples, in order.
+
+    Args:
+        kept: Slice, increasing indices, or a bool for each sample.
+        count: Number of samples.
+
+    Raises:
+        ParameterError: If it is something else.
+    """
+    try:
+        found = np.arange(count)[kept if isinstance(kept, slice) else np.asarray(kept)]
+        if np.ndim(found) == 1 and (np.diff(found) > 0).all():
+            return found
+    except (IndexError, OverflowError, TypeError, ValueError):
+        pass
+    expected = f"a slice, increasing indices or a bool for each of {count} samples"
+    raise ParameterError("kept", expected, kept)
+
+
+def real_array(name: str, values: Any, shape: tuple[int | str, ...] | None = None) -> Array:
     """Array of real numbers, as float64.
 
     Args:
         name: The argument.
         values: Numbers in any nesting; no text, dates, complex or masked numbers, which NumPy
             would turn into other numbers without a word.
+        shape: Shape that is expected, "N" first where any length will do; None: any.
 
     Raises:
         ParameterError: If they are of another kind.
+        ShapeError: If the shape is another.
     """
-    if type(values) is np.ndarray and values.dtype == np.float64:
-        return values
-    try:
-        found = np.asarray(values)
-        hidden = np.ma.isMaskedArray(values) and np.ma.is_masked(values)
-        if found.dtype.kind in "fiub" and not hidden:
-            return found.astype(np.float64)
-        if found.dtype.kind == "O" and all(isinstance(one, Real) for one in found.flat):
-            return found.astype(np.float64)
-        kind = "masked numbers" if hidden else f"an array of {found.dtype}"
-    except (ValueError, TypeError, OverflowError, RuntimeError) as problem:  # 33 dimensions too
-        kind = str(problem)[:200]
-    raise ParameterError(name, "real numbers", kind)
+    found, kind = values, ""
+    if type(values) is not np.ndarray or values.dtype != np.float64:
+        try:
+            found = np.asarray(values)
+            odd = "" if _of_reals(found) else f"an array of {found.dtype}"
+            kind = "masked numbers" if np.ma.is_masked(values) else odd
+            found = found if kind else found.astype(np.float64)
+        except (ValueError, TypeError, OverflowError, RuntimeError) as problem:  # 33 dimensions too
+            kind = str(problem)[:200] or type(problem).__name__
+    if kind:
+        raise ParameterError(name, "real numbers", kind)
+    if shape is not None:
+        first = int(shape[:1] == ("N",) and found.ndim > 0)
+        if found.shape[first:] != shape[first:]:
+            raise ShapeError(name, shape, found.shape)
+    return np.asarray(found)
+
+
+def _of_reals(array: Any) -> bool:
+    kind = array.dtype.kind
+    return kind in "fiub" or (kind == "O" and all(isinstance(one, Real) for one in array.flat))

@@ -31,7 +31,7 @@ from patagium.dynamics.added_mass import BodyAddedMass
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.equations import kirchhoff_force
 from patagium.dynamics.kinematics import add_wrench, body_poses, generalized_force
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import ParameterError
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot, Strip
 
@@ -191,9 +191,7 @@ class AddedMass:
         arrays = []
         for name, value in arguments.items():
             size = self.robot.coordinate_count if name == "q" else self.robot.dof
-            arrays.append(real_array(name, value))
-            if arrays[-1].shape != (size,):
-                raise ShapeError(name, (size,), arrays[-1].shape)
+            arrays.append(real_array(name, value, (size,)))
         return arrays
 
     @property

@@ -337,9 +337,7 @@ def triple(name: str, value: ArrayLike) -> tuple[float, ...]:
         ShapeError: If they are not (3,).
         ParameterError: If one is not finite.
     """
-    array = real_array(name, value)
-    if array.shape != (3,):
-        raise ShapeError(name, (3,), array.shape)
+    array = real_array(name, value, (3,))
     if not np.isfinite(array).all():
         raise ParameterError(name, "three finite numbers", value)
     return tuple(array.tolist())

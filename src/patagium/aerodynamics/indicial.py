@@ -25,7 +25,7 @@ from patagium.aerodynamics.local_flow import StripMotion, airspeed
 from patagium.aerodynamics.named_descriptions import field_values
 from patagium.arguments import check_fields
 from patagium.arrays import Array, real_array
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import ParameterError
 
 ComplexArray = NDArray[np.complex128]
 
@@ -77,9 +77,7 @@ class Indicial:
     def __post_init__(self) -> None:
         check_fields(self)
         for name in ("rate", "lift", "circulation"):
-            values = np.asarray(getattr(self, name), float)
-            if values.shape != (len(self.rate),):
-                raise ShapeError(name, (len(self.rate),), values.shape)
+            values = real_array(name, getattr(self, name), (len(self.rate),))
             object.__setattr__(self, name, tuple(values.tolist()))
         if min(self.rate, default=1.0) <= 0:
             raise ParameterError("rate", "positive rates [1/semichord]", self.rate)

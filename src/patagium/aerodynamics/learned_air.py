@@ -20,7 +20,7 @@ from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.arrays import real_array
 from patagium.dynamics.chain import cross
 from patagium.dynamics.kinematics import add_wrench, body_poses, generalized_force
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import ParameterError
 from patagium.robot.model import Robot
 
 WRENCH = ("force.x", "force.z", "moment.y")
@@ -53,9 +53,7 @@ class LearnedAir(OnModel):
         super().__post_init__()
         count = len(self.robot.strips)
         given = np.r_[np.ones(count), np.zeros(3)] if self.weights is None else self.weights
-        weights = real_array("weights", given)
-        if weights.shape != (count + 3,):
-            raise ShapeError("weights", (count + 3,), weights.shape)
+        weights = real_array("weights", given, (count + 3,))
         if not np.isfinite(weights).all():
             raise ParameterError("weights", "finite numbers", weights.tolist())
         object.__setattr__(self, "weights", tuple(weights.tolist()))

@@ -46,7 +46,7 @@ from patagium.aerodynamics.trailing_vortices import (
 )
 from patagium.arguments import check_fields
 from patagium.arrays import Array, brief, real_array
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import ParameterError
 from patagium.robot.model import Robot
 from patagium.robot.strip_chains import StripChain, strip_chains
 
@@ -215,11 +215,8 @@ class LiftingLine(Aerodynamics):
         """
         given = self.air.wind_at([0.0])[0] if wind is None else wind
         sizes = {"q": self.robot.coordinate_count, "v": self.robot.dof, "wind": 3}
-        given = zip(sizes, (q, v, given), strict=True)
-        arrays = [real_array(*one) for one in given]
-        for (name, size), array in zip(sizes.items(), arrays, strict=True):
-            if array.shape != (size,):
-                raise ShapeError(name, (size,), array.shape)
+        named = zip(sizes.items(), (q, v, given), strict=True)
+        arrays = [real_array(name, value, (size,)) for (name, size), value in named]
         matrices = self._state_space(*arrays, 0, 0)  # linear: the same at any lag and normalwash
         return StateSpace(*[np.array(matrix) for matrix in matrices])
 

@@ -20,12 +20,13 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import fdtri
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.aerodynamics.learned_air import WRENCH, LearnedAir
 from patagium.arguments import checked
-from patagium.arrays import Array
+from patagium.arrays import Array, real_array
 from patagium.control.events import WingLossEvent
 from patagium.control.orbit import NoOrbit, Orbit
 from patagium.control.predictive import OrbitController, OrbitModel
@@ -83,17 +84,25 @@ class AirWeights:
 
     Attributes:
         weights: Estimate, (n_w,) [1, N, N m].
+
+    Raises:
+        ShapeError: If there is not a deviation for each weight.
+        ParameterError: If the memory is not longer than a beat, or the prior none.
     """
 
     @checked
-    def __init__(self, prior: Array, stds: Array, memory: float) -> None:
+    def __init__(self, prior: ArrayLike, stds: ArrayLike, memory: float) -> None:
         if not memory > 1.0:
             raise ParameterError("memory", "more than one beat", memory)
-        if prior.ndim != 1 or stds.shape != prior.shape or not (stds > 0).all():
-            raise ParameterError("stds", "a positive number for each weight", stds)
-        self.prior, self.stds = prior, stds
-        self.weights, self._kept, self._own = prior.copy(), 1 - 1 / memory, np.diag(stds**-2.0)
-        self._information, self._vector = self._own.copy(), self._own @ prior
+        self.prior = real_array("prior", prior, ("N",))
+        self.stds = real_array("stds", stds, self.prior.shape)
+        with np.errstate(all="ignore"):
+            self._own = np.diag(self.stds**-2.0)
+            self._information, self._vector = self._own.copy(), self._own @ self.prior
+        if not ((self.stds > 0).all() and np.isfinite([*self._own, self._vector]).all()):
+            expected = "a finite number and a positive deviation for each weight"
+            raise ParameterError("prior and stds", expected, np.array([self.prior, self.stds]))
+        self.weights, self._kept = self.prior.copy(), 1 - 1 / memory
         self._errors, self._count = np.zeros(2), 0.0
 
     @property
@@ -101,37 +110,54 @@ class AirWeights:
         """Whether the weights predicted the beats that came better than the prior did."""
         return bool(self._errors[0] < self._errors[1])
 
-    def learn(self, slopes: Array, measured: Array, alike: float = 1.0) -> None:
+    @checked
+    @np.errstate(all="ignore")
+    def learn(self, slopes: ArrayLike, measured: ArrayLike, alike: float = 1.0) -> None:
         """Take the samples of a beat.
 
         Args:
             slopes: H, (N, n_w) [1].
             measured: y, (N,) [1].
             alike: Beats in a row that are alike: the memory is so many times as long.
+
+        Raises:
+            ShapeError: If the samples are not of these weights; nothing is learned then.
+            ParameterError: If a number or its square is not finite, or `alike` is below one.
         """
+        h = real_array("slopes", slopes, ("N", len(self.prior)))
+        y = real_array("measured", measured, (len(h),))
+        if not (alike >= 1 and np.isfinite([*(h.T @ h), h.T @ y]).all() and np.isfinite(y @ y)):
+            expected = "finite numbers with finite squares, and of one beat at least"
+            raise ParameterError("slopes, measured and alike", expected, (slopes, measured, alike))
         kept = 1.0 - (1.0 - self._kept) / alike
-        errors = [np.sum((measured - slopes @ w) ** 2) for w in (self.weights, self.prior)]
+        errors = [np.sum((y - h @ w) ** 2) for w in (self.weights, self.prior)]
         self._errors = kept * self._errors + np.array(errors)
-        self._count = kept * self._count + len(measured)
-        self._information = kept * self._information + (1 - kept) * self._own + slopes.T @ slopes
-        self._vector = kept * self._vector + (1 - kept) * self._own @ self.prior
-        self._vector += slopes.T @ measured
+        self._count = kept * self._count + len(y)
+        self._information = kept * self._information + (1 - kept) * self._own + h.T @ h
+        self._vector = kept * self._vector + (1 - kept) * self._own @ self.prior + h.T @ y
         self.weights = np.asarray(np.linalg.solve(self._information, self._vector), float)
 
+    @checked
     def forget(self, share: float) -> None:
-        """Forget a share, 0 to 1, of what the beats told, as where the robot is another now."""
+        """Forget a share, 0 to 1, of what the beats told, as where the robot is another now.
+
+        Raises:
+            ParameterError: If it is no such share.
+        """
+        if not 0 <= share <= 1:
+            raise ParameterError("share", "a number from 0 to 1", share)
         self._information += share * (self._own - self._information)
         self._vector += share * (self._own @ self.prior - self._vector)
         self._errors *= 1 - share
         self._count *= 1 - share
         self.weights = np.asarray(np.linalg.solve(self._information, self._vector), float)
 
-    def differ(self, others: Array) -> bool:
+    def differ(self, others: ArrayLike) -> bool:
         """Whether the weights differ from others, (n_w,) [1], by more than a standard deviation.
 
         That is of the errors made of late, where these are smaller than the noise.
         """
-        gap = self.weights - others
+        gap = self.weights - real_array("others", others, self.weights.shape)
         variance = min(1.0, self._errors[0] / max(self._count, 1.0))
         return bool(gap @ self._information @ gap > len(gap) * variance)
 

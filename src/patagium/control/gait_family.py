@@ -17,13 +17,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics import Air
 from patagium.arguments import checked
 from patagium.arrays import Array, real_array
 from patagium.control.wingbeat import PrescribedRows
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import ParameterError
 from patagium.robot import Robot
 from patagium.robot.model import COMMANDS
 from patagium.simulation.gait_models import FourierGait, Gait
@@ -33,17 +33,15 @@ DIFFERENCE = "_difference"
 """End of the name of a parameter that is the left joint's value less the right one's."""
 STILL_BEAT = 0.1
 """Length of a beat of a gait that stands still [s]."""
+MOST_STEPS = 100_000
+"""Time steps of a beat, at most: a thousandth of the usual step, and 1 GB of slopes."""
 _SAMPLES = 1024  # of a period
 _MOST = 64  # harmonics
 _NEGLIGIBLE = 1e-13  # of the largest coefficient
 
 
 def fourier_series(gait: Gait) -> FourierGait:
-    """Fourier series of a gait: itself if it is one; a gait that stands still beats without moving.
-
-    Args:
-        gait: Any gait.
-    """
+    """Fourier series of a gait, or itself; a gait that stands still beats without moving."""
     if isinstance(gait, FourierGait) and gait.frequency:
         return gait
     period = gait.period or STILL_BEAT
@@ -105,7 +103,7 @@ class GaitFamily:
             found.append(unit or self.robot.dof_units[joints[joint]])
         return tuple(found)
 
-    def gait(self, values: Array) -> FourierGait:
+    def gait(self, values: ArrayLike) -> FourierGait:
         """Gait for given values of the parameters, (p,) [Hz, 1, rad or m, rad]."""
         shape = self._shape(values)
         series = self._turned(shape) + shape.added
@@ -114,12 +112,10 @@ class GaitFamily:
             self.base, frequency=shape.frequency, mean=mean, cosine=series.real, sine=-series.imag
         )
 
-    def _shape(self, values: Array) -> _Shape:
+    def _shape(self, values: ArrayLike) -> _Shape:
         """Frequency, and amplitudes, offsets, phases and coefficients of all joints."""
         n, neutral = len(self.base.joints), self.neutral
-        given = real_array("values", values)
-        if given.shape != neutral.shape:
-            raise ShapeError("values", neutral.shape, given.shape)
+        given = real_array("values", values, neutral.shape)
         theta = np.zeros(self.directions.shape[1])
         theta[0], theta[1 : 1 + n] = self.base.frequency, 1.0
         theta = theta + (given - neutral) @ self.directions
@@ -133,16 +129,24 @@ class GaitFamily:
         turned = shape.amplitude * np.exp(1j * order * shape.lead)
         return np.asarray((self.base.cosine - 1j * self.base.sine) * turned)
 
-    def rows(self, values: Array, steps: int, air: Air) -> PrescribedRows:
+    @checked
+    def rows(self, values: ArrayLike, steps: int, air: Air) -> PrescribedRows:
         """Prescribed rows of one beat, and their derivatives by the parameters.
 
         Args:
             values: (p,) [Hz, 1, rad or m, rad].
             steps: Time steps of the beat.
             air: The air, whose wind the rows carry.
+
+        Raises:
+            ShapeError: If there is not a value for each parameter.
+            ParameterError: If the gait has no beat, or the steps are not 1 to `MOST_STEPS`.
         """
         n, shape = len(self.base.joints), self._shape(values)
         frequency, way = shape.frequency, self.directions
+        if not (frequency > 0 and 0 < steps <= MOST_STEPS):
+            expected = f"a frequency above 0, and 1 to {MOST_STEPS} steps"
+            raise ParameterError("values and steps", expected, (values, steps))
         phase = np.pi * np.arange(2 * steps + 1) / steps
         pace = 2.0 * np.pi * frequency
         order = 1j * np.arange(1, len(self.base.sine) + 1)[:, None]

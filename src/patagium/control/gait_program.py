@@ -233,11 +233,7 @@ def _phases(chosen: Bools) -> str:
 
 
 def lateral_states(names: Sequence[str]) -> list[int]:
-    """Places of the states that stay zero in a flight in the plane of symmetry.
-
-    Args:
-        names: Names of the states.
-    """
+    """Places of the states, by their names, that stay zero in a flight in the plane of symmetry."""
     return [
         k for k, x in enumerate(names) if x.removeprefix("velocity of ") in ("y", "roll", "yaw")
     ]
@@ -288,7 +284,7 @@ def _ends(
 
 
 class GaitProgram:
-    """Nonlinear program of the gait of one robot.
+    """Nonlinear program of the gait of one robot; its functions take scaled unknowns z.
 
     Args:
         flight: Map of the flight with the work of the joints.
@@ -415,29 +411,17 @@ class GaitProgram:
         )
 
     def cost(self, z: Array) -> float:
-        """Cost over that at the beginning.
-
-        Args:
-            z: Scaled unknowns.
-        """
+        """Cost over that at the beginning."""
         return self._weight * float(self._cost(self._outside(z))[0])
 
     def gradient(self, z: Array) -> Array:
-        """Gradient of the cost.
-
-        Args:
-            z: Scaled unknowns.
-        """
+        """Gradient of the cost."""
         found = np.zeros(len(z))
         found[self._outer] = np.array(self._cost(self._outside(z))[1]).ravel()
         return np.asarray(self._weight * found * self.scale)
 
     def constraints(self, z: Array) -> Array:
-        """Defects, work, conditions, samples below top and above bottom, swings, ranges, loads.
-
-        Args:
-            z: Scaled unknowns.
-        """
+        """Defects, work, conditions, samples below top and above bottom, swings, ranges, loads."""
         rows, flown = self._flown(z)
         w = z * self.scale
         nodes = w[self._nodes].reshape(self.parts + 1, -1)
@@ -459,11 +443,7 @@ class GaitProgram:
         return np.concatenate([np.ravel(part) for part in parts]) / self._row_scale
 
     def slopes(self, z: Array | None) -> Array:
-        """Jacobian of the constraints; ones where it may not be zero without unknowns.
-
-        Args:
-            z: Scaled unknowns, or None.
-        """
+        """Jacobian of the constraints; ones where it may not be zero without unknowns."""
         n, m, p = len(self.names), self.parts, len(self.family.names)
         count, size = len(self._swings.columns), n + 1 + len(self._loads.names)
         if z is None:

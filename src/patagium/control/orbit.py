@@ -53,11 +53,7 @@ class Frame:
         self._yaw = names.index("yaw") if "yaw" in names else 0
 
     def seen(self, state: Array) -> tuple[Array, Array]:
-        """State with velocities along and across the heading, (n,), and its derivative, (n, n).
-
-        Args:
-            state: State in the world, (n,) [SI].
-        """
+        """State with velocities along and across the heading, (n,), and its derivative, (n, n)."""
         cosine = np.cos(state[self._yaw])
         sine = np.sin(state[self._yaw])
         turn = np.array([[cosine, sine], [-sine, cosine]])
@@ -70,13 +66,7 @@ class Frame:
         return found, slope
 
     def seen_rate(self, state: Array, rate: Array, slope: Array) -> Array:
-        """Jacobian of the rate of what is kept, as seen along the heading, (n - 4, n - 4) [1/s].
-
-        Args:
-            state: State in the world, (n,) [SI].
-            rate: Its rate, (n,) [SI over s].
-            slope: Jacobian of the rate in the world, (n, n) [SI over s].
-        """
+        """Jacobian of the rate of what is kept, as seen along the heading, (n - 4, n - 4) [1/s]."""
         _, turned = self.seen(state)
         found = turned @ slope @ np.linalg.inv(turned)
         for along, across in self._vectors:
@@ -85,11 +75,7 @@ class Frame:
         return np.asarray(found[np.ix_(self.kept, self.kept)])
 
     def generators(self, state: Array) -> Array:
-        """Change of a state with position and heading, (n, 4) or without yaw (n, 3) [SI].
-
-        Args:
-            state: State whose yaw is zero, (n,) [SI].
-        """
+        """Change of a state with position and heading, (n, 4) or without yaw (n, 3) [SI]."""
         found = np.eye(self.size)[:, self.neutral]
         for places in self._vectors:
             along, across = state[places]

@@ -25,7 +25,7 @@ import numpy as np
 
 from patagium.arguments import checked
 from patagium.arrays import Array, real_array
-from patagium.errors import CompilerError, ParameterError, ShapeError
+from patagium.errors import CompilerError, ParameterError
 from patagium.native import load_kernel
 
 TOLERANCE, OPTIMALITY, GAP, MOST_STEPS = 1e-9, 1e-7, 1e-11, 80
@@ -136,6 +136,13 @@ class QuadraticProgram:
             self[name][...] = np.inf
 
     def __getitem__(self, name: str) -> Array:
+        """An array of `data`; a number of the solution as an array of no dimension.
+
+        Raises:
+            ParameterError: If there is none of this name.
+        """
+        if not (isinstance(name, str) and name in self.data.dtype.names):
+            raise ParameterError("name", f"one of {', '.join(self.data.dtype.names)}", name)
         return np.asarray(self.data[name])
 
     def inverse(self) -> Array:
@@ -162,9 +169,7 @@ class QuadraticProgram:
         self.data["inverse"] = 0
         if inverse is not None:
             size = self.sizes[0] * self.sizes[2]
-            self._kept = np.ascontiguousarray(real_array("inverse", inverse))
-            if self._kept.shape != (size, size):
-                raise ShapeError("inverse", (size, size), self._kept.shape)
+            self._kept = np.ascontiguousarray(real_array("inverse", inverse, (size, size)))
             if self._held is None:
                 self._held = np.zeros(2 * size * (size + 4) + 16)
                 self.data["held"] = self._held.ctypes.data

@@ -21,7 +21,12 @@ import numpy as np
 from patagium.aerodynamics import AddedMass, Aerodynamics, QuasiSteady
 from patagium.arguments import checked
 from patagium.arrays import Array
-from patagium.control.gait_family import GaitFamily, gait_family, symmetric_parameters
+from patagium.control.gait_family import (
+    MOST_STEPS,
+    GaitFamily,
+    gait_family,
+    symmetric_parameters,
+)
 from patagium.control.orbit import Frame, NoOrbit, Orbit
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.dynamics import Dynamics
@@ -40,7 +45,6 @@ TOLERANCE = 1e-12
 SEGMENTS = 40
 STEPS = 240
 """Time steps of a beat, where none are given; of a beat beyond .24 s one a millisecond."""
-_MOST_STEPS = 100_000  # of a beat: a thousandth of the usual step, and 1 GB of slopes
 _NEWTON = 40  # steps at most
 _POINTS = 250  # flights of a search, at most
 _SHORTEST = 1.0 / 256  # part of a Newton step
@@ -456,8 +460,8 @@ def _check(robot: Robot, aero: Aerodynamics) -> None:
 def _steps(family: GaitFamily, given: int | None) -> int:
     """Time steps of a beat."""
     if given is not None:
-        if not 0 < given <= _MOST_STEPS or given % SEGMENTS:
-            expected = f"a positive multiple of {SEGMENTS} up to {_MOST_STEPS}"
+        if not 0 < given <= MOST_STEPS or given % SEGMENTS:
+            expected = f"a positive multiple of {SEGMENTS} up to {MOST_STEPS}"
             raise ParameterError("steps", expected, given)
         return int(given)
     return SEGMENTS * int(np.ceil(max(STEPS, 1e3 / family.base.frequency) / SEGMENTS))

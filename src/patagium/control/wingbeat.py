@@ -17,12 +17,12 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.arguments import check_fields
-from patagium.arrays import Array, Indices
-from patagium.errors import ParameterError, ShapeError
+from patagium.arrays import Array, Indices, real_array
+from patagium.errors import ParameterError
 from patagium.native import NativeFunction, load_functions, load_kernel
 from patagium.robot import Robot
 from patagium.simulation.flight_equations import flight_functions
@@ -137,7 +137,7 @@ class FlightMap:
         self._slopes = _compiled_slopes(self)
         self._library = None if self._slopes.seeded else load_kernel("wingbeat")
 
-    def fly(self, states: Array, rows: PrescribedRows) -> Segments:
+    def fly(self, states: ArrayLike, rows: PrescribedRows) -> Segments:
         """Segments of equal length from given states, with the derivatives of their ends.
 
         Segment k takes the k-th part of the rows.
@@ -153,10 +153,9 @@ class FlightMap:
             ShapeError: If the states are not (m, n), or the rows have another width.
             ParameterError: If m does not divide the steps.
         """
-        count, joints = len(states), self._row_size - 3
-        for name, array, width in (("states", states, self.size), ("rows", rows.table, joints + 3)):
-            if array.ndim != 2 or array.shape[1] != width:
-                raise ShapeError(name, ("m", width), array.shape)
+        states, joints = real_array("states", states, ("N", self.size)), self._row_size - 3
+        real_array("rows", rows.table, ("N", self._row_size))
+        count = len(states)
         if count == 0 or rows.steps % count:
             raise ParameterError("segments", f"a number that divides {rows.steps} steps", count)
         own, given = len(self.parameters), rows.slopes.shape[1]

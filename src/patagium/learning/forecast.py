@@ -122,11 +122,7 @@ class Repetition:
         self._repeated = np.zeros(values.shape[1], bool)
 
     def period(self, last: int) -> float | None:
-        """Wingbeat as the samples up to one show it [s]; None before there is one.
-
-        Args:
-            last: Sample from which on nothing is known.
-        """
+        """Wingbeat as the samples up to one show it [s]; None before there is one."""
         begun = self._time[last] - self._time[0]
         if self._known is not None:
             return self._known if begun >= self._known else None
@@ -220,11 +216,7 @@ class _LeastSquares:
         self._targets = np.zeros((size, y.shape[1]))
 
     def at(self, last: int) -> Array | None:
-        """Output a lead after a sample, (n_y,) [unit of y]; None before there are pairs.
-
-        Args:
-            last: Sample from which on nothing is known.
-        """
+        """Output a lead after a sample, (n_y,) [unit of y]; None before there are pairs."""
         end = last - self._lead + 1
         if end > self._done:
             rows = np.arange(self._done, end)

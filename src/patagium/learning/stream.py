@@ -110,9 +110,6 @@ def check_samples(intervals: list[Hold]) -> list[tuple[int, ...]]:
 
     Its last sample (farthest from the last update), and one inside it that wanders
     from interval to interval, so that every distance to the update is seen.
-
-    Args:
-        intervals: The hold intervals in order.
     """
     chosen = set(thin(np.arange(len(intervals)), MOST_CHECKS).tolist())
     golden = 0.6180339887498949
@@ -591,8 +588,7 @@ def checked_samples(
     stamps, inputs, outputs = (np.ascontiguousarray(real_array("time, x and y", a)) for a in arrays)
     if stamps.ndim != 1 or len(stamps) < 2:
         raise ShapeError("time", "(N,) with N >= 2", stamps.shape)
-    if outputs.shape != (len(stamps), network.outputs):
-        raise ShapeError("y", (len(stamps), network.outputs), outputs.shape)
+    real_array("y", outputs, (len(stamps), network.outputs))
     bad = np.argwhere(~np.isfinite(inputs))
     if len(bad):
         raise LogError(
@@ -603,7 +599,5 @@ def checked_samples(
     known = {(len(stamps), n) for n in (measured_inputs(network), network.inputs)}
     if inputs.shape not in known:
         raise ShapeError("x", (len(stamps), measured_inputs(network)), inputs.shape)
-    noise = None if std is None else real_array("std", std)
-    if noise is not None and noise.shape != outputs.shape:
-        raise ShapeError("std", outputs.shape, noise.shape)
+    noise = None if std is None else real_array("std", std, outputs.shape)
     return Samples(stamps, inputs, outputs, gap_starts(gaps, len(stamps)), noise)

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from patagium.arguments import checked
 from patagium.arrays import Array, Bools, real_array
 from patagium.control.lqr import LinearRegulator
-from patagium.errors import CompilerError, LogError, ParameterError, ShapeError
+from patagium.errors import CompilerError, LogError, ParameterError
 from patagium.live.pipeline import Pipeline, Records
 from patagium.native import load_kernel
 from patagium.native.structs import AUTOPILOT, MOTION_TRACK, REGULATOR
@@ -248,9 +248,8 @@ class Autopilot:
         for name, values in given.items():
             if name not in self.places:
                 raise ParameterError("samples", f"those of {', '.join(self.places)}", name)
-            part, place = real_array(name, values), self.places[name]
-            if part.shape != row[place].shape:
-                raise ShapeError(name, row[place].shape, part.shape)
+            place = self.places[name]
+            part = real_array(name, values, row[place].shape)
             row[place] = part
         return self.run(row[None])
 
@@ -264,9 +263,7 @@ class Autopilot:
             ShapeError: If the rows have another size.
             ParameterError: If times fall, or one is none.
         """
-        given = np.ascontiguousarray(real_array("rows", rows))
-        if given.ndim != 2 or given.shape[1] != len(self._row):
-            raise ShapeError("rows", ("N", len(self._row)), given.shape)
+        given = np.ascontiguousarray(real_array("rows", rows, ("N", len(self._row))))
         times = np.r_[self._time, given[:, 0]]
         if not (times[1:] >= times[:-1]).all():
             k = int(np.argmin(times[1:] >= times[:-1]))

@@ -181,9 +181,7 @@ class Pipeline:
         Raises:
             ShapeError: If the packets have another shape.
         """
-        rows = np.ascontiguousarray(real_array("packets", packets))
-        if rows.ndim != 2 or rows.shape[1] != self._columns:
-            raise ShapeError("packets", ("N", self._columns), rows.shape)
+        rows = np.ascontiguousarray(real_array("packets", packets, ("N", self._columns)))
         records = np.empty((len(rows), 3 * self.learner.network.outputs + 4))
         if self.chain is None:
             self._run_in_python(rows, records)
@@ -197,9 +195,7 @@ class Pipeline:
         Raises:
             ShapeError: If the packet has another shape.
         """
-        row = real_array("packet", packet)
-        if row.shape != (self._columns,):
-            raise ShapeError("packet", (self._columns,), row.shape)
+        row = real_array("packet", packet, (self._columns,))
         return self.run(row[None])
 
     def _run_in_python(self, rows: Array, records: Array) -> None:

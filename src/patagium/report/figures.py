@@ -18,7 +18,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from patagium.arrays import Array
+from patagium.arrays import Array, real_array
 from patagium.errors import FlightError, ParameterError, ShapeError
 from patagium.report.page import draw
 from patagium.report.style import TRUTH, color, dash, envelope, legend_above, panels, styled, width
@@ -252,8 +252,7 @@ def _time_axis(axes: Sequence[Axes], columns: int) -> None:
 
 
 def _curve(panel: Axes, time: Array, values: Array, label: str, **look: Any) -> None:
-    if values.shape != time.shape:
-        raise ShapeError(label, time.shape, values.shape)
+    real_array(label, values, time.shape)
     panel.plot(*envelope(time, values), label=label, **look)
 
 
@@ -279,16 +278,11 @@ def _columns(name: str, values: ArrayLike, rows: int, width: int) -> Array:
     array = np.asarray(values, float)
     if array.ndim == 1:
         array = array[:, None]
-    if array.shape != (rows, width):
-        raise ShapeError(name, (rows, width), array.shape)
-    return array
+    return real_array(name, array, (rows, width))
 
 
 def _row(name: str, values: ArrayLike, width: int) -> Array:
-    array = np.asarray(values, float)
-    if array.shape != (width,):
-        raise ShapeError(name, (width,), array.shape)
-    return array
+    return real_array(name, values, (width,))
 
 
 _ATTITUDE = ("roll", "pitch", "yaw")

@@ -11,8 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arrays import Array
-from patagium.errors import ShapeError
+from patagium.arrays import Array, real_array
 from patagium.robot.attitude import rotation_from_quaternion
 from patagium.robot.model import Body, Robot, Strip
 
@@ -27,9 +26,8 @@ def poses(robot: Robot, q: ArrayLike | None = None) -> list[tuple[Array, Array]]
     Raises:
         ShapeError: If `q` is not (n_q,).
     """
-    coordinates = robot.coordinates() if q is None else np.asarray(q, float)
-    if coordinates.shape != (robot.coordinate_count,):
-        raise ShapeError("q", (robot.coordinate_count,), coordinates.shape)
+    given = robot.coordinates() if q is None else q
+    coordinates = real_array("q", given, (robot.coordinate_count,))
     found: list[tuple[Array, Array]] = []
     for body in robot.bodies:
         position, rotation = np.zeros(3), np.eye(3)

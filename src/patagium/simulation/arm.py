@@ -24,7 +24,7 @@ from patagium.arrays import Array, real_array
 from patagium.dynamics.chain import cross
 from patagium.dynamics.equations import damping_force, inverse
 from patagium.dynamics.kinematics import body_poses, body_velocities
-from patagium.errors import ParameterError, PathError, ShapeError
+from patagium.errors import ParameterError, PathError
 from patagium.native import load_functions
 from patagium.robot import Robot
 from patagium.robot.attitude import body_accelerations, body_rates, rotation_from_angles
@@ -552,9 +552,7 @@ def _solve_regular(jacobian: Array, error: Array) -> Array:
 def _starts(arm: Robot, tool: Tool, target: PrescribedMotion, start: ArrayLike | None) -> Array:
     """Ways to put the tool where the path begins, (S, 6), each within the limits if it can."""
     if start is not None:
-        seeds = real_array("start", start)
-        if seeds.shape != (AXES,):
-            raise ShapeError("start", (AXES,), seeds.shape)
+        seeds = real_array("start", start, (AXES,))
         seeds = seeds[None]
     else:
         low, high = np.clip([arm.lower, arm.upper], -np.pi, np.pi)

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.arguments import checked, of_kind
 from patagium.arrays import Array, real_array
-from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFailed, positive
+from patagium.errors import Outcome, ParameterError, SimulationFailed, positive
 from patagium.limits import MOST_STEPS
 from patagium.native import load_functions
 from patagium.robot import Robot
@@ -160,9 +160,7 @@ def _lags(aero: Aerodynamics, values: ArrayLike | None) -> Array:
 
 
 def _finite(name: str, values: ArrayLike, names: tuple[str, ...]) -> Array:
-    vector = real_array(name, values).copy()
-    if vector.shape != (len(names),):
-        raise ShapeError(name, (len(names),), vector.shape)
+    vector = real_array(name, values, (len(names),)).copy()
     if not np.isfinite(vector).all():
         wrong = names[int(np.argmin(np.isfinite(vector)))]
         raise ParameterError(name, "finite numbers", f"not finite at {wrong}")

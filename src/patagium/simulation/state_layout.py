@@ -159,11 +159,7 @@ class StateLayout:
         return ca.vertcat(ca.SX.zeros(self.hidden, 1), given)
 
     def after_velocities(self, state: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Lag states, (n_z, 1), works [J] and impulse, (3, 1) [N s], from the state.
-
-        Args:
-            state: State, (size,).
-        """
+        """Lag states, (n_z, 1), works [J] and impulse, (3, 1) [N s], from the state."""
         first = self.moving + self.lags
         last = first + len(self.works)
         return state[self.moving : first], state[first:last], state[last:]
@@ -173,9 +169,6 @@ class StateLayout:
 
         A quaternion's rate keeps its length but for the integrator's error, and nothing else
         depends on that length: the scaling is a projection that costs no order.
-
-        Args:
-            state: State, (size,).
         """
         scaled = ca.SX(state)
         for places in self.quaternions:

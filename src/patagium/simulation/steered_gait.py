@@ -23,8 +23,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arrays import Array
-from patagium.errors import ParameterError, finite
+from patagium.arguments import checked, of_kind
+from patagium.arrays import Array, real_array
+from patagium.errors import ParameterError, ShapeError, finite
 from patagium.robot import Robot
 from patagium.robot.model import COMMANDS, Actuator
 from patagium.simulation.gait_models import Gait, PrescribedMotion
@@ -181,8 +182,14 @@ class SteeredGait:
         return own / float(self.target[0]) if own else None
 
     def motion(self, time: ArrayLike) -> PrescribedMotion:
-        """Joint motion at the times asked for, (N,) [s]."""
-        times = np.atleast_1d(np.asarray(time, float))
+        """Joint motion at the times asked for, (N,) [s].
+
+        Raises:
+            ShapeError: If the times are not (N,).
+        """
+        times = np.atleast_1d(real_array("time", time))
+        if times.ndim > 1:
+            raise ShapeError("time", "(N,)", times.shape)
         first = bisect_right(self._starts, np.fmin.reduce(times, initial=np.inf)) - 1
         last = bisect_right(self._starts, np.fmax.reduce(times, initial=-np.inf))
         places = first + np.searchsorted(self._starts[first:last], times, side="right") - 1
@@ -193,6 +200,7 @@ class SteeredGait:
             parts[:, inside] = found.position, found.velocity, found.acceleration
         return PrescribedMotion(*parts)
 
+    @checked
     def command(self, time: float, commands: Mapping[str, float]) -> None:
         """Go to other values from a time on; what is not named stays as it was commanded.
 
@@ -297,6 +305,7 @@ class SteeredGait:
 
     def _commanded_places(self, name: str) -> tuple[str, list[int]]:
         """Kind of a command that somebody answers, and its places among the responses."""
+        of_kind("name", name, str)
         if name not in self._known:
             self._known[name] = self._places(name)
         kind, places = self._known[name]

@@ -163,6 +163,14 @@ def test_what_the_map_refuses(case, tmp_path):
     flight_map = case.map()
     with pytest.raises(ShapeError, match="states"):
         flight_map.fly(np.zeros((1, 3)), case.rows())
+    with pytest.raises(ParameterError, match="states"):
+        flight_map.fly("all", case.rows())
+    neutral, air = case.family.neutral, pt.Air()
+    for values, steps in ((neutral, 0), (neutral, 10**9), (0.0 * neutral, 40)):
+        with pytest.raises(ParameterError, match="values and steps"):
+            case.family.rows(values, steps, air)
+    with pytest.raises(ShapeError, match="values"):
+        case.family.rows(neutral[1:], 40, air)
     with pytest.raises(ParameterError, match="divides"):
         flight_map.fly(np.tile(case.start(flight_map), (7, 1)), case.rows())
     with pytest.raises(ParameterError, match="parameters"):

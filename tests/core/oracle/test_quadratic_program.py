@@ -228,6 +228,12 @@ def test_what_cannot_be_solved_is_said(kernel, monkeypatch):
     assert "contradict" in ProgramStatus.INFEASIBLE.sentence
 
 
+@pytest.mark.parametrize("name", ["velocity", 3, None, ["x"]])
+def test_an_array_that_it_has_not_is_refused(name):
+    with pytest.raises(PatagiumError, match="name: expected one of A, B, c"):
+        filled(1)[name]
+
+
 def test_unstable_models_and_long_horizons_are_solved():
     """No factor grows from stage to stage: costs agree with the dense form."""
     solved = 0

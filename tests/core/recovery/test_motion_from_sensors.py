@@ -189,6 +189,10 @@ def test_a_tracker_is_the_filter_and_takes_late_samples(flight: xr.Dataset) -> N
     assert tracker.late == 1
     with pytest.raises(LogError, match="or later"):
         tracker.now(0.0)
+    with pytest.raises(ParameterError, match="time"):
+        tracker.now(float("nan"))
+    with pytest.raises(LogError, match="expected soon after"):
+        tracker.now(1e60)
     with pytest.raises(ParameterError, match="name: expected one of"):
         tracker.push("gps", 0.0, np.zeros(3))
 
@@ -245,6 +249,11 @@ def test_a_tracker_smooths_what_lies_a_little_behind(flight: xr.Dataset) -> None
     assert (squares["past"] < 0.3 * squares["now"]).all()  # the samples since tell more
     with pytest.raises(LogError, match="times: expected times from"):
         tracker.past([0.0])
+    for times in ([], [np.nan], [last.time, last.time - 0.01]):
+        with pytest.raises(LogError, match="time"):
+            tracker.past(times)
+    with pytest.raises(ShapeError, match="times"):
+        tracker.past(last.time)
 
 
 def test_a_tracker_raises_noise_that_is_too_small_for_the_motion(flight: xr.Dataset) -> None:
@@ -270,6 +279,23 @@ def test_smoothers_refuse_what_is_no_number(smoother: type, value: object) -> No
         smoother(**{name: value})
     with pytest.raises(ParameterError, match="window"):
         pt.sensing.SavitzkyGolay(window=value)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("word", "given"),
+    [
+        ("shifts", {"angels": 0.0}),
+        ("shifts", 0.0),
+        ("variances", {"load_cell": np.ones(8)}),
+        ("variances", {"angles": np.ones(3)}),
+        ("memory", "long"),
+    ],
+)
+def test_a_tracker_refuses_numbers_of_sensors_that_it_has_not(word: str, given: object) -> None:
+    robot = pt.load_robot("aerobat")
+    sensors = {"angles": P.as5600(), "camera": P.prime_x_13("body")}
+    with pytest.raises((ParameterError, ShapeError), match=word):
+        pt.sensing.MotionTracker(robot, sensors, np.full(robot.dof, 1e6), **{word: given})
 
 
 def test_samples_of_a_wrong_size_or_kind_are_refused() -> None:

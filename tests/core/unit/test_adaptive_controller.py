@@ -96,6 +96,36 @@ def test_what_is_forgotten_tells_nothing_any_more():
     assert not learner.better  # errors of before belong to the robot of before
 
 
+@pytest.mark.parametrize(
+    ("name", "given", "error"),
+    [
+        ("learn", (np.ones((3, 2)), np.ones(4)), ShapeError),
+        ("learn", (np.ones((3, 5)), np.ones(3)), ShapeError),
+        ("learn", (np.full((3, 2), np.nan), np.ones(3)), ParameterError),
+        ("learn", (np.full((3, 2), 1e200), np.ones(3)), ParameterError),
+        ("learn", (np.ones((3, 2)), np.ones(3), 0.5), ParameterError),
+        ("forget", (1.5,), ParameterError),
+        ("differ", (np.ones(3),), ShapeError),
+    ],
+)
+def test_a_beat_that_is_none_teaches_the_weights_nothing(name, given, error):
+    learner = AirWeights([1.0, 2.0], [1.0, 0.5], 10.0)
+    with pytest.raises(error):
+        getattr(learner, name)(*given)
+    np.testing.assert_array_equal(learner.weights, learner.prior)
+    learner.learn([[1.0, 1.0]], [4.0])
+    assert np.isfinite(learner.weights).all() and learner.weights.sum() > 3.0
+
+
+@pytest.mark.parametrize(
+    ("prior", "stds"),
+    [([np.nan, 1.0], [1.0, 1.0]), ([1.0, 1.0], [1e-200, 1.0]), ([1.0, 1.0], [1.0])],
+)
+def test_a_prior_that_is_none_is_refused(prior, stds):
+    with pytest.raises((ParameterError, ShapeError)):
+        AirWeights(prior, stds, 10.0)
+
+
 def flown(orbit, controller, robot, beats=BEATS):
     """Mean height and heading of the last five beats [m, rad]."""
     start = {name: value for name, value in orbit.start().items() if name != "aero_state"}

@@ -132,6 +132,28 @@ def test_times_of_two_sensors_meet_on_one_axis() -> None:
     np.testing.assert_array_equal(places, [1, 2])
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_samples_and_times_that_are_none_are_refused(method) -> None:
+    time, values = np.arange(300) * 1e-3, np.zeros((300, 2))
+    given = {"time": time, "values": values, "std": 1e-3, "at": None}
+    method.smooth(
+        **{name: one if one is None else np.asarray(one).tolist() for name, one in given.items()}
+    )
+    for name, one, error in (
+        ("time", time[:-1], ShapeError),
+        ("values", values[:, 0], ShapeError),
+        ("values", np.full_like(values, np.nan), LogError),
+        ("values", "all", ParameterError),
+        ("std", [1e-3] * 3, ShapeError),
+        ("std", np.nan, ParameterError),
+        ("at", 0.1, ShapeError),
+        ("at", [], ParameterError),
+        ("at", [np.inf], ParameterError),
+    ):
+        with pytest.raises(error, match=name):
+            method.smooth(**(given | {name: one}))
+
+
 def test_what_cannot_be_smoothed_is_refused() -> None:
     time, values = np.arange(10) * 0.1, np.zeros((10, 1))
     with pytest.raises(ShapeError, match="values"):

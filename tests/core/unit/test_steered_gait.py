@@ -10,7 +10,7 @@ import pytest
 from numpy.polynomial import Polynomial
 
 import patagium as pt
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, ShapeError
 from patagium.robot import preset_names
 from patagium.robot.model import Actuator
 from patagium.simulation.gaits import check_gait
@@ -166,6 +166,16 @@ def test_what_cannot_be_is_refused():
     for name in ("plunge", "feather_amplitude", "tail_offset", "plunge_speed", "offset"):
         with pytest.raises(ParameterError, match="amplitude, <joint>_offset of left_plunge"):
             gait.command(0.6, {name: 1.0})
+    for given in ((0.6, [("frequency", 5.0)]), ("now", both(5.0, 1.0)), (0.6, {1: 5.0})):
+        with pytest.raises(ParameterError):
+            gait.command(*given)
+    for name in (["frequency"], 1, None):
+        with pytest.raises(ParameterError, match="name"):
+            gait.limits(name)
+    with pytest.raises(ParameterError, match="time"):
+        gait.motion("now")
+    with pytest.raises(ShapeError, match="time"):
+        gait.motion([[0.0, 0.1]])
     still = SteeredGait(ROBOT, pt.gaits.still(ROBOT))
     with pytest.raises(ParameterError, match="<joint>_offset"):
         still.command(0.0, {"frequency": 3.0})

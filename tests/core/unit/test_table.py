@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from patagium.errors import LogError
+from patagium.errors import LogError, ParameterError
 from patagium.sensing.logs.importing.import_log import read_table
 from patagium.sensing.logs.mapping import load_mapping, parse_mapping
 from patagium.sensing.logs.table import table_from_frame
@@ -68,6 +68,14 @@ def test_gaps_are_found_and_said() -> None:
     assert "1 gap(s)" in table.describe_gaps() and "0.007 s" in table.describe_gaps()
     steady = table_from_frame(frame(), parse_mapping(words))
     assert steady.describe_gaps().startswith("no gap")
+
+
+@pytest.mark.parametrize("kept", [7, [1, 0], [0, 9], [True], "all", [[0, 1]], 2**63, [0.5]])
+def test_a_selection_that_is_none_is_refused(kept: Any) -> None:
+    table = table_from_frame(frame(), parse_mapping(WORDS))
+    assert table.where([0, 2]).x.tolist() == table.x[[0, 2]].tolist()
+    with pytest.raises(ParameterError, match="kept: expected a slice, increasing indices"):
+        table.where(kept)
 
 
 @pytest.mark.parametrize(

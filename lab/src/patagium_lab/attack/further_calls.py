@@ -1,7 +1,7 @@
 """Further functions and methods of Python for the area of calls: sections, logs, states, filters.
 
 Neglected: methods that take expressions of CasADi, those that filters need of networks, those that
-index (they fail as NumPy does), smoothers and trackers, events' and estimators'.
+controllers need of each other, events' and estimators'.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def further_calls() -> dict[str, Valid]:
 @cache
 def method_calls() -> dict[str, Valid]:
     """Valid calls of methods, each of an object of its own, by name."""
-    parts = _mechanics(), _air(), _learned(), _loops()
+    parts = _mechanics(), _air(), _learned(), _loops(), _measured(), _solved()
     made = {name: call for part in parts for name, call in part.items()}
     return {name: replace(call, passes=True) for name, call in made.items()}
 
@@ -332,6 +332,95 @@ def _loops() -> dict[str, Valid]:
         ),
         "GaitFamily.gait": Valid(orbit.family.gait, {"values": orbit.values}),
     }
+
+
+def _measured() -> dict[str, Valid]:
+    """Valid calls of methods of trackers, smoothers, logs and force samples."""
+    log, time = sensing.load_sensor_log("sensors.nc"), np.linspace(0.0, 0.1, 20)
+    name, stamp, row = log.samples()[0]
+    robot, count, density = seeds.robot(), seeds.robot().dof, np.ones(log.robot.dof)
+    zeros, every = np.zeros((20, count)), np.tile(np.eye(count), (20, 1, 1))
+    forces: dict[str, Any] = {
+        "time": time,
+        "q": zeros,
+        "v": zeros,
+        "force": zeros,
+        "covariance": every,
+    }
+    forces |= {"robot": robot, "source": "inverse dynamics"}
+
+    def tracker() -> Any:
+        made = sensing.MotionTracker(log.robot, log.sensors, density)
+        for sample in log.samples()[:50]:
+            made.push(*sample)
+        return made
+
+    found = {
+        "SensorLog.__getitem__": Valid(log.__getitem__, {"name": name}),
+        "LogTable.where": Valid(_table().where, {"kept": slice(0, 5)}),
+        "ForceSamples": Valid(sensing.ForceSamples, forces, ("a",)),
+        "ForceSamples.where": Valid(
+            sensing.ForceSamples(**forces).where, {"kept": slice(0, 5)}
+        ),
+        "MotionTracker": Valid(
+            sensing.MotionTracker,
+            {"robot": log.robot, "sensors": log.sensors, "density": density},
+            ("order", "shifts", "memory", "variances"),
+        ),
+        "MotionTracker.push": Valid(
+            _method(tracker, "push"), {"name": name, "stamp": stamp + 1.0, "values": row}
+        ),
+        "MotionTracker.now": Valid(_method(tracker, "now"), {}, ("time",)),
+        "MotionTracker.past": Valid(_method(tracker, "past"), {"times": [0.01, 0.02]}),
+    }  # fmt: skip
+    for smoother in (sensing.SavitzkyGolay(window=0.06), sensing.Spline(0.02), sensing.Kalman()):
+        given = {"time": time, "values": np.sin(time)[:, None], "std": 0.01}
+        found[f"{type(smoother).__name__}.smooth"] = Valid(smoother.smooth, given, ("at",))
+    return found
+
+
+def _solved() -> dict[str, Valid]:
+    """Valid calls of methods of programs, weights, maps of a flight and steered gaits."""
+    orbit = _orbit()
+    rows = orbit.family.rows(orbit.values, 40, orbit.aero.air)
+
+    def flown(states: Any) -> Any:
+        return orbit.map.fly(states, rows)
+
+    def weights() -> Any:
+        return control.AirWeights(np.ones(2), np.ones(2), 10.0)
+
+    def program() -> Any:
+        made = control.QuadraticProgram(2, 2, 1)
+        for name in "QR":
+            made[name][...] = np.eye(made[name].shape[-1])
+        return made
+
+    def steered() -> Any:
+        return control.LinearRegulator(orbit, [*orbit.robot.actuators]).model.steered
+
+    return {
+        "AirWeights.learn": Valid(
+            _method(weights, "learn"), {"slopes": np.eye(2), "measured": np.ones(2)}, ("alike",)
+        ),
+        "AirWeights.forget": Valid(_method(weights, "forget"), {"share": 0.5}),
+        "AirWeights.differ": Valid(_method(weights, "differ"), {"others": np.ones(2)}),
+        "QuadraticProgram.__getitem__": Valid(_method(program, "__getitem__"), {"name": "x"}),
+        "QuadraticProgram.solve": Valid(
+            _method(program, "solve"), {"inverse": program().inverse()}
+        ),
+        "FlightMap.fly": Valid(flown, {"states": orbit.states[:1]}),
+        "GaitFamily.rows": Valid(
+            orbit.family.rows, {"values": orbit.values, "steps": 40, "air": orbit.aero.air}
+        ),
+        "SteeredGait.motion": Valid(_method(steered, "motion"), {"time": [0.0, 0.01]}),
+        "SteeredGait.command": Valid(
+            _method(steered, "command"), {"time": 0.01, "commands": {}}
+        ),
+        "SteeredGait.limits": Valid(
+            _method(steered, "limits"), {"name": next(iter(orbit.robot.actuators))}
+        ),
+    }  # fmt: skip
 
 
 def _orbit() -> Any:

@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 import patagium as pt
 from patagium import control
@@ -130,12 +130,12 @@ class GradientWeights(AirWeights):
         memory: Number of wingbeats over which these two questions are judged.
     """
 
-    def learn(self, slopes: Array, measured: Array, alike: float = 1.0) -> None:
+    def learn(self, slopes: ArrayLike, measured: ArrayLike, alike: float = 1.0) -> None:
         """Take one gradient step with the samples of a beat; see `AirWeights.learn`."""
-        before = self.weights
+        before, h = self.weights, np.asarray(slopes, float)
         super().learn(slopes, measured, alike)
-        scaled = slopes * self.stds
-        steepest = self.stds * (scaled.T @ (measured - slopes @ before))
+        scaled = h * self.stds
+        steepest = self.stds * (scaled.T @ (np.asarray(measured) - h @ before))
         self.weights = before + steepest / np.linalg.norm(scaled, 2) ** 2
 
     def forget(self, share: float) -> None:

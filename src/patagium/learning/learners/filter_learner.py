@@ -260,9 +260,7 @@ class FilterLearner(OnlineLearner):
         """More noise of the measurement for one sample; where the filter's C code looks for it."""
         if std is None:
             return nullcontext()
-        added, shape = real_array("std", std), self._screen.stated.shape
-        if added.shape != shape:
-            raise ShapeError("std", shape, added.shape)
+        added = real_array("std", std, self._screen.stated.shape)
         if (added < 0).any() or np.isinf(added).any():
             raise ParameterError("std", "zero or more", added.tolist())
         return self._screen.noisier(np.nan_to_num(added) ** 2)

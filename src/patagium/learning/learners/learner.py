@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
 from patagium.arrays import Array, Bools, real_array
-from patagium.errors import FilterDiverged, Outcome, ShapeError
+from patagium.errors import FilterDiverged, Outcome
 from patagium.learning.filters.screening import NEWER, Screen
 from patagium.learning.filters.state import arrays_like, part
 from patagium.learning.learners.state_file import write_state
@@ -283,10 +283,7 @@ def as_input(network: Network, x: ArrayLike) -> Array:
     Raises:
         ShapeError: If it has another shape.
     """
-    sample = real_array("x", x)
-    if sample.shape != (network.inputs,):
-        raise ShapeError("x", (network.inputs,), sample.shape)
-    return sample
+    return real_array("x", x, (network.inputs,))
 
 
 def shaped_sample(network: Network, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
@@ -295,10 +292,7 @@ def shaped_sample(network: Network, x: ArrayLike, y: ArrayLike) -> tuple[Array, 
     Raises:
         ShapeError: If one of them has another shape.
     """
-    sample, measured = as_input(network, x), real_array("y", y)
-    if measured.shape != (network.outputs,):
-        raise ShapeError("y", (network.outputs,), measured.shape)
-    return sample, measured
+    return as_input(network, x), real_array("y", y, (network.outputs,))
 
 
 def diverged(outcome: Outcome, count: int, x: Array, y: Array) -> FilterDiverged:

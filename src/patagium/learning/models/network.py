@@ -168,9 +168,7 @@ class Network(Protocol):
         Raises:
             ShapeError: If an argument has another shape.
         """
-        sample = real_array("x", x)
-        if sample.shape != (self.inputs,):
-            raise ShapeError("x", (self.inputs,), sample.shape)
+        sample = real_array("x", x, (self.inputs,))
         return np.asarray(self.evaluate(sample[None], weights)[0])
 
     def evaluate(self, x: ArrayLike, weights: ArrayLike) -> Array:
@@ -183,11 +181,8 @@ class Network(Protocol):
         Raises:
             ShapeError: If an argument has another shape.
         """
-        samples, w = real_array("x", x), real_array("weights", weights)
-        if samples.ndim != 2 or samples.shape[1] != self.inputs:
-            raise ShapeError("x", ("N", self.inputs), samples.shape)
-        if w.shape != (self.size,):
-            raise ShapeError("weights", (self.size,), w.shape)
+        samples = real_array("x", x, ("N", self.inputs))
+        w = real_array("weights", weights, (self.size,))
         y = np.empty((len(samples), self.outputs))
         for start in range(0, len(samples), _BLOCK):
             part = slice(start, start + _BLOCK)

@@ -24,11 +24,11 @@ from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_simpson
 
 from patagium.aerodynamics import AddedMass
-from patagium.arguments import checked
-from patagium.arrays import Array, Bools, brief
+from patagium.arguments import checked, of_kind
+from patagium.arrays import Array, Bools, brief, real_array, selected
 from patagium.dynamics import equations
 from patagium.dynamics.kinematics import body_poses, generalized_force
-from patagium.errors import FlightError, LogError, ParameterError, ShapeError, positive
+from patagium.errors import FlightError, LogError, ParameterError, positive
 from patagium.native import NativeFunction, load_functions
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import added_mass_force, air_force
@@ -67,14 +67,11 @@ class ForceSamples:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        shape = (len(self.time), self.robot.dof)
-        if self.a is not None and self.a.shape != shape:
-            raise ShapeError("a", shape, self.a.shape)
-        for name in ("q", "v", "force"):
-            if getattr(self, name).shape != shape:
-                raise ShapeError(name, shape, getattr(self, name).shape)
-        if self.covariance.shape != (*shape, self.robot.dof):
-            raise ShapeError("covariance", (*shape, self.robot.dof), self.covariance.shape)
+        of_kind("robot", self.robot, Robot)
+        shape = (len(real_array("time", self.time, ("N",))), self.robot.dof)
+        for name in ("q", "v", "force", *(["a"] if self.a is not None else [])):
+            real_array(name, getattr(self, name), shape)
+        real_array("covariance", self.covariance, (*shape, self.robot.dof))
 
     @property
     def state(self) -> Array:
@@ -97,8 +94,11 @@ class ForceSamples:
 
         Args:
             kept: A slice, indices in order, or a bool for each sample.
+
+        Raises:
+            ParameterError: If it is something else.
         """
-        chosen = kept if isinstance(kept, slice) else np.asarray(kept)
+        chosen = selected(kept, len(self.time))
         names = ["time", "q", "v", "force", "covariance", *(["a"] if self.a is not None else [])]
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
@@ -313,8 +313,7 @@ class ForceParts:
         shape = (len(self.time), width)
         if signal is None:
             return Measured(np.zeros(shape), np.zeros(shape))
-        if signal.values.shape != shape:
-            raise ShapeError(name, shape, signal.values.shape)
+        real_array(name, signal.values, shape)
         return signal
 
     def _evaluate(

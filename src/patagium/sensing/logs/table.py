@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.arrays import Array, brief
+from patagium.arrays import Array, brief, selected
 from patagium.errors import LogError
 from patagium.sensing.logs.files.table_files import HEADER
 from patagium.sensing.logs.mapping import TableMapping, ValueColumn, conversion
@@ -59,8 +59,11 @@ class LogTable:
 
         Args:
             kept: Slice, increasing indices, or a bool for each sample.
+
+        Raises:
+            ParameterError: If it is something else.
         """
-        chosen = kept if isinstance(kept, slice) else np.asarray(kept)
+        chosen = selected(kept, len(self.time))
         time = self.time[chosen]
         step = float(np.median(np.diff(self.time)))
         gaps = np.flatnonzero(np.diff(time) > self.gap * step) + 1

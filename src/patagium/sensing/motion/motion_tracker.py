@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from patagium.arguments import checked
-from patagium.arrays import Array, real_array
+from patagium.arrays import Array, real_array, rising
 from patagium.errors import LogError, ParameterError, ShapeError, positive
 from patagium.robot import Robot
 from patagium.sensing.motion.estimate_motion import (
@@ -109,6 +109,7 @@ class MotionTracker:
         LogError: If no sensor sees motion, or a coordinate is seen by none.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,
@@ -130,8 +131,12 @@ class MotionTracker:
         models = measurement_models(sensors, self.robot)
         if not models:
             raise LogError("sensors: expected encoders, inertial units or cameras, found none")
+        for word, given, known in (("shifts", shifts, sensors), ("variances", variances, models)):
+            for name in given or {}:
+                if name not in known:
+                    raise ParameterError(word, f"those of {', '.join(known)}", name, known)
         for name, values in (variances or {}).items():
-            models[name].variances = values
+            models[name].variances = real_array("variances", values, models[name].variances.shape)
         self.rates = {name: sensors[name].rate for name in models}
         self.widths = {name: model.width for name, model in models.items()}
         self.shifts = dict(shifts or {})
@@ -186,13 +191,13 @@ class MotionTracker:
         """
         if name not in self.rates:
             raise ParameterError("name", f"one of {', '.join(self.rates)}", name)
-        row, time = real_array("values", values), stamp - self.shifts.get(name, 0.0)
-        if row.shape != (self.widths[name],):
-            raise ShapeError("values", (self.widths[name],), row.shape)
+        row = real_array("values", values, (self.widths[name],))
+        time = stamp - self.shifts.get(name, 0.0)
         for part in self.parts:
             if name in part.models:
                 part.push(name, time, row, self.memory)
 
+    @checked
     def now(self, time: float | None = None) -> MotionNow:
         """Motion after all samples so far.
 
@@ -200,7 +205,8 @@ class MotionTracker:
             time: Time at or after the last sample [s]; None for that of the last sample.
 
         Raises:
-            LogError: If tracking has not started, or the time is before the last sample.
+            LogError: If tracking has not started, or the time is before the last sample or so far
+                after it that nothing is known.
         """
         self._require_started()
         latest = max(part.events[-1].time for part in self.parts)
@@ -218,6 +224,8 @@ class MotionTracker:
             place = (columns + n * np.arange(3)[:, None]).ravel()
             covariance[0][np.ix_(place, place)] = estimate.covariance[: len(place), : len(place)]
             attitude = attitude @ estimate.motion.attitude  # the identity but for one part
+        if not np.isfinite(covariance).all():
+            raise LogError(f"time: expected soon after {latest:.6g} s, found {moment:.6g} s")
         found = SmoothedMotion(levels, Rotation.from_matrix(attitude[None]), covariance)
         levels, covariance = in_coordinates(self.robot, found)
         q, v, a = levels[0]
@@ -236,7 +244,9 @@ class MotionTracker:
             LogError: If tracking has not started, or a time is out of the memory.
         """
         self._require_started()
-        moments, n = np.asarray(times, float), self.robot.dof
+        moments, n = rising(real_array("times", times, ("N",))), self.robot.dof
+        if not np.isfinite(moments[:1]).all() or not len(moments):
+            raise LogError(f"times: expected one at least, found {moments.tolist()}")
         levels = np.zeros((len(moments), 3, n))
         attitude = np.tile(np.eye(3), (len(moments), 1, 1))
         for part in self.parts:

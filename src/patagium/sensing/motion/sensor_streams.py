@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from patagium.arrays import Array, Indices, real_array
-from patagium.errors import LogError, ParameterError, ShapeError
+from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot
 from patagium.sensing.motion.frame_model import FrameModel, Motion, rotation_vector
 from patagium.sensing.sensors import Encoder, Imu, MotionCapture, SensorLog, from_quaternion
@@ -354,9 +354,7 @@ def given_density(robot: Robot, given: ArrayLike | None) -> Array | None:
     """
     if given is None:
         return None
-    drive = real_array("density", given)
-    if drive.shape != (robot.dof,):
-        raise ShapeError("density", (robot.dof,), drive.shape)
+    drive = real_array("density", given, (robot.dof,))
     if not (np.isfinite(drive).all() and (drive > 0).all()):
         raise ParameterError("density", "positive numbers", drive.tolist())
     return drive

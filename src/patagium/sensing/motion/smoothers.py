@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arguments import check_fields
-from patagium.arrays import Array, Indices, rising
+from patagium.arrays import Array, Indices, real_array, rising
 from patagium.errors import FilterDiverged, LogError, ParameterError, ShapeError, positive
 from patagium.sensing.motion.banded import SEEN, Information, Knots
 
@@ -239,14 +239,9 @@ def _solve(matrices: Array, right: Array) -> Array:
 def _checked(
     time: ArrayLike, values: ArrayLike, std: ArrayLike, density: ArrayLike, order: int
 ) -> tuple[Array, Array, Array, Array]:
-    stamps, y = rising(time), np.asarray(values, float)
-    if y.ndim != 2 or stamps.shape != (len(y),) or len(y) < 2:
-        raise ShapeError("values", "(N, B) with N times, N >= 2", y.shape)
+    stamps, y = _samples(time, values)
     if order not in ORDERS:
         raise ParameterError("order", f"one of {ORDERS}", order)
-    silent = np.flatnonzero(~np.isfinite(y).any(axis=0))
-    if len(silent):
-        raise LogError(f"values: expected measurements in column {silent[0]}, found none")
     noise = np.broadcast_to(np.asarray(std, float), y.shape)
     drive = np.broadcast_to(np.asarray(density, float), y.shape[1:])
     for name, array in (("std", noise), ("density", drive)):
@@ -255,12 +250,37 @@ def _checked(
     return stamps, y, noise**2, np.array(drive)
 
 
+def _samples(time: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
+    stamps, y = rising(time), real_array("values", values)
+    if y.ndim != 2 or stamps.shape != (len(y),) or len(y) < 2:
+        raise ShapeError("values", "(N, B) with N times, N >= 2", y.shape)
+    silent = np.flatnonzero(~np.isfinite(y).any(axis=0))
+    if len(silent):
+        raise LogError(f"values: expected measurements in column {silent[0]}, found none")
+    return stamps, y
+
+
+def _series(
+    time: ArrayLike, values: ArrayLike, std: ArrayLike, at: ArrayLike | None
+) -> tuple[Array, Array, Array, Array]:
+    """Checked samples, their deviations, (B,), and the times of the result."""
+    stamps, y = _samples(time, values)
+    deviations, moments = real_array("std", std), stamps
+    if deviations.shape not in ((), y.shape[1:]):
+        raise ShapeError("std", y.shape[1:], deviations.shape)
+    if at is not None:
+        moments = real_array("at", at, ("N",))
+    if not (len(moments) and np.isfinite(moments).all() and np.isfinite(deviations).all()):
+        raise ParameterError("at and std", "finite numbers", (at, std))
+    return stamps, y, np.broadcast_to(deviations, y.shape[1:]), moments
+
+
 @runtime_checkable
 class Smoother(Protocol):
     """Smoother that gives rates and accelerations of measured coordinates."""
 
     def smooth(
-        self, time: Array, values: Array, std: ArrayLike, at: Array | None = None
+        self, time: ArrayLike, values: ArrayLike, std: ArrayLike, at: ArrayLike | None = None
     ) -> Smoothed:
         """Coordinates and two derivatives at given times.
 
@@ -271,6 +291,8 @@ class Smoother(Protocol):
             at: Times of the result, (M,) [s]; None for those of the samples.
 
         Raises:
+            ShapeError: If arrays do not fit each other.
+            ParameterError: If they hold no numbers.
             LogError: If there are too few samples.
         """
         ...
@@ -300,19 +322,17 @@ class Kalman:
             raise ParameterError("density", "a positive number", self.density)
 
     def smooth(
-        self, time: Array, values: Array, std: ArrayLike, at: Array | None = None
+        self, time: ArrayLike, values: ArrayLike, std: ArrayLike, at: ArrayLike | None = None
     ) -> Smoothed:
         """Coordinates and two derivatives at the times `at`, (M,) [s]; see `Smoother`."""
-        density = self.density
-        drive = (
-            likely_density(time, values, std, order=self.order)
-            if density is None
-            else np.full(values.shape[1], density)
-        )
-        grid, rows = merged_times(time, time if at is None else at)
-        known = np.full((len(grid), values.shape[1]), np.nan)
-        known[np.searchsorted(grid, time)] = values
-        found = smooth_chain(grid, known, std, drive, order=self.order)
+        stamps, y, deviations, times = _series(time, values, std, at)
+        drive: ArrayLike | None = self.density
+        if drive is None:
+            drive = likely_density(stamps, y, deviations, order=self.order)
+        grid, rows = merged_times(stamps, times)
+        known = np.full((len(grid), y.shape[1]), np.nan)
+        known[np.searchsorted(grid, stamps)] = y
+        found = smooth_chain(grid, known, deviations, drive, order=self.order)
         return Smoothed(found.state[rows, :, :3], found.covariance[rows, :, :3, :3])
 
 
@@ -334,22 +354,21 @@ class Spline:
         positive("knot_step", self.knot_step, "a positive number of seconds")
 
     def smooth(
-        self, time: Array, values: Array, std: ArrayLike, at: Array | None = None
+        self, time: ArrayLike, values: ArrayLike, std: ArrayLike, at: ArrayLike | None = None
     ) -> Smoothed:
         """Coordinates and two derivatives at the times `at`, (M,) [s]; see `Smoother`.
 
         Raises:
             LogError: If spans between knots have no samples.
         """
-        times = time if at is None else at
-        begin, end = min(time[0], times[0]), max(time[-1], times[-1])
+        taken, y, deviations, times = _series(time, values, std, at)
+        begin, end = min(taken[0], times.min()), max(taken[-1], times.max())
         knots = Knots(begin, end, (end - begin) / max(1, round((end - begin) / self.knot_step)))
         span, rows = knots.span_of(times), knots.weights(times)
-        variance = np.broadcast_to(np.square(std), values.shape[1:])
-        state = np.empty((len(times), values.shape[1], 3))
+        state = np.empty((len(times), y.shape[1], 3))
         covariance = np.empty((*state.shape, 3))
-        for b, column in enumerate(values.T):
-            stamps, known = time[np.isfinite(column)], column[np.isfinite(column)]
+        for b, column in enumerate(y.T):
+            stamps, known = taken[np.isfinite(column)], column[np.isfinite(column)]
             information = Information(knots.count, 1)
             information.add(knots.span_of(stamps), knots.weights(stamps, 1), known[:, None])
             try:
@@ -362,7 +381,7 @@ class Spline:
             seen = points[span[:, None] + np.arange(SEEN), 0]
             state[:, b] = np.einsum("mkj,mj->mk", rows, seen)
             spread = rows @ found.of_spans(span) @ np.swapaxes(rows, 1, 2)
-            covariance[:, b] = variance[b] * spread
+            covariance[:, b] = deviations[b] ** 2 * spread
         return Smoothed(state, covariance)
 
 
@@ -388,21 +407,20 @@ class SavitzkyGolay:
             raise ParameterError("degree", "an integer of at least 2", self.degree)
 
     def smooth(
-        self, time: Array, values: Array, std: ArrayLike, at: Array | None = None
+        self, time: ArrayLike, values: ArrayLike, std: ArrayLike, at: ArrayLike | None = None
     ) -> Smoothed:
         """Coordinates and two derivatives at the times `at`, (M,) [s]; see `Smoother`.
 
         Raises:
             LogError: If a window holds too few samples for the polynomial.
         """
-        times = time if at is None else at
-        deviations = np.broadcast_to(np.asarray(std, float), values.shape[1:])
-        state = np.empty((len(times), values.shape[1], 3))
+        taken, y, deviations, times = _series(time, values, std, at)
+        state = np.empty((len(times), y.shape[1], 3))
         covariance = np.empty((*state.shape, 3))
         half = self.window / 2
-        for b, column in enumerate(values.T):
+        for b, column in enumerate(y.T):
             seen = np.isfinite(column)
-            stamps, known = time[seen], column[seen]
+            stamps, known = taken[seen], column[seen]
             for m, now in enumerate(times):
                 middle = min(max(now, stamps[0] + half), stamps[-1] - half)
                 lo, hi = np.searchsorted(stamps, [middle - half - 1e-12, middle + half + 1e-12])

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from patagium.arrays import Array, real_array
-from patagium.errors import FlightError, ParameterError, ShapeError, positive
+from patagium.errors import FlightError, ParameterError, positive
 from patagium.sensing.sensors.scene import Scene, low_pass
 from patagium.sensing.sensors.sensor import (
     Axes,
@@ -88,9 +88,7 @@ class LoadCell(FramedSensor):
             if getattr(self, name) is not None:
                 positive(name, min(getattr(self, name)))
         if self.cross_talk is not None:
-            matrix = real_array("cross_talk", self.cross_talk)
-            if matrix.shape != (6, 6):
-                raise ShapeError("cross_talk", (6, 6), matrix.shape)
+            matrix = real_array("cross_talk", self.cross_talk, (6, 6))
             if not np.isfinite(matrix).all():
                 raise ParameterError("cross_talk", "finite numbers", self.cross_talk)
             rows = tuple(tuple(float(x) for x in row) for row in matrix)

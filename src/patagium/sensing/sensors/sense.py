@@ -61,7 +61,7 @@ class SensorLog:
         Raises:
             ParameterError: If the log has no such sensor.
         """
-        if name not in self.readings:
+        if not (isinstance(name, str) and name in self.readings):
             raise ParameterError("sensor", f"one of {', '.join(self.readings)}", name)
         return self.readings[name]
 

@@ -238,9 +238,7 @@ def axes(name: str, value: Any) -> Axes:
         ShapeError: If the value is not (3, 3).
         ParameterError: If the value is no rotation.
     """
-    matrix = real_array(name, value)
-    if matrix.shape != (3, 3):
-        raise ShapeError(name, (3, 3), matrix.shape)
+    matrix = real_array(name, value, (3, 3))
     tolerance = 1e-9  # rounding of sines and cosines
     turned = np.abs(matrix @ matrix.T - np.eye(3)).max() < tolerance
     if not (turned and np.linalg.det(matrix) > 0):
