@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, wraps
 from inspect import Parameter, signature
+from math import isfinite
 from numbers import Integral
 from types import MappingProxyType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -38,9 +39,18 @@ def checked(function: _Function) -> _Function:
             dictionary does not have is a TypeError.
     """
     known = signature(function)
+    listed = [one.kind for one in known.parameters.values()]
+    plain = not {Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD} & {*listed}
+    names = [name for name, one in known.parameters.items() if one.kind is not one.KEYWORD_ONLY]
 
     @wraps(function)
     def entered(*given: Any, **named: Any) -> Any:
+        if plain and len(given) <= len(names):
+            kinds = _kinds(function)
+            for name, value in (*zip(names, given, strict=False), *named.items()):
+                if name in kinds:
+                    of_kind(name, value, kinds[name])
+            return function(*given, **named)
         try:
             found = known.bind(*given, **named).arguments
         except TypeError:  # Python says it in its own words
@@ -115,6 +125,8 @@ def _typed(owner: Any) -> dict[str, Any]:
 
 def _fits(value: Any, kind: Any) -> bool:
     """Whether the type of a value is that of an annotation; any value fits an unknown one."""
+    if type(value) is kind and kind is not int:
+        return kind is not float or isfinite(value)
     origin, inner = get_origin(kind), get_args(kind)
     if kind is Any:
         return True

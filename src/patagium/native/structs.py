@@ -33,11 +33,7 @@ _FUNCTIONS = {
 
 
 def header_numbers(name: str) -> SimpleNamespace:
-    """Numeric constants (`#define`) of a C header in `kernels/`, by name.
-
-    Args:
-        name: File of the header.
-    """
+    """Numeric constants (`#define`) of a C header in `kernels/`, by name."""
     text = (Path(__file__).parent / "kernels" / name).read_text("utf-8")
     found = re.findall(r"^#define (\w+) (\d\S*)", text, re.MULTILINE)
     return SimpleNamespace(**{key: float(value) for key, value in found})

@@ -148,11 +148,7 @@ class StateLayout:
         return q, v
 
     def prescribed_acceleration(self, row: ca.SX) -> ca.SX:
-        """Accelerations of hidden and prescribed coordinates, (hidden + n_p, 1) [m/s^2, rad/s^2].
-
-        Args:
-            row: Row of the table, (row_size,).
-        """
+        """Accelerations of hidden, then prescribed coordinates, (hidden + n_p, 1) [SI]."""
         first = len(self.prescribed_coordinates)
         count = len(self.prescribed)
         given = row[first + count : first + 2 * count]

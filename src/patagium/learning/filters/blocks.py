@@ -131,11 +131,7 @@ BLOCKS = Structure(
 
 
 def lower_roots(roots: Roots) -> Roots:
-    """Lower triangular square roots of the same blocks, (k, k) each.
-
-    Args:
-        roots: Square root of each block, (k, k) [1].
-    """
+    """Lower triangular square roots of the same blocks, (k, k) each."""
     return [triangular(root) if np.triu(root, 1).any() else root for root in roots]
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,7 +63,7 @@ class MotionEstimate:
         """Covariance S S^T of the error-state, (s, s), in products of its units."""
         return np.asarray(self.root @ self.root.T)
 
-    @property
+    @cached_property
     def row(self) -> Array:
         """Levels, attitude, biases and root one after the other, in their units."""
         parts = self.motion.levels, self.motion.attitude, self.biases, self.root
@@ -143,10 +143,12 @@ class MotionFilter:
     def estimate_of(self, row: Array) -> MotionEstimate:
         """Estimate whose `row` is this one."""
         n, s = self.robot.dof, self.size
-        ends = np.cumsum([self.order * n, 9, self.biases])
-        levels, attitude, biases, root = np.split(row, ends)
-        motion = Motion(levels.reshape(self.order, n), attitude.reshape(3, 3))
-        return MotionEstimate(motion, biases, root.reshape(s, s))
+        a, b = self.order * n, self.order * n + 9
+        motion = Motion(row[:a].reshape(self.order, n), row[a:b].reshape(3, 3))
+        root = row[b + self.biases :].reshape(s, s)
+        found = MotionEstimate(motion, row[b : b + self.biases], root)
+        found.__dict__["row"] = row
+        return found
 
     def bias_of(self, estimate: MotionEstimate, name: str) -> Array:
         """Estimated bias of an inertial unit, (6,) [m/s^2, rad/s]."""
@@ -440,8 +442,8 @@ class CompiledFilter:
         m = self._kernel.motion_update(self._struct, len(numbers), *places, self._doubles[1])
         if m < 0:
             return None
-        innovation, slope, gain = np.split(self.found[: m * (2 * s + 1)].copy(), [m, m + m * s])
-        return to, innovation, slope.reshape(m, s), gain.reshape(s, m)
+        found, end = self.found[: m * (2 * s + 1)].copy(), m + m * s
+        return to, found[:m], found[m:end].reshape(m, s), found[end:].reshape(s, m)
 
 
 def _address(array: NDArray[Any]) -> ctypes.c_void_p:
