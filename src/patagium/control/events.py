@@ -278,12 +278,7 @@ def off_nominal(robot: Robot, share: float, seed: int) -> Robot:
 
 
 def without_tip(robot: Robot, wing: str, share: float) -> Robot:
-    """Robot without the outer part of a wing; the same structure with other numbers.
-
-    Args:
-        robot: The machine.
-        wing: Name of the wing.
-        share: Part of its span that is lost, above 0 to 1.
+    """Robot without the outer share of a wing's span; the same structure with other numbers.
 
     Raises:
         ParameterError: If there is no such wing, or the share is not within its range.

@@ -216,6 +216,8 @@ def power_front(
     """
     if harmonics < 2:
         raise ParameterError("harmonics", "at least 2, more than the best sinusoid has", harmonics)
+    if len({*speeds}) < len(speeds):
+        raise ParameterError("speeds", "each speed once", speeds)
     found: list[tuple[float, OptimalGait | NoOrbit]] = []
     last: OptimalGait | None = None
     for speed in speeds:

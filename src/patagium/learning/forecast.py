@@ -165,13 +165,7 @@ class Repetition:
         return f"last wingbeat of the inputs repeated{rest}"
 
     def beat_before(self, last: int, ahead: float, period: float) -> Array:
-        """Signals at a time ahead less as many wingbeats as needed, (k,) [their units].
-
-        Args:
-            last: Sample from which on nothing is known.
-            ahead: Time after it [s].
-            period: Wingbeat [s].
-        """
+        """Signals at a time ahead less as many wingbeats as needed, (k,) [their units]."""
         beats = ceil(ahead / period - 1e-9) * period
         return np.asarray(self._at(self._time[[last]] + ahead - beats, last)[0])
 

@@ -12,11 +12,13 @@ import os
 import platform
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 from patagium.errors import CompilerError, ParameterError
@@ -204,24 +206,36 @@ def _compiled(compiler: Sequence[str], sources: Mapping[str, str], flags: Sequen
         for name, text in sources.items():
             (work / name).write_text(text)
         units = [work / name for name in sources if name.endswith(".c")]
+        running: list[subprocess.Popen[str]] = []
 
         def compiled(unit: Path) -> str:
             target = str(unit.with_suffix(".o"))
             include = (f"-I{KERNELS}", f"-I{work}")
-            _run([*compiler, *flags, *include, "-c", str(unit), "-o", target])
+            _run([*compiler, *flags, *include, "-c", str(unit), "-o", target], running)
             return target
 
-        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-            objects = list(pool.map(compiled, units))
         library = work / "library.so"
-        _run([*compiler, "-shared", *objects, "-o", str(library), "-lm"])
+        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+            try:
+                objects = list(pool.map(compiled, units))
+                _run([*compiler, "-shared", *objects, "-o", str(library), "-lm"], running)
+            except BaseException:  # Ctrl-C does not wait for compilers
+                for process in running:
+                    with suppress(ProcessLookupError):
+                        os.killpg(process.pid, signal.SIGKILL)
+                raise
         return library.read_bytes()
 
 
-def _run(command: Sequence[str]) -> None:
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode != 0:
-        words = done.stderr.strip()[-4000:] or f"exit status {done.returncode}"
+def _run(command: Sequence[str], running: list[subprocess.Popen[str]]) -> None:
+    """Run a command in a process group of its own, which `running` is told of."""
+    out, errors = subprocess.DEVNULL, subprocess.PIPE
+    process = subprocess.Popen(
+        command, stdout=out, stderr=errors, text=True, start_new_session=True
+    )
+    running.append(process)
+    words = process.communicate()[1].strip()[-4000:] or f"exit status {process.returncode}"
+    if process.returncode != 0:
         raise CompilerError(f"{shlex.join(command)}\nfailed:\n{words}")
 
 

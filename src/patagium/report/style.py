@@ -183,11 +183,7 @@ def legend_above(figure: Figure, axes: Axes) -> None:
 
 
 def legend_columns(labels: Sequence[str]) -> int:
-    """Most columns of a legend that fit across the page, five at most.
-
-    Args:
-        labels: In the order of the legend, which fills column by column.
-    """
+    """Most columns, five at most, of a legend that fits across; it fills column by column."""
     for columns in range(min(len(labels), 5), 1, -1):
         rows = -(-len(labels) // columns)
         longest = (max(map(len, labels[i : i + rows])) for i in range(0, len(labels), rows))

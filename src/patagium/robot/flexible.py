@@ -46,11 +46,7 @@ class Pieces:
         return piece, y - (self.origin(piece) if piece else 0.0)
 
     def origin(self, piece: int) -> float:
-        """Place of a piece's inner hinge along y in the body's axes [m].
-
-        Args:
-            piece: Its number, from 1.
-        """
+        """Place of a piece's inner hinge along y in the body's axes [m]."""
         return self.root + self.outwards * float(self.hinges[piece - 1])
 
 

@@ -73,11 +73,7 @@ class GustField:
         return np.column_stack([rows, _met(pieces, times, self._delays(states, rows))])
 
     def without_gust(self, rows: Array) -> Array:
-        """Rows of full length, with nothing met, (N, row_size + 9 n).
-
-        Args:
-            rows: Prescribed rows, (N, row_size) [SI].
-        """
+        """Rows of full length, with nothing met, (N, row_size + 9 n)."""
         return np.column_stack([rows, np.zeros((len(rows), GUST_COMPONENTS * self.strips))])
 
     def _delays(self, states: Array, rows: Array) -> Array:

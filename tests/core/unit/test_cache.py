@@ -313,6 +313,26 @@ def test_a_killed_build_is_repeated_and_its_rest_is_removed(folder, tmp_path, mo
     assert not list(folder.glob("making-*"))
 
 
+@needs_posix
+def test_an_interruption_does_not_wait_for_compilers(tmp_path):
+    """A compiler of another process group, as where Ctrl-C reaches the program alone."""
+    begun, done = tmp_path / "begun", tmp_path / "done"
+    slow = ["sh", "-c", f"touch {begun}; sleep 20; touch {done}"]
+
+    def interrupt() -> None:
+        until = time.monotonic() + 20
+        while not begun.exists() and time.monotonic() < until:
+            time.sleep(0.02)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    with ThreadPoolExecutor(1) as pool:
+        asked = pool.submit(interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            compiler._compiled(slow, {"a.c": "", "b.c": ""}, [])
+        asked.result()
+    assert begun.exists() and not done.exists()
+
+
 def age(path: Path, seconds: float = 7200.0) -> None:
     old = time.time() - seconds
     os.utime(path, (old, old))

@@ -142,6 +142,8 @@ def test_a_front_has_gaits_and_sinusoids_at_each_speed(ornithopter, tmp_path, ca
     assert picture.read_text().startswith("<?xml")
     with pytest.raises(ParameterError, match="at least 2"):
         pt.control.power_front(ornithopter, [4.0], harmonics=1)
+    with pytest.raises(ParameterError, match="speeds: expected each speed once"):
+        pt.control.power_front(ornithopter, [4.0, 4.4, 4.0])
 
 
 def test_the_verb_writes_a_flight_and_a_gait_to_fly(ornithopter, tmp_path, capsys):
