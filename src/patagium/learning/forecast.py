@@ -451,6 +451,6 @@ def named_horizons(horizons: Horizons) -> dict[str, float]:
         return {}
     if isinstance(horizons, Mapping):
         return {name: duration(f"horizon {name!r}", one) for name, one in horizons.items()}
-    several = [horizons] if isinstance(horizons, (int, float, str)) else list(horizons)
+    several = [horizons] if isinstance(horizons, str) or not np.iterable(horizons) else horizons
     lengths = [duration("horizon", one) for one in several]
     return {f"{1e3 * one:g}ms" if one < 1 else f"{one:g}s": one for one in lengths}

@@ -18,7 +18,7 @@ from patagium.arrays import Array, Bools
 from patagium.errors import LogError, Outcome, ParameterError, ShapeError
 from patagium.learning.default_learner import choices, chosen_every, default_learner, table_every
 from patagium.learning.filters.misfit import unseen
-from patagium.learning.forecast import Horizons
+from patagium.learning.forecast import Horizons, named_horizons
 from patagium.learning.learners.learner import Learner
 from patagium.learning.model_file import Model
 from patagium.learning.models.memory import network_inputs
@@ -81,7 +81,7 @@ def identify(
     chosen = learner or default_learner(flight if robot is None else robot)
     time, x, y, units = samples(flight, chosen.network, inputs, robot)
     motion, period = None, None if isinstance(flight, ForceSamples) else gait_period(flight)
-    if horizons and not isinstance(flight, ForceSamples):
+    if named_horizons(horizons) and not isinstance(flight, ForceSamples):
         machine = robot_of(flight) if robot is None else robot
         motion = robot_motion(flight, machine, chosen.network, inputs, period)
     step = float(np.median(np.diff(time)))

@@ -74,7 +74,7 @@ def duration(name: str, value: float | str) -> float:
         ParameterError: If it is no time or not positive.
     """
     try:
-        found = in_si(value, "s", "a time")
+        found = in_si(value.item() if isinstance(value, np.generic) else value, "s", "a time")
     except UnitMismatch:
         found = -1.0
     if not found > 0:

@@ -193,6 +193,8 @@ def test_horizons_are_times() -> None:
     assert named_horizons([0.01, "2 s"]) == {"10ms": 0.01, "2s": 2.0}
     assert named_horizons({"beat": 0.2}) == {"beat": 0.2}
     assert named_horizons(None) == {}
+    assert named_horizons(np.float32(0.5)) == {"500ms": 0.5}
+    assert named_horizons(np.array([0.01, 0.02])) == {"10ms": 0.01, "20ms": 0.02}
     for wrong in ("fast", "-1 s", "3 m", 0.0):
         with pytest.raises(ParameterError, match="horizon: expected a positive time"):
             named_horizons(wrong)
