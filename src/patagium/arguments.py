@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from functools import cache, wraps
 from inspect import Parameter, signature
 from math import isfinite
@@ -38,32 +38,21 @@ def checked(function: _Function) -> _Function:
         function: Function or method. Its `**options` may be a `TypedDict`; an option that the
             dictionary does not have is a TypeError.
     """
-    known = signature(function)
-    listed = [one.kind for one in known.parameters.values()]
-    plain = not {Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD} & {*listed}
-    names = [name for name, one in known.parameters.items() if one.kind is not one.KEYWORD_ONLY]
+    known = signature(function).parameters
+    first = (Parameter.POSITIONAL_ONLY, Parameter.POSITIONAL_OR_KEYWORD)
+    names = [name for name, one in known.items() if one.kind in first]
+    rest = next((name for name, one in known.items() if one.kind is Parameter.VAR_KEYWORD), "")
 
     @wraps(function)
     def entered(*given: Any, **named: Any) -> Any:
-        if plain and len(given) <= len(names):
-            kinds = _kinds(function)
-            for name, value in (*zip(names, given, strict=False), *named.items()):
-                if name in kinds:
-                    of_kind(name, value, kinds[name])
-            return function(*given, **named)
-        try:
-            found = known.bind(*given, **named).arguments
-        except TypeError:  # Python says it in its own words
-            return function(*given, **named)
-        kinds, typed = _kinds(function), _typed(function)
-        for name, value in found.items():
-            if name == "options" and typed:
-                _check_options(value, typed, kinds)
-            elif known.parameters[name].kind is Parameter.VAR_KEYWORD:
-                for key, one in value.items():
-                    of_kind(key, one, kinds.get(name, Any))
-            elif name in kinds and known.parameters[name].kind is not Parameter.VAR_POSITIONAL:
+        kinds = _kinds(function)
+        if typed := _typed(function):
+            _check_options(named.keys() - known.keys(), typed, kinds)
+        for name, value in (*zip(names, given, strict=False), *named.items()):
+            if name in kinds:
                 of_kind(name, value, kinds[name])
+            elif rest and name not in known:
+                of_kind(name, value, kinds.get(rest, Any))
         return function(*given, **named)
 
     return entered  # type: ignore[return-value]
@@ -102,12 +91,10 @@ def of_kind(name: str, value: object, kind: Any) -> None:
         raise ParameterError(name, "a whole number, zero or more", value)
 
 
-def _check_options(given: Mapping[str, Any], typed: dict[str, Any], kinds: Any) -> None:
-    if unknown := sorted(given.keys() - typed.keys()):
+def _check_options(given: Set[str], typed: dict[str, Any], kinds: Any) -> None:
+    if unknown := sorted(given - typed.keys()):
         expected = f"expected one of {', '.join(sorted(typed))}{similar(unknown[0], list(kinds))}"
         raise TypeError(f"unexpected keyword argument {unknown[0]!r}, {expected}")
-    for name, value in given.items():
-        of_kind(name, value, typed[name])
 
 
 @cache

@@ -118,7 +118,7 @@ def faster(speed: Any, other: Any) -> Any:
 
 
 def vortex_lift(fed: Any, shed: Any) -> Any:
-    """Vortex lift coefficient, s (C_a - C_s) - y; zero where s (C_a - C_s) has another sign."""
+    """Lift coefficient of the vortex, s (C_a - C_s) - y; zero if s (C_a - C_s) has another sign."""
     sign = fed / ca.sqrt(fed * fed + FEEBLE**2)
     left, most = (fed - shed) * sign - FEEBLE, fed * sign
     return sign * (rounded_ramp(left, FEEBLE) - rounded_ramp(left - most, FEEBLE))

@@ -233,7 +233,7 @@ def _phases(chosen: Bools) -> str:
 
 
 def lateral_states(names: Sequence[str]) -> list[int]:
-    """Places of the states, by their names, that stay zero in a flight in the plane of symmetry."""
+    """Indices of the states that stay zero in flight in the plane of symmetry, from their names."""
     return [
         k for k, x in enumerate(names) if x.removeprefix("velocity of ") in ("y", "roll", "yaw")
     ]
@@ -284,7 +284,7 @@ def _ends(
 
 
 class GaitProgram:
-    """Nonlinear program of the gait of one robot; its functions take scaled unknowns z.
+    """Nonlinear program for the best gait of a robot; z is the vector of scaled unknowns.
 
     Args:
         flight: Map of the flight with the work of the joints.

@@ -136,7 +136,7 @@ class QuadraticProgram:
             self[name][...] = np.inf
 
     def __getitem__(self, name: str) -> Array:
-        """An array of `data`; a number of the solution as an array of no dimension.
+        """Field of the program or of its solution by name; a single number has the shape ().
 
         Raises:
             ParameterError: If there is none of this name.

@@ -236,7 +236,7 @@ class OrbitSearch:
     ) -> tuple[Point, str]:
         """Point where Newton's method ended, and why before an orbit; empty if it is one.
 
-        With `limited` it ends early, without a reason, where the gait and the next exceed a limit.
+        With `limited` it ends early, without a reason, where two gaits exceed the same limit.
         """
         if not np.isfinite(at.size):
             return at, "the flight breaks within the first wingbeat"

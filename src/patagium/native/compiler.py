@@ -222,7 +222,8 @@ def _compiled(compiler: Sequence[str], sources: Mapping[str, str], flags: Sequen
             except BaseException:  # Ctrl-C does not wait for compilers
                 for process in running:
                     with suppress(ProcessLookupError):
-                        os.killpg(process.pid, signal.SIGKILL)
+                        if process.poll() is None:  # another program may have its number by now
+                            os.killpg(process.pid, signal.SIGKILL)
                 raise
         return library.read_bytes()
 

@@ -552,8 +552,7 @@ def _solve_regular(jacobian: Array, error: Array) -> Array:
 def _starts(arm: Robot, tool: Tool, target: PrescribedMotion, start: ArrayLike | None) -> Array:
     """Ways to put the tool where the path begins, (S, 6), each within the limits if it can."""
     if start is not None:
-        seeds = real_array("start", start, (AXES,))
-        seeds = seeds[None]
+        seeds = real_array("start", start, (AXES,))[None]
     else:
         low, high = np.clip([arm.lower, arm.upper], -np.pi, np.pi)
         seeds = np.random.default_rng(0).uniform(low, high, (_SEEDS, AXES))

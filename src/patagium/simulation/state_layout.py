@@ -148,7 +148,7 @@ class StateLayout:
         return q, v
 
     def prescribed_acceleration(self, row: ca.SX) -> ca.SX:
-        """Accelerations of hidden, then prescribed coordinates, (hidden + n_p, 1) [SI]."""
+        """Accelerations of hidden coordinates, then of prescribed ones, (hidden + n_p, 1) [SI]."""
         first = len(self.prescribed_coordinates)
         count = len(self.prescribed)
         given = row[first + count : first + 2 * count]

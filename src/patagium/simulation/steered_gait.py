@@ -118,7 +118,7 @@ class _Answer:
         return now.at(since[:, None] - there * self.lasting)
 
     def own(self, since: Array) -> Array:
-        """The gait's own time, (N,) [s], at times since the command, (N,) [s]."""
+        """Time in the gait, (N,) [s], at times since the command, (N,) [s]."""
         on_ramp = np.minimum(since, self.lasting[0])
         found = self.ramp.integral(on_ramp, 0) + self.fixed.integral(since - on_ramp, 0)
         return np.asarray(self.phase + found)

@@ -155,8 +155,7 @@ def test_parameters_stop_at_limits():
 
 
 def test_a_search_that_leaves_the_limits_is_not_taken_to_its_end():
-    # Of Newton's method, five steps lead to the orbit at the limit: a residual of .7 is squared
-    # from one to the next. A search without the limit first, to its end, takes five more.
+    # Six Newton steps in all; ten where the search without the limit goes on to its end.
     orbit = pt.trim(pt.load_robot("ornithopter"))
     assert orbit.found and orbit.residual <= 1e-12
     assert orbit.iterations <= 7

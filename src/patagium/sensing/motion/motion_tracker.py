@@ -245,7 +245,7 @@ class MotionTracker:
         """
         self._require_started()
         moments, n = rising(real_array("times", times, ("N",))), self.robot.dof
-        if not np.isfinite(moments[:1]).all() or not len(moments):
+        if not (len(moments) and np.isfinite(moments[0])):
             raise LogError(f"times: expected one at least, found {moments.tolist()}")
         levels = np.zeros((len(moments), 3, n))
         attitude = np.tile(np.eye(3), (len(moments), 1, 1))

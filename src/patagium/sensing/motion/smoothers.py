@@ -263,7 +263,7 @@ def _samples(time: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
 def _series(
     time: ArrayLike, values: ArrayLike, std: ArrayLike, at: ArrayLike | None
 ) -> tuple[Array, Array, Array, Array]:
-    """Checked samples, their deviations, (B,), and the times of the result."""
+    """Checked times, values and standard deviations, (B,), of samples; times of the result."""
     stamps, y = _samples(time, values)
     deviations, moments = real_array("std", std), stamps
     if deviations.shape not in ((), y.shape[1:]):
