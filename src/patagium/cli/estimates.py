@@ -104,8 +104,8 @@ def refined(result: Identification, flight: xr.Dataset, every: int) -> Identific
         every: One sample in so many is used.
     """
     from patagium.learning import refine
-    from patagium.learning.identify import samples
     from patagium.learning.parameter_paths import estimates_of, parameter_scores
+    from patagium.learning.samples import samples
 
     time, x, y, _ = samples(flight, result.learner.network)
     model = refine(result.learner, time, x, y, every=every)

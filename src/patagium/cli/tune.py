@@ -180,9 +180,8 @@ def _show(found: Tuned) -> None:
         f"Left out, by weights that stay: CRPS {best.left_out_crps:.3g} standard deviations of the "
         f"output, NMSE {best.left_out_nmse:.3g}, {best.left_out_coverage:.1%} inside the 95 % "
         f"interval. Known, each sample before it was learned, second half: NMSE "
-        f"{best.nmse_second_half:.3g}, {best.coverage_second_half:.1%}, log likelihood "
-        f"{best.log_likelihood_second_half:.6g}. A standard deviation of each output is shown by "
-        "its geometric mean."
+        f"{best.nmse_second_half:.3g}, {best.coverage_second_half:.1%}. A standard deviation of "
+        "each output is shown by its geometric mean."
     )
     typer.echo(
         f"Rule: {found.rule}. {search['refused']} of {search['trials']} trials were refused."

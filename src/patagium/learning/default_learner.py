@@ -17,14 +17,18 @@ from patagium.arguments import checked
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.learner import Learner, OnlineLearner
 from patagium.learning.models.linear_strip import LinearStripNetwork
+from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.models.physical import own_prior
+from patagium.learning.samples import samples
+from patagium.learning.scores import normalized_error
 from patagium.learning.settings import FilterSettings, Misfit, Structure
 from patagium.learning.table_network import network_for
+from patagium.learning.wingbeats import wingbeat_period
 from patagium.robot import Robot
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.sensing.logs.table import LogTable
-from patagium.simulation import air_of, robot_of
+from patagium.simulation import air_of, gait_period, robot_of
 
 HIDDEN = (8, 8)
 """Neurons of each hidden layer of the default network of a table."""
@@ -32,21 +36,55 @@ UPDATE_RATE, PER_WINGBEAT, FASTEST = 100.0, 20.0, 1000.0
 """Updates a second; at least so many a wingbeat; never more a second than the last."""
 MEMORY, LEAST_MEMORY, FLOOR = 100.0, 1000, 0.005
 """Memory of the default learner of a table [s], its least number of updates, floor of `Misfit`."""
+ATTACHED, EXACT = 0.2, 0.05
+"""Error of a lifting line in the first wingbeat, over the variance, below which flow is attached;
+of blade elements, below which nothing else is looked for [1]."""
+_LOOK = 1.0  # s that are looked at where there is no wingbeat
 _OVERHEAD, _OPERATION, _LOAD = 2e-5, 5e-10, 0.5
 # s a sample, s a multiplication and addition (ten times a compiled one), share of the time
 
 
 def default_network(
-    robot: Robot, air: Air | None = None, measured: Sequence[str] | None = None
+    subject: xr.Dataset | ForceSamples | Robot,
+    air: Air | None = None,
+    measured: Sequence[str] | None = None,
 ) -> Network:
     """Default network for the air of a robot with wings.
 
+    The first wingbeat of a log says whether flow is attached: there physics with a lifting line
+    leaves less than `ATTACHED` of the variance of the median output, and less than blade elements.
+
     Args:
-        robot: Robot with strips.
-        air: Air that it flies in; None: air at rest at sea level.
-        measured: Coordinates whose force is measured; None: all.
+        subject: Flight or measured forces, or a robot with strips, of whose air nothing is known.
+        air: Air that it flies in; None: that of a flight, else at rest at sea level.
+        measured: Coordinates whose force is measured; None: those of measured forces, else all.
     """
-    return LinearStripNetwork(robot, air, measured)
+    if isinstance(subject, Robot):
+        return LinearStripNetwork(subject, air, measured)
+    if isinstance(subject, xr.Dataset):
+        robot, air = robot_of(subject), air_of(subject) if air is None else air
+    else:
+        robot, measured = subject.robot, measured or subject.measured
+    network = LinearStripNetwork(robot, air, measured)
+    blades = _physics_error(network, subject)
+    if not blades > EXACT:
+        return network
+    attached = LinearStripNetwork(robot, air, measured, attached=True)
+    return attached if _physics_error(attached, subject) < min(ATTACHED, blades) else network
+
+
+def _physics_error(network: LinearStripNetwork, log: xr.Dataset | ForceSamples) -> float:
+    """Error of physics alone in the first wingbeat over the variance, median output [1].
+
+    Where there is no wingbeat it is that of the first second.
+    """
+    time, x, y, _ = samples(log, network)
+    beat = gait_period(log) if isinstance(log, xr.Dataset) else None
+    beat = wingbeat_period(time, x) if beat is None else beat
+    first = time <= time[0] + (_LOOK if beat is None else beat)
+    weights = network.initial(0)
+    seen = network_inputs(network, weights, time[first], x[first])
+    return float(np.nanmedian(normalized_error(y[first], network.evaluate(seen, weights))))
 
 
 @checked
@@ -74,13 +112,7 @@ def default_learner(
         share = table_share(subject, network, every)
         own = settings or FilterSettings(prior_share=share, misfit=Misfit(FLOOR))
         return ExtendedLearner(network, own, seed=seed)
-    if isinstance(subject, xr.Dataset):
-        robot, air = robot_of(subject), air_of(subject) if air is None else air
-    else:
-        robot = subject.robot if isinstance(subject, ForceSamples) else subject
-    measured = subject.measured if isinstance(subject, ForceSamples) else None
-    network = default_network(robot, air, measured)
-    return ExtendedLearner(network, settings, seed=seed)
+    return ExtendedLearner(default_network(subject, air), settings, seed=seed)
 
 
 def table_share(table: LogTable, network: Network, every: int | None = None) -> float:
@@ -190,8 +222,10 @@ def learner_choices(learner: Learner, *, given: bool) -> dict[str, str]:
     kind, air = described["network"]["kind"], getattr(network, "air", None)
     unknown = air and (air.gust or air.ground is not None)
     wind = {"wind": "steady; gusts and ground are errors of the network"}
+    line = {"flow": "attached, as the first wingbeat says: a lifting line with lags"}
     return {
         **(wind if unknown else {}),
+        **(line if getattr(network, "attached", False) else {}),
         "network": f"{kind}, {layers}, {network.size} weights; {by}",
         "learner": f"{described['kind']}; {by}",
         **_found_words(described, own=bool(np.isfinite(own_prior(network)).all())),

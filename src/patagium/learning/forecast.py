@@ -73,7 +73,7 @@ class FrozenModel(NamedTuple):
     def fork(self) -> ModelMemory:
         """Memory that goes on by itself."""
         found = ModelMemory(self.network)
-        found.states = self.memory.states
+        found.last = self.memory.last
         return found
 
     def predict(self, time: Array, x: Array) -> Array:

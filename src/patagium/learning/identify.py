@@ -15,23 +15,22 @@ from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
 from patagium.arrays import Array, Bools
-from patagium.errors import LogError, Outcome, ParameterError, ShapeError
+from patagium.errors import LogError, Outcome
 from patagium.learning.default_learner import choices, chosen_every, default_learner, table_every
 from patagium.learning.filters.misfit import unseen
 from patagium.learning.forecast import Horizons, named_horizons
 from patagium.learning.learners.learner import Learner
 from patagium.learning.model_file import Model
 from patagium.learning.models.memory import network_inputs
-from patagium.learning.models.network import Network, flight_terms
 from patagium.learning.parameter_paths import Trained, estimates_of, parameter_scores
 from patagium.learning.propagation import robot_motion
 from patagium.learning.result import Check, Identification, check, record_of
+from patagium.learning.samples import samples, stds
 from patagium.learning.scores import Scorer, persistence
 from patagium.learning.stream import MOST_CHECKS, Progress, late_samples, stream, thin, used_samples
 from patagium.learning.table_network import scaling_samples
 from patagium.learning.verdict import physics_scores, with_verdict
 from patagium.robot import Robot
-from patagium.sensing.force.air_force import recorded, state_columns, training_data
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.sensing.logs.table import LogTable
 from patagium.simulation import gait_period, robot_of
@@ -181,7 +180,7 @@ def compare(
         **scorer.error_scores(),
         **scorer.interval_scores(),
         **parameter_scores(estimates_of(model)),
-        **physics_scores(model.network, x[rows], y[rows]),
+        **physics_scores(model.network, time, x, y, gaps, rows),
         **_unseen_scores(model, checks, ~scorer.silent),
     }
     arrays = {"time": time, "measurement": y, "prediction": guess, "persistence": held}
@@ -197,73 +196,6 @@ def _unseen_scores(model: Trained, checks: Sequence[Check], heard: Bools) -> dic
         return {}
     stated = np.array([one.std for one in checks]) ** 2
     return {"unseen_share": float(unseen(error**2, stated, usual**2)[:, heard].mean())}
-
-
-def samples(
-    flight: xr.Dataset | ForceSamples,
-    network: Network,
-    inputs: Sequence[str] | None = None,
-    robot: Robot | None = None,
-) -> tuple[Array, Array, Array, list[str]]:
-    """Training samples of a flight: inputs of a network, and what it should predict.
-
-    Args:
-        flight: Record with q, v, a, u1; or measured forces.
-        network: Its outputs are coordinates of the robot (generalized forces), or linear
-            functions of the strip forces (`measured`, taken from the flight's strips).
-        inputs: Names of what it sees; None: q, then v. Then a, if it needs accelerations.
-        robot: The machine; None for the one the flight carries.
-
-    Returns:
-        Time (N,) [s]; x (N, n_x); y (N, n_y); units of the outputs.
-
-    Raises:
-        FlightError: If the flight misses a quantity.
-        ShapeError: If the network's outputs are no coordinates of the robot.
-        ParameterError: If an input has no such name, or measured forces cannot feed the network.
-    """
-    terms = flight_terms(network)
-    if isinstance(flight, ForceSamples):
-        machine = flight.robot if robot is None else robot
-        time, state, force = flight.time, flight.state, flight.force
-        acceleration = flight.a
-        if terms.acceleration and acceleration is None:
-            raise ParameterError("a", "accelerations, which the network sees", None)
-    else:
-        machine = robot_of(flight) if robot is None else robot
-        time, state, force = training_data(flight, machine, with_added_mass=terms.added_mass)
-        acceleration = recorded(flight, "a", machine) if terms.acceleration else None
-    x = state if inputs is None else state[:, state_columns(machine, inputs)]
-    if terms.acceleration and acceleration is not None:
-        x = np.hstack([x, acceleration])
-    measures = ["N" if unit == "m" else "N m" for unit in machine.dof_units]
-    balance = terms.strip_forces
-    if balance is not None:
-        if isinstance(flight, ForceSamples):
-            raise ParameterError("network", "outputs that are coordinates", "sums of strip forces")
-        strips = flight["strip_force"].transpose("time", "strip", "axis").values
-        return time, x, strips.reshape(len(time), -1) @ balance.T, ["1"] * len(balance)
-    names = network.output_names
-    if not set(names) <= set(machine.dof_names):
-        raise ShapeError(
-            "outputs of the network",
-            f"coordinates of robot {machine.name!r}: {', '.join(machine.dof_names)}",
-            ", ".join(names),
-        )
-    columns = [machine.index(name) for name in names]
-    return time, x, force[:, columns], [measures[k] for k in columns]
-
-
-def stds(flight: xr.Dataset | ForceSamples, network: Network) -> Array | None:
-    """Standard deviations of measured forces, (N, n_y) [N, N m]; None for a flight.
-
-    Args:
-        flight: A flight, or measured forces.
-        network: Its outputs are coordinates of the robot.
-    """
-    if not isinstance(flight, ForceSamples):
-        return None
-    return flight.std[:, [flight.robot.index(name) for name in network.output_names]]
 
 
 @checked

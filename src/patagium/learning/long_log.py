@@ -174,7 +174,7 @@ class _LongRun:
         gaps = gaps[gaps < end - begin]
         if begin and time[0] - self.last > self.record.gap * self.step:
             self.gaps += 1
-            self.memory.states = None  # it begins anew after a gap
+            self.memory.last = None  # it begins anew after a gap
         self.gaps += len(gaps)
         samples = Samples(time[rows], table.x[rows], table.y[rows], gaps)
         plan = ForecastPlan(None, None, total // 2 - begin)

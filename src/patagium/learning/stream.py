@@ -397,7 +397,8 @@ class BlockRun:
 
     def facts(self) -> dict[str, Any]:
         """State of the learner after the last sample, by the names of its scores."""
-        late, variance = late_samples(self.reached), self.updated["largest_variance"]
+        s, late = self.samples, late_samples(self.reached)
+        variance = self.updated["largest_variance"]
         variance = variance[np.isfinite(variance)]
         return {
             "events": {name: count for name, count in self.learner.events.items() if count},
@@ -406,7 +407,7 @@ class BlockRun:
             "largest_variance": float(variance[-1]) if len(variance) else float("nan"),
             "time_per_update": float(self.learner.time_per_update),
             **parameter_scores(estimates_of(self.learner)),
-            **physics_scores(self.learner.network, self.samples.x[late], self.samples.y[late]),
+            **physics_scores(self.learner.network, s.time, s.x, s.y, s.gaps, late),
         }
 
     def _told(self) -> dict[str, Array]:

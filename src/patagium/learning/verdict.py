@@ -10,11 +10,13 @@ from math import isfinite, sqrt
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
-from patagium.arrays import Array
+from patagium.arrays import Array, Indices
 from patagium.errors import Outcome
 from patagium.learning.models.linear_strip import LinearStripNetwork
+from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.scores import INTERVAL, ErrorSums
 
@@ -31,18 +33,24 @@ def with_verdict(scores: Mapping[str, Any]) -> dict[str, Any]:
     return {**scores, "verdict": words}
 
 
-def physics_scores(network: Network, x: Array, y: Array) -> dict[str, Any]:
-    """NMSE of physics alone, blade elements and added mass, where the network begins with them.
+def physics_scores(
+    network: Network, time: Array, x: Array, y: Array, gaps: ArrayLike, rows: Indices
+) -> dict[str, Any]:
+    """NMSE of physics alone, where the network begins with it, in some samples of a log.
 
     Args:
         network: What learned.
-        x: Inputs of some samples of the second half, (N, n_x) [units of x].
+        time: Increasing, (N,) [s].
+        x: Inputs, measured or all, (N, n_x) [units of x].
         y: What was measured, (N, n_y) [unit of y].
+        gaps: First sample after each gap in time.
+        rows: Which samples.
     """
-    if not (isinstance(network, LinearStripNetwork) and len(x)):
+    if not (isinstance(network, LinearStripNetwork) and len(rows)):
         return {}
-    sums = ErrorSums(network.outputs)
-    sums.add(y, network.evaluate(x, network.initial(0)))
+    sums, weights = ErrorSums(network.outputs), network.initial(0)
+    known = network_inputs(network, weights, time, x, gaps)[rows]
+    sums.add(y[rows], network.evaluate(known, weights))
     each = zip(network.output_names, sums.nmse.tolist(), strict=True)
     return {"physics_second_half": dict(each)}
 
@@ -66,7 +74,7 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
     warnings, error = [], scores["nmse_second_half"]
     rivals = {
         "persistence_second_half": "the last used sample, held",
-        "physics_second_half": "physics alone, blade elements and added mass",
+        "physics_second_half": "physics alone, with nothing learned",
     }
     for key, rival in rivals.items():
         other = scores.get(key, {})

@@ -247,6 +247,11 @@ class NativeFunction:
         return results[0] if self._single else tuple(results)
 
 
+def named_function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
+    """CasADi function of symbols and of expressions of them by name."""
+    return ca.Function(name, [*inputs.values()], [*outputs.values()], [*inputs], [*outputs])
+
+
 def _padded(count: int) -> int:
     """Multiple of the lanes, odd in cache lines so that columns do not share cache sets."""
     lines = -(-count // _LANES)

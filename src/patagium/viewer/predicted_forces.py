@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from patagium.arrays import Array
 from patagium.errors import LogError, ShapeError
-from patagium.learning.identify import samples
 from patagium.learning.model_file import Model
 from patagium.learning.models import hidden_strip, linear_strip
 from patagium.learning.models.hidden_strip import HiddenStripNetwork
@@ -27,6 +26,7 @@ from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
 from patagium.learning.parameter_paths import Trained
 from patagium.learning.result import Identification
+from patagium.learning.samples import samples
 from patagium.robot import Robot
 
 Frames = NDArray[np.int64]

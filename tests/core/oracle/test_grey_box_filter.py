@@ -39,7 +39,7 @@ class JointFilter:
         def moved(joint):
             slopes, memory = np.zeros((len(joint) - self.n, self.n)), memory_of(self.grey)
             weights, lags = joint[: self.n], joint[self.n :]
-            memory.states = (MemoryState(lags, slopes, weights, before, 0.0),)
+            memory.last = MemoryState(lags, slopes, weights, before, 0.0)
             row = memory.recall(weights, [step], after[None])
             return np.concatenate([joint[: self.n], self._lags(row[0])])
 
@@ -81,10 +81,10 @@ def test_it_is_the_extended_filter_of_weights_and_lags(grey):
         learner.update(rows[0], y[k])
         memory.corrected(learner.weights - before)
         joint.update(x[k], y[k])
-    n, slopes = grey.size, memory.states[0].sensitivity
+    n, slopes = grey.size, memory.last.sensitivity
     # differences of the oracle
     assert np.allclose(learner.weights, joint.state[:n], atol=1e-6)
-    assert np.allclose(memory.states[0].state, joint.state[n:], atol=1e-6)
+    assert np.allclose(memory.last.state, joint.state[n:], atol=1e-6)
     assert np.allclose(learner.covariance, joint.covariance[:n, :n], atol=1e-7)
     among = slopes @ learner.covariance @ slopes.T
     assert np.allclose(among, joint.covariance[n:, n:], atol=1e-7)

@@ -13,15 +13,20 @@ import pytest
 from numpy.typing import NDArray
 
 import patagium as pt
+from patagium.aerodynamics import Section
+from patagium.aerodynamics.indicial import ONE_STATE
 from patagium.errors import ParameterError
 from patagium.learning.models.linear_strip import (
     BODY_TERMS,
+    LIFTING_LINE,
     STRIP_TERMS,
     WHOLE_TERMS,
     LinearStripNetwork,
     strip_forces,
 )
+from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.registry import network_from_description
+from patagium.learning.samples import samples
 from patagium.robot import Robot, load_robot_text
 
 Array = NDArray[np.float64]
@@ -39,6 +44,11 @@ def tailed() -> LinearStripNetwork:
     return LinearStripNetwork(
         load_robot_text(re.sub(r"strips: \d+", "strips: 1", pt.load_robot("hawk").source))
     )
+
+
+@pytest.fixture(scope="module")
+def attached() -> LinearStripNetwork:
+    return LinearStripNetwork(pt.load_robot("aerobat"), attached=True)
 
 
 def sample(robot: Robot, seed: int) -> tuple[Array, Array, Array]:
@@ -64,14 +74,17 @@ def test_expected_weights_are_blade_elements_with_added_mass(
     np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("name", ["network", "tailed"])
+@pytest.mark.parametrize("name", ["network", "tailed", "attached"])
 def test_forces_of_strips_sum_to_the_force_without_added_mass_and_bodies(
     name: str, request: pytest.FixtureRequest
 ) -> None:
     network: LinearStripNetwork = request.getfixturevalue(name)
     robot = network.robot
     x = np.array([np.concatenate(sample(robot, seed)) for seed in range(3)])
+    lags = np.random.default_rng(1).standard_normal((3, network.inputs - network.measured_inputs))
+    x = np.hstack([x, lags])
     own = {f"{term} of {kind}" for term in OF_STRIPS[1:] for kind in network.surfaces}
+    own |= {LIFTING_LINE.name}
     chosen = [term.name in OF_STRIPS or term.name in own for term in network.terms]
     places = network._placed(np.ones(17), chosen, 0.0)
     weights = places * np.random.default_rng(0).standard_normal(network.size)
@@ -80,6 +93,36 @@ def test_forces_of_strips_sum_to_the_force_without_added_mass_and_bodies(
     expected = network.evaluate(x, weights)[:, :3]  # along x, y, z of the world
     atol = 1e-12 * np.abs(expected).max()
     np.testing.assert_allclose(forces.sum(axis=1), expected, atol=atol)
+
+
+def test_in_attached_flow_it_begins_with_a_lifting_line_and_added_mass() -> None:
+    """The truth by Runge-Kutta, lags included; the network's by its second-order steps."""
+    robot = load_robot_text(pt.load_robot("aerobat").source.replace("strips: 5", "strips: 3"))
+    section = Section(profile_drag=0.0, stall_begins=1.56, stall_complete=1.57)
+    wind = pt.Air(wind=(-4.0, 0.0, 0.0))
+    air = pt.LiftingLine(robot, wind, lags=ONE_STATE, section=section)
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.4, feather=0.2)
+    error = []
+    for step in (1e-3, 5e-4):
+        flight = pt.simulate(
+            robot,
+            air,
+            gait,
+            duration=1.2,  # of the start, which has no lift yet, e^-20 is left
+            time_step=step,
+            mount=pt.mounts.fixed(),
+            added_mass=pt.AddedMass(robot, wind),
+        )
+        network = LinearStripNetwork(robot, wind, attached=True)
+        time, x, y, _ = samples(flight, network)
+        weights = network.initial(0)
+        left = y - network.evaluate(network_inputs(network, weights, time, x), weights)
+        heard = np.abs(y).max(axis=0) > 1e-6 * np.abs(y).max()
+        error.append(
+            (np.abs(left[len(left) // 2 :]).max(axis=0) / np.abs(y).max(axis=0))[heard].max()
+        )
+    assert error[1] < 1e-5
+    assert error[0] / error[1] == pytest.approx(4.0, rel=0.1)  # second order
 
 
 def test_force_is_linear_in_the_weights(network: LinearStripNetwork) -> None:

@@ -9,7 +9,8 @@ import pytest
 import patagium as pt
 from patagium.errors import Outcome, ParameterError, ShapeError
 from patagium.learning import load_learner
-from patagium.learning.models.memory import LONGEST_STEP
+from patagium.learning.models.linear_strip import LinearStripNetwork
+from patagium.learning.models.memory import LONGEST_STEP, measured_inputs
 from patagium.learning.stream import stream
 from patagium.live import pipeline as module
 from patagium.live.pipeline import Pipeline
@@ -35,10 +36,12 @@ def packets(robot):
     return np.column_stack([time, q, v, a, np.zeros_like(q)])
 
 
-@pytest.fixture(scope="module", params=["hidden strip", "grey"])
+@pytest.fixture(scope="module", params=["hidden strip", "attached", "grey"])
 def network(request, robot):
     if request.param == "hidden strip":
         return pt.learning.HiddenStripNetwork(robot, (4,))
+    if request.param == "attached":
+        return LinearStripNetwork(robot, attached=True)
     return pt.GreyBox(pt.LiftingLine(robot), {"lags.rate[0]": 0.02}, start="steady")
 
 
@@ -59,7 +62,7 @@ def pipeline_of(network, robot, **options):
 def test_live_it_learns_what_it_learns_from_the_log(network, robot, packets):
     pipeline, theirs = pipeline_of(network, robot), learner_of(network)
     records = pipeline.run(packets)
-    x = packets[:, 1 : 1 + 2 * robot.dof]
+    x = packets[:, 1 : 1 + measured_inputs(network)]
     found = stream(theirs, packets[:, 0], x, records.measurement, every=1)
     np.testing.assert_array_equal(records.outcome, Outcome.COMPLETED)
     same(pipeline, theirs)
@@ -118,25 +121,6 @@ def test_kept_in_a_file_it_goes_on_bit_for_bit(network, robot, packets, tmp_path
     np.testing.assert_array_equal(resumed.learner.weights, whole.learner.weights)
 
 
-def test_memory_of_a_learner_file_of_the_first_format_goes_on(network, robot, packets):
-    """There the parts of a memory were numbered, and slopes of strips were for coded numbers."""
-    whole, part = pipeline_of(network, robot), pipeline_of(network, robot)
-    expected = whole.run(packets)
-    part.run(packets[:25])
-    state, memory = part.learner.state(), part.learner.memory.states[0]
-    z, slopes, weights, driver, time = memory
-    if isinstance(network, pt.learning.HiddenStripNetwork):
-        n, coded = len(z) - len(robot.strips), slopes / network._reach[: len(weights)]
-        numbers = [time, z[:n], coded[:n], z[n:], coded[n:], driver, weights]
-    else:
-        numbers = [time, driver, z, slopes, weights]
-    first = {f"memory_{k}": np.array(number) for k, number in enumerate(numbers)}
-    kept = {name: value for name, value in state.items() if not name.startswith("memory_0")}
-    part.learner.resume(kept | first)
-    found = part.run(packets[25:])
-    np.testing.assert_allclose(found.rows[:, :-1], expected.rows[25:, :-1], rtol=1e-9, atol=1e-10)
-
-
 def test_one_gradient_step_a_sample_remembers_too(robot, packets, tmp_path):
     network = pt.learning.HiddenStripNetwork(robot, (4,))
     whole, part = (
@@ -170,7 +154,7 @@ def test_after_a_long_step_memory_begins_anew_and_short_ones_are_bridged(network
     for log, resets in ((short, 0), (long, 1)):
         pipeline, theirs = pipeline_of(network, robot), learner_of(network)
         records = pipeline.run(log)
-        x, gaps = log[:, 1 : 1 + 2 * robot.dof], [30] * resets
+        x, gaps = log[:, 1 : 1 + measured_inputs(network)], [30] * resets
         stream(theirs, log[:, 0], x, records.measurement, every=1, gaps=gaps)
         same(pipeline, theirs)
         assert pipeline.memory_resets == resets

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,10 +16,12 @@ from patagium.learning.default_learner import (
     learner_choices,
     update_time,
 )
-from patagium.learning.learners.registry import learner_from_description
+from patagium.learning.learners.registry import learner_from_description, load_learner
+from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.live.pipeline import Pipeline
 from patagium.native import compiler_name
 from patagium.sensing.force.air_force import packet_columns
+from patagium.simulation import air_of
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +49,41 @@ def test_a_flight_is_learned_without_any_choice(flight: xr.Dataset) -> None:
     json.dumps(chosen)
     again = pt.identify(flight)
     assert np.array_equal(again.learner.weights, result.learner.weights)
+
+
+def test_the_first_wingbeat_says_whether_flow_is_attached(
+    flight: xr.Dataset, tmp_path: Path
+) -> None:
+    """In a lifting line's air its own physics is learned, and holds for another gait."""
+    robot = pt.load_robot("aerobat")
+    wind = pt.Air(wind=(-5.0, 0.0, -0.5))
+    attached, other = (
+        pt.simulate(
+            robot,
+            pt.LiftingLine(robot, wind),
+            pt.gaits.sinusoidal(
+                robot, frequency=beats, plunge=0.5, feather=0.3, phase={"feather": 1.5}
+            ),
+            duration=1.0,
+            time_step=1e-3,
+            added_mass=pt.AddedMass(robot, wind),
+            mount=pt.mounts.fixed(),
+        )
+        for beats in (5.0, 4.0)
+    )
+    assert not default_learner(flight).network.attached
+    assert not default_learner(robot).network.attached  # nothing is known yet
+    result = pt.identify(attached)
+    assert result.learner.network.attached
+    assert result.scores["chosen"]["flow"].startswith("attached")
+    plain = pt.ExtendedLearner(LinearStripNetwork(robot, air_of(attached)))
+    known = pt.identify(attached, plain).scores["nmse_second_half_worst"]
+    ours, theirs = (pt.evaluate(other, one).scores["nmse_worst"] for one in (result.learner, plain))
+    assert result.scores["nmse_second_half_worst"] < known / 20  # a hundredth and fiftieth
+    assert ours < theirs / 20
+    state = result.learner.save(tmp_path / "state")
+    again = load_learner(state, like=plain)  # with its own network
+    assert again.network.attached and np.array_equal(again.weights, result.learner.weights)
 
 
 def test_air_that_no_network_knows_is_said() -> None:

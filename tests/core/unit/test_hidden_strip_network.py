@@ -158,12 +158,10 @@ def test_what_it_cannot_be_is_refused(robot):
     for lags in (0, -1, NO_STATE, (0.1, 0.2)):
         with pytest.raises(ParameterError, match="lags"):
             pt.learning.HiddenStripNetwork(robot, lags=lags)
-    with pytest.raises(ParameterError, match="stall"):
-        pt.learning.HiddenStripNetwork(robot, stall_begins=0.6, stall_complete=0.5)
+    before = {**pt.learning.HiddenStripNetwork(robot, (4,)).describe(), "lift_slope": 2 * np.pi}
+    assert network_from_description(before).describe().keys() == before.keys() - {"lift_slope"}
     with pytest.raises(ParameterError, match="lift_slope"):
-        pt.learning.HiddenStripNetwork(robot, lift_slope=0.0)
-    with pytest.raises(TypeError, match="lift_slop"):
-        pt.learning.HiddenStripNetwork(robot, lift_slop=6.0)
+        network_from_description({**before, "lift_slope": 5.5})
 
 
 @pytest.mark.parametrize("kind", [pt.ExtendedLearner, pt.CubatureLearner])

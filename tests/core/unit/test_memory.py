@@ -13,20 +13,20 @@ from patagium.learning.models.network import Network
 from patagium.learning.models.perceptron import as_perceptron
 from patagium.learning.models.structure import blocks_of
 from patagium.learning.stream import stream
-from patagium.learning.tuning.likelihood import Flown, LogSamples
-from patagium.learning.tuning.likelihood import score_predictions as predict
+from patagium.learning.tuning.prediction_score import Flown, LogSamples
+from patagium.learning.tuning.prediction_score import score_predictions as predict
 
 
 class Lag(Network):
     """y = gain z, z <- a z + (1 - a) x with a = 1/(1 + exp(-w)); x_full = [x, z, S, w]."""
 
     size, measured_inputs, inputs, output_names, outputs, hidden = 2, 1, 4, ("y",), 1, ()
-    lag_equations = property(lambda self: ((1, self),))
+    lag_equations = property(lambda self: self)
     measured, states, parameters, carried, compiled = 1, 1, 1, (1, 0), None
 
     def evaluate(self, x, weights):
-        state = x[:, 1] + x[:, 2] * (weights[1] - x[:, 3])
-        return (weights[0] * state)[:, None]
+        state = x[:, 1] + x[:, 2] * (weights[0] - x[:, 3])
+        return (weights[1] * state)[:, None]
 
     def drivers(self, weights, x):
         return x
@@ -40,7 +40,7 @@ class Lag(Network):
         return keep * before.state + (1 - keep) * driver, slope, np.zeros(0)
 
 
-LAG, WEIGHTS = Lag(), np.array([1.0, 0.5])
+LAG, WEIGHTS = Lag(), np.array([0.5, 1.0])
 TIME, SIGNAL = np.arange(20) * 0.1, np.sin(np.arange(20.0))[:, None]
 
 
@@ -59,7 +59,7 @@ def test_blocks_make_up_the_whole(gaps):
 
 def test_an_update_moves_what_is_remembered_along_its_slopes():
     """Of a small change: as if the new weights had held from the start, but for its square."""
-    change = np.array([0.3, 1e-4])
+    change = np.array([1e-4, 0.3])
     memory = replay(LAG, TIME, SIGNAL)
     memory.upto(10, WEIGHTS)
     memory.corrected(change)
@@ -84,7 +84,7 @@ def test_a_stream_recalls_with_the_weights_it_has():
 
         def update(self, x, y, time=None):
             assert x.shape == (4,)
-            self.weights = self.weights + np.array([0.1, 0.02])
+            self.weights = self.weights + np.array([0.02, 0.1])
             return np.zeros(1)
 
     found = stream(Clerk(), TIME, SIGNAL, np.cos(TIME)[:, None], every=5, horizons={"far": 0.3})
@@ -92,8 +92,8 @@ def test_a_stream_recalls_with_the_weights_it_has():
     for end in (1, 6, 11, 16, 20):
         rows = memory.recall(weights, TIME[begin:end], SIGNAL[begin:end])
         expected.append(LAG.evaluate(rows, weights))
-        memory.corrected(np.array([0.1, 0.02]))
-        weights, begin = weights + np.array([0.1, 0.02]), end
+        memory.corrected(np.array([0.02, 0.1]))
+        weights, begin = weights + np.array([0.02, 0.1]), end
     assert np.allclose(found.prediction["prediction"], np.vstack(expected), rtol=1e-13)  # rounding
     with pytest.raises(ShapeError, match="x"):
         stream(Clerk(), TIME, np.hstack([SIGNAL] * 2), np.cos(TIME)[:, None], every=5)
@@ -127,7 +127,7 @@ def test_blocks_of_a_long_log_remember_those_before():
             return LAG.evaluate(x[None], self.weights)[0], np.eye(1)
 
         def update(self, x, y, time=None):
-            self.weights = self.weights + np.array([0.1, 0.02])
+            self.weights = self.weights + np.array([0.02, 0.1])
             return np.zeros(1)
 
         def describe(self):

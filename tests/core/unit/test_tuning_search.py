@@ -14,13 +14,14 @@ import numpy as np
 import optuna
 import pytest
 from optuna.distributions import FloatDistribution
+from scipy.integrate import trapezoid
 from scipy.stats import norm
 
 from patagium.errors import FilterDiverged, LogError, Outcome, OutputError, ParameterError
 from patagium.learning import CubatureLearner, DenseNetwork, load_settings
 from patagium.learning.learners.registry import FILTER_LEARNERS, make_learner
 from patagium.learning.settings import Alternatives, LogRange, settings_of
-from patagium.learning.tuning.likelihood import (
+from patagium.learning.tuning.prediction_score import (
     Flown,
     LogSamples,
     PredictionScore,
@@ -37,8 +38,8 @@ from patagium.learning.tuning.search import (
 )
 from patagium.learning.tuning.settings_file import Settings
 
-GOOD = PredictionScore(1.5, 1.0, 10, 0.1, 0.95, crps=0.2)
-LOST = PredictionScore(-inf, -inf, 3, outcome=Outcome.NOT_FINITE, reason="too far")
+GOOD = PredictionScore(10, 0.1, 0.95, crps=0.2)
+LOST = PredictionScore(3, outcome=Outcome.NOT_FINITE, reason="too far")
 LINE = {"x": FloatDistribution(0.0, 1.0), "y": FloatDistribution(0.0, 1.0)}
 
 
@@ -133,26 +134,35 @@ def flown(x: np.ndarray, y: np.ndarray, scored: np.ndarray) -> Flown:
     return Flown(log, y, scored, "a log")
 
 
-def test_likelihood_is_that_of_the_predictions_made_before(rng: np.random.Generator) -> None:
+def crps(y: Any, mean: Any, std: Any) -> Any:
+    """Integral over x of the square of what the distribution function misses of a step at y."""
+    x = np.linspace(-12.0, 12.0, 200_001)[:, None]  # standard deviations
+    missed = norm.cdf(x) - (x >= (np.atleast_1d(y) - mean) / std)
+    return trapezoid(missed**2, x, axis=0) * std
+
+
+def test_scores_are_those_of_the_predictions_made_before(rng: np.random.Generator) -> None:
     network = DenseNetwork(2, (3,), 2)
     x, y = rng.standard_normal((20, 2)), rng.standard_normal((20, 2))
     settings = {"prior_std": 0.5, "measurement_std": [0.3, 0.7], "spread": 1.0}
     learner = CubatureLearner(network, **settings)  # type: ignore[arg-type]
-    density, inside = np.empty((20, 2)), np.empty((20, 2))
+    error, inside = np.empty((20, 2)), np.empty((20, 2))
     for k in range(20):
         mean, covariance = learner.predict(x[k])
         std = np.sqrt(np.diagonal(covariance))
-        density[k] = norm.logpdf(y[k], mean, std)
+        error[k] = crps(y[k], mean, std)
         inside[k] = np.abs(y[k] - mean) <= norm.ppf(0.975) * std
         learner.update(x[k], y[k])
     both = np.ones((20, 2), bool)
     gave = score_predictions(CubatureLearner(network, **settings), flown(x, y, both))  # type: ignore[arg-type]
-    assert gave.log_likelihood == pytest.approx(density.sum(), rel=1e-9)  # rounding
-    assert gave.log_likelihood_second_half == pytest.approx(density[10:].sum(), rel=1e-9)
+    expected = error[10:] / y.std(axis=0)
+    assert gave.crps_second_half == pytest.approx(
+        expected.mean(), rel=1e-3
+    )  # steps of the integral
     assert gave.coverage_second_half == pytest.approx(inside[10:].mean())
     first = both & [True, False]
     one = score_predictions(CubatureLearner(network, **settings), flown(x, y, first))  # type: ignore[arg-type]
-    assert one.log_likelihood == pytest.approx(density[:, 0].sum(), rel=1e-9)
+    assert one.crps_second_half == pytest.approx(expected[:, 0].mean(), rel=1e-3)
 
 
 def test_only_what_moves_is_scored() -> None:
@@ -177,9 +187,8 @@ def test_what_was_not_measured_is_not_scored_and_what_was_left_out_is() -> None:
     )
     gave = score_predictions(learner, flown(np.zeros((4, 1)), y, np.isfinite(y)))  # type: ignore[arg-type]
     mean, std = 2.0, np.sqrt(2 / 3)  # of what was measured: 1, 3, 2
-    left_out = norm.logpdf(3.0, mean, std)
-    expected = norm.logpdf(0.5) + left_out + norm.logpdf(0.1)
-    assert gave.log_likelihood == pytest.approx(expected, rel=1e-12)  # rounding
+    expected = np.mean([crps(3.0, mean, std), crps(0.1, 0.0, 1.0)]) / std  # of the second half
+    assert gave.crps_second_half == pytest.approx(expected, rel=1e-3)  # steps of the integral
 
 
 def test_a_learner_that_diverges_is_worth_nothing_and_says_why() -> None:

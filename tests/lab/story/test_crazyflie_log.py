@@ -102,15 +102,15 @@ def test_memory_goes_on_from_block_to_block_and_moves_with_the_weights(table: Lo
     whole = network_inputs(network, weights, part.time, part.x)
     memory, other = memory_of(network), memory_of(network)
     first = memory.recall(weights, part.time[:20], part.x[:20])
-    before = memory.states[0]
+    before = memory.last
     rest = memory.recall(weights, part.time[20:], part.x[20:])
     np.testing.assert_array_equal(np.vstack([first, rest]), whole)
     change = np.zeros(network.size)
     change[0] = 1e-4
-    memory.states = (before,)
+    memory.last = before
     memory.corrected(change)
     other.recall(weights + change, part.time[:20], part.x[:20])
-    (moved,), (anew,) = memory.states, other.states
+    moved, anew = memory.last, other.last
     np.testing.assert_allclose(moved.state, anew.state, rtol=1e-8)  # second order in the change
     assert (moved.state != before.state).any()
 

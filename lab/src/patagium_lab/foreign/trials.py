@@ -27,7 +27,6 @@ from patagium.learning.learners.registry import make_learner
 from patagium.learning.result import Identification
 from patagium.learning.scores import json_ready
 from patagium.learning.tuning.tune import tune
-from patagium.simulation import air_of, robot_of
 from patagium.whole_file import write_whole
 from patagium_lab.foreign.contestants import CONTESTANTS, physics
 from patagium_lab.foreign.flights import Case, kept_flight
@@ -124,7 +123,7 @@ def _learned(trial: Trial, flight: xr.Dataset, unseen: list[xr.Dataset]) -> dict
 
 def _searched(trial: Trial, flight: xr.Dataset, unseen: list[xr.Dataset]) -> dict[str, Any]:
     """Scores of the settings that a search picks, and of the best of its trials."""
-    network = default_network(robot_of(flight), air_of(flight))
+    network = default_network(flight)
     try:
         found = tune(
             flight, network, every=trial.every, trials=trial.search, learner=_SEARCHED, jobs=1

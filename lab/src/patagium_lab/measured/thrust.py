@@ -8,7 +8,7 @@ Learned weights are for this study; model files do not know the network.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -74,11 +74,6 @@ class RotorLags(NamedTuple):
         slopes = keep * (before.sensitivity + (spent * behind)[:, None])
         return before.state + (keep - 1) * behind, slopes, driver
 
-    def first_format(self, numbers: Iterator[Array]) -> MemoryState:
-        """Memory from a learner file of the first format."""
-        time, command, state, slopes, weight = (next(numbers) for _ in range(5))
-        return MemoryState(state, slopes[:, None], np.atleast_1d(weight), command, float(time))
-
 
 def rotor_lag(weights: ArrayLike) -> float:
     """Time constant tau of a rotor [s].
@@ -134,9 +129,9 @@ class ThrustNetwork(GroupedNetwork):
         return self._dense.output_names
 
     @property
-    def lag_equations(self) -> tuple[tuple[int, LagEquations], ...]:
+    def lag_equations(self) -> LagEquations:
         """Equations of the lagged commands, whose weight is the first."""
-        return ((0, self._lags),)
+        return self._lags
 
     @property
     def hidden(self) -> tuple[int, ...]:

@@ -35,7 +35,7 @@ LEARNERS: dict[str, Any] = {
     "linear": LinearLearner,
 }
 """Learners by kind; `RECORDS` of the settings has the settings of each."""
-_SCALES = ("input_center", "input_scale", "output_center", "output_scale")
+_FROM_DATA = ("input_center", "input_scale", "output_center", "output_scale", "attached")
 _LONGEST = 60  # characters of a value in a message
 
 
@@ -88,8 +88,8 @@ def load_learner(path: str | Path, like: Learner | None = None) -> OnlineLearner
 
     Args:
         path: File.
-        like: Learner that must be described alike, but for centers and scales of its inputs
-            and outputs; None: any.
+        like: Learner that must be described alike, but for centers, scales and what else the
+            first samples told of its network; None: any.
 
     Raises:
         LogError: If there is no such file, it is damaged, of another version, or describes
@@ -106,14 +106,14 @@ def load_learner(path: str | Path, like: Learner | None = None) -> OnlineLearner
 
 
 def first_difference(found: Mapping[str, Any], expected: Mapping[str, Any]) -> str | None:
-    """First setting that differs, in words; centers, scales and what was found may differ.
+    """First setting that differs, in words; what the data told may differ.
 
     Returns:
         The setting, expected and found; None where there is no difference.
     """
     ours, theirs = _flat(json.loads(json.dumps(expected))), _flat(found)
     for name in (*ours, *theirs):
-        if name.rpartition(".")[2] in _SCALES or name.startswith("found."):
+        if name.rpartition(".")[2] in _FROM_DATA or name.startswith("found."):
             continue
         if name not in ours or name not in theirs or ours[name] != theirs[name]:
             pair = [repr(values.get(name, "no such setting")) for values in (ours, theirs)]

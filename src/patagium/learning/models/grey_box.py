@@ -14,7 +14,7 @@ errors of measured states and accelerations.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, Literal, NamedTuple, get_args
@@ -44,7 +44,7 @@ from patagium.learning.models.physical import (
     process_stds,
 )
 from patagium.learning.models.structure import stacked
-from patagium.native import NativeFunction, load_functions
+from patagium.native import NativeFunction, load_functions, named_function
 from patagium.removed import refuse_removed
 from patagium.robot.files import load_robot_text
 
@@ -71,7 +71,6 @@ class GreyBox(GroupedNetwork):
         estimate: Prior standard deviation of each number to learn, by name, in its own unit:
             of the model (`parameter_names`), of its robot, `wind.x`, `added_mass.factor`.
         added_mass: The air carried along, in the same air, if y holds its force.
-        residual: None; a network of what physics leaves was removed.
         measured: Coordinates whose force y is; None: all.
         start: Flow before the first sample and in gaps: as it was always there, or "still" as
             a simulated flight begins.
@@ -92,7 +91,6 @@ class GreyBox(GroupedNetwork):
         model: Aerodynamics,
         estimate: Mapping[str, float],
         added_mass: AddedMass | None = None,
-        residual: object = None,
         *,
         measured: Sequence[str] | None = None,
         start: Start = "steady",
@@ -103,8 +101,6 @@ class GreyBox(GroupedNetwork):
             raise ParameterError("start", '"steady" or "still"', start)
         if FACTOR in estimate and added_mass is None:
             raise ParameterError(FACTOR, "an added mass to go with it", None)
-        if residual is not None:
-            refuse_removed("residual", "residual network")
         robot = model.robot
         numbers = numbers_of(model, added_mass)
         self.model = model
@@ -130,8 +126,8 @@ class GreyBox(GroupedNetwork):
     @property
     def inputs(self) -> int:
         """Length of x, lag states included."""
-        lags = sum(row_size(lags) for _, lags in self.lag_equations)
-        return self.measured_inputs + lags
+        lags = self.lag_equations
+        return self.measured_inputs + (0 if lags is None else row_size(lags))
 
     @property
     def measured_inputs(self) -> int:
@@ -139,9 +135,9 @@ class GreyBox(GroupedNetwork):
         return self.equations.measured_inputs
 
     @property
-    def lag_equations(self) -> tuple[tuple[int, LagEquations], ...]:
-        """Equations of the air's lags."""
-        return ((0, self._lags),) if self._lags.states else ()
+    def lag_equations(self) -> LagEquations | None:
+        """Equations of the air's lags; None without."""
+        return self._lags if self._lags.states else None
 
     @property
     def flight_terms(self) -> FlightTerms:
@@ -256,15 +252,17 @@ class GreyBox(GroupedNetwork):
                 was removed.
             RobotFileError: If the text of the robot does not describe one.
         """
-        keys = ("robot", "model", "estimate", "added_mass", "beside", "measured", "start")
-        values = described(cls.kind, {"beside": None, **description}, keys)
+        known = dict(description)
+        if known.pop("beside", None) is not None:
+            refuse_removed("residual", "residual network")
+        keys = ("robot", "model", "estimate", "added_mass", "measured", "start")
+        values = described(cls.kind, known, keys)
         robot = load_robot_text(values.pop("robot"))
         added = values.pop("added_mass")
         return cls(
             aero_from_description(robot, values.pop("model")),
             values.pop("estimate"),
             None if added is None else added_mass_from_description(robot, added),
-            values.pop("beside"),
             **values,
         )
 
@@ -345,11 +343,6 @@ class GreyLags(NamedTuple):
             moved = before.sensitivity[:, k], along, time_step, self.numbers
             state, slopes[:, k] = function(*known, *moved)
         return np.atleast_1d(state), slopes, driver
-
-    def first_format(self, numbers: Iterator[Array]) -> MemoryState:
-        """Memory from a learner file of the first format."""
-        time, x, state, slopes, weights = (next(numbers) for _ in range(5))
-        return MemoryState(state, slopes, weights, x, float(time))
 
     def _followed(
         self, sample: Array, state: Array, weights: Array, of_state: bool
@@ -438,10 +431,10 @@ class GreyEquations:
 
         y, memory = air(x, z)
         known = {"x": x, "z": z, "theta": theta}
-        moved = {"dz": dz, "dtheta": dtheta}
+        moved, given = {"dz": dz, "dtheta": dtheta}, {"grey_parameters": numbers}
         found = [
-            _function("force", known, numbers, {"y": y}),
-            _function("force_forward", known | moved, numbers, {"y": y, "dy": along(y)}),
+            named_function("force", known | given, {"y": y}),
+            named_function("force_forward", known | moved | given, {"y": y, "dy": along(y)}),
         ]
         if not n_z:
             return found
@@ -456,8 +449,8 @@ class GreyEquations:
         advanced = {"reached": reached, "dreached": along(reached)}
         return [
             *found,
-            _function("follow_forward", known | moved, numbers, follow),
-            _function("step_forward", inputs, numbers, advanced),
+            named_function("follow_forward", known | moved | given, follow),
+            named_function("step_forward", inputs | given, advanced),
         ]
 
     @property
@@ -509,12 +502,3 @@ class GreyEquations:
             numbers = ca.vertcat(numbers, factor)
         results = [y[list(self.outputs)], memory.rate, memory.target]
         return ca.Function("physics", [x, z, numbers, known], list(map(ca.densify, results)))
-
-
-def _function(
-    name: str, inputs: dict[str, ca.SX], numbers: ca.SX, outputs: dict[str, ca.SX]
-) -> ca.Function:
-    names: Sequence[str] = [*inputs, "grey_parameters"]
-    given = [*inputs.values(), numbers]
-    found = [*outputs.values()]
-    return ca.Function(name, given, found, names, [*outputs])

@@ -10,39 +10,29 @@ perceptron sees it), separation with a memory of its own, amplitudes of lift tha
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import log, pi, radians, sin
-from typing import Any, NamedTuple, TypedDict, Unpack
+from typing import Any, Self
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.air import Air
-from patagium.aerodynamics.indicial import Indicial, Lags, Relaxation, fitted_indicial
-from patagium.aerodynamics.local_flow import airspeed, normalwash, strip_motions
+from patagium.aerodynamics.indicial import Indicial, Lags, fitted_indicial
 from patagium.aerodynamics.named_descriptions import from_field_values
 from patagium.aerodynamics.polars import SectionFlow, section_flow
-from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.aerodynamics.trailing_vortices import (
-    SURFACE_CONSTANT,
     Normalwash,
-    VortexSystem,
-    attached_lift,
-    implicit_lag_step,
-    lattice,
-    solve_normalwash,
-    surface_gains,
 )
 from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import generalized_force
-from patagium.errors import ParameterError, finite, positive
+from patagium.errors import ParameterError
 from patagium.learning.models.memory import (
-    CompiledSteps,
     LagEquations,
     MemoryState,
     compiled_steps,
@@ -52,9 +42,15 @@ from patagium.learning.models.memory import (
 from patagium.learning.models.network import Encoding, GroupedNetwork
 from patagium.learning.models.perceptron import Perceptron
 from patagium.learning.models.strip import direction_inputs
+from patagium.learning.models.strip_lags import (
+    StripFlow,
+    StripLags,
+    lag_functions,
+    lift_place,
+)
 from patagium.learning.models.structure import stacked
 from patagium.learning.models.wing import RobotNetwork
-from patagium.native import NativeFunction, load_functions
+from patagium.native import load_functions, named_function
 from patagium.robot.model import Robot
 from patagium.robot.strip_chains import strip_chains
 
@@ -73,22 +69,6 @@ _NUMBERS = {
 }
 
 
-class StartingNumbers(TypedDict, total=False):
-    """Numbers that a strip network with memory starts from.
-
-    Attributes:
-        lift_slope: Lift slope of a section, 2 pi by default [1/rad].
-        stall_begins: Effective incidence up to which flow is attached, 15 degrees [rad].
-        stall_complete: Effective incidence beyond which flow is separated, 35 degrees [rad].
-        coefficient_scale: Expected size of coefficients, 4 by default: an output of one.
-    """
-
-    lift_slope: float
-    stall_begins: float
-    stall_complete: float
-    coefficient_scale: float
-
-
 class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
     """Lifting line with hidden states, its numbers and its section learned.
 
@@ -99,10 +79,11 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         m = mlp(effective direction, geometric direction; W),   effective: (forward, -W),
         F = (1 - s) (m_0 L + q (m_1, m_2)) + s q (m_4, m_5 sin a),
 
-    L the lifting line's lift with its induced drag, q = 1/2 rho A |v|^2 coefficient_scale, a the
-    geometric incidence; m_3 and m_7 are drag along the span, m_6 is a moment of separated flow.
-    At first m_0 = 1, m_5 = 2 / coefficient_scale (a plate's normal force), the rest almost
-    nothing. s = 1 / (1 + exp((sin^2 stall - sin^2 a_e) / width)) of the effective incidence a_e.
+    L the lifting line's lift with its induced drag, q = 2 rho A |v|^2, a the geometric incidence;
+    m_3 and m_7 are drag along the span, m_6 is a moment of separated flow. At first m_0 = 1,
+    m_5 = 1/2 (a plate's normal force), the lift slope is 2 pi, stall goes from 15 to 35 degrees,
+    the rest is almost nothing. s = 1 / (1 + exp((sin^2 stall - sin^2 a_e) / width)) of the
+    effective incidence a_e.
 
     The first weights are rates b, amplitudes of circulation, lift slope, amplitudes of lift a,
     stall and its width, each as a logarithm from its prior: whatever the weights, rates are
@@ -121,20 +102,17 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
             logarithm from .05 to .8 a semichord, with fitted amplitudes.
         air: Density and steady wind; gusts are not known to the network.
         activation: "softplus" or "tanh".
-        **numbers: `lift_slope`, `stall_begins`, `stall_complete` and `coefficient_scale`; see
-            `StartingNumbers`.
 
     Raises:
-        TypeError: If there is no such number.
-        ParameterError: If the robot has no strips, there is no lag, a number is not positive,
-            stall is complete before it begins, or a width or the activation not what it may be.
+        ParameterError: If the robot has no strips, there is no lag, or a width or the activation
+            is not what it may be.
 
     References:
         Izraelevitz, Zhu & Triantafyllou (2017), AIAA Journal 55, 1279-1294.
     """
 
     kind = "hidden_strip"
-    options = ("lags", *_NUMBERS)
+    options = ("lags",)
     readers = {**RobotNetwork.readers, "lags": partial(from_field_values, "lags", Indicial)}
 
     @checked
@@ -145,35 +123,20 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         lags: int | Indicial = 2,
         air: Air | None = None,
         activation: str = "tanh",
-        **numbers: Unpack[StartingNumbers],
     ) -> None:
-        unknown = set(numbers) - set(_NUMBERS)
-        if unknown:
-            word = sorted(unknown)[0]
-            raise TypeError(f"HiddenStripNetwork() got an unexpected keyword argument {word!r}")
-        start: dict[str, Any] = {**_NUMBERS, **numbers}
-        stall_begins = finite("stall_begins", start["stall_begins"])
-        stall_complete = finite("stall_complete", start["stall_complete"])
         if not robot.strips:
             raise ParameterError("robot", "a robot with wings", robot.name)
-        if not 0 < stall_begins < stall_complete <= pi / 2:
-            angles = (stall_begins, stall_complete)
-            raise ParameterError("stall", "0 < stall_begins < stall_complete <= pi/2", angles)
         self.lags = starting_lags(lags)
-        self.lift_slope = positive("lift_slope", start["lift_slope"])
-        self.stall_begins = stall_begins
-        self.stall_complete = stall_complete
-        self.coefficient_scale = positive("coefficient_scale", start["coefficient_scale"])
         self.robot, self._names = robot, robot.dof_names
         self.air = Air() if air is None else air
         self.items = len(robot.strips)
         self.perceptron = Perceptron((_FEATURES, *hidden, _COEFFICIENTS), activation)
         self._count, parameters = coded_size(self.lags.size)
         self._groups = stacked(self._count, self.perceptron)
-        stall = (self.stall_begins, self.stall_complete)
-        self._prior = coded_start(self.lags, self.lift_slope, stall)
+        stall = _NUMBERS["stall_begins"], _NUMBERS["stall_complete"]
+        self._prior = coded_start(self.lags, _NUMBERS["lift_slope"], stall)
         self._reach = coded_reach(self.lags.size)
-        constants = [*self.air.wind, self.air.density, self.coefficient_scale]
+        constants = [*self.air.wind, self.air.density, _NUMBERS["coefficient_scale"]]
         self._constants = np.array([*constants, *robot.parameters])
         self._functions = load_functions(
             f"hidden strip network {self.lags.size} {strip_chains(robot)} {robot.structure}",
@@ -187,6 +150,12 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         steps = compiled_steps(begin, step, *coded)
         self._lags = StripLags(self._functions, *coded, *sizes, steps)
 
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> Self:
+        """Inverse of `describe`, of 0.2.0 and before too, where these numbers were arguments."""
+        kept = {name: x for name, x in description.items() if _NUMBERS.get(name) != x}
+        return super().from_description(kept)
+
     @property
     def inputs(self) -> int:
         """Length of [q, v, z, vec S, W_m]."""
@@ -198,9 +167,9 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         return self.robot.state_size
 
     @property
-    def lag_equations(self) -> tuple[tuple[int, LagEquations], ...]:
+    def lag_equations(self) -> LagEquations:
         """Equations of the strips' lags, whose weights are the first."""
-        return ((0, self._lags),)
+        return self._lags
 
     @checked
     def initial(self, seed: int) -> Array:
@@ -213,7 +182,7 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         weights = np.where(fan_in > 1, normal, 0.0)
         weights[-(below + 1) * above :] *= _LAST
         weights[-above] += 1.0
-        weights[-above + 5] += 2.0 / self.coefficient_scale
+        weights[-above + 5] += 2.0 / _NUMBERS["coefficient_scale"]
         return np.append(np.zeros(self._count), weights)
 
     def constants(self, weights: ArrayLike) -> dict[str, float]:
@@ -328,77 +297,6 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
         return features.transpose(0, 2, 1), readout
 
 
-class StripLags(NamedTuple):
-    """Equations of the lags of all strips; behind the lags z the normalwash of each strip.
-
-    Attributes:
-        functions: Those of `hidden_functions`.
-        prior: Coded numbers at zero weights, prior of prior + reach W, (n_o,) [1].
-        reach: Change of each coded number for a weight of one, (n_o,) [1].
-        constants: Constants of the functions.
-        measured: Length of [q, v].
-        states: Number of lags z, n_z.
-        strips: Number of strips, whose semichords a second each drive the next step.
-        parameters: Number of weights that the lags depend on, n_m.
-        compiled: Equations in C; None without a compiler.
-    """
-
-    functions: Mapping[str, NativeFunction]
-    prior: Array
-    reach: Array
-    constants: Array
-    measured: int
-    states: int
-    strips: int
-    parameters: int
-    compiled: CompiledSteps | None
-
-    @property
-    def carried(self) -> tuple[int, int]:
-        """Number of lags and normalwashes, and of strips."""
-        return self.states + self.strips, self.strips
-
-    @property
-    def encode(self) -> int | None:
-        """Address of the function of (measured, z, coded, constants)."""
-        return self.functions["encode"].address
-
-    @property
-    def slopes(self) -> int | None:
-        """Address of that of many (dz, dcoded), and [measured, z, coded, outputs, constants]."""
-        return self.functions["slopes"].batch_address
-
-    def drivers(self, weights: Array, x: Array) -> Array:
-        """[q, v] of each sample, (N, measured)."""
-        return x
-
-    def begin(self, driver: Array, weights: Array) -> tuple[Array, Array, Array]:
-        """Lags of a flow that was always as it is at a sample."""
-        state, sensitivity, semichords = self.functions["begin"](driver, *self._numbers(weights))
-        return state, sensitivity, semichords
-
-    def step(
-        self, driver: Array, weights: Array, time_step: float, before: MemoryState
-    ) -> tuple[Array, Array, Array]:
-        """Lags a step later."""
-        known = time_step, before.state, before.sensitivity, before.driver
-        state, slopes, semichords = self.functions["step"](driver, *self._numbers(weights), *known)
-        return state, slopes, semichords
-
-    def first_format(self, numbers: Iterator[Array]) -> MemoryState:
-        """Memory from a learner file of the first format."""
-        time, state, slopes, effective, effective_slopes, semichords, weights = (
-            next(numbers) for _ in range(7)
-        )
-        sensitivity = np.vstack([slopes, effective_slopes]) * self.reach[: self.parameters]
-        return MemoryState(
-            np.append(state, effective), sensitivity, weights, semichords, float(time)
-        )
-
-    def _numbers(self, weights: Array) -> tuple[Array, Array]:
-        return self.prior + self.reach * weights[: len(self.prior)], self.constants
-
-
 def strip_forces(network: HiddenStripNetwork, x: Array, weights: Array) -> Array | None:
     """Force of each strip along x, y, z of the floating body, (N, m, 3) [N]; None without one.
 
@@ -436,12 +334,10 @@ class LearnedAir:
 
 
 def learned_air(coded: Any, lags: int) -> LearnedAir:
-    """The numbers behind their code, which may be any real numbers.
+    """The numbers behind their code, any real numbers.
 
-    Args:
-        coded: Logarithms of the rates, of the circulation's amplitudes over what they leave of
-            one, of the lift slope, of the lift's amplitudes likewise, of stall and its width.
-        lags: How many a strip.
+    They are logarithms of the rates, of the circulation's amplitudes over what they leave of one,
+    of the lift slope, of the lift's amplitudes likewise, of stall and its width.
     """
     rate = [ca.exp(coded[k]) for k in range(lags)]
     circulation = _shares([coded[lags + k] for k in range(lags)])
@@ -456,13 +352,7 @@ def coded_size(lags: int) -> tuple[int, int]:
 
 
 def coded_start(lags: Indicial, lift_slope: float, stall: tuple[float, float]) -> Array:
-    """Code of numbers that are known, (n,).
-
-    Args:
-        lags: Memory of a section.
-        lift_slope: Of attached flow [1/rad].
-        stall: Incidences where it begins and where it is complete [rad].
-    """
+    """Code of numbers that are known, (n,); stall begins and is complete at angles [rad]."""
     low, high = (sin(angle) ** 2 for angle in stall)
     stalled = [log((low + high) / 2), log((high - low) / _STALL_SLOPE)]
     parts = [np.log(lags.rate), _logarithms(lags.circulation), [log(lift_slope)]]
@@ -513,14 +403,10 @@ def _logarithms(shares: Sequence[float]) -> Array:
 
 
 def hidden_functions(machine: Robot, lags: int) -> list[ca.Function]:
-    """Functions begin, step, encode, and slopes, which is called with many directions.
-
-    Args:
-        machine: The robot in numbers; those of its symbolic twin are run-time inputs.
-        lags: How many a strip.
-    """
+    """Functions begin, step, encode, and slopes, which is called with many directions."""
     air = _Air(machine, lags)
-    return [_begin(air), _step(air), _encode(air), _slopes(air)]
+    known = air.x, air.coded, air.constants
+    return [*lag_functions(air.strips, known, air.learned), _encode(air), _slopes(air)]
 
 
 class _Air:
@@ -528,98 +414,32 @@ class _Air:
 
     def __init__(self, machine: Robot, lags: int) -> None:
         self.robot, robot_parameters = machine.symbolic()
-        self.count, self.lags = len(machine.strips), lags
         size, parameters = coded_size(lags)
-        self.lag_numbers = ca.SX.sym("lag_numbers", parameters)
-        self.coded = ca.vertcat(self.lag_numbers, ca.SX.sym("others", size - parameters))
-        self.lag_reach = ca.diag(ca.SX(coded_reach(lags)[:parameters]))
+        of_lags = ca.SX.sym("lag_numbers", parameters)
+        self.coded = ca.vertcat(of_lags, ca.SX.sym("others", size - parameters))
         self.x = ca.SX.sym("x", machine.state_size)
         wind = ca.SX.sym("wind", 3)
         self.density = ca.SX.sym("rho")
         self.scale = ca.SX.sym("scale")
         self.constants = ca.vertcat(wind, self.density, self.scale, robot_parameters)
         n_q = machine.coordinate_count
-        self.q, v = self.x[:n_q], self.x[n_q:]
+        self.q = self.x[:n_q]
         self.numbers = learned_air(self.coded, lags)
-        chains = strip_chains(machine)
-        self.motions = strip_motions(self.robot, self.q, v, wind)
-        net = lattice(self.robot, chains, self.q, v, wind)
-        self.vortices = VortexSystem(chains, net, self.motions)
-        self.geometric = ca.vertcat(*[normalwash(motion) for motion in self.motions])
-        self.gains = surface_gains(machine, self.robot, SURFACE_CONSTANT)
-        self.state = ca.SX.sym("state", self.count * lags)
-        of_strips = [2 * airspeed(motion) / motion.strip.chord for motion in self.motions]
-        self.semichords = ca.vertcat(*of_strips)
-
-    def wash(self, state: ca.SX, lags: Lags) -> Normalwash:
-        """Normalwashes of all strips with lags in a state."""
-        slope = self.numbers.lift_slope
-        return solve_normalwash(self.vortices, self.geometric, state, lags, slope)
-
-    def reached(self, state: ca.SX, step: Any, before: Relaxation) -> tuple[ca.SX, ca.SX]:
-        """Lags and effective normalwashes at the end of a step."""
-        known = self.vortices, self.geometric, state, step, before
-        return implicit_lag_step(*known, self.numbers.lags, self.numbers.lift_slope)
-
-    def repeated(self, of_strips: ca.SX) -> ca.SX:
-        """A number of each strip, for each of its lags."""
-        return ca.vec(ca.repmat(of_strips.T, self.lags, 1))
-
-
-def _begin(air: _Air) -> ca.Function:
-    """Lags of a flow that was always as it is now: no part of the circulation is held back."""
-    effective = air.wash(ca.SX(0, 1), Lags((), (), ())).effective
-    state = ca.vertcat(air.repeated(effective), effective)
-    return _function(
-        "begin",
-        {"x": air.x, "coded": air.coded, "network_parameters": air.constants},
-        {
-            "state": state,
-            "sensitivity": _forward(state, air.lag_numbers, air.lag_reach),
-            "semichords": air.semichords,
-        },
-    )
-
-
-def _step(air: _Air) -> ca.Function:
-    """One step of the exponential trapezoid, with its derivative for weights and where it began."""
-    parameters, count = air.lag_numbers.numel(), air.count
-    step = ca.SX.sym("step")
-    effective = ca.SX.sym("effective", count)
-    semichords = ca.SX.sym("semichords", count)
-    before = ca.vertcat(air.state, effective)
-    sensitivity = ca.SX.sym("sensitivity", before.numel(), parameters)
-    rates = ca.repmat(ca.vertcat(*air.numbers.lags.rate), count, 1)
-    relaxation = Relaxation(rates * air.repeated(semichords), air.repeated(effective))
-    reached = ca.vertcat(*air.reached(air.state, step, relaxation))
-    seeds = ca.vertcat(sensitivity, air.lag_reach)
-    return _function(
-        "step",
-        {
-            "x": air.x,
-            "coded": air.coded,
-            "network_parameters": air.constants,
-            "step": step,
-            "state": before,
-            "sensitivity": sensitivity,
-            "semichords": semichords,
-        },
-        {
-            "state_after": reached,
-            "sensitivity_after": _forward(reached, ca.vertcat(before, air.lag_numbers), seeds),
-            "semichords_after": air.semichords,
-        },
-    )
+        motion = self.q, self.x[n_q:], wind
+        self.strips = StripFlow(
+            machine, self.robot, motion, self.numbers.lags, self.numbers.lift_slope
+        )
+        self.learned = of_lags, ca.diag(ca.SX(coded_reach(lags)[:parameters]))
 
 
 def _encode(air: _Air) -> ca.Function:
-    outputs = ca.SX.sym("m", _COEFFICIENTS, air.count)
+    outputs = ca.SX.sym("m", _COEFFICIENTS, len(air.strips.motions))
     features, y = _seen(air, outputs)
-    return _function(
+    return named_function(
         "encode",
         {
             "x": air.x,
-            "state": air.state,
+            "state": air.strips.state,
             "coded": air.coded,
             "network_parameters": air.constants,
         },
@@ -632,16 +452,16 @@ def _slopes(air: _Air) -> ca.Function:
 
     What all directions have in common comes last, in one vector.
     """
-    outputs = ca.SX.sym("m", _COEFFICIENTS, air.count)
-    moved = ca.SX.sym("dz", air.state.numel()), ca.SX.sym("dcoded", air.coded.numel())
+    outputs = ca.SX.sym("m", _COEFFICIENTS, len(air.strips.motions))
+    moved = ca.SX.sym("dz", air.strips.state.numel()), ca.SX.sym("dcoded", air.coded.numel())
     features, y = _seen(air, outputs)
     seen = ca.vertcat(ca.vec(features), y)
-    variables = ca.vertcat(air.state, air.coded)
-    slope = _forward(seen, variables, ca.vertcat(*moved))
-    sample = ca.vertcat(air.x, air.state, air.coded, ca.vec(outputs), air.constants)
+    variables = ca.vertcat(air.strips.state, air.coded)
+    slope = ca.densify(ca.jtimes(seen, variables, ca.vertcat(*moved)))
+    sample = ca.vertcat(air.x, air.strips.state, air.coded, ca.vec(outputs), air.constants)
     common = ca.SX.sym("sample", sample.numel())
     slope = ca.substitute(slope, sample, common)
-    return _function(
+    return named_function(
         "slopes",
         {"state_moved": moved[0], "coded_moved": moved[1], "sample_parameters": common},
         {"of_features": slope[: features.numel()], "of_y": slope[features.numel() :]},
@@ -650,11 +470,11 @@ def _slopes(air: _Air) -> ca.Function:
 
 def _seen(air: _Air, outputs: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Inputs of the perceptron for each strip, and y as a function of its outputs."""
-    wash = air.wash(air.state, air.numbers.lags)
+    wash = air.strips.wash(air.strips.state, air.numbers.lags)
     seen: list[ca.SX] = []
     wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
-    for i, motion in enumerate(air.motions):
-        ahead = (smooth_sign(motion.forward) - 1.0) * (motion.strip.chord / 4)
+    for i, motion in enumerate(air.strips.motions):
+        ahead = lift_place(motion)
         flow = section_flow(motion.forward, motion.normal_ahead(ahead))
         effective = section_flow(motion.forward, -wash.lagged[i])
         seen.append(ca.vertcat(_direction(effective), _direction(flow)))
@@ -680,7 +500,8 @@ def _wrench(
     span. Separated: m_4 forward, m_5 normal for the sine of the incidence, m_6 of the moment
     that raises the tail, m_7 along the span.
     """
-    motion, strip = air.motions[i], air.motions[i].strip
+    motion = air.strips.motions[i]
+    strip = motion.strip
     forward = vector(strip.forward)
     normal = vector(strip.normal)
     span = cross(normal, forward)
@@ -688,9 +509,7 @@ def _wrench(
     sine_square = (effective.normal / effective.speed) ** 2
     separated = 1 / (1 + ca.exp((air.numbers.stall - sine_square) / air.numbers.stall_width))
     attached = 1 - separated
-    pressure = air.density * area * air.numbers.lift_slope * airspeed(motion) / 2
-    ahead_normal = motion.normal_ahead(ahead)
-    lift = attached_lift(air.vortices, wash, i, air.gains[i], pressure, ahead_normal)
+    lift = air.strips.lift(wash, i, air.density)
     unit = air.scale * air.density * area * flow.speed / 2
     sine = -flow.normal / flow.speed
     along = motion.spanwise_ahead(ahead)
@@ -704,12 +523,3 @@ def _wrench(
 
 def _direction(flow: SectionFlow) -> ca.SX:
     return direction_inputs(ca.vertcat(flow.forward, flow.normal) / flow.speed)
-
-
-def _forward(value: ca.SX, variables: ca.SX, seeds: ca.SX) -> ca.SX:
-    """d value / d variables . seeds, column by column."""
-    return ca.densify(ca.jtimes(value, variables, seeds))
-
-
-def _function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
-    return ca.Function(name, [*inputs.values()], [*outputs.values()], [*inputs], [*outputs])

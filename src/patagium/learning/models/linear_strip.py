@@ -10,7 +10,9 @@ that was never seen is predicted by the physics as far as it was confirmed, flow
 what was measured. A robot with wings of several kinds, fore and hind or wing and tail, has the
 terms of strips once for all of them and once more for each kind: a tail of another section departs
 a little from what is common. The priors were chosen on flights in foreign air (docs/foreign.md).
-Neglected: history of the flow, neighboring strips, Reynolds number, gusts.
+Where flow is attached, a lifting line takes the place of blade elements: strips with one lag each
+and the trailing vortices they share, which the memory of the network follows. Neglected: Reynolds
+number, gusts; elsewhere history of the flow and neighboring strips.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ import numpy as np
 
 from patagium.aerodynamics.added_mass import AddedMass
 from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.indicial import ONE_STATE, Lags
 from patagium.aerodynamics.local_flow import body_airflows, velocity_at
 from patagium.aerodynamics.quasi_steady import QuasiSteady
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
@@ -33,12 +36,20 @@ from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import Twist, add_wrench, body_poses, generalized_force
 from patagium.dynamics.rnea import body_accelerations, kirchhoff_force
 from patagium.errors import ParameterError
+from patagium.learning.models.memory import LagEquations, compiled_steps, row_size
 from patagium.learning.models.network import Encoding, FlightTerms
 from patagium.learning.models.perceptron import Perceptron
+from patagium.learning.models.strip_lags import (
+    StripFlow,
+    StripLags,
+    lag_functions,
+    lift_place,
+)
 from patagium.learning.models.wing import WingNetwork
 from patagium.learning.settings import Misfit
-from patagium.native import load_functions
+from patagium.native import load_functions, named_function
 from patagium.robot.model import Body, Robot, Strip
+from patagium.robot.strip_chains import strip_chains
 
 Wrenches = dict[int, tuple[ca.SX, ca.SX]]
 
@@ -63,6 +74,11 @@ WHOLE_TERMS = (
     Term("circulation beside added mass", 1.0, 5.0),
 )
 """Terms of the whole robot: `QuasiSteady`, and the two parts of `AddedMass`."""
+LIFTING_LINE = Term("lifting line", 1.0, 1.0)
+"""Attached lift of strips with trailing vortices and one lag each; where flow is attached, it takes
+the place of blade elements, which are then expected to have no share."""
+ATTACHED_SHARE = 0.25
+"""Prior of corrections where flow is attached, over that elsewhere [1]."""
 STRIP_TERMS = (
     Term("acceleration of the air carried along", 0.0, 2.0),
     Term("attached lift", 0.0, 2.0),
@@ -93,13 +109,15 @@ _SMALL = 0.02  # incidence beyond which a thin wing's flow leaves its leading ed
 _OUTPUTS = 4  # of a section: force forward, normal and spanwise, moment
 _CORRECTIONS = (6, 0.5), (11, 0.2)  # polynomials of spanwise flow, of direction; prior of each
 _POLYNOMIALS = sum(count for count, _ in _CORRECTIONS)
+_LAGS = Lags(ONE_STATE.rate, ONE_STATE.lift, ONE_STATE.circulation)
 _NOTHING = 1e-6  # prior of weights that stand for nothing
 
 
 class LinearStripNetwork(WingNetwork):
     """Force of the air as a sum of physical terms and corrections, linear in the weights.
 
-    x is [q, v, a], y the generalized force of the air, added mass included. In strip axes at
+    x is [q, v, a], y the generalized force of the air, added mass included; in attached flow x as
+    the learner sees it goes on with the lags, which its memory finds. In strip axes at
     mid-chord, relative to the air, with u the forward and n the normal velocity, s that along
     the span, p, r and y the rates of pitch, flap and yaw times the chord, V^2 = u^2 + n^2, the
     corrections are
@@ -120,12 +138,14 @@ class LinearStripNetwork(WingNetwork):
         measured: Coordinates whose force y is; None: all.
         by_surface: Whether each kind of wing may depart from what all wings have in common.
             Models of patagium 0.2.0 and before are read with False.
+        attached: Whether flow is expected to stay attached: `LIFTING_LINE`, `ATTACHED_SHARE`.
 
     Attributes:
         terms: Physical terms, whose weights follow the corrections.
         measured: Names of the coordinates whose force y is.
         by_surface: Whether each kind of wing may depart from what all wings have in common.
         surfaces: Kinds of wings that may; none where all are of one kind.
+        attached: Whether flow is expected to stay attached.
         scaled_prior: True: a stated `prior_std` is a factor on `own_prior`.
 
     Raises:
@@ -133,13 +153,14 @@ class LinearStripNetwork(WingNetwork):
 
     References:
         Dickinson, Lehmann & Sane (1999), Science 284 (blade elements); Theodorsen (1935), NACA
-        TR 496 (added mass, attached lift); Sane & Dickinson (2002), J. Exp. Biol. 205 (pitching);
+        TR 496 (added mass, attached lift); Izraelevitz, Zhu & Triantafyllou (2017), AIAA Journal
+        55 (lifting line); Sane & Dickinson (2002), J. Exp. Biol. 205 (pitching);
         Hoerner (1965), Fluid-Dynamic Drag (separated flow, bodies).
     """
 
     kind = "linear_strip"
     shared = ("air",)
-    options = ("measured", "by_surface")
+    options = ("measured", "by_surface", "attached")
     scaled_prior = True
 
     @checked
@@ -149,6 +170,7 @@ class LinearStripNetwork(WingNetwork):
         air: Air | None = None,
         measured: Sequence[str] | None = None,
         by_surface: bool = True,
+        attached: bool = False,
     ) -> None:
         if not robot.strips:
             raise ParameterError("robot", "a robot with wings", robot.name)
@@ -157,25 +179,42 @@ class LinearStripNetwork(WingNetwork):
         rows = [robot.index(name) for name in self._names]
         self.by_surface = by_surface
         self.surfaces = _surfaces(robot) if by_surface else ()
-        self.terms = _terms(robot, self.surfaces)
+        self.attached = attached
+        self.terms = _terms(robot, self.surfaces, attached)
         slots = _slots(len(self.terms))
         self.items = len(robot.strips) + slots
         self.perceptron = Perceptron((_POLYNOMIALS + slots, _OUTPUTS))
         self.offset = np.zeros(len(self._names))
         self._parameters = np.array([*self.air.wind, self.air.density, *robot.parameters])
-        key = f"linear strip network {self._names} {self.surfaces} {robot.structure}"
+        chains = strip_chains(robot) if attached else ""
         made = load_functions(
-            key, lambda: [_function(robot, rows, self.surfaces)], label=f"air of {robot.name}"
+            f"linear strip network {self._names} {self.surfaces} {chains} {robot.structure}",
+            lambda: _functions(robot, rows, self.surfaces, attached),
+            label=f"air of {robot.name}",
         )
         self._encode = made["encode"]
+        self.lag_equations: LagEquations | None = None
+        if attached:
+            nothing, count = np.zeros(0), len(robot.strips)
+            coded = nothing, nothing, self._parameters
+            steps = compiled_steps(made["begin"].address, made["step"].address, *coded)
+            sizes = self.measured_inputs, count * len(_LAGS.rate), count, 0
+            self.lag_equations = StripLags(made, *coded, *sizes, steps)
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> Self:
         """Inverse of `describe`, of 0.2.0 and before too, where all wings had the same weights."""
-        return super().from_description({"by_surface": False} | dict(description))
+        before = {"by_surface": False, "attached": False}
+        return super().from_description(before | dict(description))
 
     @property
     def inputs(self) -> int:
+        """Length of [q, v, a], lags included."""
+        lags = self.lag_equations
+        return self.measured_inputs + (0 if lags is None else row_size(lags))
+
+    @property
+    def measured_inputs(self) -> int:
         """Length of [q, v, a]."""
         return self.robot.state_size + self.robot.dof
 
@@ -188,7 +227,8 @@ class LinearStripNetwork(WingNetwork):
     def own_prior(self) -> Array:
         """Standard deviation of each weight before any sample, (n,) [1]."""
         corrections = np.concatenate([np.full(count, std) for count, std in _CORRECTIONS])
-        return self._placed(corrections, [term.std for term in self.terms], _NOTHING)
+        share = ATTACHED_SHARE if self.attached else 1.0
+        return self._placed(share * corrections, [term.std for term in self.terms], _NOTHING)
 
     @property
     def own_misfit(self) -> Misfit:
@@ -258,7 +298,7 @@ def strip_forces(network: LinearStripNetwork, x: Array, weights: Array) -> Array
     robot, terms = network.robot, network.term_weights(weights)
     features = network.encode(x).features[:, : len(robot.strips)]
     corrections = network.section_forces(features, weights)
-    forces = _strip_forces(robot, network.surfaces)
+    forces = _strip_forces(robot, network.surfaces, network.attached)
     wind, density = network.air.wind, network.air.density
     found = [
         forces(sample, wind, density, robot.parameters, section.T, [*terms.values()]).full().T
@@ -391,7 +431,7 @@ def _surfaces(robot: Robot) -> tuple[str, ...]:
     return kinds if len(kinds) > 1 else ()
 
 
-def _terms(robot: Robot, surfaces: Sequence[str]) -> tuple[Term, ...]:
+def _terms(robot: Robot, surfaces: Sequence[str], attached: bool) -> tuple[Term, ...]:
     """Terms of the whole robot, of all strips, of its bodies, and of the strips of each kind."""
     bodies = [
         Term(f"{term.name} of {robot.bodies[k].name}", term.mean, term.std)
@@ -403,7 +443,8 @@ def _terms(robot: Robot, surfaces: Sequence[str]) -> tuple[Term, ...]:
         for name in surfaces
         for term in STRIP_TERMS
     ]
-    return (*WHOLE_TERMS, *STRIP_TERMS, *bodies, *departures)
+    terms = (*WHOLE_TERMS, *STRIP_TERMS, *bodies, *departures)
+    return (terms[0]._replace(mean=0.0), *terms[1:], LIFTING_LINE) if attached else terms
 
 
 def _of_strip(weights: ca.SX, machine: Robot, surfaces: Sequence[str], strip: Strip) -> ca.SX:
@@ -445,12 +486,13 @@ class _Sample(NamedTuple):
     """Symbols of a sample.
 
     Attributes:
-        x: State and accelerations [q, v, a], (n_x,).
+        x: State, accelerations [q, v, a] and lags, (n_x,).
         wind: Wind, world axes, (3,) [m/s].
         density: Of the air [kg/m^3].
         motion: q, v and a.
         airflows: Velocity of each body relative to the air, body axes.
         flows: Motion of each strip.
+        line: The lifting line, where flow is attached.
     """
 
     x: ca.SX
@@ -459,17 +501,31 @@ class _Sample(NamedTuple):
     motion: tuple[ca.SX, ca.SX, ca.SX]
     airflows: Sequence[Twist]
     flows: list[_Flow]
+    line: StripFlow | None
 
 
-def _sample(robot: Robot) -> _Sample:
-    """Symbols of a sample of a symbolic robot."""
+def _sample(machine: Robot, robot: Robot, attached: bool) -> _Sample:
+    """Symbols of a sample of a robot in numbers and in symbols."""
     n_q, dof = robot.coordinate_count, robot.dof
     x, wind = ca.SX.sym("x", robot.state_size + dof), ca.SX.sym("wind", 3)
     q, v, a = x[:n_q], x[n_q : n_q + dof], x[n_q + dof :]
     airflows = body_airflows(robot, q, v, wind)
     accelerations = body_accelerations(robot, q, v, a, ca.SX(0))
     flows = [_flow(s, airflows[s.body], accelerations[s.body]) for s in robot.strips]
-    return _Sample(x, wind, ca.SX.sym("rho"), (q, v, a), airflows, flows)
+    line = StripFlow(machine, robot, (q, v, wind), _LAGS, 2 * pi) if attached else None
+    x = x if line is None else ca.vertcat(x, line.state)
+    return _Sample(x, wind, ca.SX.sym("rho"), (q, v, a), airflows, flows, line)
+
+
+def _lifts(line: StripFlow, density: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
+    """Lift of each strip of a lifting line [N] and its place [m], body axes."""
+    found, wash = [], line.wash(line.state, line.lags)
+    for i, motion in enumerate(line.motions):
+        forward, normal = vector(motion.strip.forward), vector(motion.strip.normal)
+        along, across = line.lift(wash, i, density)
+        place = vector(motion.strip.quarter_chord) + forward * lift_place(motion)
+        found.append((forward * along + normal * across, place))
+    return found
 
 
 def _section_load(flow: _Flow, density: ca.SX, coefficients: ca.SX, terms: ca.SX) -> ca.SX:
@@ -484,29 +540,36 @@ def _force(flow: _Flow, load: ca.SX) -> ca.SX:
     return forward * load[0] + normal * load[1] + span * load[2]
 
 
-def _strip_forces(machine: Robot, surfaces: Sequence[str]) -> ca.Function:
+def _strip_forces(machine: Robot, surfaces: Sequence[str], attached: bool) -> ca.Function:
     """Force of each strip, world axes, (3, m) [N], by corrections (4, m) and weights of terms."""
     robot, robot_parameters = machine.symbolic()
-    x, wind, density, (q, v, _), _, flows = _sample(robot)
+    x, wind, density, (q, v, _), _, flows, line = _sample(machine, robot, attached)
     coefficients = ca.SX.sym("c", _OUTPUTS, len(flows))
-    terms = ca.SX.sym("w", len(_terms(machine, surfaces)))
+    terms = ca.SX.sym("w", len(_terms(machine, surfaces, attached)))
     blades, poses = QuasiSteady(machine), body_poses(robot, q)
     numbers = ca.vertcat(density, ca.SX(ca.DM(blades.parameters[1:])))
     elements = blades.expressions(robot, q, v, ca.SX(0, 1), wind, numbers).strip_force
-    forces = []
+    forces, lifts = [], _lifts(line, density) if line else []
     for k, flow in enumerate(flows):
         own = _of_strip(terms, machine, surfaces, flow.strip)
         force = _force(flow, _section_load(flow, density, coefficients[:, k], own))
+        force = force + terms[-1] * lifts[k][0] if lifts else force
         forces.append(poses[flow.strip.body].rotation @ force)
     inputs = [x, wind, density, robot_parameters, coefficients, terms]
     return ca.Function("strip_forces", inputs, [ca.horzcat(*forces) + terms[0] * elements])
 
 
-def _function(machine: Robot, rows: Sequence[int], surfaces: Sequence[str]) -> ca.Function:
-    """Encoder: polynomials of each strip, then one row a slot; forces of unit outputs."""
+def _functions(
+    machine: Robot, rows: Sequence[int], surfaces: Sequence[str], attached: bool
+) -> list[ca.Function]:
+    """Encoder: polynomials of each strip, then one row a slot; forces of unit outputs.
+
+    Behind it, where flow is attached, begin and step of the lags.
+    """
     robot, robot_parameters = machine.symbolic()
-    x, wind, density, (q, v, a), airflows, flows = _sample(robot)
-    strips, slots = len(flows), _slots(len(_terms(machine, surfaces)))
+    x, wind, density, (q, v, a), airflows, flows, line = _sample(machine, robot, attached)
+    terms = len(_terms(machine, surfaces, attached))
+    strips, slots = len(flows), _slots(terms)
     coefficients = ca.SX.sym("c", _OUTPUTS, strips)
     weights = ca.SX.sym("w", _OUTPUTS * slots)
     whole, first = weights[: len(WHOLE_TERMS)], len(WHOLE_TERMS) + len(STRIP_TERMS)
@@ -521,6 +584,9 @@ def _function(machine: Robot, rows: Sequence[int], surfaces: Sequence[str]) -> c
         force = _force(flow, load)
         moment = cross(flow.middle, force) - flow.axes[2] * (strip.chord * load[3])
         add_wrench(wrenches, strip.body, force, moment)
+    for k, (lift, place) in enumerate(_lifts(line, density) if line else []):
+        force = weights[terms - 1] * lift
+        add_wrench(wrenches, flows[k].strip.body, force, cross(place, force))
     y = generalized_force(robot, q, wrenches)
     y = (y + _whole_terms(machine, robot, (q, v, a), wind, density) @ whole)[list(rows)]
     seen = [ca.vertcat(_polynomials(flow), ca.SX.zeros(slots, 1)) for flow in flows]
@@ -528,5 +594,10 @@ def _function(machine: Robot, rows: Sequence[int], surfaces: Sequence[str]) -> c
     features = ca.densify(ca.horzcat(*seen, ones))
     readout = ca.densify(ca.jacobian(y, ca.vertcat(ca.vec(coefficients), weights)))
     parameters = ca.vertcat(wind, density, robot_parameters)
-    names_in, names_out = ["x", "network_parameters"], ["features", "readout"]
-    return ca.Function("encode", [x, parameters], [features, readout], names_in, names_out)
+    known = {"x": x, "network_parameters": parameters}
+    encode = named_function("encode", known, {"features": features, "readout": readout})
+    if line is None:
+        return [encode]
+    none = ca.SX(0, 1), ca.SX(0, 0)
+    measured = x[: machine.state_size + machine.dof]
+    return [encode, *lag_functions(line, (measured, ca.SX(0, 1), parameters), none)]

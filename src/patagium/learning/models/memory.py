@@ -15,7 +15,7 @@ samples, which the joint filter would pass on to z at once; two streams at once.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from math import inf, isnan, nan
 from typing import Any, NamedTuple, Protocol
 
@@ -89,13 +89,7 @@ class CompiledSteps(NamedTuple):
 
 
 def compiled_steps(begin: int | None, step: int | None, *numbers: Array) -> CompiledSteps | None:
-    """Lag equations in C; None without a compiler.
-
-    Args:
-        begin: Address of the function of that name.
-        step: Address of the function of that name.
-        numbers: Prior, reach and constants.
-    """
+    """Lag equations in C by addresses, prior, reach and constants; None without a compiler."""
     kernel = load_kernel("memory")
     if kernel is None or begin is None or step is None:
         return None
@@ -131,21 +125,11 @@ class LagEquations(Protocol):
         ...
 
     def drivers(self, weights: Array, x: Array) -> Array:
-        """Drivers of the lags, one for each of N samples, which `begin` and `step` take.
-
-        Args:
-            weights: From the first one of the lags on.
-            x: Measured inputs, (N, measured) [units of x].
-        """
+        """Drivers of N samples with measured inputs x (N, measured), for `begin` and `step`."""
         ...
 
     def begin(self, driver: Array, weights: Array) -> tuple[Array, Array, Array]:
-        """State, sensitivity and driver at a sample where memory begins.
-
-        Args:
-            driver: Of the sample.
-            weights: From the first one of the lags on.
-        """
+        """State, sensitivity and driver at a sample where memory begins."""
         ...
 
     def step(
@@ -161,14 +145,6 @@ class LagEquations(Protocol):
         """
         ...
 
-    def first_format(self, numbers: Iterator[Array]) -> MemoryState:
-        """Memory from the numbers of a learner file of the first format.
-
-        Args:
-            numbers: Arrays in the order of that file; those of these lags are taken.
-        """
-        ...
-
 
 def measured_inputs(network: Network) -> int:
     """Number of inputs of a network that are measured, the first of x."""
@@ -181,13 +157,7 @@ def row_size(lags: LagEquations) -> int:
 
 
 def memory_in(rows: Array, states: int, parameters: int) -> MemoryState:
-    """Memory read from the inputs of a network.
-
-    Args:
-        rows: [z, vec S, W_m], (N, states (1 + parameters) + parameters).
-        states: n_z.
-        parameters: n_m.
-    """
+    """Memory read from [z, vec S, W_m], the last inputs of a network."""
     end = states * (1 + parameters)
     slopes = rows[:, states:end].reshape(len(rows), states, parameters)
     return MemoryState(rows[:, :states], slopes, rows[:, end : end + parameters])
@@ -195,7 +165,7 @@ def memory_in(rows: Array, states: int, parameters: int) -> MemoryState:
 
 def memory_of(network: Network) -> ModelMemory | None:
     """A memory for a network, empty yet; None for a network without."""
-    return ModelMemory(network) if getattr(network, "lag_equations", ()) else None
+    return None if getattr(network, "lag_equations", None) is None else ModelMemory(network)
 
 
 def replay(network: Network, time: Array, x: Array, gaps: ArrayLike = ()) -> ModelMemory:
@@ -248,8 +218,7 @@ class ModelMemory:
         network: The network; without lag states its inputs are the measured ones.
 
     Attributes:
-        states: Memory at the last sample, one entry for each of the network's lag equations;
-            None before the first sample.
+        last: Memory at the last sample; None before the first one.
         clock: Last stamp and usual step, (2,) [s].
         resets: How often memory began anew in a stream.
     """
@@ -258,9 +227,9 @@ class ModelMemory:
         self._network = network
         self._whole = False  # whether x of the log has all inputs, so that nothing is left to find
         self._measured = measured_inputs(network)
-        self.states: tuple[MemoryState, ...] | None = None
+        self.last: MemoryState | None = None
         self.clock, self.resets = np.array([-inf, nan]), 0
-        self._next: tuple[float, tuple[MemoryState, ...]] | None = None
+        self._next: MemoryState | None = None
         self._log: tuple[Array, Array, NDArray[np.int64]] | None = None
         self._reached = 0
 
@@ -275,26 +244,17 @@ class ModelMemory:
             x: Measured inputs, (N, n_measured) [units of x].
             gaps: First sample after each gap, where memory begins anew.
         """
-        rows, self.states = self._block(weights, np.asarray(time, float), x, gaps, self.states)
+        rows, self.last = self._block(weights, np.asarray(time, float), x, gaps, self.last)
         return rows
 
     def corrected(self, change: Array) -> None:
-        """Move the memory along its sensitivity after an update of the weights.
-
-        Args:
-            change: By which the weights moved, (n,).
-        """
-        if self.states is not None:
-            self.states = self._moved(self.states, change)
+        """Move the memory along its sensitivity after the weights moved by a change, (n,) [1]."""
+        if self.last is not None:
+            weights = self.last.weights + change[: len(self.last.weights)]
+            self.last = self.last._replace(state=self.last.at(weights), weights=weights)
 
     def follow(self, time: Array, x: Array, gaps: ArrayLike = ()) -> None:
-        """Follow a log from its first sample on by `upto` and `ahead`; see `replay`.
-
-        Args:
-            time: Increasing, (N,) [s].
-            x: Measured inputs, (N, n_measured), or all, (N, n_x) [units of x].
-            gaps: First sample after each gap, where memory begins anew.
-        """
+        """Follow a log from its first sample on by `upto` and `ahead`; see `replay`."""
         self._log, self._reached = (time, x, np.asarray(gaps, np.int64)), 0
         self._whole = x.shape[1] == self._network.inputs
 
@@ -305,17 +265,12 @@ class ModelMemory:
             end: One past the last sample.
             weights: Weights over these samples, (n,) [1].
         """
-        rows, self.states = self._span(end, weights)
+        rows, self.last = self._span(end, weights)
         self._reached = end
         return rows
 
     def ahead(self, end: int, weights: Array) -> Array:
-        """Inputs from the sample reached up to another one; the memory stays.
-
-        Args:
-            end: One past the last sample.
-            weights: Weights over these samples, (n,) [1].
-        """
+        """Inputs as `upto` gives them; the memory stays."""
         return self._span(end, weights)[0]
 
     def next_input(self, time: float, x: Array, weights: Array) -> Array:
@@ -326,34 +281,27 @@ class ModelMemory:
             x: Measured inputs, (n_measured,) [units of x].
             weights: Weights at that sample, (n,) [1].
         """
-        before = self.states if self._follows(time) else None
+        before = self.last if self._follows(time) else None
         rows, found = self._block(weights, np.array([time]), x[None], (), before)
-        sound = found is not None and np.isfinite(rows[0, self._measured :]).all()
-        self._next = (time, found) if sound and found is not None else None
+        self._next = found if np.isfinite(rows[0, self._measured :]).all() else None
         return np.asarray(rows[0])
 
     def settle(self, outcome: Outcome, change: Array) -> None:
-        """Keep or drop the sample of `next_input` after the learner's update.
-
-        Args:
-            outcome: What became of the sample.
-            change: By which the weights moved, (n,).
-        """
+        """Keep or drop the sample of `next_input` after an update that moved weights, (n,) [1]."""
         if self._next is None or outcome in UNSEEN:
             return
-        time, found = self._next
-        if self.states is not None:
+        time = self._next.time
+        if self.last is not None:
             self.resets += not self._follows(time)
             self.clock[1] = self._usual_after(time - float(self.clock[0]))
-        self.clock[0] = time
-        self.states = self._moved(found, change)
+        self.clock[0], self.last = time, self._next
+        self.corrected(change)
 
     def state(self) -> dict[str, Any]:
         """All that the next samples of a stream depend on, by name."""
+        last = {} if self.last is None else self.last._asdict()
         kept: dict[str, Any] = {
-            f"{_PREFIX}{k}_{name}": np.array(value, float)
-            for k, one in enumerate(self.states or ())
-            for name, value in one._asdict().items()
+            f"{_PREFIX}0_{name}": np.array(value, float) for name, value in last.items()
         }
         return {**kept, f"{_PREFIX}clock": self.clock.copy(), f"{_PREFIX}resets": self.resets}
 
@@ -361,33 +309,25 @@ class ModelMemory:
         """Go on from a state; one without a memory begins with the next sample.
 
         Args:
-            state: As `state` gave it, or of a learner file of the first format.
+            state: As `state` gave it.
 
         Raises:
             ShapeError: If an array has another shape.
         """
-        self._next, self.states = None, None
+        self._next, self.last = None, None
         self.clock = np.array(state.get(f"{_PREFIX}clock", (-inf, nan)), float)
         self.resets = int(state.get(f"{_PREFIX}resets", 0))
-        if f"{_PREFIX}0" in state:
-            count = sum(name.removeprefix(_PREFIX).isdigit() for name in state)
-            numbers = (np.array(state[f"{_PREFIX}{k}"], float) for k in range(count))
-            found = [lags.first_format(numbers) for _, lags in self._lags]
-        elif f"{_PREFIX}0_state" in state:
-            found = []
-            for k in range(len(self._lags)):
-                one = {f: np.array(state[f"{_PREFIX}{k}_{f}"], float) for f in MemoryState._fields}
-                stamp = float(one.pop("time"))
-                found.append(MemoryState(**one, time=stamp))
-        else:
+        if f"{_PREFIX}0_state" not in state or self._lags is None:
             return
-        for memory, (_, lags) in zip(found, self._lags, strict=True):
-            (states, drivers), n_m = lags.carried, lags.parameters
-            shapes = (states,), (states, n_m), (n_m,), (drivers,)
-            for array, shape in zip(memory[:4], shapes, strict=True):
-                if array.shape != shape:
-                    raise ShapeError("memory", shape, array.shape)
-        self.states = tuple(found)
+        names = MemoryState._fields[:4]
+        z, slopes, weights, driver = (np.array(state[f"{_PREFIX}0_{f}"], float) for f in names)
+        found = MemoryState(z, slopes, weights, driver, float(state[f"{_PREFIX}0_time"]))
+        (states, drivers), n_m = self._lags.carried, self._lags.parameters
+        shapes = (states,), (states, n_m), (n_m,), (drivers,)
+        for array, shape in zip(found[:4], shapes, strict=True):
+            if array.shape != shape:
+                raise ShapeError("memory", shape, array.shape)
+        self.last = found
 
     def compiled(self, x: Array, mean: Array) -> CompiledLags | None:
         """The memory as C code moves it between two calls; None without a compiler.
@@ -396,22 +336,22 @@ class ModelMemory:
             x: Input that a compiled filter reads, (n_x,) [units of x].
             mean: Mean weights of the filter, (n,).
         """
-        if len(self._lags) != 1 or self._lags[0][0] != 0:
+        lags = self._lags
+        if lags is None or lags.compiled is None:
             return None
-        lags = self._lags[0][1]
-        return None if lags.compiled is None else CompiledLags(lags, lags.compiled, mean, x)
+        return CompiledLags(lags, lags.compiled, mean, x)
 
     @property
-    def _lags(self) -> tuple[tuple[int, LagEquations], ...]:
-        return () if self._whole else getattr(self._network, "lag_equations", ())
+    def _lags(self) -> LagEquations | None:
+        return None if self._whole else getattr(self._network, "lag_equations", None)
 
-    def _span(self, end: int, weights: Array) -> tuple[Array, tuple[MemoryState, ...] | None]:
+    def _span(self, end: int, weights: Array) -> tuple[Array, MemoryState | None]:
         if self._log is None:
             raise RuntimeError("upto and ahead follow the log of replay: call replay first")
         time, x, gaps = self._log
         part = slice(self._reached, end)
         inside = gaps[(gaps >= part.start) & (gaps < end)] - part.start
-        return self._block(weights, time[part], x[part], inside, self.states)
+        return self._block(weights, time[part], x[part], inside, self.last)
 
     def _block(
         self,
@@ -419,38 +359,25 @@ class ModelMemory:
         time: Array,
         x: Array,
         gaps: ArrayLike,
-        before: tuple[MemoryState, ...] | None,
-    ) -> tuple[Array, tuple[MemoryState, ...] | None]:
+        before: MemoryState | None,
+    ) -> tuple[Array, MemoryState | None]:
         """Inputs of a block and the memory at its end."""
-        if not self._lags:
+        lags = self._lags
+        if lags is None:
             return x, before
         if not len(x):
             return np.empty((0, self._network.inputs)), before
         anew = np.zeros(len(x), np.int8)
         anew[np.asarray(gaps, int)] = 1
         anew[0] |= before is None
-        rows, after = [x], []
-        for k, (place, lags) in enumerate(self._lags):
-            known = None if before is None else before[k]
-            advanced = _advanced_in_c(lags, weights[place:], time, x, anew, known)
-            if advanced is None:
-                advanced = _advanced(lags, weights[place:], time, x, anew, known)
-            rows.append(advanced[0])
-            after.append(advanced[1])
-        return np.hstack(rows), tuple(after)
-
-    def _moved(self, states: tuple[MemoryState, ...], change: Array) -> tuple[MemoryState, ...]:
-        """Memory at weights that moved by a change, (n,)."""
-        moved = []
-        for one, (place, lags) in zip(states, self._lags, strict=True):
-            weights = one.weights + change[place : place + lags.parameters]
-            moved.append(one._replace(state=one.at(weights), weights=weights))
-        return tuple(moved)
+        known = lags, weights, time, x, anew, before
+        rows, after = _advanced_in_c(*known) or _advanced(*known)
+        return np.hstack([x, rows]), after
 
     def _follows(self, time: float) -> bool:
         last, usual = self.clock.tolist()
         longest = inf if isnan(usual) else max(LONGEST_STEP, USUAL_STEPS * usual)
-        return self.states is not None and 0 < time - last <= longest
+        return self.last is not None and 0 < time - last <= longest
 
     def _usual_after(self, step: float) -> float:
         """The usual step [s] after another one; steps back in time say nothing."""
@@ -584,9 +511,9 @@ class CompiledLags(ctypes.Structure):
     def load(self, memory: ModelMemory) -> None:
         """Take over the memory of a stream before a call."""
         self.arrays["clock"][:2] = memory.clock
-        self.arrays["counts"][:] = memory.states is not None, memory.resets
-        if memory.states is not None:
-            self.put(memory.states[0])
+        self.arrays["counts"][:] = memory.last is not None, memory.resets
+        if memory.last is not None:
+            self.put(memory.last)
 
     def store(self, memory: ModelMemory) -> None:
         """Give the memory of a stream back after a call."""
@@ -594,4 +521,4 @@ class CompiledLags(ctypes.Structure):
         memory.clock = self.arrays["clock"][:2].copy()
         if begun:
             weights = self.arrays["mean"][: self.parameters]
-            memory.states = (self.taken(float(memory.clock[0]), weights),)
+            memory.last = self.taken(float(memory.clock[0]), weights)

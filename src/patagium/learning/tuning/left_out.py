@@ -28,7 +28,7 @@ import xarray as xr
 from scipy.cluster.hierarchy import fcluster, linkage
 
 from patagium.arrays import Array, Indices
-from patagium.learning.tuning.likelihood import Flown, Fold
+from patagium.learning.tuning.prediction_score import Flown, Fold
 from patagium.learning.wingbeats import wingbeat_period
 from patagium.sensing.force.air_force import recorded
 from patagium.sensing.logs.table import LogTable

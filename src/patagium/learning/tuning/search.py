@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from patagium.errors import LogError, OutputError, ParameterError
 from patagium.learning.settings import Alternatives, LogRange, settings_from, settings_of
-from patagium.learning.tuning.likelihood import PredictionScore
+from patagium.learning.tuning.prediction_score import PredictionScore
 from patagium.reading import regular_file
 from patagium.whole_file import write_whole
 

@@ -34,7 +34,7 @@ from patagium.whole_file import write_whole
 _HEAD = """\
 # Settings of a learner, found by `patagium tune`; taken by
 #   patagium identify FILE --settings THIS_FILE
-# where command-line options override it. The log likelihood is that of the innovations.
+# where command-line options override it.
 """
 
 

@@ -2,7 +2,7 @@
 
 Each trial teaches a new learner the used samples of one or several flights, less those that are
 left out (`left_out`), and predicts the latter with weights that stay; its score is that of these
-predictions (`likelihood`). Optuna draws the trials over the ranges of the settings' record
+predictions (`prediction_score`). Optuna draws the trials over the ranges of the settings' record
 (`search`). Neglected: the luck of the initial weights, which are those of one seed.
 """
 
@@ -23,14 +23,14 @@ import xarray as xr
 from patagium.arguments import checked
 from patagium.arrays import brief
 from patagium.errors import LogError, ParameterError, ShapeError
-from patagium.learning.identify import samples
 from patagium.learning.learners.registry import FILTER_LEARNERS, make_learner
 from patagium.learning.models.memory import measured_inputs
 from patagium.learning.models.network import Network
+from patagium.learning.samples import samples
 from patagium.learning.settings import Alternatives
 from patagium.learning.stream import used_samples
 from patagium.learning.tuning.left_out import Kinematics, LeftOut, kinematics_of, left_out
-from patagium.learning.tuning.likelihood import (
+from patagium.learning.tuning.prediction_score import (
     Flown,
     LogSamples,
     PredictionScore,
@@ -59,7 +59,7 @@ SHOWN = 10
 """Number of trials that the file of settings lists."""
 _SHOWN_SCORES = (
     *("crps", "left_out_crps", "left_out_nmse", "left_out_coverage"),
-    *("log_likelihood_second_half", "nmse_second_half", "coverage_second_half"),
+    *("nmse_second_half", "coverage_second_half"),
 )
 _PAUSE = 1.0  # s, between flights that are learned one after the other
 Flight = xr.Dataset | LogTable

@@ -13,16 +13,8 @@ was learned, second half; so a setting that learns nothing does not win by its w
 trial is then refused where its mean square error on anything left out is larger than that of
 predicting zero, or of the weights before any sample (the physics that a network begins with).
 
-Beside it stands the likelihood of the predictions of known kinematics, made before each sample
-was used. With e = y - mean the innovation of an output and s^2 its variance,
-
-    log L = sum over samples and outputs of -1/2 (e^2 / s^2 + log s^2 + log 2 pi):
-
-the density that the learner gave beforehand to each number it then measured. It punishes errors,
-and standard deviations too small or too large for them, and rewards learners that follow the
-misfit of the last samples and then err on other kinematics. An output that stands still, which any
-small standard deviation predicts, is left out (`moving`). Neglected: correlation of the outputs
-(docs/decisions.md says why); samples between those used.
+An output that stands still, which any small standard deviation predicts, is left out (`moving`).
+Neglected: correlation of the outputs (docs/decisions.md says why); samples between those used.
 
 References:
     Gneiting & Raftery (2007), Strictly proper scoring rules, prediction, and estimation, J. Am.
@@ -119,9 +111,6 @@ class PredictionScore:
     """Score of a trial on what was left out, and of its predictions of known kinematics.
 
     Attributes:
-        log_likelihood: Log likelihood of all samples, each before it was learned; minus infinity
-            if the learner diverged.
-        log_likelihood_second_half: The same of the second half of them.
         samples: Number of samples that were learned.
         nmse_second_half: Mean square innovation over the variance of the output, mean over the
             outputs, second half.
@@ -138,8 +127,6 @@ class PredictionScore:
         moved: Norm of the change of the weights by all samples [1].
     """
 
-    log_likelihood: float
-    log_likelihood_second_half: float
     samples: int
     nmse_second_half: float = nan
     coverage_second_half: float = nan
@@ -167,10 +154,7 @@ class PredictionScore:
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> PredictionScore:
         """Inverse of `describe`."""
-        lost = {"log_likelihood": -inf, "log_likelihood_second_half": -inf}
-        found: dict[str, Any] = {
-            k: lost.get(k, nan) if v is None else v for k, v in description.items()
-        }
+        found: dict[str, Any] = {k: nan if v is None else v for k, v in description.items()}
         return cls(**{**found, "outcome": Outcome[found["outcome"]]})
 
 
@@ -324,9 +308,7 @@ def score_predictions(
     try:
         updates = [one for _, one in prequential(learner, flown.samples(), used) if one]
     except (FilterDiverged, MatrixLost) as problem:
-        return PredictionScore(
-            -inf, -inf, learner.count, outcome=problem.outcome, reason=str(problem)
-        )
+        return PredictionScore(learner.count, outcome=problem.outcome, reason=str(problem))
     error = np.array([update.innovation for update in updates])
     variance = np.array([update.std for update in updates]) ** 2
     heard = flown.scored.any(axis=0)
@@ -344,15 +326,12 @@ def _known(truth: Array, error: Array, variance: Array, scored: Bools) -> Predic
     allowed = np.where(used, variance, spread)
     with np.errstate(over="ignore"):
         ratio = miss**2 / allowed
-    density = np.where(scored, -0.5 * (ratio + np.log(allowed) + log(2 * pi)), 0.0)
     late = slice(len(truth) // 2, None)
     chosen = scored[late]
     crps = np.where(scored, _crps(miss, np.sqrt(allowed)), nan) / np.sqrt(spread)
     inside = (ratio[late] <= INTERVAL**2)[chosen]
     square = (miss**2 / spread)[late][chosen]
     return PredictionScore(
-        log_likelihood=float(density.sum()),
-        log_likelihood_second_half=float(density[late].sum()),
         samples=len(truth),
         nmse_second_half=float(square.mean()) if len(square) else nan,
         coverage_second_half=float(inside.mean()) if len(inside) else nan,

@@ -1,0 +1,180 @@
+"""Lag states of strips and the trailing vortices they share, for networks built on a lifting line.
+
+The same functions as `LiftingLine`, as equations that a network's memory follows from sample to
+sample; the numbers of the lags are weights of the network, or constants.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import casadi as ca
+
+from patagium.aerodynamics.indicial import Lags, Relaxation
+from patagium.aerodynamics.local_flow import StripMotion, airspeed, normalwash, strip_motions
+from patagium.aerodynamics.smooth_functions import smooth_sign
+from patagium.aerodynamics.trailing_vortices import (
+    SURFACE_CONSTANT,
+    Normalwash,
+    VortexSystem,
+    attached_lift,
+    implicit_lag_step,
+    lattice,
+    solve_normalwash,
+    surface_gains,
+)
+from patagium.arrays import Array
+from patagium.learning.models.memory import CompiledSteps, MemoryState
+from patagium.native import NativeFunction, named_function
+from patagium.robot.model import Robot
+from patagium.robot.strip_chains import strip_chains
+
+
+class StripFlow:
+    """Strips of a lifting line and their trailing vortices, as expressions.
+
+    Args:
+        machine: The robot in numbers.
+        robot: Its symbolic twin.
+        motion: q, v and the wind, world axes.
+        lags: Numbers of the memory of a section.
+        lift_slope: Of attached flow [1/rad].
+
+    Attributes:
+        motions: Motion of each strip.
+        state: Lags, strip by strip, (n_z, 1) [m/s].
+        semichords: Half chords that each strip travels in a second, (m, 1) [1/s].
+    """
+
+    def __init__(
+        self,
+        machine: Robot,
+        robot: Robot,
+        motion: tuple[ca.SX, ca.SX, ca.SX],
+        lags: Lags,
+        lift_slope: Any,
+    ) -> None:
+        chains = strip_chains(machine)
+        self.lags, self.lift_slope = lags, lift_slope
+        self.motions = strip_motions(robot, *motion)
+        self.vortices = VortexSystem(chains, lattice(robot, chains, *motion), self.motions)
+        self.geometric = ca.vertcat(*[normalwash(one) for one in self.motions])
+        self.gains = surface_gains(machine, robot, SURFACE_CONSTANT)
+        self.state = ca.SX.sym("state", len(self.motions) * len(lags.rate))
+        self.semichords = ca.vertcat(*[2 * airspeed(m) / m.strip.chord for m in self.motions])
+
+    def wash(self, state: ca.SX, lags: Lags) -> Normalwash:
+        """Normalwashes of all strips with lags in a state, (n_z, 1) [m/s]."""
+        return solve_normalwash(self.vortices, self.geometric, state, lags, self.lift_slope)
+
+    def lift(self, wash: Normalwash, i: int, density: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Attached lift of strip i along forward and normal, at `lift_place` [N]."""
+        motion, strip = self.motions[i], self.motions[i].strip
+        pressure = density * strip.chord * strip.width * self.lift_slope * airspeed(motion) / 2
+        normal = motion.normal_ahead(lift_place(motion))
+        return attached_lift(self.vortices, wash, i, self.gains[i], pressure, normal)
+
+
+def lift_place(motion: StripMotion) -> ca.SX:
+    """Distance ahead of the quarter chord at which lift acts; backward, the other one [m]."""
+    return (smooth_sign(motion.forward) - 1.0) * (motion.strip.chord / 4)
+
+
+def lag_functions(
+    flow: StripFlow,
+    known: tuple[ca.SX, ca.SX, ca.SX],
+    learned: tuple[ca.SX, ca.SX],
+) -> list[ca.Function]:
+    """Functions begin and step of `StripLags`.
+
+    Args:
+        flow: An expression of the measured inputs, coded numbers and constants that are known.
+        known: These three.
+        learned: Coded numbers on which the lags depend, and their change for weights of one.
+    """
+    given = dict(zip(("x", "coded", "network_parameters"), known, strict=True))
+    (numbers, reach), count = learned, len(flow.motions)
+
+    def of_lags(of_strips: ca.SX) -> ca.SX:
+        return ca.vec(ca.repmat(of_strips.T, len(flow.lags.rate), 1))
+
+    def results(state: ca.SX, variables: ca.SX, seeds: ca.SX) -> dict[str, ca.SX]:
+        moved = ca.densify(ca.jtimes(state, variables, seeds))
+        return {"reached": state, "slopes": moved, "driver": flow.semichords}
+
+    effective = flow.wash(ca.SX(0, 1), Lags((), (), ())).effective  # nothing is held back yet
+    begun = results(ca.vertcat(of_lags(effective), effective), numbers, reach)
+    step, effective = ca.SX.sym("step"), ca.SX.sym("effective", count)
+    semichords, before = ca.SX.sym("semichords", count), ca.vertcat(flow.state, effective)
+    sensitivity = ca.SX.sym("sensitivity", before.numel(), numbers.numel())
+    rates = ca.repmat(ca.vertcat(*flow.lags.rate), count, 1) * of_lags(semichords)
+    vortices = flow.vortices, flow.geometric, flow.state
+    relaxation = Relaxation(rates, of_lags(effective))
+    found = implicit_lag_step(*vortices, step, relaxation, flow.lags, flow.lift_slope)
+    reached = ca.vertcat(*found)
+    stepped = results(reached, ca.vertcat(before, numbers), ca.vertcat(sensitivity, reach))
+    carried = {"state": before, "sensitivity": sensitivity, "semichords": semichords}
+    begin = named_function("begin", given, begun)
+    return [begin, named_function("step", {**given, "step": step, **carried}, stepped)]
+
+
+class StripLags(NamedTuple):
+    """Equations of the lags of all strips; behind the lags z the normalwash of each strip.
+
+    Attributes:
+        functions: `lag_functions`; of a network whose air has weights encode and slopes too.
+        prior: Coded numbers at zero weights, prior of prior + reach W, (n_o,) [1].
+        reach: Change of each coded number for a weight of one, (n_o,) [1].
+        constants: Constants of the functions.
+        measured: Length of [q, v] or [q, v, a].
+        states: Number of lags z, n_z.
+        strips: Number of strips, whose semichords a second each drive the next step.
+        parameters: Number of weights that the lags depend on, n_m.
+        compiled: Equations in C; None without a compiler.
+    """
+
+    functions: Mapping[str, NativeFunction]
+    prior: Array
+    reach: Array
+    constants: Array
+    measured: int
+    states: int
+    strips: int
+    parameters: int
+    compiled: CompiledSteps | None
+
+    @property
+    def carried(self) -> tuple[int, int]:
+        """Number of lags and normalwashes, and of strips."""
+        return self.states + self.strips, self.strips
+
+    @property
+    def encode(self) -> int | None:
+        """Address of the function of (measured, z, coded, constants)."""
+        return self.functions["encode"].address
+
+    @property
+    def slopes(self) -> int | None:
+        """Address of that of many (dz, dcoded), and [measured, z, coded, outputs, constants]."""
+        return self.functions["slopes"].batch_address
+
+    def drivers(self, weights: Array, x: Array) -> Array:
+        """Measured inputs of each sample, (N, measured)."""
+        return x
+
+    def begin(self, driver: Array, weights: Array) -> tuple[Array, Array, Array]:
+        """Lags of a flow that was always as it is at a sample."""
+        state, sensitivity, semichords = self.functions["begin"](driver, *self._numbers(weights))
+        return state, sensitivity, semichords
+
+    def step(
+        self, driver: Array, weights: Array, time_step: float, before: MemoryState
+    ) -> tuple[Array, Array, Array]:
+        """Lags a step later."""
+        known = time_step, before.state, before.sensitivity, before.driver
+        state, slopes, semichords = self.functions["step"](driver, *self._numbers(weights), *known)
+        return state, slopes, semichords
+
+    def _numbers(self, weights: Array) -> tuple[Array, Array]:
+        return self.prior + self.reach * weights[: len(self.prior)], self.constants

@@ -1,0 +1,78 @@
+"""Samples of a flight or of measured forces, as a network learns them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+from patagium.arrays import Array
+from patagium.errors import ParameterError, ShapeError
+from patagium.learning.models.network import Network, flight_terms
+from patagium.robot import Robot
+from patagium.sensing.force.air_force import recorded, state_columns, training_data
+from patagium.sensing.force.measured_force import ForceSamples
+from patagium.simulation import robot_of
+
+
+def samples(
+    flight: xr.Dataset | ForceSamples,
+    network: Network,
+    inputs: Sequence[str] | None = None,
+    robot: Robot | None = None,
+) -> tuple[Array, Array, Array, list[str]]:
+    """Training samples of a flight: inputs of a network, and what it should predict.
+
+    Args:
+        flight: Record with q, v, a, u1; or measured forces.
+        network: Its outputs are coordinates of the robot (generalized forces), or linear
+            functions of the strip forces (`measured`, taken from the flight's strips).
+        inputs: Names of what it sees; None: q, then v. Then a, if it needs accelerations.
+        robot: The machine; None for the one the flight carries.
+
+    Returns:
+        Time (N,) [s]; x (N, n_x); y (N, n_y); units of the outputs.
+
+    Raises:
+        FlightError: If the flight misses a quantity.
+        ShapeError: If the network's outputs are no coordinates of the robot.
+        ParameterError: If an input has no such name, or measured forces cannot feed the network.
+    """
+    terms = flight_terms(network)
+    if isinstance(flight, ForceSamples):
+        machine = flight.robot if robot is None else robot
+        time, state, force = flight.time, flight.state, flight.force
+        acceleration = flight.a
+        if terms.acceleration and acceleration is None:
+            raise ParameterError("a", "accelerations, which the network sees", None)
+    else:
+        machine = robot_of(flight) if robot is None else robot
+        time, state, force = training_data(flight, machine, with_added_mass=terms.added_mass)
+        acceleration = recorded(flight, "a", machine) if terms.acceleration else None
+    x = state if inputs is None else state[:, state_columns(machine, inputs)]
+    if terms.acceleration and acceleration is not None:
+        x = np.hstack([x, acceleration])
+    measures = ["N" if unit == "m" else "N m" for unit in machine.dof_units]
+    balance = terms.strip_forces
+    if balance is not None:
+        if isinstance(flight, ForceSamples):
+            raise ParameterError("network", "outputs that are coordinates", "sums of strip forces")
+        strips = flight["strip_force"].transpose("time", "strip", "axis").values
+        return time, x, strips.reshape(len(time), -1) @ balance.T, ["1"] * len(balance)
+    names = network.output_names
+    if not set(names) <= set(machine.dof_names):
+        raise ShapeError(
+            "outputs of the network",
+            f"coordinates of robot {machine.name!r}: {', '.join(machine.dof_names)}",
+            ", ".join(names),
+        )
+    columns = [machine.index(name) for name in names]
+    return time, x, force[:, columns], [measures[k] for k in columns]
+
+
+def stds(flight: xr.Dataset | ForceSamples, network: Network) -> Array | None:
+    """Standard deviations of measured forces, (N, n_y) [N, N m]; None for a flight."""
+    if not isinstance(flight, ForceSamples):
+        return None
+    return flight.std[:, [flight.robot.index(name) for name in network.output_names]]
