@@ -6,7 +6,7 @@ What was chosen, and from what, is kept with the scores of an identification (`c
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import ceil
+from math import ceil, nan
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,6 @@ from patagium.learning.samples import samples
 from patagium.learning.scores import normalized_error
 from patagium.learning.settings import FilterSettings, Misfit, Structure
 from patagium.learning.table_network import network_for
-from patagium.learning.wingbeats import wingbeat_period
 from patagium.robot import Robot
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.sensing.logs.table import LogTable
@@ -36,10 +35,10 @@ UPDATE_RATE, PER_WINGBEAT, FASTEST = 100.0, 20.0, 1000.0
 """Updates a second; at least so many a wingbeat; never more a second than the last."""
 MEMORY, LEAST_MEMORY, FLOOR = 100.0, 1000, 0.005
 """Memory of the default learner of a table [s], its least number of updates, floor of `Misfit`."""
-ATTACHED, EXACT = 0.2, 0.05
+ATTACHED, EXACT = 0.3, 0.05
 """Error of a lifting line in the first wingbeat, over the variance, below which flow is attached;
 of blade elements, below which nothing else is looked for [1]."""
-_LOOK = 1.0  # s that are looked at where there is no wingbeat
+_LOOK = 1.0  # s that are looked at where no gait is known
 _OVERHEAD, _OPERATION, _LOAD = 2e-5, 5e-10, 0.5
 # s a sample, s a multiplication and addition (ten times a compiled one), share of the time
 
@@ -76,15 +75,16 @@ def default_network(
 def _physics_error(network: LinearStripNetwork, log: xr.Dataset | ForceSamples) -> float:
     """Error of physics alone in the first wingbeat over the variance, median output [1].
 
-    Where there is no wingbeat it is that of the first second.
+    Where no gait is known it is that of the first second; nan where no output moves.
     """
+    if isinstance(log, xr.Dataset):
+        time = log["time"].values
+        log = log.isel(time=time <= time[0] + (gait_period(log) or _LOOK))
     time, x, y, _ = samples(log, network)
-    beat = gait_period(log) if isinstance(log, xr.Dataset) else None
-    beat = wingbeat_period(time, x) if beat is None else beat
-    first = time <= time[0] + (_LOOK if beat is None else beat)
-    weights = network.initial(0)
+    first, weights = time <= time[0] + _LOOK, network.initial(0)
     seen = network_inputs(network, weights, time[first], x[first])
-    return float(np.nanmedian(normalized_error(y[first], network.evaluate(seen, weights))))
+    error = normalized_error(y[first], network.evaluate(seen, weights))
+    return float(np.median(error[np.isfinite(error)])) if np.isfinite(error).any() else nan
 
 
 @checked

@@ -12,8 +12,10 @@ import typer
 from typer.testing import CliRunner
 
 from patagium.errors import ParameterError
+from patagium.learning import ExtendedLearner, default_learner, evaluate, identify
+from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.report import cell_text
-from patagium.simulation import load_flight
+from patagium.simulation import air_of, load_flight, robot_of
 from patagium_lab.foreign import near as near_page
 from patagium_lab.foreign import page as pages
 from patagium_lab.foreign import trials as trial_module
@@ -158,6 +160,22 @@ def test_a_search_is_scored_beside_the_default_as_its_pick_and_its_best_trial(
     found = [one for one in targets if one["target"].startswith("all air")]
     assert len(found) == 2 and found[1]["found"] == pytest.approx(3.5) and not found[1]["met"]
     assert found[0]["found"] <= found[1]["found"]
+
+
+def test_on_a_vortex_lattice_the_default_sees_attached_flow_and_carries_over_further(
+    out: Path,
+) -> None:
+    paths = sorted(out.glob("flights/choosing/*/wing-slender/*.nc"))
+    flight, other = (load_flight(path) for path in paths[:2])
+    learner = default_learner(flight)
+    assert learner.network.attached
+    plain = ExtendedLearner(LinearStripNetwork(robot_of(flight), air_of(flight)))
+    known, unseen = [], []
+    for one in (learner, plain):
+        known.append(identify(flight, one, every=10).scores["nmse_second_half_worst"])
+        unseen.append(evaluate(other, one).scores["nmse_mean"])
+    assert known[0] < known[1] / 5  # .00008 and .0014
+    assert unseen[0] < 0.75 * unseen[1]  # mean of the outputs, .0079 and .015
 
 
 def test_near_wingbeats_stay_at_their_distance_on_one_ray() -> None:
