@@ -35,7 +35,7 @@ UPDATE_RATE, PER_WINGBEAT, FASTEST = 100.0, 20.0, 1000.0
 """Updates a second; at least so many a wingbeat; never more a second than the last."""
 MEMORY, LEAST_MEMORY, FLOOR = 100.0, 1000, 0.005
 """Memory of the default learner of a table [s], its least number of updates, floor of `Misfit`."""
-ATTACHED, EXACT = 0.3, 0.05
+ATTACHED, EXACT = 0.2, 0.05
 """Error of a lifting line in the first wingbeat, over the variance, below which flow is attached;
 of blade elements, below which nothing else is looked for [1]."""
 _LOOK = 1.0  # s that are looked at where no gait is known
@@ -75,16 +75,19 @@ def default_network(
 def _physics_error(network: LinearStripNetwork, log: xr.Dataset | ForceSamples) -> float:
     """Error of physics alone in the first wingbeat over the variance, median output [1].
 
-    Where no gait is known it is that of the first second; nan where no output moves.
+    Added mass is taken or left out, whichever errs less: some simulations have none. Where no gait
+    is known it is the error of the first second; nan where no output moves.
     """
+    span = _LOOK
     if isinstance(log, xr.Dataset):
-        time = log["time"].values
-        log = log.isel(time=time <= time[0] + (gait_period(log) or _LOOK))
+        span = gait_period(log) or span
+        log = log.isel(time=log["time"].values <= log["time"].values[0] + span)
     time, x, y, _ = samples(log, network)
-    first, weights = time <= time[0] + _LOOK, network.initial(0)
-    seen = network_inputs(network, weights, time[first], x[first])
-    error = normalized_error(y[first], network.evaluate(seen, weights))
-    return float(np.median(error[np.isfinite(error)])) if np.isfinite(error).any() else nan
+    first, both = time <= time[0] + span, (network.physics(), network.physics(added_mass=False))
+    seen = network_inputs(network, both[0], time[first], x[first])
+    errors = np.array([normalized_error(y[first], network.evaluate(seen, w)) for w in both])
+    moving = np.isfinite(errors).all(axis=0)
+    return float(np.median(errors[:, moving], axis=1).min()) if moving.any() else nan
 
 
 @checked
@@ -222,7 +225,9 @@ def learner_choices(learner: Learner, *, given: bool) -> dict[str, str]:
     kind, air = described["network"]["kind"], getattr(network, "air", None)
     unknown = air and (air.gust or air.ground is not None)
     wind = {"wind": "steady; gusts and ground are errors of the network"}
-    line = {"flow": "attached, as the first wingbeat says: a lifting line with lags"}
+    line = {
+        "flow": f"attached, so a lifting line with lags; {by if given else 'the first wingbeat'}"
+    }
     return {
         **(wind if unknown else {}),
         **(line if getattr(network, "attached", False) else {}),

@@ -143,7 +143,7 @@ def test_lags_in_one_call_are_those_step_by_step(robot, states, monkeypatch):
     monkeypatch.setattr(module, "_advanced_in_c", lambda *arguments: None)
     expected = theirs.recall(weights, *states, gaps=[12])
     np.testing.assert_array_equal(found, expected)
-    for one, other in zip(ours.states[0], theirs.states[0], strict=True):
+    for one, other in zip(ours.last, theirs.last, strict=True):
         np.testing.assert_array_equal(one, other)
 
 

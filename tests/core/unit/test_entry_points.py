@@ -47,7 +47,7 @@ def _others() -> list[tuple[str, Callable[..., Any], dict[str, Any]]]:
         ("air", learning.LinearStripNetwork, {"robot": ROBOT}),
         ("measured", learning.LinearStripNetwork, {"robot": ROBOT}),
         ("robot", learning.HiddenStripNetwork, {}),
-        ("stall_begins", learning.HiddenStripNetwork, {"robot": ROBOT}),
+        ("activation", learning.HiddenStripNetwork, {"robot": ROBOT}),
         ("air", learning.default_learner, {"subject": ROBOT}),
         ("kind", air.register_polar, {}),
         ("blocks", learning.register_blocks, {"name": "own"}),

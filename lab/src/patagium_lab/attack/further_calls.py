@@ -138,10 +138,11 @@ def _networks() -> dict[str, Valid]:
         ),
         "HiddenStripNetwork": Valid(
             learning.HiddenStripNetwork, {"robot": robot, "hidden": (3,)},
-            ("lags", "air", "activation", "stall_begins"),
+            ("lags", "air", "activation"),
         ),
         "LinearStripNetwork": Valid(
-            learning.LinearStripNetwork, {"robot": robot}, ("air", "measured", "by_surface")
+            learning.LinearStripNetwork, {"robot": robot},
+            ("air", "measured", "by_surface", "attached"),
         ),
         "default_learner": Valid(
             learning.default_learner, {"subject": robot}, ("air", "settings", "seed", "every")

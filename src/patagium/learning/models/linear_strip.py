@@ -237,7 +237,13 @@ class LinearStripNetwork(WingNetwork):
 
     def initial(self, seed: int) -> Array:
         """Weights that are expected, those of physics alone, whatever the seed, (n,)."""
-        return self._placed(np.zeros(_POLYNOMIALS), [term.mean for term in self.terms], 0.0)
+        return self.physics()
+
+    def physics(self, added_mass: bool = True) -> Array:
+        """Weights of physics alone, with the added mass or without, (n,) [1]."""
+        means = [term.mean for term in self.terms]
+        means[1:3] = [float(added_mass)] * 2
+        return self._placed(np.zeros(_POLYNOMIALS), means, 0.0)
 
     def encode(self, x: Array) -> Encoding:
         """Polynomials and slots, (N, m, n_in), and forces of unit outputs, (N, n_y, 4 m).

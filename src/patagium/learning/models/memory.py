@@ -135,14 +135,7 @@ class LagEquations(Protocol):
     def step(
         self, driver: Array, weights: Array, time_step: float, before: MemoryState
     ) -> tuple[Array, Array, Array]:
-        """State, sensitivity and driver a step later.
-
-        Args:
-            driver: Of the sample.
-            weights: From the first one of the lags on.
-            time_step: Since the sample before [s].
-            before: Memory at the sample before.
-        """
+        """State, sensitivity and driver a time step [s] after the memory before."""
         ...
 
 
