@@ -27,7 +27,7 @@ from patagium.learning.table_network import network_for
 from patagium.robot import Robot
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.sensing.logs.table import LogTable
-from patagium.simulation import air_of, gait_period, robot_of
+from patagium.simulation import added_mass_of, air_of, gait_period, robot_of
 
 HIDDEN = (8, 8)
 """Neurons of each hidden layer of the default network of a table."""
@@ -75,19 +75,19 @@ def default_network(
 def _physics_error(network: LinearStripNetwork, log: xr.Dataset | ForceSamples) -> float:
     """Error of physics alone in the first wingbeat over the variance, median output [1].
 
-    Added mass is taken or left out, whichever errs less: some simulations have none. Where no gait
-    is known it is the error of the first second; nan where no output moves.
+    Without added mass where a simulation says that it had none. Where no gait is known it is the
+    error of the first second; nan where no output moves.
     """
-    span = _LOOK
+    span, carried = _LOOK, True
     if isinstance(log, xr.Dataset):
         span = gait_period(log) or span
+        carried = "air" in log.attrs or added_mass_of(log) is not None  # no simulation has "air"
         log = log.isel(time=log["time"].values <= log["time"].values[0] + span)
     time, x, y, _ = samples(log, network)
-    first, both = time <= time[0] + span, (network.physics(), network.physics(added_mass=False))
-    seen = network_inputs(network, both[0], time[first], x[first])
-    errors = np.array([normalized_error(y[first], network.evaluate(seen, w)) for w in both])
-    moving = np.isfinite(errors).all(axis=0)
-    return float(np.median(errors[:, moving], axis=1).min()) if moving.any() else nan
+    first, weights = time <= time[0] + span, network.physics(carried)
+    seen = network_inputs(network, weights, time[first], x[first])
+    error = normalized_error(y[first], network.evaluate(seen, weights))
+    return float(np.median(error[np.isfinite(error)])) if np.isfinite(error).any() else nan
 
 
 @checked
