@@ -96,11 +96,12 @@ def load_learner(path: str | Path, like: Learner | None = None) -> OnlineLearner
             another learner.
     """
     found = read_state(path)
-    difference = None if like is None else first_difference(found.description, like.describe())
+    with made_again(f"{path}: the learner"):
+        learner = learner_from_description(found.description)
+    difference = None if like is None else first_difference(learner.describe(), like.describe())
     if difference is not None:
         raise LogError(f"{path}: of another learner: {difference}")
     with made_again(f"{path}: the learner"):
-        learner = learner_from_description(found.description)
         learner.resume(found.state)
         return learner
 
@@ -111,7 +112,7 @@ def first_difference(found: Mapping[str, Any], expected: Mapping[str, Any]) -> s
     Returns:
         The setting, expected and found; None where there is no difference.
     """
-    ours, theirs = _flat(json.loads(json.dumps(expected))), _flat(found)
+    ours, theirs = (_flat(json.loads(json.dumps(one))) for one in (expected, found))
     for name in (*ours, *theirs):
         if name.rpartition(".")[2] in _FROM_DATA or name.startswith("found."):
             continue
