@@ -307,7 +307,7 @@ def _learners() -> dict[str, Valid]:
         ),
         "GreyBox": Valid(
             pt.GreyBox, {"model": air, "estimate": {"density": 0.1}},
-            ("added_mass", "residual", "measured", "start"),
+            ("added_mass", "measured", "start"),
         ),
         "Pipeline": Valid(
             pt.Pipeline, {"learner": learner, "robot": robot}, ("inputs", "carried", "added_mass")
