@@ -219,15 +219,12 @@ def flight_network(
     flight: Any, kind: NetworkKind | None, hidden: tuple[int, ...], activation: str
 ) -> Any:
     """A network for a flight; a dense one is scaled by its first wingbeat."""
-    from patagium.learning.default_learner import default_network
     from patagium.sensing import training_data
     from patagium.simulation import air_of, robot_of
 
-    robot = robot_of(flight)
-    if not hidden and kind in (None, NetworkKind.LINEAR_STRIP):
-        return default_network(flight)
     if kind is not NetworkKind.DENSE:
-        return winged_network(kind, robot, hidden, air_of(flight), activation)
+        return winged_network(kind, flight, hidden, air_of(flight), activation)
+    robot = robot_of(flight)
     time, x, y = training_data(flight, robot)
     first = time <= time[0] + _look(flight)
     return scaled_network(robot.dof_names, hidden, activation, x[first], y[first])

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from patagium.aerodynamics import Air
     from patagium.arrays import Array
     from patagium.learning.models.network import Network
-    from patagium.robot import Robot
 
 PANEL = "Learner settings"
 ACTIVATIONS = ("softplus", "tanh")
@@ -317,23 +316,26 @@ def _completed(choice: LearnerChoice, given: set[str], path: Path) -> LearnerCho
 
 
 def winged_network(
-    kind: NetworkKind | None, robot: Robot, hidden: tuple[int, ...], air: Air, activation: str
+    kind: NetworkKind | None, subject: Any, hidden: tuple[int, ...], air: Air, activation: str
 ) -> Network:
     """Network of the wings of a robot; strips see their pitch rate.
 
     Args:
         kind: Key of `WINGED`; None: the default network, or strips where there are hidden layers.
-        robot: Robot with wings.
+        subject: Robot with wings, or a flight of one.
         hidden: Neurons of each hidden layer; none for the default network.
         air: Air that it flies in.
         activation: Activation of the hidden layers.
     """
     from patagium import learning
     from patagium.learning.default_learner import default_network
+    from patagium.robot import Robot
+    from patagium.simulation import robot_of
 
     if kind is NetworkKind.LINEAR_STRIP or (kind is None and not hidden):
-        return default_network(robot, air)
+        return default_network(subject, air)
     chosen = kind or NetworkKind.STRIP
+    robot = subject if isinstance(subject, Robot) else robot_of(subject)
     make, more = getattr(learning, WINGED[chosen]), {}
     if chosen is NetworkKind.STRIP:
         more["rotation"] = True

@@ -58,7 +58,7 @@ def nmse(y, guess):
 
 
 class Elsewhere(pt.learning.HiddenStripNetwork):
-    """The network, its lift slope 5.5 at first."""
+    """The same network, whose lift slope starts at 5.5."""
 
     def initial(self, seed):
         weights = super().initial(seed)

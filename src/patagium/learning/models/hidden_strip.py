@@ -152,7 +152,7 @@ class HiddenStripNetwork(RobotNetwork, GroupedNetwork):
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> Self:
-        """Inverse of `describe`, of 0.2.0 and before too, where these numbers were arguments."""
+        """Inverse of `describe`; files up to 0.2.0 hold numbers too that are constants now."""
         kept = {name: x for name, x in description.items() if _NUMBERS.get(name) != x}
         return super().from_description(kept)
 

@@ -209,7 +209,7 @@ class LinearStripNetwork(WingNetwork):
 
     @property
     def inputs(self) -> int:
-        """Length of [q, v, a], lags included."""
+        """Length of [q, v, a] and, in attached flow, of the lag states."""
         lags = self.lag_equations
         return self.measured_inputs + (0 if lags is None else row_size(lags))
 
@@ -524,7 +524,7 @@ def _sample(machine: Robot, robot: Robot, attached: bool) -> _Sample:
 
 
 def _lifts(line: StripFlow, density: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
-    """Lift of each strip of a lifting line [N] and its place [m], body axes."""
+    """Lift of each strip by the lifting line [N] and the point where it acts [m], body axes."""
     found, wash = [], line.wash(line.state, line.lags)
     for i, motion in enumerate(line.motions):
         forward, normal = vector(motion.strip.forward), vector(motion.strip.normal)

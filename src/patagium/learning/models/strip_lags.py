@@ -77,7 +77,7 @@ class StripFlow:
 
 
 def lift_place(motion: StripMotion) -> ca.SX:
-    """Distance ahead of the quarter chord at which lift acts; backward, the other one [m]."""
+    """Distance of the lift ahead of the quarter chord; at 3/4 of it in backward flow [m]."""
     return (smooth_sign(motion.forward) - 1.0) * (motion.strip.chord / 4)
 
 

@@ -84,14 +84,14 @@ class Flown:
     name: str
 
     def samples(self) -> Samples:
-        """Samples as the prequential loop takes them."""
+        """Samples for the loop that predicts each one and then learns it."""
         measured = np.full((len(self.log.time), self.y.shape[1]), nan)
         measured[self.log.used] = self.y
         return Samples(self.log.time, self.log.x, measured, self.log.gaps)
 
 
 class Fold(NamedTuple):
-    """Samples that a trial learns, and samples that it then predicts with weights that stay.
+    """Samples that a trial learns, and samples that it then predicts with frozen weights.
 
     Attributes:
         learned: Used samples of the flights learned that it learns, (U,) of bool.
