@@ -225,9 +225,8 @@ def learner_choices(learner: Learner, *, given: bool) -> dict[str, str]:
     kind, air = described["network"]["kind"], getattr(network, "air", None)
     unknown = air and (air.gust or air.ground is not None)
     wind = {"wind": "steady; gusts and ground are errors of the network"}
-    line = {
-        "flow": f"attached, so a lifting line with lags; {by if given else 'the first wingbeat'}"
-    }
+    told = "" if given else "; the first wingbeat"
+    line = {"flow": f"attached, so a lifting line with lags{told}"}
     return {
         **(wind if unknown else {}),
         **(line if getattr(network, "attached", False) else {}),
