@@ -16,6 +16,7 @@ import patagium as pt
 from patagium.aerodynamics import Section
 from patagium.aerodynamics.indicial import ONE_STATE
 from patagium.errors import ParameterError
+from patagium.learning.models import linear_strip
 from patagium.learning.models.linear_strip import (
     BODY_TERMS,
     LIFTING_LINE,
@@ -221,15 +222,17 @@ def test_departures_of_all_kinds_of_wings_are_a_change_of_what_is_common(
     assert abs(of_tail[joint]) < 1e-12 * scale < abs(of_wing[joint])
 
 
-def test_a_tail_of_another_section_is_told_from_the_wing(tailed: LinearStripNetwork) -> None:
-    """Truth: the tail has twice the attached lift. With one set for all it is missed."""
+def test_a_tail_of_another_section_is_told_from_the_wing(
+    tailed: LinearStripNetwork, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Truth: the tail has twice the attached lift. Where none may depart it is missed."""
     robot, draw = tailed.robot, np.random.default_rng(3)
     names = [term.name for term in tailed.terms]
     truth = tailed.initial(0) + tailed._placed(
         np.zeros(17), [float(name == "attached lift of tail") for name in names], 0.0
     )
-    together = LinearStripNetwork(robot, by_surface=False)
-    assert together.size < tailed.size
+    monkeypatch.setattr(linear_strip, "SURFACE_SHARE", 1e-6)
+    together = LinearStripNetwork(robot)
     learners = [pt.ExtendedLearner(net, misfit=pt.learning.Misfit()) for net in (tailed, together)]
     tail = robot.index("pitch")
     errors = np.zeros(2)
@@ -244,14 +247,45 @@ def test_a_tail_of_another_section_is_told_from_the_wing(tailed: LinearStripNetw
     assert errors[0] < 0.1 * errors[1]  # found: see the figures of the page on foreign air
 
 
-def test_a_model_of_an_earlier_release_has_one_set_for_all_wings(
-    tailed: LinearStripNetwork,
+def test_a_model_whose_terms_were_others_is_refused(tailed: LinearStripNetwork) -> None:
+    old = {key: value for key, value in tailed.describe().items() if key != "terms"}
+    with pytest.raises(ParameterError, match="terms of the network: .*learn the log anew"):
+        network_from_description(old)
+
+
+def yawed(network: LinearStripNetwork, term: str, yaw: float, incidence: float) -> Array:
+    """Force along x, y, z of a term where the robot is carried askew, per dynamic pressure [m^2].
+
+    The air meets the wings from the side by the yaw, and from below by the incidence.
+    """
+    robot = network.robot
+    values = [float(one.name == term) for one in network.terms]
+    assert sum(values) == 1
+    q, v = np.array(robot.coordinates()), np.zeros(robot.dof)
+    along = np.cos(incidence)
+    v[:3] = 4.0 * np.array([along * np.cos(yaw), along * np.sin(yaw), -np.sin(incidence)])
+    weights = network._placed(np.zeros(17), values, 0.0)
+    force = network(np.concatenate([q, v, np.zeros(robot.dof)]), weights)[:3]
+    return np.asarray(force / (1.225 / 2 * 4.0**2))
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.5, -1.2])
+def test_friction_and_separated_flow_go_with_the_whole_velocity(
+    network: LinearStripNetwork, yaw: float
 ) -> None:
-    old = {key: value for key, value in tailed.describe().items() if key != "by_surface"}
-    again = network_from_description(old)
-    expected = LinearStripNetwork(tailed.robot, by_surface=False)
-    x, weights = np.concatenate(sample(tailed.robot, 4)), expected.initial(0) + 0.1
-    np.testing.assert_array_equal(again(x, weights), expected(x, weights))
+    """A flat wing is turned about its normal: the same force, turned along (closed forms)."""
+    area = sum(float(strip.chord) * float(strip.width) for strip in network.robot.strips)
+    sine, cosine = np.sin(0.3), np.cos(0.3)
+    there = np.array([np.cos(yaw), np.sin(yaw), 0.0])
+    motion = cosine * there - sine * np.array([0.0, 0.0, 1.0])
+    drag = yawed(network, "drag along the flow", yaw, 0.3)
+    np.testing.assert_allclose(drag, -area * motion, atol=1e-9 * area)
+    across = yawed(network, "drag of the area across the flow", yaw, 0.3)
+    np.testing.assert_allclose(across, -2 * area * sine * motion, atol=1e-9 * area)
+    lift = yawed(network, "lift of separated flow", yaw, 0.3)
+    assert abs(lift @ motion) < 1e-9 * area  # Polhamus: 2 sin^2 cos, across the motion
+    assert np.linalg.norm(lift) == pytest.approx(2 * area * sine**2 * cosine, rel=1e-9)
+    assert lift[2] > 0
 
 
 def test_terms_of_own_air_are_found_from_a_flight(network: LinearStripNetwork) -> None:

@@ -36,7 +36,7 @@ NETWORKS: dict[str, Callable[[], Any]] = {
     "linear": lambda: pt.DenseNetwork(3, (), 2),
     "strips": lambda: pt.StripNetwork(ROBOT, (3,), measured=["x", "z"]),
     "linear strips": lambda: LinearStripNetwork(SMALL, measured=["x", "z"]),
-    "robot's strips": lambda: LinearStripNetwork(SMALL, measured=["x", "z"], by_surface=False),
+    "robot's strips": lambda: LinearStripNetwork(SMALL, measured=["x", "z"]),
     "attached strips": lambda: LinearStripNetwork(SMALL, measured=["x", "z"], attached=True),
     "grey box": lambda: pt.GreyBox(
         pt.LiftingLine(SMALL), {"lags.rate[0]": 0.02, "section.lift_slope": 0.5},

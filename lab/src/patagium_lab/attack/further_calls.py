@@ -142,7 +142,7 @@ def _networks() -> dict[str, Valid]:
         ),
         "LinearStripNetwork": Valid(
             learning.LinearStripNetwork, {"robot": robot},
-            ("air", "measured", "by_surface", "attached"),
+            ("air", "measured", "attached"),
         ),
         "default_learner": Valid(
             learning.default_learner, {"subject": robot}, ("air", "settings", "seed", "every")

@@ -4,15 +4,16 @@
 
 The terms y_k are those of known physics (blade elements, added mass, circulation, drag of
 separated flow, drag of bodies without wings), each of which any wing has to some degree, and
-corrections: polynomials of the flow at a strip times the coefficients of its section. All weights
-are dimensionless; the prior says what is expected of each, and how far it may be from that. Flow
-that was never seen is predicted by the physics as far as it was confirmed, flow that was seen by
-what was measured. A robot with wings of several kinds, fore and hind or wing and tail, has the
-terms of strips once for all of them and once more for each kind: a tail of another section departs
-a little from what is common. The priors were chosen on flights in foreign air (docs/foreign.md).
-Where flow is attached, a lifting line takes the place of blade elements: strips with one lag each
-and the trailing vortices they share, which the memory of the network follows. Neglected: Reynolds
-number, gusts; elsewhere history of the flow and neighboring strips.
+corrections: polynomials of the flow at a strip times the coefficients of its section. Friction and
+separated flow go with the whole velocity at a strip, the part along its span too. All weights are
+dimensionless; the prior says what is expected of each, and how far it may be from that. Flow that
+was never seen is predicted by the physics as far as it was confirmed, flow that was seen by what
+was measured. A robot with wings of several kinds, fore and hind or wing and tail, has the terms of
+strips once for all of them and once more for each kind: a tail of another section departs a little
+from what is common. The priors were chosen on flights in foreign air (docs/foreign.md). Where flow
+is attached, a lifting line takes the place of blade elements: strips with one lag each and the
+trailing vortices they share, which the memory of the network follows. Neglected: Reynolds number,
+gusts; elsewhere history of the flow and neighboring strips.
 """
 
 from __future__ import annotations
@@ -110,6 +111,7 @@ _OUTPUTS = 4  # of a section: force forward, normal and spanwise, moment
 _CORRECTIONS = (6, 0.5), (11, 0.2)  # polynomials of spanwise flow, of direction; prior of each
 _POLYNOMIALS = sum(count for count, _ in _CORRECTIONS)
 _LAGS = Lags(ONE_STATE.rate, ONE_STATE.lift, ONE_STATE.circulation)
+_TERMS = "of the whole velocity"  # in files: what the weights mean
 _NOTHING = 1e-6  # prior of weights that stand for nothing
 
 
@@ -119,8 +121,8 @@ class LinearStripNetwork(WingNetwork):
     x is [q, v, a], y the generalized force of the air, added mass included; in attached flow x as
     the learner sees it goes on with the lags, which its memory finds. In strip axes at
     mid-chord, relative to the air, with u the forward and n the normal velocity, s that along
-    the span, p, r and y the rates of pitch, flap and yaw times the chord, V^2 = u^2 + n^2, the
-    corrections are
+    the span, p, r and y the rates of pitch, flap and yaw times the chord, V^2 = u^2 + n^2 + s^2,
+    the corrections are
 
         s u, s n, r u, r n, y u, y n, and V^2 times f^3, f^2 d, f d^2, d^3, f^4, f^3 d, f^2 d^2,
         f d^3, d^4, f d |d|, d f |f| with (f, d) = (u, n) / V,
@@ -136,14 +138,11 @@ class LinearStripNetwork(WingNetwork):
         robot: The machine; its numbers are taken as they are.
         air: Density and steady wind; gusts are not known to the network.
         measured: Coordinates whose force y is; None: all.
-        by_surface: Whether each kind of wing may depart from what all wings have in common.
-            Models of patagium 0.2.0 and before are read with False.
         attached: Whether flow is expected to stay attached: `LIFTING_LINE`, `ATTACHED_SHARE`.
 
     Attributes:
         terms: Physical terms, whose weights follow the corrections.
         measured: Names of the coordinates whose force y is.
-        by_surface: Whether each kind of wing may depart from what all wings have in common.
         surfaces: Kinds of wings that may; none where all are of one kind.
         attached: Whether flow is expected to stay attached.
         scaled_prior: True: a stated `prior_std` is a factor on `own_prior`.
@@ -154,13 +153,14 @@ class LinearStripNetwork(WingNetwork):
     References:
         Dickinson, Lehmann & Sane (1999), Science 284 (blade elements); Theodorsen (1935), NACA
         TR 496 (added mass, attached lift); Izraelevitz, Zhu & Triantafyllou (2017), AIAA Journal
-        55 (lifting line); Sane & Dickinson (2002), J. Exp. Biol. 205 (pitching);
-        Hoerner (1965), Fluid-Dynamic Drag (separated flow, bodies).
+        55 (lifting line); Polhamus (1966), NASA TN D-3767 (lift of separated flow); Sane &
+        Dickinson (2002), J. Exp. Biol. 205 (pitching); Hoerner (1965), Fluid-Dynamic Drag
+        (separated flow, bodies).
     """
 
     kind = "linear_strip"
     shared = ("air",)
-    options = ("measured", "by_surface", "attached")
+    options = ("measured", "attached")
     scaled_prior = True
 
     @checked
@@ -169,7 +169,6 @@ class LinearStripNetwork(WingNetwork):
         robot: Robot,
         air: Air | None = None,
         measured: Sequence[str] | None = None,
-        by_surface: bool = True,
         attached: bool = False,
     ) -> None:
         if not robot.strips:
@@ -177,8 +176,7 @@ class LinearStripNetwork(WingNetwork):
         self.robot, self.air = robot, Air() if air is None else air
         self._names = self.measured = robot.dof_names if measured is None else tuple(measured)
         rows = [robot.index(name) for name in self._names]
-        self.by_surface = by_surface
-        self.surfaces = _surfaces(robot) if by_surface else ()
+        self.surfaces = _surfaces(robot)
         self.attached = attached
         self.terms = _terms(robot, self.surfaces, attached)
         slots = _slots(len(self.terms))
@@ -201,11 +199,23 @@ class LinearStripNetwork(WingNetwork):
             sizes = self.measured_inputs, count * len(_LAGS.rate), count, 0
             self.lag_equations = StripLags(made, *coded, *sizes, steps)
 
+    def describe(self) -> dict[str, Any]:
+        """Description of the network that rebuilds it, as JSON-able values."""
+        return super().describe() | {"terms": _TERMS}
+
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> Self:
-        """Inverse of `describe`, of 0.2.0 and before too, where all wings had the same weights."""
-        before = {"by_surface": False, "attached": False}
-        return super().from_description(before | dict(description))
+        """Inverse of `describe`.
+
+        Raises:
+            ParameterError: If a key is missing or unknown, or the terms were others then.
+        """
+        values = dict(description)
+        found = values.pop("terms", None)
+        if found != _TERMS:
+            expected = f"{_TERMS}; weights of other terms mean other forces: learn the log anew"
+            raise ParameterError("terms of the network", expected, found)
+        return super().from_description(values)
 
     @property
     def inputs(self) -> int:
@@ -334,8 +344,9 @@ class _Flow(NamedTuple):
 
     @property
     def speed(self) -> ca.SX:
-        """V, across the span, never zero [m/s]."""
-        return smooth_norm(self.velocity[0] ** 2 + self.velocity[1] ** 2)
+        """V, never zero [m/s]."""
+        u, n, s = self.velocity
+        return smooth_norm(u**2 + n**2 + s**2)
 
 
 def _flow(strip: Strip, airflow: Twist, acceleration: tuple[ca.SX, ca.SX, ca.SX]) -> _Flow:
@@ -387,22 +398,23 @@ def _strip_terms(flow: _Flow) -> ca.SX:
     wash = -(n - quarter * p)  # normalwash at three quarters of the chord
     rising = normal_rate - p * u - r * s  # rate of n, the axes turning along
     across = 2 * _size(n)
-    beyond = n**2 / (n**2 + (_SMALL * speed) ** 2)
+    vortex = across * n / speed**2
+    beyond = n**2 / (n**2 + (_SMALL * speed) ** 2) * speed
     columns = [
         (0, -pi / 2 * rising, 0, -pi / 64 * pitch_rate),
         (-2 * pi * wash * n, 2 * pi * wash * u, 0, 2 * pi * wash * u * quarter),
-        (across * n / speed * n, -across * n / speed * u, 0, 0),
+        (vortex * n * u, -vortex * (u**2 + s**2), vortex * n * s, 0),
         (-speed * n, speed * u, 0, quarter * speed * u),
         (-p * n, p * u, 0, 0),
         (0, -across * n, 0, 0),
         (0, -2 * speed * n, 0, 0),
-        (-speed * u, -speed * n, 0, 0),
-        (-across * u, -across * n, 0, 0),
+        (-speed * u, -speed * n, -speed * s, 0),
+        (-across * u, -across * n, -across * s, 0),
         (p * n, 0, 0, 0),
         (0, 0, 0, u * n),
         (0, 0, 0, -speed * p),
         (0, 0, -speed * s, 0),
-        (-beyond * speed * u, -beyond * speed * n, 0, 0),
+        (-beyond * u, -beyond * n, -beyond * s, 0),
     ]
     return ca.horzcat(*[ca.vertcat(*column) for column in columns])
 
