@@ -197,6 +197,20 @@ def test_drag_beyond_a_small_incidence_takes_power_there_alone(
     assert power == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
+def test_a_section_that_turns_is_slowed_by_the_square_of_its_rate(
+    network: LinearStripNetwork,
+) -> None:
+    robot, rate = network.robot, 80.0
+    values = [float(term.name == "moment of a section that turns") for term in network.terms]
+    q, v, k = np.array(robot.coordinates()), np.zeros(robot.dof), robot.index("left_feather")
+    v[k] = rate
+    x = np.concatenate([q, v, np.zeros(robot.dof)])
+    left = [strip for strip in robot.strips if strip.wing == "left_wing"]
+    sizes = sum(float(strip.chord) ** 4 * float(strip.width) for strip in left)
+    moment = network(x, network._placed(np.zeros(17), values, 0.0))[k]
+    assert moment == pytest.approx(-1.225 / 2 * sizes * rate**2, rel=1e-9)
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_departures_of_all_kinds_of_wings_are_a_change_of_what_is_common(
     tailed: LinearStripNetwork, seed: int
@@ -204,7 +218,9 @@ def test_departures_of_all_kinds_of_wings_are_a_change_of_what_is_common(
     assert tailed.surfaces == ("wing", "tail")
     x = np.concatenate(sample(tailed.robot, seed))
     draw = np.random.default_rng(seed)
-    change = dict(zip([t.name for t in STRIP_TERMS], draw.standard_normal(14), strict=True))
+    change = dict(
+        zip([t.name for t in STRIP_TERMS], draw.standard_normal(len(STRIP_TERMS)), strict=True)
+    )
 
     def force(names: dict[str, float]) -> Array:
         values = [names.get(term.name, 0.0) for term in tailed.terms]

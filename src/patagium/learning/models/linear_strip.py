@@ -93,6 +93,7 @@ STRIP_TERMS = (
     Term("chordwise force by pitching", 0.0, 0.5),
     Term("moment of incidence", 0.0, 2.0),
     Term("moment by pitching", 0.0, 2.0),
+    Term("moment of a section that turns", 0.0, 2.0),
     Term("drag along the span", 0.0, 0.2),
     Term("drag beyond a small incidence", 0.0, 1.0),
 )
@@ -154,8 +155,8 @@ class LinearStripNetwork(WingNetwork):
         Dickinson, Lehmann & Sane (1999), Science 284 (blade elements); Theodorsen (1935), NACA
         TR 496 (added mass, attached lift); Izraelevitz, Zhu & Triantafyllou (2017), AIAA Journal
         55 (lifting line); Polhamus (1966), NASA TN D-3767 (lift of separated flow); Sane &
-        Dickinson (2002), J. Exp. Biol. 205 (pitching); Hoerner (1965), Fluid-Dynamic Drag
-        (separated flow, bodies).
+        Dickinson (2002), J. Exp. Biol. 205 (pitching); Andersen, Pesavento & Wang (2005), J. Fluid
+        Mech. 541 (sections that turn); Hoerner (1965), Fluid-Dynamic Drag (separated flow, bodies).
     """
 
     kind = "linear_strip"
@@ -413,6 +414,7 @@ def _strip_terms(flow: _Flow) -> ca.SX:
         (p * n, 0, 0, 0),
         (0, 0, 0, u * n),
         (0, 0, 0, -speed * p),
+        (0, 0, 0, -p * _size(p)),
         (0, 0, -speed * s, 0),
         (-beyond * u, -beyond * n, -beyond * s, 0),
     ]
