@@ -183,11 +183,7 @@ class Stroke:
 
 
 def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
-    """Strokes of a robot: wings whose hinges are close to each other along the body.
-
-    Args:
-        robot: The machine, in numbers.
-    """
+    """Strokes of a robot: wings whose hinges are close to each other along the body."""
     groups: list[list[tuple[Wing, Array, Array]]] = []
     bodies = poses(robot)
     for name in {strip.wing: None for strip in robot.strips}:

@@ -1,11 +1,12 @@
 """Static polars of sections from text files of XFOIL, AeroSandbox or NeuralFoil.
 
-A header names the columns, numbers follow, apart by spaces or commas; angles are in degrees.
-Neglected: Reynolds number and all other columns.
+A header names the columns, numbers follow: apart by commas if the header's names are, else by
+spaces. Neglected: the size of the Reynolds number and all other columns.
 """
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -38,36 +39,59 @@ class PolarTable(NamedTuple):
 
 @checked
 def read_polar(path: str | Path) -> PolarTable:
-    """Static polar from a text file: columns alpha [degrees], CL, CD and perhaps CM, by name.
+    """Static polar from a text file: columns alpha, CL, CD and perhaps CM, by name.
 
-    Rows are sorted by angle; of rows with the same angle the first counts.
+    Angles are in degrees unless the header has alpha [rad]. Rows are sorted by angle; of rows with
+    the same angle the first counts. Rows without a number in one of these columns are left out.
 
     Args:
         path: Polar saved by XFOIL, or a CSV file of AeroSandbox's or NeuralFoil's results.
 
     Raises:
-        Unreadable: If the file cannot be read, or has no header with alpha, CL and CD or fewer
-            than two rows of numbers after it.
+        Unreadable: If the file cannot be read, has not one header with alpha, CL and CD and two
+            rows of numbers after it, or has several Reynolds numbers.
     """
-    lines = [line.replace(",", " ").split() for line in text_of(path, _LARGEST).splitlines()]
-    names = [[word.strip("\"'").lower() for word in line] for line in lines]
-    first = next((k for k, line in enumerate(names) if {*_COLUMNS[:3]} <= {*line}), None)
-    if first is None:
-        expected = "a header that names the columns alpha, CL and CD"
-        raise Unreadable(str(path), "", expected, "none")
-    header = names[first]
-    places = [header.index(name) for name in _COLUMNS if name in header]
-    rows = []
-    for words in lines[first + 1 :]:
+    lines = text_of(path, _LARGEST).splitlines()
+    headers = [_header(line) for line in lines]
+    needed = {*_COLUMNS[:3]}
+    firsts = [k for k, names in enumerate(headers) if needed <= {*names}]
+    if len(firsts) != 1:
+        expected = "one header that names the columns alpha, CL and CD"
+        raise Unreadable(str(path), "", expected, str(len(firsts) or "none"))
+    names, comma = headers[firsts[0]], "," in lines[firsts[0]]
+    unit = names["alpha"][1]
+    wanted = [name for name in _COLUMNS if name in names]
+    if unit[:3] not in ("", "deg", "rad", "°"):
+        raise Unreadable(str(path), "alpha", "angles in [deg] or [rad]", unit)
+    rows, flows = [], set()
+    for line in lines[firsts[0] + 1 :]:
+        cells = line.split("," if comma else None)
         try:
-            numbers = [float(words[place]) for place in places]
+            numbers = [float(cells[names[name][0]]) for name in wanted]
         except (ValueError, IndexError):
-            continue  # rules below a header, and remarks
+            continue  # rules below a header, remarks, and points that were not found
         if np.isfinite(numbers).all():
             rows.append(numbers)
-    table = np.array(rows).reshape(len(rows), len(places))
+            for name in {"re", "reynolds"} & {*names}:
+                flows.add(cells[names[name][0]].strip())
+    if len(flows) > 1:
+        remedy = f"{', '.join(sorted(flows))}; keep the rows of one"
+        raise Unreadable(str(path), "Re", "one Reynolds number", remedy)
+    table = np.array(rows).reshape(len(rows), len(wanted))
     _, kept = np.unique(table[:, 0], return_index=True)
     if len(kept) < 2:
         raise Unreadable(str(path), "", "two or more rows of numbers", f"{len(kept)}")
     angle, lift, drag, *moment = table[kept].T
-    return PolarTable(np.radians(angle), lift, drag, moment[0] if moment else None)
+    angle = angle if unit[:3] == "rad" else np.radians(angle)
+    return PolarTable(angle, lift, drag, moment[0] if moment else None)
+
+
+def _header(line: str) -> dict[str, tuple[int, str]]:
+    """Place and unit of each column that a line names, as alpha [deg] or alpha (deg)."""
+    joined = re.sub(r"\s+(?=[\[(])", "", line.lower())
+    found: dict[str, tuple[int, str]] = {}
+    for place, word in enumerate(joined.split("," if "," in joined else None)):
+        opened = word.strip(" \"'").replace("(", "[")
+        name, _, unit = opened.partition("[")
+        found.setdefault(name, (place, unit.rstrip("])")))
+    return found

@@ -42,10 +42,6 @@ def table_function(knots: int, columns: int) -> ca.Function:
     after x_k + w_k, and between w (r(t) = t/2 + (35/2 t^2 - 35/4 t^4 + 7/2 t^6 - 5/8 t^8)/32
     + 35/256), t = (x - x_k)/w_k. One call in compiled code: `kernels/table.h`.
 
-    Args:
-        knots: n.
-        columns: m.
-
     Returns:
         (x, knots (n,) [of x], values (n, m)) -> values at x (m,).
     """
@@ -283,7 +279,8 @@ class ReynoldsPolar(SmoothPolar):
         lift_amplitude: Largest lift coefficient, at 45 degrees, without viscosity.
         zero_lift_drag: Drag coefficient along the chord without viscosity.
         drag_rise: Further drag coefficient across the chord without viscosity.
-        viscosity: Kinematic viscosity of the air [m^2/s].
+        viscosity: Kinematic viscosity [m^2/s]; that of air unless given, whatever the density
+            is: 1.0e-6 in water.
 
     References:
         Lee, Lua, Lim & Yeo (2016), Bioinspiration & Biomimetics 11, 036005.
@@ -314,8 +311,8 @@ class ReynoldsPolar(SmoothPolar):
 class TablePolar(Polar):
     """Polar from a table of points, such as those of a wind tunnel or a panel code.
 
-    Between its points as `tables` has it: smooth, and drag that is nowhere negative.
-    A section that moves backward is its mirror image.
+    Between its points as `table_function` has it: smooth, and drag that is nowhere negative; held
+    beyond the first and the last. A section that moves backward is its mirror image.
 
     Args:
         angle: Angles of attack, ascending, within -pi/2..pi/2, (n,) [rad].

@@ -98,11 +98,7 @@ FEEBLE = 0.005
 
 
 def held_share(flow: SectionFlow) -> Any:
-    """Share of attached flow that a delay can hold at an effective incidence, 0 to 1.
-
-    Args:
-        flow: Effective, seen from the incidence of no lift.
-    """
+    """Share of attached flow that a delay can hold at an effective incidence, 0 to 1."""
     begins, ends = (np.sin(angle) ** 2 for angle in _HELD)
     sine_square = flow.normal * flow.normal / (flow.speed * flow.speed)
     return 1.0 - smooth_step((sine_square - begins) / (ends - begins))
@@ -257,6 +253,10 @@ class Section(StripSection):
 _MEASURED_NUMBERS = ("lift_slope", "zero_lift_angle", "profile_drag")
 _LINEAR = (radians(2.0), radians(10.0))
 """Distance from the incidence of no lift where the lift slope is read off a polar [rad]."""
+_APART = radians(8.0)
+"""Distance of the angles at which a polar goes on as that of a plate, at least [rad]."""
+_ACROSS = 2.01
+"""Drag coefficient of a long plate across the flow (Viterna & Janetzke 1982)."""
 _TELLING = 0.05
 """Share of separated flow from which on the drag of separated flow can be told."""
 
@@ -358,6 +358,10 @@ def measured_section(
 
         C_L = a0 x (1 + sqrt(1 - s))^2 / 4 = (1 - s) a0 x + s C_L,separated.
 
+    A polar that ends before 90 degrees goes on from its last point as a plate does:
+
+        C_D = 2.01 sin^2 a + B cos a,    C_L = 2.01 sin a cos a + A cos^2 a / sin a,
+
     Args:
         angle: Angles of attack, ascending, within -pi/2..pi/2, (n,) [rad].
         lift: C_L, (n,) [-].
@@ -371,11 +375,18 @@ def measured_section(
     References:
         Hansen, Gaunaa & Madsen (2004), A Beddoes-Leishman type dynamic stall model in
         state-space and indicial formulations, Risoe-R-1354.
+        Viterna & Janetzke (1982), Theoretical and experimental power from large horizontal-axis
+        wind turbines, NASA TM-82944 (beyond the polar; 2.01 of a long plate).
     """
     columns = {"angle": angle, "lift": lift, "drag": drag}
     polar = TablePolar(*(tuple(real_array(*one).ravel()) for one in columns.items()))
+    zero = _zero_lift(np.array(polar.angle), np.array(polar.lift))
+    static = np.empty(0)
+    if moment is not None:
+        static = real_array("moment", moment).ravel()
+    if static.size in (0, len(polar.angle)):
+        polar, static = _on_both_sides(polar, static)
     a, c_l, c_d = (np.array(x) for x in (polar.angle, polar.lift, polar.drag))
-    zero = _zero_lift(a, c_l)
     x = np.sin(a) - zero * np.cos(a)
     away = np.abs(a - zero)
     linear = (away > _LINEAR[0]) & (away < _LINEAR[1])
@@ -395,8 +406,39 @@ def measured_section(
         of_telling = (c_d - (1 - share) * profile_drag)[telling] / share[telling]
         separated_drag = np.interp(a, a[telling], np.maximum(of_telling, 0.0))
     stalled = TablePolar(polar.angle, tuple(separated_lift), tuple(separated_drag))
-    static = () if moment is None else tuple(real_array("moment", moment).ravel())
-    return MeasuredSection(slope, zero, profile_drag, tuple(share), stalled, static)
+    return MeasuredSection(slope, zero, profile_drag, tuple(share), stalled, tuple(static))
+
+
+def _on_both_sides(polar: TablePolar, moment: Array) -> tuple[TablePolar, Array]:
+    """Polar and its moments (if any) that reach 90 degrees; see `measured_section`."""
+    moments = [moment] if moment.size else []
+    table = np.array([polar.angle, polar.lift, polar.drag, *moments])
+    mirror = np.array([[-1.0], [-1.0], [1.0], [-1.0]])[: len(table)]
+    for _ in "-+":
+        table = (table * mirror)[:, ::-1]
+        begin = table[0, -1]
+        if _LINEAR[0] < begin < pi / 2 - _APART:
+            parts = int((pi / 2 - begin) / _APART)
+            angle = np.linspace(begin, pi / 2, parts + 1)[1:]
+            table = np.hstack([table, [angle, *_of_plate(angle, *table[:, -1])]])
+    angle, lift, drag, *turning = table
+    whole = TablePolar(tuple(angle), tuple(lift), tuple(drag))
+    return whole, np.array(turning).ravel()
+
+
+def _of_plate(angle: Array, begin: float, lift: float, drag: float, *moment: float) -> list[Array]:
+    """C_L, C_D and perhaps C_m of a plate in separated flow that go on from those at an angle."""
+    sine, cosine = np.sin(angle), np.cos(angle)
+    first, last = np.sin(begin), np.cos(begin)
+    along = (drag - _ACROSS * first**2) / last
+    up = (lift - _ACROSS * first * last) * first / last**2
+    c_l = _ACROSS * sine * cosine + up * cosine**2 / sine
+    c_d = _ACROSS * sine**2 + along * cosine
+    arms = [-one / (lift * last + drag * first) for one in moment]
+    share = (sine**2 - first**2) / last**2
+    places = [arm + share * (CENTER_OF_PRESSURE_SHIFT - arm) for arm in arms]
+    push = c_l * cosine + c_d * sine
+    return [c_l, c_d, *(-place * push for place in places)]
 
 
 def _zero_lift(angle: Array, lift: Array) -> float:

@@ -50,11 +50,7 @@ def smooth_norm(square: Any, width: float = SWITCH_SPEED) -> Any:
 
 
 def smooth_step(x: Any) -> Any:
-    """Step from 0 at x <= 0 to 1 at x >= 1, x^4 (35 - 84 x + 70 x^2 - 20 x^3) between.
-
-    Args:
-        x: Expression, scalar.
-    """
+    """Step from 0 at x <= 0 to 1 at x >= 1, x^4 (35 - 84 x + 70 x^2 - 20 x^3) between."""
     t = ca.fmax(0.0, ca.fmin(1.0, x))
     square = t * t
     return square * square * (35.0 + t * (-84.0 + t * (70.0 - 20.0 * t)))

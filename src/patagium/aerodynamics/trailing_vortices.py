@@ -34,13 +34,7 @@ SURFACE_CONSTANT = 13.5
 
 
 def surface_gains(numbers: Robot, robot: Robot, constant: Any) -> list[Any]:
-    """Lift of a lifting surface over that of a lifting line, for every strip.
-
-    Args:
-        numbers: The robot in numbers: which wings are mirror images.
-        robot: The same in numbers or symbols.
-        constant: K.
-    """
+    """Lift of a lifting surface over that of a lifting line, for every strip."""
     gains = []
     for ratio in aspect_ratios(numbers, robot):
         line = 1 / (2 * pi) + 1 / (pi * ratio)
@@ -52,21 +46,12 @@ def aspect_ratios(numbers: Robot, robot: Robot) -> list[Any]:
     """Aspect ratio of the wing that each strip is of, span^2 over area.
 
     That of a wing and its mirror image together.
-
-    Args:
-        numbers: The robot in numbers: which wings are mirror images.
-        robot: The same in numbers or symbols.
     """
     return [span * span / area for span, area in spans_and_areas(numbers, robot)]
 
 
 def spans_and_areas(numbers: Robot, robot: Robot) -> list[tuple[Any, Any]]:
-    """Span [m] and area [m^2] of the wing that each strip is of, with its mirror image.
-
-    Args:
-        numbers: The robot in numbers: which wings are mirror images.
-        robot: The same in numbers or symbols.
-    """
+    """Span [m] and area [m^2] of the wing that each strip is of, with its mirror image."""
     twins = {
         strip.wing for strip in numbers.strips if strip.mirrored or _has_mirror(numbers, strip)
     }
@@ -274,9 +259,6 @@ def horseshoe_function(sizes: tuple[int, ...]) -> ca.Function:
     c_i of strip i along the chain, leg k carries c_(k-1) - c_k, and
         c_i = gain_i (wash_i + feedthrough n_i . sum_k K_ki (c_(k-1) - c_k)).
     One call in compiled code: `kernels/horseshoes.h`.
-
-    Args:
-        sizes: Number of strips of each chain.
 
     Returns:
         (points (3, n) [m], normals (3, n), edges (3, m) [m], directions (3, m),

@@ -433,10 +433,11 @@ def _start(machine: Robot, speed: float, pitch: float) -> tuple[Any, Any]:
     base = next((b.floating_dofs for b in machine.bodies if b.floating_dofs is not None), None)
     if base is not None:
         ahead, nose = machine.dof_names[base[0]], machine.dof_names[base[4]]
-        return machine.coordinates(**{nose: pitch}), machine.velocities(**{ahead: speed})
+        q = machine.coordinates(**machine.resting, **{nose: pitch})
+        return q, machine.velocities(**{ahead: speed})
     if speed or pitch:
         raise ParameterError("--speed, --pitch", "a robot that floats; use --wind", machine.name)
-    return machine.coordinates(), machine.velocities()
+    return machine.coordinates(**machine.resting), machine.velocities()
 
 
 def _fly(

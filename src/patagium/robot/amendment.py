@@ -45,10 +45,6 @@ def amended_source(source: str, values: Mapping[str, float]) -> str:
 def source_with_attitude(source: str, attitude: str) -> str:
     """Text of the robot file with its floating body's attitude in other coordinates.
 
-    Args:
-        source: Text of a valid robot file, one body of which floats.
-        attitude: "euler" or "quaternion".
-
     Raises:
         ParameterError: If what floats is another file, which only its name stands for.
     """

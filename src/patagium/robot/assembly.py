@@ -79,10 +79,6 @@ class _Draft:
 def assemble(file: RobotFile, source: str) -> Robot:
     """The robot that a file describes.
 
-    Args:
-        file: Parts of the file, in SI.
-        source: Text of the file; travels with the robot.
-
     Raises:
         AssemblyError: If the parts contradict each other.
     """
@@ -513,12 +509,7 @@ def with_file_parameters(robot: Robot, parameters: Mapping[str, float]) -> Robot
 
 
 def cut_wing(wing: WingPart, body_index: dict[str, int]) -> Iterator[Strip]:
-    """Strips of a wing, from the root outwards.
-
-    Args:
-        wing: Wing as the file describes it.
-        body_index: Index of each body by name.
-    """
+    """Strips of a wing, from the root outwards."""
     index = 0
     for segment in wing.segments:
         for point, forward, normal, chord, width in _cut(segment):

@@ -51,12 +51,7 @@ class Pieces:
 
 
 def pieces_of(name: str, body: BodyPart) -> Pieces:
-    """Pieces into which a flexible body is cut.
-
-    Args:
-        name: Name of the body.
-        body: The body; its shape is a plate along y.
-    """
+    """Pieces into which a flexible body is cut."""
     plate, flexible = _plate(body)
     outwards = 1.0 if body.center_of_mass[1] >= 0 else -1.0
     element = 2 * plate.span / flexible.elements
@@ -71,11 +66,7 @@ def pieces_of(name: str, body: BodyPart) -> Pieces:
 
 
 def flexed(bodies: dict[str, BodyPart]) -> dict[str, BodyPart]:
-    """Bodies of a file with each flexible one as its pieces, and what hangs on it on one of them.
-
-    Args:
-        bodies: Bodies of a robot file by name.
-    """
+    """Bodies of a file, flexible ones as their pieces, and what hangs on one on its piece."""
     cut = {name: pieces_of(name, body) for name, body in bodies.items() if body.flexible}
     found: dict[str, BodyPart] = {}
     for name, body in bodies.items():

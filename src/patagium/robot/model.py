@@ -336,6 +336,12 @@ class Robot:
         return tuple(i for i in range(self.dof) if i not in self.actuated)
 
     @property
+    def resting(self) -> dict[str, float]:
+        """Rest of each passive joint's spring by name, where it is not zero [rad, m]."""
+        rest = self.rest or (0.0,) * self.dof
+        return {self.dof_names[i]: rest[i] for i in self.passive if rest[i]}
+
+    @property
     def floating(self) -> bool:
         """Whether the root body is free of the world."""
         return any(body.floating_dofs is not None for body in self.bodies)

@@ -24,11 +24,7 @@ _OVERLAP = 0.1
 
 
 def robot_warnings(robot: Robot) -> list[str]:
-    """Sentences on likely slips, each with what to write; none for a robot without.
-
-    Args:
-        robot: The machine, with numbers for parameters.
-    """
+    """Sentences on likely slips, each with what to write; none for a robot without."""
     images = mirrored_bodies(robot)  # the other side is told
     checks = (_wide_limits(robot, images), _masses_at_hinges(robot, images), _small_strips(robot))
     return [sentence for check in (*checks, _overlaps(robot)) for sentence in check]

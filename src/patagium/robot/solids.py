@@ -45,11 +45,7 @@ class Solid(NamedTuple):
 
 
 def solids(robot: Robot) -> list[Solid]:
-    """Solids of the bodies of a robot, one or more each.
-
-    Args:
-        robot: The machine, with numbers for parameters.
-    """
+    """Solids of the bodies of a robot, one or more each."""
     shapes = _shapes(_described(robot.source))
     own = carried_body(robot)
     thin, thick = _BONE * wing_span(robot), _TUBE * _longest(robot.bodies[1 : own or None])
@@ -92,11 +88,7 @@ def tube(body: int, start: Array, end: Array, radius: float) -> Solid:
 
 
 def carried_body(robot: Robot) -> int:
-    """First body of a robot that an arm carries (`Robot.mounted_on`); 0 without an arm.
-
-    Args:
-        robot: The machine; bodies of the arm come first.
-    """
+    """First body of a robot that an arm carries (`Robot.mounted_on`); 0 without an arm."""
     described = _described(robot.source)
     if not (isinstance(described, dict) and "mounted_on" in described):
         return 0
@@ -181,11 +173,7 @@ def outer_end(strip: Strip) -> Array:
 
 
 def wing_tips(robot: Robot) -> dict[str, tuple[int, Array]]:
-    """Wing -> the body that carries its last strip, and that strip's outer end, (3,) [m].
-
-    Args:
-        robot: The machine, with numbers for parameters.
-    """
+    """Wing -> the body that carries its last strip, and that strip's outer end, (3,) [m]."""
     return {strip.wing: (strip.body, outer_end(strip)) for strip in robot.strips}
 
 

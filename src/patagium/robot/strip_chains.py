@@ -70,12 +70,7 @@ def strip_chains(robot: Robot) -> tuple[StripChain, ...]:
 
 
 def joined_images(robot: Robot, images: Iterable[Pair]) -> tuple[Pair, ...]:
-    """Wings and their mirror images whose ends are nearer than half their mean chord.
-
-    Args:
-        robot: The machine, in numbers.
-        images: Names of a wing and its mirror image.
-    """
+    """Wings and their mirror images whose ends are nearer than half their mean chord."""
     places, chains = poses(robot), strip_chains(robot)
     near = [
         pair

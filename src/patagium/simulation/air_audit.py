@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.aerodynamics.description import innermost
+from patagium.aerodynamics.wind_shear import WindShear
 from patagium.robot import Robot
 
 LARGEST_COEFFICIENT = 4.0
@@ -30,12 +31,16 @@ def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[
         flight: The flight.
         beats: Samples of whole wingbeats, ends included; None where the gait has no period.
     """
-    described = innermost(json.loads(flight.attrs.get("aero", "{}")))
+    told = str(flight.attrs.get("aero", "{}"))
+    described = innermost(json.loads(told))
     if not robot.strips or not isinstance(described.get("air"), dict):
         return []
     found = [] if beats is None else _power(flight, beats)
     found += _coefficient(robot, flight, described["air"]["density"]) + _downwash(flight)
-    return found + _ground(flight, described["air"].get("ground"))
+    ground = described["air"].get("ground")
+    if ground is None and f'"{WindShear.name}"' in told:
+        ground = 0.0
+    return found + _ground(flight, ground)
 
 
 def _power(flight: xr.Dataset, beats: slice) -> list[str]:

@@ -429,11 +429,6 @@ class CarriedGait:
 def carried_gait(robot: Robot, plan: ArmPlan, gait: Gait) -> CarriedGait:
     """Gait of a composed robot (`Robot.mounted_on`): its arm follows a plan.
 
-    Args:
-        robot: The robot with its arm; the arm's joints come first.
-        plan: Plan of the arm.
-        gait: What the robot's own joints do.
-
     Raises:
         ParameterError: If the joints are not those of the two.
     """

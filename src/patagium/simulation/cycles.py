@@ -88,7 +88,7 @@ def cycle_statistics(
 
 def _means(flight: xr.Dataset, robot: Robot, found: dict[str, Array]) -> dict[str, float]:
     """Means over all cycles of signals over cycle and phase, (cycles, phases) each [N, W]."""
-    speed = float(np.linalg.norm(_air_velocity(flight, robot)))
+    speed = float(np.linalg.norm(air_velocity(flight, robot)))
     weight = float(robot.gravity) * _mass(robot)
     driven = float(np.maximum(found["power"], 0.0).mean())
     moving = speed >= _HOVERING
@@ -122,7 +122,7 @@ def _variables(name: str, cycles: Array) -> list[tuple[str, tuple[str, Array, di
 def _signals(flight: xr.Dataset, robot: Robot, time: Array) -> dict[str, Array]:
     """Signals to be averaged, (N,) each [N, W]."""
     forward = _forward(flight, robot)
-    air = _air_force(flight, robot, time)
+    air = air_force(flight, robot, time)
     signals = {"lift": air[:, 2], "thrust": air @ forward}
     if flight.attrs.get("mount") == "fixed":
         cell = -flight["mount_wrench"].transpose("time", "component").values[:, :3]
@@ -132,7 +132,7 @@ def _signals(flight: xr.Dataset, robot: Robot, time: Array) -> dict[str, Array]:
     return signals | {"power": np.asarray(joints.values, float)}
 
 
-def _air_force(flight: xr.Dataset, robot: Robot, time: Array) -> Array:
+def air_force(flight: xr.Dataset, robot: Robot, time: Array) -> Array:
     """Force of the air on the robot, added mass included, world axes, (N, 3) [N]."""
     force = flight["strip_force"].transpose("time", "strip", "axis").values.sum(axis=1)
     added = flight["added_mass_force"].transpose("time", "dof").values
@@ -152,8 +152,8 @@ def _mass(robot: Robot) -> float:
     return sum(float(body.mass) for body in robot.bodies)
 
 
-def _air_velocity(flight: xr.Dataset, robot: Robot) -> Array:
-    """Mean velocity through the air, (3,) [m/s]."""
+def air_velocity(flight: xr.Dataset, robot: Robot) -> Array:
+    """Mean velocity of the center of mass through the air, (3,) [m/s]."""
     mass = _mass(robot)
     momentum = flight["momentum"].transpose("time", "axis").values.mean(axis=0)
     wind = flight["wind"].transpose("time", "axis").values.mean(axis=0)
@@ -162,7 +162,7 @@ def _air_velocity(flight: xr.Dataset, robot: Robot) -> Array:
 
 def _forward(flight: xr.Dataset, robot: Robot) -> Array:
     """Level direction of the way through the air, of the nose in hover, (3,)."""
-    level = _air_velocity(flight, robot) * np.array([1.0, 1.0, 0.0])
+    level = air_velocity(flight, robot) * np.array([1.0, 1.0, 0.0])
     if np.linalg.norm(level) >= _HOVERING:
         return np.asarray(level / np.linalg.norm(level))
     yaw = _heading(flight["q"].values[0], robot)

@@ -230,9 +230,9 @@ def audits(flight: xr.Dataset, robot: Robot) -> dict[str, float]:
     """Largest residuals of a flight, stored among its attributes.
 
     Returns:
-        energy_exchanged [J]: integral of the absolute powers of joints, air, dampers, mount
-        and weight. impulse_exchanged [N s]: integral of the absolute forces of air, dampers,
-        mount and weight. energy_audit, momentum_audit: largest residuals relative to them.
+        energy_exchanged [J]: integral of the absolute powers of joints, air, dampers, mount,
+        springs and weight. impulse_exchanged [N s]: integral of the absolute forces of air,
+        dampers, mount and weight. energy_audit, momentum_audit: largest residuals relative to them.
         fluid_energy_audit: largest change of the carried air's energy that its work does not
         explain, relative likewise; a gust shows in it, its rate is not part of added mass.
         aero_power_largest [W]: not above zero if the air opposes motion relative to it.
@@ -266,7 +266,7 @@ def _exchanged(flight: xr.Dataset, robot: Robot) -> tuple[float, float]:
     forces = [flight[name].to_numpy() for name in names]
     powers = [np.abs((force * velocity).sum(axis=1)) for force in forces]
     gravity = float(robot.gravity)
-    weight_power = gravity * np.abs(flight["momentum"].to_numpy()[:, 2])
+    lifting = gravity * flight["momentum"].to_numpy()[:, 2]
     pushes = [
         flight["strip_force"].to_numpy().sum(axis=1),
         flight["mount_wrench"].to_numpy()[:, :3],
@@ -275,8 +275,12 @@ def _exchanged(flight: xr.Dataset, robot: Robot) -> tuple[float, float]:
     pushed = weight + sum(np.linalg.norm(f, axis=1) for f in pushes)
     for used in (velocity, *forces, flight["strip_force"].to_numpy(), pushes[1]):
         release(used)
-    power = weight_power + sum(powers)
-    return float(np.trapezoid(power, time)), float(np.trapezoid(pushed, time))
+    energy = float(np.trapezoid(np.abs(lifting) + sum(powers), time))
+    if robot.stiffness:  # what is stored and is not of the weight
+        risen = np.diff(time) * (lifting[1:] + lifting[:-1]) / 2
+        stored = np.diff(flight["potential_energy"].to_numpy())
+        energy += float(np.abs(stored - risen).sum())
+    return energy, float(np.trapezoid(pushed, time))
 
 
 def robot_of(flight: xr.Dataset) -> Robot:

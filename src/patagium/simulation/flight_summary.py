@@ -18,6 +18,7 @@ from patagium.dynamics.dynamics import poses_at
 from patagium.robot import Robot
 from patagium.robot.model import CAPACITIES, capacity_units
 from patagium.simulation.air_audit import air_findings
+from patagium.simulation.cycles import air_force, air_velocity
 from patagium.simulation.flight import gait_period, robot_of
 
 TUMBLE = np.radians(80.0)
@@ -28,6 +29,8 @@ HOVER = 0.1
 """Speed over that of the fastest strip below which wings hover [1] (Ellington 1984)."""
 SLOWEST_FALL = 0.3
 """Sink rate below which nothing is said of it [m/s]."""
+UNEXPLAINED = 1e-2
+"""Energy audit from which on the time step is too long [1]."""
 STEADY = (0.7, 1.4)
 """Force of the air over the weight within which a free flight is near a steady one [1]."""
 
@@ -56,8 +59,8 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     """Summary of a flight, and what is wrong with it in sentences.
 
     Returns:
-        `force_over_weight`: mean vertical force of the air on the strips over the weight [1];
-        `joint_power`: mean power of the joints [W]; where a body floats also `speed`: mean
+        `force_over_weight`: mean vertical force of the air, added mass included, over the weight
+        [1]; `joint_power`: mean power of the joints [W]; where a body floats also `speed`: mean
         speed along the nose [m/s], `climb_rate` [m/s], `height_change` [m], and `roll`, `pitch`,
         `yaw`: least and greatest angle [rad]; of a closed loop `held_samples`: samples at which
         the last command was held; `warnings`: sentences.
@@ -68,7 +71,7 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     robot, time, beat = robot_of(flight), flight["time"].to_numpy(), gait_period(flight)
     chosen = _second_half(time, beat)
     weight = float(robot.gravity) * sum(float(body.mass) for body in robot.bodies)
-    lift = flight["strip_force"].to_numpy()[chosen, :, 2].sum(axis=1).mean()
+    lift = air_force(flight, robot, time)[chosen, 2].mean()
     span = time[chosen][-1] - time[chosen][0]
     work = flight["joint_work"].to_numpy()[chosen]
     facts: dict[str, Any] = {
@@ -80,8 +83,14 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     if held is not None:
         facts["held_samples"] = sum(held.values())
     if "speed" in facts:
-        free = flight.attrs.get("mount") == "free"
-        warnings = _warnings(facts, free) + _hover(flight, facts, chosen)
+        warnings = _warnings(facts, flight.attrs.get("mount") == "free")
+    warnings += _hover(robot, flight.isel(time=chosen))
+    audit = flight.attrs.get("energy_audit", 0.0)
+    if audit > UNEXPLAINED:
+        warnings.append(
+            f"Its energy audit is {audit:.2g}, a share of energy that no work explains: "
+            f"fly with steps shorter than {flight.attrs['time_step']:.3g} s."
+        )
     if held:
         causes = ", ".join(f"{count} {cause}" for cause, count in sorted(held.items()))
         warnings.append(f"Its last command was held at {facts['held_samples']} samples: {causes}.")
@@ -142,15 +151,15 @@ def _warnings(facts: dict[str, Any], free: bool) -> list[str]:
     return warnings
 
 
-def _hover(flight: xr.Dataset, facts: dict[str, Any], chosen: slice) -> list[str]:
+def _hover(robot: Robot, flight: xr.Dataset) -> list[str]:
     """Sentence about wings that hover in air that stays as it was."""
     described = json.loads(flight.attrs.get("aero", "{}"))
     if not flight.sizes["strip"] or described.get("model") in (None, Inflow.name):
         return []
-    fastest = float(flight["strip_airspeed"].to_numpy()[chosen].mean(axis=0).max())
-    wind = flight["wind"].to_numpy()[chosen].mean(axis=0)
-    ahead = float(np.hypot(abs(facts["speed"]) + np.hypot(*wind[:2]), facts["climb_rate"]))
-    if not fastest > 0 or ahead > HOVER * fastest:
+    fastest = float(flight["strip_airspeed"].to_numpy().mean(axis=0).max())
+    driven = flight["v"].to_numpy()[:, list(robot.actuated)].any()
+    speed = np.linalg.norm(air_velocity(flight, robot))
+    if not driven or speed > HOVER * fastest:
         return []
     return [
         "It hovers, and its wings do not meet the air that they have thrown down: the lift may be "

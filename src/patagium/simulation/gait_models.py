@@ -72,13 +72,7 @@ class Gait(Protocol):
 
 
 def described(kind: str, motion: Any, leave: Sequence[str] = ()) -> dict[str, Any]:
-    """Description of a gait or path from its fields, as JSON-able values.
-
-    Args:
-        kind: Kind of motion, its first entry.
-        motion: A dataclass of numbers, text, arrays and other dataclasses.
-        leave: Fields to leave out.
-    """
+    """Description of a gait or path from its fields, as JSON-able values."""
     values = {name: value for name, value in asdict(motion).items() if name not in leave}
     for name, value in values.items():
         if isinstance(value, np.ndarray):

@@ -68,9 +68,6 @@ def fixed() -> Mount:
 def carried(path: Path) -> Mount:
     """Mount that moves the floating body along a path, whatever that takes.
 
-    Args:
-        path: Motion of the floating body's origin and axes in the world.
-
     Raises:
         ParameterError: If it is no path.
     """
@@ -155,9 +152,6 @@ def floating_coordinates(robot: Robot) -> tuple[int, ...]:
 def on_massless_mount(robot: Robot) -> Robot:
     """Machine on a massless floating body, whose six coordinates come first.
 
-    Args:
-        robot: A robot without a floating body; numbers or symbols.
-
     Returns:
         A robot of n + 6 coordinates. With the first six held at zero it moves as the
         original; the force that holds them is the reaction of the ground.
@@ -231,10 +225,6 @@ def check_cells(robot: Robot, cells: Sequence[InternalLoadCell], held: bool) -> 
 
 def with_load_cells(robot: Robot, cells: Sequence[InternalLoadCell]) -> Robot:
     """Machine with a massless link of six coordinates, which come first, at each cell.
-
-    Args:
-        robot: The machine; numbers or symbols.
-        cells: Where; the first one's coordinates are the first.
 
     Returns:
         A robot of 6 more coordinates a cell. With these at zero it moves as the original.

@@ -47,6 +47,7 @@ from patagium.simulation.state_limits import (
     diagnose_step,
     limits,
     outcome_message,
+    rate_slopes,
     singular_places,
     tidy_step,
     tightest_limit,
@@ -114,7 +115,7 @@ def _named(robot: Robot) -> str:
 
 
 def initial_coordinates(robot: Robot, values: ArrayLike | None) -> Array:
-    """Initial coordinates, those of zero angles by default, (n_q,); quaternions of length one.
+    """Initial coordinates, by default zero and passive springs at rest, (n_q,); attitudes checked.
 
     Args:
         robot: The machine.
@@ -124,7 +125,8 @@ def initial_coordinates(robot: Robot, values: ArrayLike | None) -> Array:
         ShapeError: If they are not (n_q,).
         ParameterError: If they are not finite, or a quaternion's length is not one.
     """
-    q = _finite("q", robot.coordinates() if values is None else values, robot.coordinate_names)
+    given = robot.coordinates(**robot.resting) if values is None else values
+    q = _finite("q", given, robot.coordinate_names)
     for body in robot.bodies:
         if body.by_quaternion:
             places = list(robot.floating_coordinates(body)[3:])
@@ -298,12 +300,14 @@ class Simulator:
         self._singular = singular_places(layout.machine, layout.passive_coordinates)
         check_start(self._equations, layout.state_names, state, self._singular)
         self._rows = rows
+        springs = bool(robot.stiffness)
         if time_step is None:
-            time_step = chosen_step(self._equations, state, rows, gait.period, duration)
+            time_step = chosen_step(self._equations, state, rows, gait.period, duration, springs)
         self.steps, self._time_step = whole_steps(duration, time_step), time_step
         self._control_steps = _control_steps(gait, control_period, time_step)
-        start = self._equations, [state], rows, np.zeros(1), time_step
-        implicit = bool(robot.stiffness) and tightest_limit(*start) is not None
+        at_start = self._equations, [state], rows, np.zeros(1)
+        slopes = rate_slopes(*at_start) if springs else []
+        implicit = tightest_limit(slopes, time_step) is not None
         self._integration = Integration(
             self._equations, state, rows, self.steps, time_step, implicit=implicit
         )

@@ -8,7 +8,8 @@ A damper or spring that answers faster than a step makes Runge-Kutta's numbers g
 the motion fades. Told from a motion that does grow by two questions, asked only when a run
 has stopped: does the linearized rate, while the run broke, have a mode that grows in the
 numbers and not in the equations; and is the same stretch flown past that moment with a
-step short enough for it. Neglected: steps that are stable and inaccurate.
+step short enough for it. A step that nobody asked for is also short enough that swings
+with little damping keep their size. Neglected: motions that get faster than at the start.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, floor, log10
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +80,8 @@ def diagnose_step(
     places = _sample_numbers(first, broken)
     states = [state_of(samples, k) for k in places]
     times = np.asarray(time_step * places)
-    found = tightest_limit(equations, states, rows, times, time_step)
+    slopes = rate_slopes(equations, states, rows, times)
+    found = tightest_limit(slopes, time_step)
     if found is None:
         return None
     began, parts = first * time_step, ceil(time_step / found.longest)
@@ -92,13 +95,16 @@ def diagnose_step(
     states = [state_of(again.samples, k) for k in places]
     # a run about to break is nowhere near its motion: the second one knows better
     times = np.asarray(began + time_step / parts * places)
-    return tightest_limit(equations, states, rows, times, time_step) or found
+    slopes = rate_slopes(equations, states, rows, times)
+    return tightest_limit(slopes, time_step) or found
 
 
 STEPS_A_BEAT = 400
 """Steps in a wingbeat where nobody asks for a step."""
 LONGEST_CHOSEN = 1e-3
 """Longest step where nobody asks for one [s]."""
+IMPLICIT_COST = 100
+"""Explicit steps that take as long as an implicit one, roughly."""
 
 
 def chosen_step(
@@ -107,11 +113,13 @@ def chosen_step(
     rows: Callable[[Array], Array],
     beat: float | None,
     duration: float,
+    implicit: bool,
 ) -> float:
     """Step for a flight for which nobody asked for one [s].
 
-    A 400th of a wingbeat, at which the energy audit of the presets is below 1e-8, or half
-    the longest step that is stable at the start, whichever is shorter.
+    A 400th of a wingbeat, at which the energy audit of the presets is below 1e-8, half the
+    longest step that is stable at the start, or what keeps the size of its swings, whichever is
+    shorter. Where stability alone asks for a much shorter one, implicit steps do without it.
 
     Args:
         equations: What will be integrated.
@@ -119,11 +127,31 @@ def chosen_step(
         rows: Table rows at given times, (N,) [s] to (N, row_size) [SI].
         beat: Wingbeat [s], or None.
         duration: Duration of the flight [s].
+        implicit: Whether steps are implicit where explicit ones are not stable.
     """
     wanted = min(LONGEST_CHOSEN, (beat or np.inf) / STEPS_A_BEAT)
     times = np.linspace(0.0, min(beat or duration, duration), SAMPLES)
-    found = tightest_limit(equations, [state] * SAMPLES, rows, times, 2 * wanted)
-    return tidy_step(duration, wanted if found is None else 0.5 * found.longest)
+    slopes = rate_slopes(equations, [state] * SAMPLES, rows, times)
+    found = tightest_limit(slopes, 2 * wanted)
+    accurate = min([wanted, *map(_accurate_step, slopes)])
+    stable = accurate if found is None else 0.5 * found.longest
+    if implicit and stable * IMPLICIT_COST < accurate:
+        stable = accurate
+    return tidy_step(duration, min(accurate, stable))
+
+
+def _accurate_step(slope: Array) -> float:
+    """Longest step at which swings with little damping keep their size [s].
+
+    Classic Runge-Kutta takes (w h)^6/144 of a swing's size in a step h. That is at most 5e-6
+    (w h = .3), or a tenth of what damping takes. More damping than .4 of the rate w ends swings.
+    """
+    eigenvalues = np.linalg.eigvals(slope).astype(complex)
+    rates = np.abs(eigenvalues)
+    swings = np.abs(eigenvalues.real) < 0.4 * rates
+    damping = np.abs(eigenvalues.real)[swings] / rates[swings]
+    steps = np.maximum(0.3, (14.4 * damping) ** 0.2) / rates[swings]
+    return float(steps.min(initial=np.inf))
 
 
 def tidy_step(duration: float, most: float) -> float:
@@ -165,33 +193,44 @@ def longest_stable_step(eigenvalues: NDArray[np.complex128], time_step: float) -
     return float(trials[max(last - 1, 0)])
 
 
-def tightest_limit(
+def rate_slopes(
     equations: Equations,
     states: Sequence[Array],
     rows: Callable[[Array], Array],
     times: Array,
-    time_step: float,
-) -> StepTooLong | None:
-    """Tightest limit of stability on an explicit step, or None where it is within all.
+) -> list[Array]:
+    """Derivatives of the rate by the state where they are finite, (size, size) each [1/s].
 
     Args:
         equations: Equations to integrate.
         states: States at some times, (size,) each [SI].
         rows: Table rows at given times, (N,) [s] to (N, row_size) [SI].
         times: Those times, (N,) [s].
-        time_step: Step [s].
     """
-    found: StepTooLong | None = None
     table, field = rows(times), equations.field
     if field is not None:
         flown = np.array(states)
         pieces = field.gust_pieces(flown, table, times[0], times[-1])
         table = field.with_gust(flown, table, times, pieces)
+    slopes = []
     for state, row in zip(states, table, strict=True):
-        after = row, *equations.constants
-        slope = rate_jacobian(lambda x, after=after: equations.rate(x, *after), state)  # type: ignore[misc]
-        if not np.isfinite(slope).all():
-            continue
+
+        def rate(reached: Array, row: Array = row) -> Any:
+            return equations.rate(reached, row, *equations.constants)
+
+        slopes.append(rate_jacobian(rate, state))
+    return [slope for slope in slopes if np.isfinite(slope).all()]
+
+
+def tightest_limit(slopes: Sequence[Array], time_step: float) -> StepTooLong | None:
+    """Tightest limit of stability on an explicit step, or None where it is within all.
+
+    Args:
+        slopes: Derivatives of the rate by the state, (size, size) each [1/s].
+        time_step: Step [s].
+    """
+    found: StepTooLong | None = None
+    for slope in slopes:
         eigenvalues, modes = np.linalg.eig(slope)
         bound = time_step if found is None else found.longest
         longest = longest_stable_step(eigenvalues.astype(complex), bound)
@@ -267,12 +306,6 @@ def check_start(
     equations: Equations, names: tuple[str, ...], state: Array, singular: tuple[int, ...] = ()
 ) -> None:
     """Refuse an initial state outside of where it must stay.
-
-    Args:
-        equations: Equations to integrate, with their limits.
-        names: Of the entries of the state.
-        state: Where it starts, (size,).
-        singular: Places in it of pitch angles.
 
     Raises:
         ParameterError: If an entry is beyond its limits.

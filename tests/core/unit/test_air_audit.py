@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -65,3 +67,7 @@ def test_a_wing_in_the_ground_is_found(flight: xr.Dataset) -> None:
     aero = flight.attrs["aero"].replace('"gust": null', f'"gust": null, "ground": {ground}')
     (sentence,) = [w for w in sentences(flight.assign_attrs(aero=aero)) if "ground" in w]
     assert f"into the ground at {first:.3g} s" in sentence
+    assert heights.min() < 0 and not [w for w in sentences(flight) if "ground" in w]
+    told = json.loads(flight.attrs["aero"])
+    shear = json.dumps({"model": "wind_shear", "of": told})
+    assert [w for w in sentences(flight.assign_attrs(aero=shear)) if "into the ground" in w]

@@ -13,6 +13,7 @@ import xarray as xr
 import patagium as pt
 from patagium.cli.main import run
 from patagium.errors import FlightError, ParameterError
+from patagium.simulation.flight_summary import flight_summary
 
 STEP, BEATS = 5e-4, 4
 
@@ -122,6 +123,22 @@ def test_a_wing_without_a_floating_body_has_its_added_mass_counted() -> None:
     with_it = pt.cycle_statistics(flight)
     without = pt.cycle_statistics(flight.assign(added_mass_force=0 * flight["added_mass_force"]))
     assert np.abs(with_it["lift"] - without["lift"]).max() > 0.05 * np.abs(with_it["lift"]).max()
+
+
+def test_the_summary_counts_the_force_of_the_air_as_cycles_do(held: xr.Dataset) -> None:
+    pushed = held.assign(added_mass_force=held["added_mass_force"] + 0.5 * (held["dof"] == "z"))
+    more = pt.cycle_statistics(pushed).mean_lift - pt.cycle_statistics(held).mean_lift
+    shares = [flight_summary(flight)["force_over_weight"] for flight in (held, pushed)]
+    robot = pt.load_robot("aerobat")
+    weight = robot.gravity * sum(float(body.mass) for body in robot.bodies)
+    assert more == pytest.approx(0.5) and shares[1] - shares[0] == pytest.approx(0.5 / weight)
+
+
+def test_a_wing_that_hovers_on_a_fixed_root_is_told_of_the_air_it_throws_down() -> None:
+    robot = pt.load_robot("yeo-wing")
+    gait = pt.gaits.sinusoidal(robot, frequency=3.3, **{robot.dof_names[0]: 0.4})
+    flight = pt.simulate(robot, pt.QuasiSteady(robot), gait, duration=1 / 3.3, time_step=1 / 330)
+    assert flight_summary(flight)["warnings"][0].startswith("It hovers")
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,28 @@ def test_a_polar_of_xfoil_makes_a_section(tmp_path: Path) -> None:
     assert table.moment is not None and np.allclose(table.moment, [-0.001, 0, 0.001])
     section = pt.air.measured_section(*table)
     assert section.lift_slope == pytest.approx(0.43 / np.sin(np.radians(4)))
-    assert section.static_moment == tuple(table.moment)
+    measured = np.isin(section.stalled.angle, table.angle)
+    assert np.allclose(np.array(section.static_moment)[measured], table.moment)
+
+
+def test_a_polar_that_ends_early_goes_on_as_a_plate() -> None:
+    angle = np.radians(np.arange(-8.0, 17.0))
+    lift, drag = 6.0 * np.sin(angle), 0.02 + 0.1 * np.sin(angle) ** 2
+    section = pt.air.measured_section(angle, lift, drag, 0 * angle - 0.05)
+    at, separated = np.degrees(section.stalled.angle), section.stalled
+    assert at[0] == -90 and at[-1] == 90
+    assert separated.drag[0] == separated.drag[-1] == pytest.approx(2.01)  # a long plate
+    assert np.allclose([separated.lift[0], separated.lift[-1]], 0.0, atol=1e-12)
+    for side, last in ((1, 16.0), (-1, -8.0)):  # Viterna & Janetzke's equations by hand
+        end, far = np.radians(abs(last)), np.radians(side * at[at * side > side * last])
+        first = (6.0 * np.sin(end) - 2.01 * np.sin(end) * np.cos(end)) * np.tan(end) / np.cos(end)
+        wanted = 1.005 * np.sin(2 * far) + first * np.cos(far) ** 2 / np.sin(far)
+        found = np.interp(side * np.degrees(far), at, separated.lift)
+        share = np.interp(side * np.degrees(far), at, section.separated)
+        attached = section.lift_slope * np.sin(far)
+        assert np.allclose((1 - share) * attached + side * share * found, wanted)
+    moments = np.abs(np.diff(section.static_moment))
+    assert moments.max() < 0.1 and abs(section.static_moment[-1]) == pytest.approx(2.01 * 0.175)
 
 
 def test_columns_are_found_by_name_and_a_moment_may_be_missing(tmp_path: Path) -> None:
@@ -47,9 +68,31 @@ def test_columns_are_found_by_name_and_a_moment_may_be_missing(tmp_path: Path) -
     assert table.moment is None
 
 
+@pytest.mark.parametrize("name", ["alpha", "alpha [deg]", "Alpha (deg)", "alpha [rad]"])
+@pytest.mark.parametrize("apart", [",", " "])
+def test_a_unit_shifts_no_column_and_an_empty_cell_leaves_its_row_out(
+    tmp_path: Path, name: str, apart: str
+) -> None:
+    file, size = tmp_path / "polar.csv", np.radians(1) if "rad" in name else 1.0
+    rows = [(k * size, "" if k == 3 else k / 10, 0.02, 0.009, -0.05) for k in range(5)]
+    kept = [row for row in rows if apart == "," or row[1] != ""]
+    lines = [(name, "CL [-]", "CD", "CDp", "CM"), *kept]
+    file.write_text("\n".join(apart.join(map(str, line)) for line in lines))
+    table = pt.air.read_polar(file)
+    assert np.allclose(np.degrees(table.angle), [0, 1, 2, 4])
+    assert np.allclose(table.lift, [0, 0.1, 0.2, 0.4])
+    assert np.allclose(table.drag, 0.02) and np.allclose(table.moment, -0.05)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
-    [("1 2 3\n", "header"), ("alpha CL CD\n1 0.1 0.01\n", "two or more rows")],
+    [
+        ("1 2 3\n", "header"),
+        ("alpha CL CD\n1 0.1 0.01\n", "two or more rows"),
+        ("alpha CL CD\n1 .1 .01\n2 .2 .01\nalpha CD CL\n3 .01 .3\n", "one header.*found 2"),
+        ("alpha [turn],CL,CD\n0,0,.01\n1,.1,.01\n", r"\[deg\] or \[rad\], found turn"),
+        ("alpha,Re,CL,CD\n0,5e4,0,.01\n1,2e5,.1,.01\n", "one Reynolds number, found 2e5, 5e4"),
+    ],
 )
 def test_what_is_no_polar_is_refused(tmp_path: Path, text: str, said: str) -> None:
     file = tmp_path / "polar.txt"

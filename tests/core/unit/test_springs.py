@@ -76,6 +76,16 @@ def test_a_passive_wing_keeps_the_balance_of_energy_and_its_spring_turns_it():
     assert turned[0] > 3 * turned[1] > 0
 
 
+def test_passive_springs_start_at_rest():
+    robot = load_robot_text(PASSIVE)
+    assert robot.resting == pytest.approx(
+        {f"{side}_feather": np.radians(5) for side in ("left", "right")}
+    )
+    flight = pt.simulate(robot, pt.QuasiSteady(robot), pt.gaits.still(robot), duration=1e-3)
+    np.testing.assert_allclose(flight.q.sel(dof="left_feather")[0], np.radians(5))
+    assert load_robot_text(FLAPPER).resting == {}
+
+
 def test_a_driven_joint_pays_for_its_spring():
     plain = load_robot_text(FLAPPER)
     sprung = load_robot_text(

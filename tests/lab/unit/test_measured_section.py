@@ -114,7 +114,8 @@ def test_a_flat_plate_without_stall_is_attached_throughout() -> None:
     angle = np.radians(np.arange(-9.0, 10.0))
     section = measured_section(angle, 6.0 * np.sin(angle), np.full(len(angle), 0.01))
     assert section.lift_slope == pytest.approx(6.0)
-    assert max(section.separated) < 1e-12
+    measured = np.isin(section.stalled.angle, angle)  # beyond it goes on as a plate that stalls
+    assert np.array(section.separated)[measured].max() < 1e-12
 
 
 @pytest.mark.parametrize("angle", [-1.2, -0.3, 0.2, 0.9])
