@@ -19,7 +19,9 @@ _WORDS = MappingProxyType({
     "float": "a finite number", "int": "a whole number below 2^63",
     "bool": "True or False", "str": "text",
     "Mapping": "a mapping", "Robot": "a Robot such as pt.load_robot('aerobat')",
-    "Orbit": "an Orbit such as pt.trim(robot)", "Gait": "a gait such as pt.gaits.cruise(robot)",
+    "Orbit": "an Orbit such as pt.trim(robot)", "Reference": "an Orbit such as pt.trim(robot)",
+    "LoopController": "a function of time and state with an attribute `period` in seconds",
+    "Gait": "a gait such as pt.gaits.cruise(robot)",
     "Aerodynamics": "a model of the air such as pt.QuasiSteady(robot)",
     "Event": "an Event such as pt.control.GustEvent(...)",
     "Callable": "a function", "Estimator": "a function",
@@ -86,9 +88,22 @@ def of_kind(name: str, value: object, kind: Any) -> None:
         ParameterError: If the type is another, or a seed is below zero.
     """
     if not _fits(value, kind):
-        raise ParameterError(name, _words(kind), value)
+        raise ParameterError(*_misfit(name, value, kind))
     if name == "seed" and isinstance(value, Integral) and int(value) < 0:  # as NumPy takes it
         raise ParameterError(name, "a whole number, zero or more", value)
+
+
+def _misfit(name: str, value: Any, kind: Any) -> tuple[str, str, Any]:
+    """Name of what does not fit, what was expected, and what it is: the value within a mapping."""
+    either = get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
+    inner = next((get_args(one) for one in either if get_origin(one) is Mapping), ())
+    if inner and isinstance(value, Mapping):
+        for key, found in value.items():
+            if not _fits(key, inner[0]):
+                return f"{name}: a name", _words(inner[0]), key
+            if not _fits(found, inner[1]):
+                return _misfit(f"{name}: {key}", found, inner[1])
+    return name, _words(kind), value
 
 
 def _check_options(given: Set[str], typed: dict[str, Any], kinds: Any) -> None:

@@ -81,7 +81,8 @@ def shown(value: object, most: int = SHOWN) -> str:
     except (RecursionError, ValueError):  # a number of thousands of digits
         text = type(value).__name__
     if len(text) > SHOWN and type(value).__module__.startswith(("patagium", "xarray")):
-        return f"a {type(value).__name__}"
+        reason = getattr(value, "reason", "")  # of a NoOrbit
+        return f"a {type(value).__name__}" + (f": {reason}" if reason else "")
     return text if len(text) <= most else text[: most - 3] + "..."
 
 

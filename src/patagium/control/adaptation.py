@@ -33,6 +33,8 @@ from patagium.control.predictive import OrbitController, OrbitModel
 from patagium.control.trimming import trim
 from patagium.control.wingbeat import FlightMap, PrescribedRows
 from patagium.errors import ParameterError
+from patagium.robot import Robot
+from patagium.simulation.gait_models import Gait
 from patagium.simulation.simulator import FlightState
 
 EFFECTIVENESS_STD, WRENCH_STD = 0.15, 0.3
@@ -313,6 +315,7 @@ class AdaptiveController:
         self._disturbance = Disturbance()
         self._departures = Departures()
         self.counts: Counter[str] = Counter()
+        self._reason, self._failures, self._pause = "", 0, 0
 
     @property
     def held(self) -> Counter[str]:
@@ -329,6 +332,10 @@ class AdaptiveController:
         """Length of an interval: the `control_period` of a flight [s]."""
         return self.controller.period
 
+    def check_flight(self, robot: Robot, gait: Gait) -> None:
+        """Refuse a flight of another robot or gait; see `OrbitController`."""
+        self.controller.check_flight(robot, gait)
+
     def __call__(self, time: float, state: FlightState | None) -> dict[str, float]:
         """Commands for the interval that begins now; see `OrbitController`."""
         first, parts = round(time / self.period), self.controller.model.parts
@@ -343,7 +350,10 @@ class AdaptiveController:
     def report(self) -> str:
         """Sentences about the samples that were held and the orbits that were found."""
         found = ", ".join(f"{count} {what}" for what, count in sorted(self.counts.items()))
-        return f"{self.controller.report()} Orbits of the beats: {found or 'none yet'}."
+        told = f"{self.controller.report()} Orbits of the beats: {found or 'none yet'}."
+        if self._reason and not self.counts["moved"]:
+            told += f" The learned model was never followed; its first orbit: {self._reason}."
+        return told
 
     def take(self, air: Aerodynamics) -> None:
         """Take another robot and air, without weights, as the model, as where a loss is known.
@@ -355,6 +365,7 @@ class AdaptiveController:
         self._disturbance = Disturbance()
         self._departures = Departures()
         self._samples.clear()
+        self._failures = self._pause = 0
         self.learner.forget(FORGOTTEN)
 
     def use(self, weights: Array, first: int) -> bool:
@@ -377,16 +388,23 @@ class AdaptiveController:
             tolerable=STIFFNESS,
         )
         if isinstance(found, NoOrbit):
-            self.counts["not found"] += 1
-            return False
+            return self._failed("not found", found.reason)
         try:
             self.controller.follow(found, found.parameters, first)
-        except ParameterError:
-            self.counts["not held by the commands"] += 1
-            return False
+        except ParameterError as error:
+            return self._failed("not held by the commands", str(error))
         self.counts["moved"] += 1
+        self._failures = 0
         self.orbit, self.weights = found, np.asarray(weights)
         return True
+
+    def _failed(self, what: str, reason: str) -> bool:
+        """Count a search that failed; from the third in a row on the next ones wait, twice each."""
+        self.counts[what] += 1
+        self._reason = self._reason or reason
+        self._failures += 1
+        self._pause = 2 ** min(self._failures, 12) // 8
+        return False
 
     def _relearn(self, first: int) -> None:
         """Learn from the beat that ends, and follow the model where it is another."""
@@ -413,6 +431,9 @@ class AdaptiveController:
         wanted = self._wanted()
         if np.array_equal(wanted, self.weights) and self.orbit.robot is self._air.robot:
             self.counts["kept"] += 1
+        elif self._pause:
+            self._pause -= 1
+            self.counts["not sought after failures"] += 1
         elif self.use(wanted, first) and wanted is self.learner.prior:
             self.counts["without weights"] += 1
 
@@ -459,6 +480,7 @@ class AdaptiveController:
         self._air = air
         self._disturbance = Disturbance()
         self.learner.forget(FORGOTTEN)
+        self._failures = self._pause = 0
         self.counts["cut of a wing found"] += 1
         return True
 

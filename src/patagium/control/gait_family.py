@@ -197,8 +197,8 @@ def gait_family(
         ParameterError: If a name is no parameter of this gait.
     """
     check_gait(robot, gait)
-    if len(names) == 0:
-        raise ParameterError("names", "one gait parameter at least", names)
+    if not 0 < len(names) == len(set(names)):
+        raise ParameterError("names", "one gait parameter at least, and each once", names)
     base, still = fourier_series(gait), gait.period is None
     series = [found for name in names if (found := _SERIES.match(name))]
     order = max((int(found["harmonic"]) for found in series), default=0)

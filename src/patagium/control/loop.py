@@ -28,7 +28,7 @@ from patagium.control.predictive import OrbitModel
 from patagium.errors import Outcome, ParameterError, SimulationFailed, positive
 from patagium.limits import MOST_STEPS
 from patagium.robot import Robot
-from patagium.simulation.simulator import FlightState, Simulator, check_robots
+from patagium.simulation.simulator import FlightState, Simulator, check_robots, period_of
 from patagium.simulation.steered_gait import SteeredGait
 
 TIME_STEP = 1e-4
@@ -37,7 +37,10 @@ TIME_STEP = 1e-4
 
 @runtime_checkable
 class LoopController(Protocol):
-    """Controller of a closed loop; `report()` and `held` of `OrbitController` are told too."""
+    """Controller of a closed loop; `report()` and `held` of `OrbitController` are told too.
+
+    A method `check_flight(robot, gait)` may refuse a flight for which it was not made.
+    """
 
     @property
     def period(self) -> float:
@@ -117,6 +120,7 @@ def fly(
         SimulationFailed: If the flight broke and `throw` is set; it carries the flight.
     """
     check_robots(robot, aero)
+    period_of(controller, robot, orbit.gait)
     loop = _Loop(robot, aero, controller, orbit, tuple(events), duration, options)
     seed = options.get("seed", 0)
     known = NoisyState() if sensors is None else sensors
@@ -137,10 +141,10 @@ class _Loop:
     """Loop of one flight.
 
     Attributes:
+        gait: The gait as it is steered.
         simulator: The truth.
         period: Steps of a period of the controller.
         due: Events that have not happened, by their step.
-        stuck: Commands that are no longer taken.
         estimates: Estimate at each period, (n_q + n,); nan where there was none.
         followed: State of the orbit that the controller followed then, by name [SI].
     """
@@ -152,10 +156,10 @@ class _Loop:
     events: tuple[Event, ...]
     duration: float
     options: LoopOptions
+    gait: SteeredGait = field(init=False)
     simulator: Simulator = field(init=False)
     period: int = field(init=False)
     due: list[tuple[int, Event, Robot, Aerodynamics]] = field(init=False)
-    stuck: set[str] = field(default_factory=set)
     estimates: list[Array] = field(default_factory=list)
     followed: list[dict[str, float]] = field(default_factory=list)
 
@@ -169,31 +173,26 @@ class _Loop:
         step = period / self.period
         steps = max(1, round(min(positive("duration", self.duration) / step, 1e300)))
         self.duration = steps * step
-        self._check_events(self.duration)
+        self.gait = SteeredGait(self.robot, self.orbit.gait)
         aero = with_gusts(self.aero, self.events)
         added = self.options.get("added_mass")
         start = self.orbit.start()
         lags = start.pop("aero_state")
         self.simulator = Simulator(
-            self.robot, aero, SteeredGait(self.robot, self.orbit.gait),
-            duration=self.duration, time_step=step,
+            self.robot, aero, self.gait, duration=self.duration, time_step=step,
             q=self.options.get("q", start["q"]), v=self.options.get("v", start["v"]),
             aero_state=lags if len(lags) == aero.state_size else None,
             added_mass=None if added is None else replace(added, air=aero.air),
         )  # fmt: skip
         self.due, machine = [], self.robot
         for event in sorted(self.events, key=lambda one: one.time):
-            machine, aero = event.changed(machine, aero)
-            self.due.append((ceil(event.time / step - 1e-9), event, machine, aero))
-
-    def _check_events(self, duration: float) -> None:
-        gait = SteeredGait(self.robot, self.orbit.gait)
-        for event in self.events:
-            if event.time > duration:
-                expected = f"within the flight of {duration:g} s"
+            if event.time > self.duration:
+                expected = f"within the flight of {self.duration:g} s"
                 raise ParameterError("events: time", expected, event.time)
             if isinstance(event, StuckEvent):
-                gait.commanded(event.command)
+                self.gait.places(event.command)
+            machine, aero = event.changed(machine, aero)
+            self.due.append((ceil(event.time / step - 1e-9), event, machine, aero))
 
     def run(self, estimator: Estimator, learner: Learner | None) -> None:
         """Fly to the end, or up to where the flight breaks."""
@@ -219,9 +218,11 @@ class _Loop:
     def _happen(self, event: Event, robot: Robot, aero: Aerodynamics) -> None:
         """Change the truth as an event says."""
         if isinstance(event, StuckEvent):
+            places = self.gait.places(event.command)
+            self.gait.stuck.difference_update(places)
             if event.value is not None:
                 self.simulator.command({event.command: event.value})
-            self.stuck.add(event.command)
+            self.gait.stuck.update(places)
         elif event.gust() is None:
             self.simulator.change(robot, aero)
 
@@ -240,12 +241,12 @@ class _Loop:
         self.estimates.append(known)
         time = self.simulator.time
         commands = self.controller(time, None if estimate is None else estimate.state)
-        of_kind("commands", commands, Mapping[str, float] | None)
+        of_kind("commands", commands, Mapping | None)
         if isinstance(model := getattr(self.controller, "model", None), OrbitModel):
             along = model.along(round(time / self.controller.period))
             self.followed.append(dict(zip(model.names, map(float, along), strict=True)))
-        given = (commands or {}).items()
-        taken = {name: value for name, value in given if name not in self.stuck}
+        given, stuck, places = (commands or {}).items(), self.gait.stuck, self.gait.places
+        taken = {name: value for name, value in given if not stuck.issuperset(places(name))}
         if taken:
             self.simulator.command(taken)
 

@@ -120,7 +120,7 @@ class OptimalGait:
         orbit, best = self.orbit, self.sinusoid
         lines = [
             f"gait of {GOALS[self.goal]} of {orbit.robot.name}, "
-            f"{self.harmonics} harmonics, {orbit.gait.frequency:.4g} Hz",
+            f"{self.harmonics} harmonic{'s' * (self.harmonics > 1)}, {orbit.gait.frequency:.4g} Hz",
             f"  speed {orbit.speed:.4g} m/s, climb {orbit.climb:.4g} m/s",
             f"  power {self.power:.4g} W, {self.energy_per_meter:.4g} J/m "
             f"(before {self.power_before:.4g} W"

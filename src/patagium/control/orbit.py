@@ -192,10 +192,10 @@ class Orbit:
             ParameterError: If an option is not possible.
             SimulationFailed: If the flight broke.
         """
-        count = max(1, round(min(positive("beats", beats) * self.steps, 1e15)))
         given: dict[str, Any] = {**self.start(), "added_mass": self.added_mass, **options}
         step = given.pop("time_step", self.time_step)
-        duration = given.pop("duration", count * step)
+        wanted = positive("beats", beats) * self.period / positive("time_step", step)
+        duration = given.pop("duration", max(1, round(min(wanted, 1e15))) * step)
         return simulate(
             self.robot, self.aero, self.gait, duration=duration, time_step=step, **given
         )

@@ -29,6 +29,7 @@ from patagium.control.gait_family import fourier_series, gait_family
 from patagium.control.quadratic_program import ProgramStatus, QuadraticProgram
 from patagium.control.wingbeat import FlightMap, PrescribedRows
 from patagium.errors import ParameterError, ShapeError, positive
+from patagium.robot import Robot
 from patagium.simulation.gait_models import Gait
 from patagium.simulation.simulator import FlightState
 from patagium.simulation.steered_gait import Responses, SteeredGait
@@ -73,6 +74,7 @@ class RealTimeIteration:
 
     Raises:
         ShapeError: If a cost is no square matrix.
+        ParameterError: If the horizon is below one.
 
     Attributes:
         program: Quadratic program of the last iteration.
@@ -89,6 +91,8 @@ class RealTimeIteration:
     def __init__(
         self, predict: Predict, horizon: int, state_cost: Array, input_cost: Array
     ) -> None:
+        if horizon < 1:
+            raise ParameterError("horizon", "one interval at least", horizon)
         for name, cost in {"state_cost": state_cost, "input_cost": input_cost}.items():
             if cost.ndim != 2 or np.ptp(cost.shape):
                 raise ShapeError(name, "(n, n)", cost.shape)
@@ -279,6 +283,10 @@ class OrbitModel:
         self.names = flight.names
         self.steered = SteeredGait(robot, orbit.gait) if steered is None else steered
         gait = self.steered.gait
+        every = [place for name in commands for place in self.steered.places(name)]
+        if len(set(every)) < len(every):
+            expected = "each once, and not a pair beside one of its joints"
+            raise ParameterError("commands", expected, tuple(commands))
         self.places = [self.steered.places(name)[0] for name in commands]
         beat = gait.period or 0.0
         self.period = positive("period of the gait", beat) / parts
@@ -303,7 +311,7 @@ class OrbitModel:
         moved[[names.index(name) for name in ("x", "y", "z")]] = 0.0
         if not moved.max() <= CLOSED:
             worst = self.names[int(np.argmax(moved))]
-            expected = f"an orbit whose state returns after a beat, to {CLOSED:g}"
+            expected = f"an orbit whose state returns after a beat (turn_rate 0), to {CLOSED:g}"
             raise ParameterError("orbit", expected, f"{worst} changes by {moved.max():.3g}")
 
     def _rows(
@@ -533,6 +541,21 @@ class OrbitController:
         self.before = np.zeros(len(self.ends))
         self.held = Counter()
 
+    def check_flight(self, robot: Robot, gait: Gait) -> None:
+        """Refuse a flight of another robot, or of another gait, than the controller's orbit has.
+
+        Raises:
+            ParameterError: If coordinates or gaits are others.
+        """
+        known, own = self.model.robot, self.model.steered.gait
+        if robot.dof_names != known.dof_names:
+            raise ParameterError("controller", f"one made for {robot.name}", known.name)
+        times = np.arange(16) / 16 * self.model.parts * self.model.period
+        moved = [one.motion(times).position for one in (gait, own)]
+        if np.abs(moved[0] - moved[1]).max() > 1e-3:  # rad or m; less of a table of the gait
+            expected = "one made for the orbit whose gait is flown"
+            raise ParameterError("controller", expected, own.describe())
+
     def _law(self, model: OrbitModel) -> tuple[Array, Array]:
         """Costs to go and gains of a model."""
         return periodic_riccati(model.by_state, model.by_input, self.state_cost, self.input_cost)
@@ -694,6 +717,9 @@ class PredictiveController(OrbitController):
         limits: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
         super().__init__(orbit, commands, parts, tolerable)
+        for name, (low, high) in (limits or {}).items():
+            if low >= high:
+                raise ParameterError(f"limits: {name}", "the least first", (low, high))
         self._limits = {self._state(k): v for k, v in (limits or {}).items()}
         self._horizon = horizon
         self._begin()

@@ -306,7 +306,8 @@ class OrbitSearch:
             values[k], self.still[k] = low, True
             at = self.point(begin.states, values, conditions)
             at, trouble = self.newton(at, conditions, limited=True)
-            trouble = excess if trouble else ""
+            joint, limit = excess.partition(" ")[0], excess.rpartition(", and ")[2]
+            trouble = f"none was found with {joint} at a limit: {limit}" if trouble else ""
         return at, trouble or self.excess(at.values)
 
     def _same(self, excess: str, values: Array) -> bool:
@@ -331,10 +332,9 @@ class OrbitSearch:
         for joint, i, motion in zip(gait.joints, robot.actuated, position.T, strict=True):
             low, high = robot.lower[i], robot.upper[i]
             if motion.min() < low - gaits.MARGIN or motion.max() > high + gaits.MARGIN:
-                return (
-                    f"{joint} would go from {motion.min():.3g} to {motion.max():.3g} "
-                    f"{robot.dof_units[i]}, and its limits are {low:.3g} to {high:.3g}"
-                )
+                seen = _apart([motion.min(), motion.max()], [low, high])
+                way = f"{joint} would go from {seen[0]} to {seen[1]} {robot.dof_units[i]}"
+                return f"{way}, and its limits are {seen[2]} to {seen[3]}"
         for name, actuator in robot.actuators.items():
             kind, joints = robot.command(name)
             for joint in ("frequency",) if kind == "frequency" else joints:
@@ -345,11 +345,20 @@ class OrbitSearch:
                     value = {"amplitude": half, "offset": float(gait.mean[place])}.get(kind, 0.0)
                 low, high = actuator.range
                 if not low - 1e-5 <= value <= high + 1e-5:
-                    return (
-                        f"{joint} would need {name} {value:.3g} {actuator.unit}, and its "
-                        f"actuator gives {low:.3g} to {high:.3g}"
-                    )
+                    seen = _apart([value] * 2, [low, high])
+                    needed = f"{joint} would need {'' if joint == name else name + ' '}{seen[0]}"
+                    given = f"its actuator gives {seen[2]} to {seen[3]}"
+                    return f"{needed} {actuator.unit}, and {given} {actuator.unit}"
         return ""
+
+
+def _apart(values: Sequence[float], limits: Sequence[float]) -> list[str]:
+    """Values and limits in digits that tell each value from its limit."""
+    for digits in range(3, 12):
+        told = [f"{one:.{digits}g}" for one in (*values, *limits)]
+        if told[0] != told[2] and told[1] != told[3]:
+            break
+    return told
 
 
 def state_sizes(names: Sequence[str]) -> Array:
@@ -426,6 +435,8 @@ def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Condit
     count = sum(value is not None for value in given) + (wanted.turn_rate != 0)
     if wanted.turn_rate and "yaw" not in robot.dof_names:
         raise ParameterError("turn_rate", "0 where the attitude is prescribed", wanted.turn_rate)
+    if len(set(names)) < len(names):
+        raise ParameterError("free", "each gait parameter once", names)
     if count > len(names):
         told = f"at least {count} of them, one for each of speed, climb and turn rate asked for"
         raise ParameterError("free", told, ", ".join(names) or "none")

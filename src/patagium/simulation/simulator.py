@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from math import ceil
 from typing import TypeAlias, TypedDict, Unpack
 
 import numpy as np
@@ -55,27 +56,26 @@ from patagium.simulation.state_limits import (
 from patagium.simulation.steered_gait import SteeredGait
 
 
-def whole_steps(duration: float, time_step: float, name: str = "duration") -> int:
+def whole_steps(duration: float, time_step: float) -> int:
     """Number of time steps in a duration.
 
     Args:
         duration: The duration [s].
         time_step: Step [s].
-        name: Name of the duration in errors.
 
     Raises:
         ParameterError: If either is not positive, they do not divide, or steps are too many.
     """
-    for which, value in ((name, duration), ("time_step", time_step)):
+    for which, value in (("duration", duration), ("time_step", time_step)):
         positive(which, value, "a positive number of seconds")
     if not duration / time_step <= MOST_STEPS:
         expected = f"at most {MOST_STEPS:.0e} time steps of {time_step:g} s (shorten it)"
-        raise ParameterError(name, expected, f"{duration:g} s")
+        raise ParameterError("duration", expected, f"{duration:g} s")
     steps = round(duration / time_step)
     if steps < 1 or abs(duration / time_step - steps) > 1e-6 * steps:
-        near = f"{max(steps, 1) * time_step:.6g}"
+        near = f"{max(steps, 1) * time_step:.9g}"
         expected = f"a whole number of time steps of {time_step} s, such as {near}"
-        raise ParameterError(name, expected, duration)
+        raise ParameterError("duration", expected, duration)
     return steps
 
 
@@ -174,7 +174,7 @@ class FlightOptions(TypedDict, total=False):
 
     Attributes:
         q: Initial coordinates, (n_q,) [m, rad, 1]; those of zero angles where not given.
-        v: Initial velocities, (n,) [m/s, rad/s]; zero where not given.
+        v: Initial velocities, (n,) [m/s, rad/s]; zero where not given, as on a fixed mount.
         added_mass: Inertia of the air that moves with the wings, in the same air as the model.
         load_cells: Six-axis load cells (`patagium.mounts.load_cell`) whose wrenches are recorded.
         aero_state: Initial states of the model of the air, (n_z,) [m/s, -]; zero where not given.
@@ -188,7 +188,10 @@ class FlightOptions(TypedDict, total=False):
 
 
 Controller: TypeAlias = Callable[[float, "FlightState"], Mapping[str, float] | None]
-"""Function from time [s] and state to commands by name, as `SteeredGait` takes them."""
+"""Function from time [s] and state to commands by name, as `SteeredGait` takes them.
+
+It may have a `period` [s] at which it is called, and a method `check_flight(robot, gait)` that
+refuses a flight for which it was not made."""
 
 
 @dataclass(frozen=True)
@@ -244,7 +247,8 @@ class Simulator:
             stable one at the start where that is shorter.
         mount: Mount that holds the robot; free by default if it floats, else fixed.
         control_period: Time that `step` takes, a whole number of time steps [s]; by default a
-            twentieth of a wingbeat, or 10 ms where the gait stands still.
+            twentieth of a wingbeat, or 10 ms where the gait stands still. A controller with a
+            `period` of its own is called at that.
         **options: Keywords of `FlightOptions`.
 
     Raises:
@@ -302,9 +306,11 @@ class Simulator:
         self._rows = rows
         springs = bool(robot.stiffness)
         if time_step is None:
-            time_step = chosen_step(self._equations, state, rows, gait.period, duration, springs)
+            whole = duration if control_period is None else control_period
+            time_step = chosen_step(self._equations, state, rows, gait.period, whole, springs)
         self.steps, self._time_step = whole_steps(duration, time_step), time_step
         self._control_steps = _control_steps(gait, control_period, time_step)
+        self._control_period = control_period
         at_start = self._equations, [state], rows, np.zeros(1)
         slopes = rate_slopes(*at_start) if springs else []
         implicit = tightest_limit(slopes, time_step) is not None
@@ -434,12 +440,16 @@ class Simulator:
             COMPLETED if all is well.
 
         Raises:
-            ParameterError: If a command has no such name, or is not possible.
+            ParameterError: If a command has no such name, or is not possible; or if the
+                controller is one of another period, robot or gait.
         """
         if controller is None:
             return self.advance(self.steps, progress)
         if isinstance(controller, type):
             raise ParameterError("controller", "a function or an object, no class", controller)
+        period = period_of(controller, self._robot, self._gait, self._control_period)
+        if period is not None:
+            self._control_steps = _control_steps(self._gait, period, self._time_step)
         while self.outcome is Outcome.COMPLETED and self._integration.done < self.steps:
             self._fly_period(controller(self.time, self.state), progress)
         return self.outcome
@@ -463,9 +473,12 @@ class Simulator:
             The state at the end of the period.
 
         Raises:
-            ParameterError: If a name is no command, or a value not possible.
+            ParameterError: If a name is no command, a value not possible, or no step is left.
             SimulationFailed: If the run broke; it carries the flight.
         """
+        if self._integration.done >= self.steps:
+            expected = "more than what is flown, for another step"
+            raise ParameterError("duration", expected, self.time)
         if self._fly_period(commands) is not Outcome.COMPLETED:
             raise SimulationFailed(self.message(), self.flight(), self.outcome)
         return self.state
@@ -531,12 +544,36 @@ def _wind(aero: Aerodynamics, samples: dict[str, Array], time: Array) -> Array:
     return np.asarray(np.average(samples[STRIP_WIND], axis=1, weights=areas))
 
 
+def period_of(
+    controller: Controller, robot: Robot, gait: Gait, stated: float | None = None
+) -> float | None:
+    """Time between two calls of a controller, its own `period` or what is stated, or None [s].
+
+    Raises:
+        ParameterError: If the two differ, its own is no positive number, or it refuses the flight.
+    """
+    if hasattr(controller, "check_flight"):
+        controller.check_flight(robot, gait.gait if isinstance(gait, SteeredGait) else gait)
+    own = getattr(controller, "period", None)
+    if own is None:
+        return stated
+    own = positive("period of the controller", own)
+    if stated is not None and abs(stated - own) > 1e-6 * own:
+        raise ParameterError("control_period", f"the controller's {own:g} s, or none", stated)
+    return own
+
+
 def _control_steps(gait: Gait, period: float | None, time_step: float) -> int:
     """Number of time steps in a control period."""
-    if period is not None:
-        return whole_steps(period, time_step, "control_period")
-    wanted = CONTROL_SHARE * gait.period if gait.period else CONTROL_PERIOD
-    return max(1, round(wanted / time_step))
+    if period is None:
+        wanted = CONTROL_SHARE * gait.period if gait.period else CONTROL_PERIOD
+        return max(1, round(wanted / time_step))
+    steps = min(positive("control_period", period) / time_step, 1e15)
+    if round(steps) < 1 or abs(steps - round(steps)) > 1e-6 * steps:
+        near = f"{period / ceil(steps):.9g}"
+        expected = f"a whole part of the control period of {period:.9g} s, such as {near}"
+        raise ParameterError("time_step", expected, time_step)
+    return round(steps)
 
 
 CONTROL_SHARE = 0.05
@@ -631,7 +668,7 @@ class SimulationOptions(FlightOptions, total=False):
         progress: Function that takes the steps done and to do, called from time to time; where it
             raises `errors.Interrupted`, the run stops.
         controller: Function from time and `FlightState` to commands of the gait by name.
-        control_period: Time between two calls of it [s].
+        control_period: Time between two calls of it [s]; its own `period` where it has one.
     """
 
     throw: bool
@@ -687,15 +724,8 @@ def simulate(
         time_step: Step [s]; None chooses one (`Simulator`) and says it in the flight's attributes.
         mount: Free, fixed, carried along a path or on an arm (`patagium.mounts`); by
             default free if the robot has a floating body, else fixed.
-        **options: Further keywords, all optional:
-            q: Initial coordinates, (n_q,) [m, rad, 1], as `robot.coordinates(pitch=...)` makes.
-            v: Initial velocities, (n,) [m/s, rad/s]; likewise. A fixed mount allows none.
-            added_mass: Inertia of the air that moves with the wings, in the same air as `aero`.
-            load_cells, aero_state: See `FlightOptions`.
-            throw: Whether a run that stops early raises (default) or is returned as it is.
-            progress: Function that takes the steps done and to do, called from time to time.
-            controller: Function from time [s] and `FlightState` to commands (`SteeredGait`).
-            control_period: Time between two calls of it, a whole number of time steps [s].
+        **options: q, v, added_mass, load_cells and aero_state of `FlightOptions`; throw, progress,
+            controller and control_period of `SimulationOptions`; all optional.
 
     Returns:
         The flight: see `patagium.simulation.flight.QUANTITIES`, attributes and audits.
@@ -708,7 +738,9 @@ def simulate(
     throw, progress = options.pop("throw", True), options.pop("progress", None)
     controller, period = options.pop("controller", None), options.pop("control_period", None)
     started: FlightOptions = options
-    if period is not None and controller is None:
+    if controller is not None:
+        period = period_of(controller, robot, gait, period)
+    elif period is not None:
         raise ParameterError("control_period", "a controller with it", None)
 
     def start(step: float | None) -> Simulator:
@@ -717,7 +749,8 @@ def simulate(
             control_period=period, **started,
         )  # fmt: skip
 
-    flight = _flown(start, duration, time_step, lambda flying: flying.fly(controller, progress))
+    whole = duration if period is None else period
+    flight = _flown(start, whole, time_step, lambda flying: flying.fly(controller, progress))
     outcome = Outcome[flight.attrs["outcome"]]
     if throw and outcome is not Outcome.COMPLETED:
         raise SimulationFailed(flight.attrs["message"], flight, outcome)

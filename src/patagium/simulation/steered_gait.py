@@ -139,6 +139,9 @@ class SteeredGait:
 
     Raises:
         ParameterError: If the range of an actuator excludes the gait.
+
+    Attributes:
+        stuck: Places among the responses that no command moves, whatever it is called.
     """
 
     def __init__(self, robot: Robot, gait: Gait) -> None:
@@ -168,7 +171,7 @@ class SteeredGait:
         self.answers = [_Answer(0.0, 0.0, none, first, first)]
         self._starts = [-np.inf]
         self._since = 0.0
-        self.limited = 0
+        self.limited, self.stuck = 0, set[int]()
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -223,7 +226,7 @@ class SteeredGait:
             lowest, wanted = _LOWEST.get(kind, (-np.inf, ""))
             if finite(f"command {name}", value) < lowest:
                 raise ParameterError(f"command {name}", wanted, value)
-            target[places] = value * self._scale(kind)
+            target[[k for k in places if k not in self.stuck]] = value * self._scale(kind)
         self._since, self.target = time, self._within_limits(target)
         last = self.answers[-1]
         since = np.array([time - last.time])

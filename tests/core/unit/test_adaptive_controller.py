@@ -197,6 +197,9 @@ def test_weights_without_an_orbit_leave_the_last_one(orbit):
     assert not controller.use(weightless, 10)
     assert controller.counts == {"not found": 1} and controller.orbit is orbit
     assert controller.controller.model is before
+    assert "never followed; its first orbit: " in controller.report()
+    pauses = [controller.use(weightless, 10) or controller._pause for _ in range(4)]
+    assert pauses == [0, 1, 2, 4]  # searches that fail again wait
 
 
 def test_what_cannot_be_adapted_is_refused(orbit):

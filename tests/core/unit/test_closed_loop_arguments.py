@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,7 @@ def test_an_event_of_hostile_numbers_is_refused(kind: Any, name: str, value: Any
         pt.control.WindEvent: {"velocity": (0.0, 0.0, 1.0)},
         pt.control.StuckEvent: {"command": "frequency"},
     }
-    with pytest.raises(ParameterError, match=f"^{name}: expected"):
+    with pytest.raises(ParameterError, match=f"^{name}: (lift_amplitude: )?expected"):
         kind(**{"time": 0.0, **words[kind], name: value})
 
 
@@ -110,3 +111,160 @@ def test_a_cost_that_is_no_square_matrix_is_refused(name: str, cost: Any) -> Non
     given = {"state_cost": np.eye(2), "input_cost": np.eye(2), name: cost}
     with pytest.raises(ShapeError, match=f"^{name}: expected"):
         pt.control.RealTimeIteration(print, 2, **given)
+
+
+class Steering:
+    """Controller that gives the same commands at each call."""
+
+    period = 0.02
+
+    def __init__(self, commands: Any) -> None:
+        self.commands = commands
+
+    def __call__(self, time: float, state: Any) -> Any:
+        return self.commands
+
+
+@pytest.mark.parametrize(
+    ("stuck", "commanded", "moved"),
+    [
+        ("left_plunge_amplitude", {"plunge_amplitude": 0.5}, [0.8, 0.5]),
+        ("plunge_amplitude", {"left_plunge_amplitude": 0.5, "right_plunge_amplitude": 0.5}, None),
+        ("plunge_amplitude", {"amplitude": 0.5}, None),
+    ],
+)
+def test_what_is_stuck_stays_stuck_whatever_a_command_is_called(
+    stuck: str, commanded: Any, moved: Any, ornithopter_orbit: Any
+) -> None:
+    gait = ornithopter_orbit.gait
+    event = pt.control.StuckEvent(time=0.02, command=stuck, value=0.8)
+    flight = pt.fly(
+        ROBOT, pt.QuasiSteady(ROBOT), Steering(commanded), orbit=ornithopter_orbit,
+        duration=0.9, time_step=2e-3, events=[event], throw=False,
+    )  # fmt: skip
+    names = ["left_plunge", "right_plunge"]
+    last = flight["q"].sel(dof=names).values[-round(gait.period / flight.attrs["time_step"]) :]
+    places = [gait.joints.index(name) for name in names]
+    own = np.ptp(gait.motion(np.linspace(0, gait.period, 200)).position[:, places], axis=0)
+    assert np.ptp(last, axis=0) / own == pytest.approx(moved or [0.8, 0.8], abs=0.01)
+
+
+def test_commands_that_move_the_same_are_refused(ornithopter_orbit: Any) -> None:
+    for more in ("frequency", "left_plunge_amplitude", "amplitude"):
+        with pytest.raises(ParameterError, match="^commands: expected each once, and not a pair"):
+            pt.control.LinearRegulator(ornithopter_orbit, [*ROBOT.actuators, more])
+    with pytest.raises(ParameterError, match="^free: expected each gait parameter once"):
+        pt.trim(ROBOT, free=("frequency", "frequency"))
+    with pytest.raises(ParameterError, match="and each once"):
+        pt.control.optimize(
+            ornithopter_orbit.robot, start=ornithopter_orbit, free=("frequency", "frequency")
+        )
+
+
+@pytest.fixture(scope="module")
+def regulator(ornithopter_orbit: Any) -> Any:
+    return pt.control.LinearRegulator(ornithopter_orbit, list(ROBOT.actuators))
+
+
+def test_a_controller_is_called_at_its_own_period(ornithopter_orbit: Any, regulator: Any) -> None:
+    calls: list[float] = []
+
+    class Counting:
+        period = regulator.period
+
+        def __call__(self, time: float, state: Any) -> dict[str, float]:
+            calls.append(time)
+            return {}
+
+    orbit, wanted = ornithopter_orbit, regulator.period * np.arange(10)
+    orbit.flight(beats=1, controller=Counting())
+    assert calls == pytest.approx(wanted)
+    words = {"duration": 10 * regulator.period, "time_step": regulator.period / 8}
+    flying = pt.Simulator(ROBOT, pt.QuasiSteady(ROBOT), orbit.gait, **words, **orbit.start())
+    flying.fly(Counting())
+    assert calls == pytest.approx([*wanted, *wanted])
+    del words["time_step"]  # what is chosen divides the period
+    start, air = orbit.start(), pt.QuasiSteady(ROBOT)
+    flight = pt.simulate(ROBOT, air, orbit.gait, controller=Counting(), **words, **start)
+    assert calls == pytest.approx([*wanted, *wanted, *wanted])
+    assert regulator.period / flight.attrs["time_step"] == pytest.approx(45)  # of 400 a beat
+    for share in (0.25, 3):
+        with pytest.raises(ParameterError, match="^control_period: expected the controller's"):
+            orbit.flight(controller=regulator, control_period=share * regulator.period)
+    with pytest.raises(ParameterError, match="time_step: expected a whole part of the control"):
+        orbit.flight(controller=Counting(), time_step=regulator.period / 7.5)
+    assert orbit.flight(beats=1, time_step=orbit.period / 400).sizes["time"] == 401
+
+
+def test_a_controller_made_for_another_flight_is_refused(
+    ornithopter_orbit: Any, regulator: Any
+) -> None:
+    fast = pt.trim(ROBOT, speed=6.0)
+    air = pt.QuasiSteady(ROBOT)
+    with pytest.raises(ParameterError, match="made for the orbit whose gait is flown"):
+        pt.fly(ROBOT, air, regulator, orbit=fast, duration=0.1)
+    with pytest.raises(ParameterError, match="made for the orbit whose gait is flown"):
+        fast.flight(beats=1, controller=regulator)
+    other = pt.load_robot("aerobat")
+    adaptive = pt.control.AdaptiveController(regulator, ornithopter_orbit)
+    for controller in (regulator, adaptive):
+        with pytest.raises(ParameterError, match="made for aerobat, found 'ornithopter'"):
+            pt.simulate(
+                other, pt.QuasiSteady(other), pt.gaits.cruise(other),
+                duration=0.1, controller=controller,
+            )  # fmt: skip
+    heavy = ROBOT.with_parameters({"body.mass": 1.1 * float(ROBOT.bodies[0].mass)})
+    pt.fly(heavy, pt.QuasiSteady(heavy), regulator, orbit=ornithopter_orbit, duration=0.02)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({"limits": {"velocity of z": (3, -3)}}, "limits: velocity of z: expected the least first"),
+        ({"limits": {"z": 0.3}}, "limits: z: expected 2 numbers, each a finite number, found 0.3"),
+        ({"limits": {"z": (np.nan, 1)}}, "limits: z: expected 2 numbers, each a finite number"),
+        ({"limits": {1: (0, 1)}}, "limits: a name: expected text, found 1"),
+        ({"horizon": 0}, "horizon: expected one interval at least, found 0"),
+    ],
+)
+def test_limits_and_horizons_that_are_none_are_refused(
+    words: Any, said: str, ornithopter_orbit: Any
+) -> None:
+    with pytest.raises(ParameterError, match=f"^{re.escape(said)}"):
+        pt.control.PredictiveController(ornithopter_orbit, list(ROBOT.actuators), **words)
+
+
+def test_a_command_that_is_wrong_is_named() -> None:
+    flying = pt.Simulator(
+        ROBOT, pt.QuasiSteady(ROBOT), pt.gaits.cruise(ROBOT), duration=0.02, time_step=1e-3,
+        control_period=0.01, v=ROBOT.velocities(x=6.0),
+    )  # fmt: skip
+    flying.step({"elevation_offset": np.float64(0.1)})
+    for value, found in ((np.nan, "nan"), ("4 Hz", "'4 Hz'"), (np.inf, "inf")):
+        said = f"commands: elevation_offset: expected a finite number, found {found}"
+        with pytest.raises(ParameterError, match=f"^{re.escape(said)}$"):
+            flying.step({"elevation_offset": value})
+    flying.step()
+    with pytest.raises(ParameterError, match="for another step, found 0.02"):
+        flying.step()
+    assert (flying.flight()["command"].values == 0.1)[1:].all()
+
+
+def test_what_is_no_controller_and_what_is_no_orbit_is_said(ornithopter_orbit: Any) -> None:
+    with pytest.raises(ParameterError, match="attribute `period` in seconds"):
+        pt.fly(
+            ROBOT, pt.QuasiSteady(ROBOT), lambda time, state: {},
+            orbit=ornithopter_orbit, duration=0.1,
+        )  # fmt: skip
+    reason = "what the free parameters hardly reach is -0.0005 N m of moment_y"
+    none = pt.control.NoOrbit(reason, "free other parameters", {}, 1e-3, 9, {"frequency": 4.0})
+    with pytest.raises(ParameterError, match=f"^orbit: .* NoOrbit: {re.escape(reason)}"):
+        pt.control.LinearRegulator(none, list(ROBOT.actuators))
+
+
+def test_controllers_follow_no_turns_and_say_so() -> None:
+    from patagium.cli.plan import Plan, prepared
+
+    plan = Plan.model_validate({"robot": "ornithopter", "trim": {"turn_rate": 0.1}})
+    with pytest.raises(ParameterError, match="^trim: turn_rate: expected 0 rad/s, as controllers"):
+        prepared(plan)

@@ -11,8 +11,9 @@ from tests.robots import FLAPPER
 
 import patagium as pt
 from patagium.cli.main import run
-from patagium.control import free_parameters
+from patagium.control import FlightMap, free_parameters, gait_family
 from patagium.control.orbit import Frame
+from patagium.control.trimming import OrbitSearch
 from patagium.errors import ParameterError
 from patagium.robot import load_robot_text
 
@@ -168,6 +169,22 @@ def test_what_lacks_is_said():
     assert abs(failed.lacking["moment_y"]) > 1e-5
     assert "free" in failed.remedy and "remedy" in repr(failed)
     assert failed.residual > 1e-6
+
+
+def test_a_limit_is_told_in_digits_that_show_it_and_no_iterate_as_a_need():
+    ornithopter = pt.load_robot("ornithopter")
+    failed = pt.trim(ornithopter, speed=9.0)
+    said = "none was found with frequency at a limit: its actuator gives 2 to 5.5 Hz"
+    assert failed.reason == said  # "would need frequency 8 Hz", of an iterate
+    joint = ornithopter.index("left_plunge")
+    family = gait_family(ornithopter, pt.gaits.cruise(ornithopter), ("frequency", "plunge_offset"))
+    search = OrbitSearch(FlightMap(ornithopter, pt.QuasiSteady(ornithopter)), family, 240)
+    over = search.excess(np.array([5.50003, 0.0]))
+    assert over == "frequency would need 5.50003 Hz, and its actuator gives 2 to 5.5 Hz"
+    top = pt.gaits.cruise(ornithopter).motion(np.arange(64) / 64 / 4.5).position[:, 0].max()
+    over = search.excess(np.array([4.5, ornithopter.upper[joint] - top + 1e-5]))
+    low, high = over.partition("go from ")[2].partition(" rad")[0].split(" to ")
+    assert float(high) > float(over.rpartition(" ")[2]) and float(low) < 0.0
 
 
 def test_a_start_that_breaks_is_a_reason(aerobat):
