@@ -165,26 +165,3 @@ def _judged(found: Sequence[tuple[Recovery, Sequence[Estimate]]]) -> dict[str, A
     }
     by_name = {key: dict(zip(names, row.tolist(), strict=True)) for key, row in each.items()}
     return {"lags_within_two_stds": float(inside[:, lags].mean()), **by_name}
-
-
-def recovery_study(
-    flights: int = 100,
-    learner: str = "extended",
-    plan: RecoveryPlan | None = None,
-    progress: Callable[[int, int], None] | None = None,
-) -> list[Recovery]:
-    """Estimates from many flights, each with its seed.
-
-    Args:
-        flights: Number of flights.
-        learner: Key of `LEARNERS`.
-        plan: Plan of the flights; None: `usual_plan`.
-        progress: Receives the number of flights done and of all flights.
-    """
-    flown = usual_plan() if plan is None else plan
-    found = []
-    for seed in range(flights):
-        found.append(recover(flown, seed, learner))
-        if progress is not None:
-            progress(seed + 1, flights)
-    return found

@@ -113,23 +113,25 @@ def identify(
     """
     from patagium.cli.logs import flight_or_table, long_record
     from patagium.cli.state import keep_model, keep_state, resumed, sole_user
-    from patagium.learning.default_learner import learner_choices
+    from patagium.learning.default_learner import learner_choices, table_settings
 
-    kind, layers = choice.shape()
     every = every or choice.every
     long = long_record(file, mapping)
     flight: Any
     flight, table = (None, long.table(0, _START)) if long else flight_or_table(file, mapping)
     check_estimate(estimate, aero, refine, table is None)
     if table is not None:
-        network = table_network(table, kind, layers, choice.activation)
-        choice = forgetting(choice, table, network, every)
+        network = table_network(table, choice)
+        given = choice.settings or {}
+        if choice.default and "covariance" not in given:
+            found = table_settings(table, network, every, given)
+            choice = replace(choice, settings=found | dict(given))
     elif estimate:
-        if kind is not None:
+        if choice.network is not None:
             refuse_removed("--network", "residual network")
         network = grey_box(flight, estimate, aero)
     else:
-        network = flight_network(flight, kind, layers, choice.activation)
+        network = flight_network(flight, choice)
     outputs = Outputs()
     with sole_user(state):
         learner = resumed(choice.learner(network), state)
@@ -215,19 +217,17 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
     typer.echo("\n".join([summary(scores), *scores["verdict"]]))
 
 
-def flight_network(
-    flight: Any, kind: NetworkKind | None, hidden: tuple[int, ...], activation: str
-) -> Any:
+def flight_network(flight: Any, choice: LearnerChoice) -> Any:
     """A network for a flight; a dense one is scaled by its first wingbeat."""
     from patagium.sensing import training_data
     from patagium.simulation import air_of, robot_of
 
-    if kind is not NetworkKind.DENSE:
-        return winged_network(kind, flight, hidden, air_of(flight), activation)
+    if choice.shape()[0] is not NetworkKind.DENSE:
+        return winged_network(choice, flight, air_of(flight))
     robot = robot_of(flight)
     time, x, y = training_data(flight, robot)
     first = time <= time[0] + _look(flight)
-    return scaled_network(robot.dof_names, hidden, activation, x[first], y[first])
+    return scaled_network(choice, robot.dof_names, x[first], y[first])
 
 
 def _look(flight: Any) -> float:
@@ -239,16 +239,8 @@ def _look(flight: Any) -> float:
     return span
 
 
-def table_network(
-    table: LogTable, kind: NetworkKind | None, hidden: tuple[int, ...], activation: str
-) -> Any:
+def table_network(table: LogTable, choice: LearnerChoice) -> Any:
     """Network for a table, scaled by the ranges of its mapping, else by the first samples.
-
-    Args:
-        table: Rows of a log.
-        kind: Kind asked for; None is dense.
-        hidden: Neurons of each hidden layer; () for those of the default network.
-        activation: Activation of the hidden layers.
 
     Raises:
         ParameterError: If the kind needs a robot.
@@ -256,31 +248,10 @@ def table_network(
     from patagium.learning.default_learner import HIDDEN
     from patagium.learning.table_network import network_for
 
+    kind, hidden = choice.shape()
     if kind in WINGED:
         raise ParameterError("--network", "dense for a table: wings need q and v", kind.value)
-    return network_for(table, hidden or HIDDEN, activation)
-
-
-def forgetting(
-    choice: LearnerChoice, table: LogTable, network: Any, every: int | None
-) -> LearnerChoice:
-    """Choice of the learner; without own forgetting and noise, with those of the default.
-
-    Args:
-        choice: Choice of the command line.
-        table: Rows of the log.
-        network: Network that learns it.
-        every: One sample in so many is used; None: as many as the time of an update allows.
-    """
-    from patagium.learning.default_learner import FLOOR, table_share
-
-    given = choice.settings or {}
-    if not choice.default or "covariance" in given:
-        return choice
-    found: dict[str, Any] = {"prior_share": table_share(table, network, every)}
-    if given.keys().isdisjoint(("measurement_std", "misfit.floor", "noise_estimation.memory")):
-        found["misfit.floor"] = FLOOR
-    return replace(choice, settings=found | dict(given))
+    return network_for(table, hidden or HIDDEN, choice.activation)
 
 
 def _report(

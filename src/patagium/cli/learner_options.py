@@ -64,7 +64,8 @@ class LearnerChoice:
         settings: Values of its settings by dotted name, such as "screening.outlier_std".
         network: Kind of the network; None: the default of a robot, a dense one of a table.
         hidden: Neurons of each hidden layer, or several of these; None: those of the network.
-        activation: Activation of the hidden layers.
+        activation: Activation of the hidden layers; None: that of the network.
+        options: Other arguments of the network, from a file of settings.
         seed: Seed of the initial weights.
         every: One sample in so many is used; None where no file says it.
         given: Whether any option was given.
@@ -75,7 +76,8 @@ class LearnerChoice:
     settings: Mapping[str, Any] | None = None
     network: NetworkKind | None = None
     hidden: Any = None
-    activation: str = "softplus"
+    activation: str | None = None
+    options: Mapping[str, Any] | None = None
     seed: int = 0
     every: int | None = None
     given: bool = False
@@ -195,12 +197,13 @@ def _options(several: bool, file: str) -> Iterator[inspect.Parameter]:
         yield _parameter("settings", Path, typer.Option(help=help_text))
     network = "Network; by default linear_strip for a robot with wings, dense for tables."
     hidden = "Neurons of each hidden layer; 8,8 by default." + repeat
+    activations = "Activation of the hidden layers; softplus by default, tanh of hidden_strip."
     shown: dict[str, Any] = {"rich_help_panel": PANEL}
     kinds: dict[str, Any] = {"parser": network_kind, "metavar": "|".join(NetworkKind)}
     yield _parameter("network", NetworkKind, typer.Option(help=network, **kinds, **shown))
     option = typer.Option(parser=whole_numbers, metavar="N,N,...", help=hidden, **shown)
     yield _parameter("hidden", many, option)
-    activation = typer.Option(help="Activation of the hidden layers; softplus by default.", **shown)
+    activation = typer.Option(help=activations, **shown)
     yield _parameter("activation", _one_of("activation", ACTIVATIONS), activation)
     learner = typer.Option(help="Kind of the learner; extended by default.", **shown)
     yield _parameter("learner", _one_of("learner", tuple(RECORDS)), learner)
@@ -303,76 +306,41 @@ def _completed(choice: LearnerChoice, given: set[str], path: Path) -> LearnerCho
         network = {
             "network": NetworkKind(found.network.kind),
             "hidden": WholeNumbers(found.network.hidden),
+            "activation": found.network.activation,
         }
-    filled = {
-        **network,
-        "kind": found.learner.kind,
-        "activation": found.network.activation,
-        "seed": found.learner.seed,
-    }
+        if choice.network in (None, found.network.kind):
+            network["options"] = found.network.options
+    filled = {**network, "kind": found.learner.kind, "seed": found.learner.seed}
     filled = {name: value for name, value in filled.items() if name not in given}
     settings = {**kept, **(choice.settings or {})}
     return replace(choice, settings=settings, every=found.every, **filled)
 
 
-def winged_network(
-    kind: NetworkKind | None, subject: Any, hidden: tuple[int, ...], air: Air, activation: str
-) -> Network:
-    """Network of the wings of a robot; strips see their pitch rate.
-
-    Args:
-        kind: Key of `WINGED`; None: the default network, or strips where there are hidden layers.
-        subject: Robot with wings, or a flight of one.
-        hidden: Neurons of each hidden layer; none for the default network.
-        air: Air that it flies in.
-        activation: Activation of the hidden layers.
-    """
+def winged_network(choice: LearnerChoice, subject: Any, air: Air) -> Network:
+    """Network of the wings of a robot, or of the robot of a flight, in an air."""
     from patagium import learning
     from patagium.learning.default_learner import default_network
     from patagium.robot import Robot
     from patagium.simulation import robot_of
 
-    if kind is NetworkKind.LINEAR_STRIP or (kind is None and not hidden):
+    kind, hidden = choice.shape()
+    kind = kind or (NetworkKind.STRIP if hidden else NetworkKind.LINEAR_STRIP)
+    linear = kind is NetworkKind.LINEAR_STRIP
+    if linear and not choice.options:
         return default_network(subject, air)
-    chosen = kind or NetworkKind.STRIP
     robot = subject if isinstance(subject, Robot) else robot_of(subject)
-    make, more = getattr(learning, WINGED[chosen]), {}
-    if chosen is NetworkKind.STRIP:
-        more["rotation"] = True
-    network: Network = make(robot, hidden, air=air, activation=activation, **more)
-    return network
+    given: dict[str, Any] = {} if linear else {"hidden": hidden}
+    if choice.activation and not linear:
+        given["activation"] = choice.activation
+    network: Network = getattr(learning, WINGED[kind])(robot, air=air, **given)
+    if not choice.options:
+        return network
+    return learning.network_from_description({**network.describe(), **choice.options})
 
 
-def scaled_network(
-    names: tuple[str, ...], hidden: tuple[int, ...], activation: str, x: Array, y: Array
-) -> Any:
-    """Dense network whose inputs and outputs are scaled by samples.
+def scaled_network(choice: LearnerChoice, names: tuple[str, ...], x: Array, y: Array) -> Any:
+    """Dense network whose inputs and named outputs are scaled by samples x and y."""
+    from patagium.learning.table_network import dense_network, sample_ranges
 
-    Args:
-        names: Names of the outputs.
-        hidden: Neurons of each hidden layer.
-        activation: Activation of the hidden layers.
-        x: Inputs, (N, n_x) [units of x].
-        y: Outputs, (N, n_y) [unit of y].
-    """
-    from patagium.learning import DenseNetwork
-
-    (x_center, x_scale), (y_center, y_scale) = _spans(x), _spans(y)
-    return DenseNetwork(
-        x.shape[1],
-        hidden,
-        names,
-        activation,
-        input_center=x_center,
-        input_scale=x_scale,
-        output_center=y_center,
-        output_scale=y_scale,
-    )
-
-
-def _spans(values: Array) -> tuple[Array, Array]:
-    """Middle and half width of each column, one where it stands still."""
-    low, high = values.min(axis=0), values.max(axis=0)
-    half = (high - low) / 2
-    half[half < 1e-9 * max(half.max(), 1e-300)] = 1.0
-    return (low + high) / 2, half
+    ranges = [*sample_ranges(x), *sample_ranges(y)]
+    return dense_network(names, choice.shape()[1], ranges, choice.activation)

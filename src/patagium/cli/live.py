@@ -192,11 +192,10 @@ def _learning_along(
 
     if choice is None:
         return None, 1
-    kind, layers = choice.shape()
-    if kind is NetworkKind.DENSE:
+    if choice.shape()[0] is NetworkKind.DENSE:
         expected = "a network of wings, which needs no flight to begin"
-        raise ParameterError("network", expected, kind.value)
-    network = winged_network(kind, robot, layers, air, choice.activation)
+        raise ParameterError("network", expected, "dense")
+    network = winged_network(choice, robot, air)
     return Pipeline(choice.learner(network), robot), choice.every or 1
 
 

@@ -119,8 +119,7 @@ def stream(
     from patagium.sensing.force.air_force import packet_columns
 
     machine = load_robot(robot)
-    kind, layers = choice.shape()
-    net = _network(machine, kind, layers, choice.activation, scale_by)
+    net = _network(machine, choice, scale_by)
     outputs, stop, ending = Outputs(), threading.Event(), threading.Event()
     with sole_user(state):
         student = resumed(choice.learner(net), state)
@@ -300,25 +299,19 @@ class _Recording:
             typer.echo(f"The record of {file.written} samples is in {file.path}", err=True)
 
 
-def _network(
-    robot: Robot,
-    kind: NetworkKind | None,
-    hidden: tuple[int, ...],
-    activation: str,
-    scale_by: Path | None,
-) -> Any:
+def _network(robot: Robot, choice: LearnerChoice, scale_by: Path | None) -> Any:
     from patagium.aerodynamics import Air
     from patagium.sensing import training_data
     from patagium.simulation import load_flight
 
-    if kind is not NetworkKind.DENSE:
+    if choice.shape()[0] is not NetworkKind.DENSE:
         if scale_by is not None:
             raise ParameterError("--scale-by", "a dense network to go with it", "one of wings")
-        return winged_network(kind, robot, hidden, Air(), activation)
+        return winged_network(choice, robot, Air())
     if scale_by is None:
         raise ParameterError("--scale-by", "a flight that scales the dense network", None)
     _, x, y = training_data(load_flight(scale_by), robot)
-    return scaled_network(robot.dof_names, hidden, activation, x, y)
+    return scaled_network(choice, robot.dof_names, x, y)
 
 
 @contextmanager

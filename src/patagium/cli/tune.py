@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from math import exp, log
 from pathlib import Path
@@ -9,7 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.learner_options import LearnerChoice, NetworkKind, nested, with_learner_options
+from patagium.cli.learner_options import (
+    LearnerChoice,
+    NetworkKind,
+    nested,
+    with_learner_options,
+)
 from patagium.cli.options import OUTPUT, MappingOption
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import progress_bar, say_json, show_table
@@ -89,7 +95,7 @@ def tune(
     _check_alike((*files, *held), logs)
     names = [file.name for file in files]
     make: Any = flight_network if opened[0][1] is None else table_network
-    networks = [make(logs[0], *one, choice.activation) for one in _tried(choice, opened[0][1])]
+    networks = [make(logs[0], one) for one in _tried(choice, opened[0][1])]
     settings: dict[str, Any] = {}
     for name, given in nested(choice.settings or {}).items():
         several = isinstance(given, list) and len(given) > 1
@@ -125,16 +131,13 @@ def tune(
     outputs.check()
 
 
-def _tried(
-    choice: LearnerChoice, table: LogTable | None
-) -> list[tuple[NetworkKind | None, tuple[int, ...]]]:
-    """Kind and hidden layers of each network that is tried; table: None where a flight is."""
+def _tried(choice: LearnerChoice, table: LogTable | None) -> list[LearnerChoice]:
+    """Choice of each network that is tried; table: None where a flight is."""
     if choice.hidden:
-        return [(choice.network, tuple(one)) for one in dict.fromkeys(choice.hidden)]
-    found = [choice.shape()]
-    if choice.network is None and table is None:
-        found.append((NetworkKind.STRIP, (8, 8)))
-    return found
+        return [replace(choice, hidden=tuple(one)) for one in dict.fromkeys(choice.hidden)]
+    if choice.network is not None or table is not None:
+        return [choice]
+    return [choice, replace(choice, network=NetworkKind.STRIP)]
 
 
 def _check_alike(files: Sequence[Path], logs: Sequence[Any]) -> None:

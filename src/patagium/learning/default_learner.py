@@ -5,7 +5,7 @@ What was chosen, and from what, is kept with the scores of an identification (`c
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from math import ceil, nan
 from typing import Any
 
@@ -22,7 +22,7 @@ from patagium.learning.models.network import Network
 from patagium.learning.models.physical import own_prior
 from patagium.learning.samples import samples
 from patagium.learning.scores import normalized_error
-from patagium.learning.settings import FilterSettings, Misfit, Structure
+from patagium.learning.settings import FilterSettings, Structure, settings_from
 from patagium.learning.table_network import network_for
 from patagium.robot import Robot
 from patagium.sensing.force.measured_force import ForceSamples
@@ -112,10 +112,26 @@ def default_learner(
     """
     if isinstance(subject, LogTable):
         network: Network = network_for(subject, HIDDEN)
-        share = table_share(subject, network, every)
-        own = settings or FilterSettings(prior_share=share, misfit=Misfit(FLOOR))
+        own = settings or settings_from("extended", table_settings(subject, network, every))
         return ExtendedLearner(network, own, seed=seed)
     return ExtendedLearner(default_network(subject, air), settings, seed=seed)
+
+
+def table_settings(
+    table: LogTable, network: Network, every: int | None = None, given: Collection[str] = ()
+) -> dict[str, Any]:
+    """Plain settings of the default learner of a table: it forgets, and its noise has a floor.
+
+    Args:
+        table: Rows of the log.
+        network: Network that learns it.
+        every: One sample in so many is used; None: as many as the time of an update allows.
+        given: Dotted names of settings that are given; there is no floor beside given noise.
+    """
+    found: dict[str, Any] = {"prior_share": table_share(table, network, every)}
+    if {"measurement_std", "misfit.floor", "noise_estimation.memory"}.isdisjoint(given):
+        found["misfit"] = {"floor": FLOOR}
+    return found
 
 
 def table_share(table: LogTable, network: Network, every: int | None = None) -> float:

@@ -7,8 +7,10 @@ that begin at rest, whose first samples say nothing of their range.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
 from patagium.arrays import Array
@@ -22,7 +24,7 @@ SCALING_TIME, SCALING_SAMPLES = 1.0, 50
 
 @checked
 def network_for(
-    table: LogTable, hidden: Sequence[int], activation: str = "softplus"
+    table: LogTable, hidden: Sequence[int], activation: str | None = None
 ) -> DenseNetwork:
     """Dense network for the columns of a table, scaled by their ranges.
 
@@ -32,7 +34,7 @@ def network_for(
     Args:
         table: The log, or the beginning of it.
         hidden: Neurons of each hidden layer.
-        activation: "softplus" or "tanh".
+        activation: "softplus" or "tanh"; None: that of the network.
 
     Raises:
         LogError: If the log is too short to scale a column without a range.
@@ -46,20 +48,35 @@ def network_for(
         if high - low <= 1e-9 * max(abs(low), abs(high)):  # it stood still
             low, high = low - 1.0, high + 1.0
         bounds[k] = low, high
-    center, scale = bounds.mean(axis=1), np.diff(bounds, axis=1)[:, 0] / 2
-    n = len(table.input_names)
-    network = DenseNetwork(
-        n,
-        hidden,
-        table.output_names,
-        activation,
-        input_center=center[:n],
-        input_scale=scale[:n],
-        output_center=center[n:],
-        output_scale=scale[n:],
-    )
+    network = dense_network(table.output_names, hidden, bounds, activation)
     network.inputs_jump = True
     return network
+
+
+def dense_network(
+    names: Sequence[str], hidden: Sequence[int], ranges: ArrayLike, activation: str | None = None
+) -> DenseNetwork:
+    """Dense network whose inputs and outputs are scaled by their ranges.
+
+    Args:
+        names: Names of the outputs.
+        hidden: Neurons of each hidden layer.
+        ranges: Least and largest value of each input, then of each output, (n_x + n_y, 2).
+        activation: "softplus" or "tanh"; None: that of the network.
+    """
+    low, high = np.asarray(ranges, float).T
+    center, scale, n = (low + high) / 2, (high - low) / 2, len(low) - len(names)
+    given: dict[str, Any] = {} if activation is None else {"activation": activation}
+    given |= {"input_center": center[:n], "input_scale": scale[:n]}
+    given |= {"output_center": center[n:], "output_scale": scale[n:]}
+    return DenseNetwork(n, hidden, names, **given)
+
+
+def sample_ranges(values: Array) -> Array:
+    """Range of each column of samples, (n, 2); one to each side where it stands still."""
+    low, high = values.min(axis=0), values.max(axis=0)
+    still = high - low < max(1e-9 * float((high - low).max()), 2e-300)
+    return np.column_stack([low - still, high + still])
 
 
 def scaling_samples(table: LogTable) -> int:

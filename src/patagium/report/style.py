@@ -27,6 +27,7 @@ from patagium.errors import ParameterError, ShapeError
 
 TRUTH = "#1a1a1a"
 COLORS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
+_DRAWN = 1600  # points of a curve, about
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)), (0, (7, 2)))
 
 SCENE = {
@@ -196,7 +197,7 @@ def legend_columns(labels: Sequence[str]) -> int:
 _HANDLE, _LETTER = 0.65, 0.075  # inches of a legend's key and of a wide letter
 
 
-def envelope(time: Array, values: Array, limit: int = 1600) -> tuple[Array, Array]:
+def envelope(time: Array, values: Array) -> tuple[Array, Array]:
     """A long signal thinned for drawing, its peaks kept.
 
     Each run of samples gives its smallest and its largest, in the order they came.
@@ -204,7 +205,6 @@ def envelope(time: Array, values: Array, limit: int = 1600) -> tuple[Array, Arra
     Args:
         time: Abscissa, (N,) [s].
         values: Signal, (N,), in any unit of its own.
-        limit: Points to keep, about.
 
     Returns:
         Thinned abscissa and signal, the same arrays when they are short.
@@ -215,9 +215,9 @@ def envelope(time: Array, values: Array, limit: int = 1600) -> tuple[Array, Arra
     time, values = np.asarray(time, float), np.asarray(values, float)
     if time.shape != values.shape or time.ndim != 1:
         raise ShapeError("values", time.shape, values.shape)
-    if time.size <= limit:
+    if time.size <= _DRAWN:
         return time, values
-    run = -(-2 * time.size // limit)
+    run = -(-2 * time.size // _DRAWN)
     whole = time.size // run * run
     blocks = values[:whole].reshape(-1, run)
     finite = np.where(np.isfinite(blocks), blocks, np.inf)

@@ -57,7 +57,7 @@ def packets(flight):
 @pytest.fixture
 def pipeline():
     robot = pt.load_robot("aerobat")
-    network = pt.StripNetwork(robot, (4,), rotation=True)
+    network = pt.StripNetwork(robot, (4,))
     return Pipeline(
         pt.CubatureLearner(network, prior_std=0.3, measurement_std=3e-4, spread=1.7),
         robot,
@@ -88,7 +88,7 @@ def learned_from(source, pipeline, sinks=(), rhythms=(), most=None, room=COUNT):
 
 def weights_after(packets):
     robot = pt.load_robot("aerobat")
-    network = pt.StripNetwork(robot, (4,), rotation=True)
+    network = pt.StripNetwork(robot, (4,))
     learner = pt.CubatureLearner(network, prior_std=0.3, measurement_std=3e-4, spread=1.7)
     Pipeline(learner, robot).run(packets)
     return learner.weights

@@ -177,9 +177,10 @@ def test_streams_and_comparisons_recall(network, weights, log, kind):
 
 
 def test_the_live_learner_takes_it(robot):
-    from patagium.cli.learner_options import NetworkKind
+    from patagium.cli.learner_options import LearnerChoice, NetworkKind
     from patagium.cli.stream import _network
 
-    found = _network(robot, NetworkKind.HIDDEN_STRIP, (4,), "tanh", None)
+    choice = LearnerChoice(network=NetworkKind.HIDDEN_STRIP, hidden=(4,))
+    found = _network(robot, choice, None)
     assert isinstance(found, pt.learning.HiddenStripNetwork)
     assert found.hidden == (4,)

@@ -16,9 +16,19 @@ import pytest
 from optuna.distributions import FloatDistribution
 from scipy.integrate import trapezoid
 from scipy.stats import norm
+from tests.robots import FLAPPER
 
+import patagium as pt
+from patagium.cli.learner_options import LearnerChoice, NetworkKind, winged_network
+from patagium.cli.learner_options import _completed as completed
 from patagium.errors import FilterDiverged, LogError, Outcome, OutputError, ParameterError
-from patagium.learning import CubatureLearner, DenseNetwork, load_settings
+from patagium.learning import (
+    CubatureLearner,
+    DenseNetwork,
+    HiddenStripNetwork,
+    LinearStripNetwork,
+    load_settings,
+)
 from patagium.learning.learners.registry import FILTER_LEARNERS, make_learner
 from patagium.learning.settings import Alternatives, LogRange, settings_of
 from patagium.learning.tuning.prediction_score import (
@@ -36,11 +46,37 @@ from patagium.learning.tuning.search import (
     search,
     search_space,
 )
-from patagium.learning.tuning.settings_file import Settings
+from patagium.learning.tuning.settings_file import LearnerSettings, NetworkSettings, Settings
+from patagium.robot import load_robot_text
 
+ROBOT = load_robot_text(FLAPPER)
 GOOD = PredictionScore(10, 0.1, 0.95, crps=0.2)
 LOST = PredictionScore(3, outcome=Outcome.NOT_FINITE, reason="too far")
 LINE = {"x": FloatDistribution(0.0, 1.0), "y": FloatDistribution(0.0, 1.0)}
+
+
+def test_the_command_line_builds_the_networks_of_python() -> None:
+    for kind, network in (("strip", pt.StripNetwork), ("hidden_strip", HiddenStripNetwork)):
+        choice = LearnerChoice(network=NetworkKind(kind), hidden=(3,))
+        made = winged_network(choice, ROBOT, pt.Air())
+        assert made.describe() == network(ROBOT, (3,)).describe()
+
+
+def test_a_settings_file_builds_the_network_that_was_tuned(tmp_path: Path) -> None:
+    networks = (
+        pt.StripNetwork(ROBOT, (3,), measured=["z"], rotation=True, coefficient_scale=2.0),
+        HiddenStripNetwork(ROBOT, (3,), lags=1),
+        LinearStripNetwork(ROBOT, by_surface=False),
+    )
+    for network in networks:
+        kept = Settings(every=1, network=NetworkSettings.of(network), learner=LearnerSettings())
+        choice = completed(LearnerChoice(), set(), kept.save(tmp_path / "settings.yaml"))
+        made = winged_network(choice, ROBOT, pt.Air())
+        assert made.describe() == network.describe()
+    other = completed(
+        LearnerChoice(network=NetworkKind.STRIP), {"network"}, tmp_path / "settings.yaml"
+    )
+    assert not other.options  # those of another kind
 
 
 def drawn(space: SearchSpace, count: int) -> list[dict[str, Any]]:

@@ -37,6 +37,9 @@ SHORTER = {
     "--every 100": "--every 10",
     "trials=64": "trials=8",
     "--trials 64": "--trials 8",
+    "--along speed=2.5:6": "--along speed=3.95:4.05",
+    '--speed "4 m/s" -o best.nc': '--speed "4 m/s" --harmonics 1 -o best.nc',
+    "--front 4,5,6": "--front 4,4.2 --harmonics 2",
 }
 
 
@@ -108,6 +111,15 @@ def _stage(page: str) -> dict[str, Any]:
         "packet": packets[2],
         **{name: (lambda: still) for name in ("q", "v", "a", "u1")},
     }
+
+
+def test_every_fence_has_a_language_that_is_known() -> None:
+    """Blocks of other words than these would not run, and nobody would see it."""
+    for page, text in {**_texts(), "README.md": (ROOT / "README.md").read_text("utf-8")}.items():
+        opening_fences = re.findall(r"^ *```(.*)$", text, re.MULTILINE)[::2]
+        assert {*opening_fences} <= {"python", "sh", "text", "yaml", "{eval-rst}", "{toctree}"}, (
+            page
+        )
 
 
 @pytest.mark.parametrize("page", _pages())

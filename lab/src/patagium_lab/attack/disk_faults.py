@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -213,48 +213,6 @@ def injector(folder: Path) -> Path:
     words = [*compiler, "-shared", "-fPIC", "-O1", "-o", str(library), str(source), "-ldl"]
     subprocess.run(words, check=True, capture_output=True)
     return library
-
-
-def run_with_fault(
-    command: Sequence[str],
-    folder: Path,
-    library: Path,
-    nth: int | None,
-    fault: str = FULL,
-    *,
-    environment: Mapping[str, str] | None = None,
-    limit: float = 120.0,
-) -> FaultedRun:
-    """Result of a program in whose folder all fails after the first operations.
-
-    Args:
-        command: Program and its arguments.
-        folder: Folder that fails, with all below it.
-        library: Library from `injector`.
-        nth: Number of operations that succeed; None: all.
-        fault: FULL, READ_ONLY or VANISHED.
-        environment: Variables besides those of this process.
-        limit: Time after which the program is killed [s].
-
-    Raises:
-        subprocess.TimeoutExpired: If the program does not end in time.
-    """
-    with tempfile.TemporaryDirectory() as aside:
-        report = Path(aside) / "operations"
-        words = {
-            **os.environ,
-            **(environment or {}),
-            "LD_PRELOAD": str(library),
-            "DISK_FAULT_FOLDER": f"{folder.resolve()}",
-            "DISK_FAULT_NTH": str(-1 if nth is None else nth),
-            "DISK_FAULT_KIND": fault,
-            "DISK_FAULT_REPORT": str(report),
-        }
-        done = subprocess.run(
-            list(command), env=words, capture_output=True, text=True, timeout=limit, check=False
-        )
-        counts = [int(line) for line in report.read_text().split()] if report.exists() else [0]
-    return FaultedRun(done.returncode, done.stdout, done.stderr, max(counts))
 
 
 def forked_with_fault(

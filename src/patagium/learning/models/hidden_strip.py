@@ -3,7 +3,7 @@
 Sigma'_Aero of the source paper by strips. The encoder is the state-space lifting line: lags of
 every strip, trailing vortices that carry them to its neighbors, lift across the induced wind,
 from the same functions as `LiftingLine`. Its lag rates, amplitudes, lift slope and stall are
-weights (`LearnedAir`); the rest of a section's force is one perceptron for all
+weights (`SectionNumbers`); the rest of a section's force is one perceptron for all
 strips. Neglected: forces on anything but strips, Reynolds number, camber in the normalwash (the
 perceptron sees it), separation with a memory of its own, amplitudes of lift that differ in sign.
 """
@@ -315,7 +315,7 @@ def strip_forces(network: HiddenStripNetwork, x: Array, weights: Array) -> Array
 
 
 @dataclass(frozen=True)
-class LearnedAir:
+class SectionNumbers:
     """Numbers of the air that are learned, as symbols or values.
 
     Whatever the coded numbers are, rates are positive, amplitudes positive with sums below one.
@@ -333,7 +333,7 @@ class LearnedAir:
     stall_width: Any
 
 
-def learned_air(coded: Any, lags: int) -> LearnedAir:
+def learned_air(coded: Any, lags: int) -> SectionNumbers:
     """The numbers behind their code, any real numbers.
 
     They are logarithms of the rates, of the circulation's amplitudes over what they leave of one,
@@ -343,7 +343,7 @@ def learned_air(coded: Any, lags: int) -> LearnedAir:
     circulation = _shares([coded[lags + k] for k in range(lags)])
     lift = _shares([coded[2 * lags + 1 + k] for k in range(lags)])
     slope, stall, width = (ca.exp(coded[k]) for k in (2 * lags, 3 * lags + 1, 3 * lags + 2))
-    return LearnedAir(Lags(rate, lift, circulation), slope, stall, width)
+    return SectionNumbers(Lags(rate, lift, circulation), slope, stall, width)
 
 
 def coded_size(lags: int) -> tuple[int, int]:
@@ -435,6 +435,8 @@ class _Air:
 def _encode(air: _Air) -> ca.Function:
     outputs = ca.SX.sym("m", _COEFFICIENTS, len(air.strips.motions))
     features, y = _seen(air, outputs)
+    m = ca.vec(outputs)
+    readout = ca.substitute(ca.jacobian(y, m), m, 0)  # y is linear; CasADi keeps terms m - m
     return named_function(
         "encode",
         {
@@ -443,7 +445,7 @@ def _encode(air: _Air) -> ca.Function:
             "coded": air.coded,
             "network_parameters": air.constants,
         },
-        {"features": features, "readout": ca.jacobian(y, ca.vec(outputs))},
+        {"features": features, "readout": readout},
     )
 
 

@@ -42,6 +42,11 @@ def register_network(network: _Kind) -> _Kind:
     return network
 
 
+def network_options(kind: str) -> tuple[str, ...]:
+    """Arguments that only networks of a kind have; none of a dense one."""
+    return tuple(getattr(_KINDS[kind], "options", ()))
+
+
 @checked
 def network_from_description(description: Mapping[str, Any]) -> Network:
     """The network of `describe()`.

@@ -25,6 +25,8 @@ from patagium.arguments import checked
 from patagium.errors import ParameterError
 from patagium.learning.learners.registry import make_learner
 from patagium.learning.models.network import Network
+from patagium.learning.models.registry import network_options
+from patagium.learning.models.wing import RobotNetwork
 from patagium.learning.settings import settings_from, settings_of
 from patagium.limits import YAML_TEXT
 from patagium.reading import parsed_yaml, refused, text_of
@@ -44,20 +46,40 @@ class NetworkSettings(BaseModel):
     Attributes:
         kind: "linear_strip", "strip", "hidden_strip" or "dense".
         hidden: Neurons of each hidden layer.
-        activation: Activation of the hidden layers, "softplus" or "tanh".
+        activation: "softplus" or "tanh" of the hidden layers; None: that of the network.
+        options: Other arguments of a network of wings by name, as its description holds them.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     kind: Literal["linear_strip", "strip", "hidden_strip", "dense"]
     hidden: tuple[PositiveInt, ...]
-    activation: Literal["softplus", "tanh"] = "softplus"
+    activation: Literal["softplus", "tanh"] | None = None
+    options: dict[str, Any] = Field(default_factory=dict)
+
+    @classmethod
+    def of(cls, network: Network) -> NetworkSettings:
+        """Settings of a network; outputs that are all coordinates of its robot are not named."""
+        own, said = {}, network.describe()
+        if isinstance(network, RobotNetwork):
+            all_ = [*network.robot.dof_names]
+            own = {name: said[name] for name in network.options if said[name] != all_}
+        activation = said.get("activation")
+        return cls(kind=said["kind"], hidden=network.hidden, activation=activation, options=own)
 
     @field_validator("kind", mode="before")
     @classmethod
     def _not_removed(cls, kind: Any) -> Any:
         refuse_removed("kind of the network", kind)
         return kind
+
+    @model_validator(mode="after")
+    def _known(self) -> NetworkSettings:
+        known = network_options(self.kind)
+        for name in self.options:
+            if name not in known:
+                raise ParameterError(name, f"one of {', '.join(known)}", name, known)
+        return self
 
 
 class LearnerSettings(BaseModel):
@@ -70,7 +92,7 @@ class LearnerSettings(BaseModel):
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
-    kind: Literal["cubature", "extended"] = "cubature"
+    kind: Literal["cubature", "extended"] = "extended"
     seed: int = 0
 
     @model_validator(mode="after")

@@ -150,7 +150,7 @@ def tune(
     *,
     every: int = 100,
     trials: int = 64,
-    learner: str = "cubature",
+    learner: str = "extended",
     covariance: Sequence[Any] | None = None,
     settings: Mapping[str, Any] | None = None,
     seed: int = 0,
@@ -318,17 +318,12 @@ class _Problem:
             best = min(_as_good_as(best, tried), key=lambda trial: trial.prediction.moved)
             tried = [best, *(trial for trial in tried if trial is not best)]
         network, exam = self.networks[best.hidden], self.exams[best.hidden]
-        described = network.describe()
         outputs = np.array(network.output_names)
         scores = {name: _short(one) for name, one in best.prediction.describe().items()}
         settings = Settings(
             flight=name,
             every=exam.every,
-            network=NetworkSettings(
-                kind=described["kind"],
-                hidden=best.hidden,
-                activation=described.get("activation", "softplus"),
-            ),
+            network=NetworkSettings.of(network),
             learner=LearnerSettings(kind=self.space.kind, seed=self.seed, **best.values),
             prediction={**scores, "outputs": outputs[exam.flown.scored.any(axis=0)].tolist()},
             search={

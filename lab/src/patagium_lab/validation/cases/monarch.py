@@ -10,6 +10,7 @@ smoothing of signs below .1 m/s, which the program has not.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
@@ -168,6 +169,7 @@ def published_swing(hover: Hover, *, errors: bool) -> Array:
     return np.asarray(np.ptp(flown[:, places], axis=0))
 
 
+@cache
 def closed_orbits() -> dict[str, Orbit]:
     """The three hovers closed exactly, without the errors, their gaits changed least.
 
