@@ -599,19 +599,15 @@ def motion_findings(fitted: MotionFits) -> dict[str, Any]:
         for one in fit.samples
         for facts in one.describe()
     ]
-    return {
-        "noise": noise,
-        "stretches": [asdict(one) for one in fitted.stretches],
-        "notes": [*fitted.notes, *_on_floor(noise)],
-    }
-
-
-def _on_floor(noise: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Sentences about learned noise that cannot fall further."""
-    return [
+    floor = [
         f"{one['sensor']}, {one['part']}: the noise lies on its least value of "
         f"{FLOOR[one['unit']]:g} {one['unit']}: if the sensor is not that exact, the log does not "
         "tell its noise and the standard deviations are too small"
         for one in noise
         if one["std"] < 1.01 * FLOOR[one["unit"]]
     ]
+    return {
+        "noise": noise,
+        "stretches": [asdict(one) for one in fitted.stretches],
+        "notes": fitted.notes + floor,
+    }
