@@ -161,7 +161,8 @@ def identify(
         raise typer.Exit(2)
     outputs.check()
     if flight is not None and not as_json:
-        say_next(f"patagium view {file} --model {model}", f"patagium cycles {file}")
+        drawn = (f"patagium view {file} --model {model}", f"patagium cycles {file}")
+        say_next(*([f"patagium evaluate {model} ANOTHER.nc"] if "air" in flight.attrs else drawn))
 
 
 def _learned(

@@ -73,7 +73,16 @@ def import_log(
                 f"({spread}) m/s^2; the change itself is ({moved}) m/s^2 rms."
             )
     typer.echo(f"The log is in {found.path}")
-    verbs = ["identify", "motion --robot ROBOT"]
-    if found.path.suffix == ".csv":
-        verbs = ["stream"]
-    say_next(*(f"patagium {verb} {found.path}" for verb in verbs))
+    say_next(*(f"patagium {verb} {found.path}" for verb in _verbs(found.path)))
+
+
+def _verbs(path: Path) -> list[str]:
+    """Verbs that take an imported log, by what it holds."""
+    from patagium.sensing.logs.record import LogRecord
+
+    if path.suffix == ".csv":
+        return ["stream --robot ROBOT"]
+    with LogRecord(path) as record:
+        learns = record.is_flight or bool(record.of_role("output"))
+        robot = " --robot ROBOT" * (record.robot is None)
+        return ["identify"] * learns + [f"motion{robot}"] * bool(record.of_role("channel"))

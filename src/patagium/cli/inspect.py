@@ -92,7 +92,7 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
             place = f"topic: {json.dumps(one.name)}, field"
         for field in one.channels if one.name in topics else ():
             name = json.dumps(_UNIT.sub("", field.name))
-            unit = field.unit or json.dumps("1")
+            unit = field.unit or ("s" if field.name == one.stamps else json.dumps("1"))
             text = f"{{{place}: {name}, unit: {unit}}}"
             if field.name == one.stamps:
                 time = time if one.name else text

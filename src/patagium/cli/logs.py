@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,13 +30,17 @@ def record_of(file: Path, mapping: Path | None) -> LogRecord | None:
     if mapping is not None:
         raise ParameterError("--mapping", "none: the imported log carries its own", str(mapping))
     record = LogRecord(file)
-    warnings = sum(one["level"] == "warning" for one in record.findings)
-    if warnings:
-        typer.echo(f"{file}: {warnings} finding(s) when it was imported:", err=True)
-        for one in record.findings:
-            if one["level"] == "warning":
-                typer.echo(f"  {one['where']}: {one['kind']}: {one['text']}", err=True)
+    tell_warnings(file, record.findings)
     return record
+
+
+def tell_warnings(file: Path, findings: Sequence[Mapping[str, Any]]) -> None:
+    """Warnings among the findings of an import, on stderr."""
+    warnings = [one for one in findings if one["level"] == "warning"]
+    if warnings:
+        typer.echo(f"{file}: {len(warnings)} finding(s) when it was imported:", err=True)
+    for one in warnings:
+        typer.echo(f"  {one['where']}: {one['kind']}: {one['text']}", err=True)
 
 
 def long_record(file: Path, mapping: Path | None) -> LogRecord | None:

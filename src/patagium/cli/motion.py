@@ -83,7 +83,7 @@ def motion(
 
 def _measured(log: Path, robot: str | None, mapping: Path | None, words: list[str]) -> SensorLog:
     """Sensor log in a file of any kind."""
-    from patagium.cli.logs import record_of
+    from patagium.cli.logs import record_of, tell_warnings
     from patagium.robot import load_robot
     from patagium.sensing import load_sensor_log, sensor_log
     from patagium.sensing.logs.importing.import_log import import_log as bring
@@ -97,13 +97,14 @@ def _measured(log: Path, robot: str | None, mapping: Path | None, words: list[st
             record.close()
         return sensor_log(log, machine, bodies=bodies)
     if log.suffix.lower() == ".nc" and mapping is None:
-        found = load_sensor_log(existing(log))
-        return found if machine is None else replace(found, robot=machine)
+        kept = load_sensor_log(existing(log))
+        return kept if machine is None else replace(kept, robot=machine)
     if mapping is None:
         raise ParameterError("--mapping", "a YAML file that says what the columns mean", None)
     with tempfile.TemporaryDirectory(prefix="patagium-") as folder:
-        target = bring([log], existing(mapping), Path(folder) / "log.nc").path
-        return sensor_log(target, machine, bodies=bodies)
+        found = bring([log], existing(mapping), Path(folder) / "log.nc")
+        tell_warnings(log, [one.plain() for one in found.findings])
+        return sensor_log(found.path, machine, bodies=bodies)
 
 
 def _summary(found: xr.Dataset, forces: ForceSamples) -> dict[str, Any]:

@@ -61,8 +61,10 @@ def stream(
         str,
         typer.Argument(help="udp://ADDRESS:PORT, - for standard input, CSV file or log (.nc)."),
     ],
-    robot: Annotated[str, typer.Option(help="Name of a preset, or a robot file.")],
     choice: LearnerChoice,
+    robot: Annotated[
+        str | None, typer.Option(help="Robot, a preset or a file; that of the log by default.")
+    ] = None,
     scale_by: Annotated[
         Path | None, typer.Option(help="Flight (.nc) whose samples scale a dense network.")
     ] = None,
@@ -118,7 +120,7 @@ def stream(
     from patagium.robot import load_robot
     from patagium.sensing.force.air_force import packet_columns
 
-    machine = load_robot(robot)
+    machine = _robot_of(source) if robot is None else load_robot(robot)
     net = _network(machine, choice, scale_by)
     outputs, stop, ending = Outputs(), threading.Event(), threading.Event()
     with sole_user(state):
@@ -157,6 +159,21 @@ def stream(
     if problem is not None:
         raise problem
     outputs.check()
+
+
+def _robot_of(source: str) -> Robot:
+    """Robot that an imported log or a sensor log carries."""
+    from patagium.sensing import load_sensor_log
+    from patagium.sensing.logs.record import LogRecord, is_log
+    from patagium.sensing.sensors.sense import is_sensor_log
+
+    found = load_sensor_log(source).robot if is_sensor_log(source) else None
+    if is_log(source):
+        with LogRecord(source) as record:
+            found = record.robot
+    if found is None:
+        raise ParameterError("--robot", "a preset or a robot file: the source carries none", None)
+    return found
 
 
 def _opened(source: str, columns: list[str], idle: float | None, key_file: Path | None) -> Source:
@@ -360,7 +377,7 @@ def live_line(status: Status, intake: Intake, pipeline: Pipeline) -> str:
     if counters.samples:
         words = [
             f"{counters.samples} samples",
-            f"{status.rate:.0f}/s",
+            *([f"{status.rate:.0f}/s"] if math.isfinite(status.rate) else []),
             f"load {status.load:.0%}",
             f"NMSE {counters.nmse_mean:.2e}",
             f"in the 95 % interval {counters.coverage:.1%}",

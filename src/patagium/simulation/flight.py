@@ -501,6 +501,11 @@ def load_flight(path: str | Path) -> xr.Dataset:
         raise FlightError(
             f"{path}: expected a simulated flight, found an imported log, which `pt.load_log` reads"
         )
+    if "force_std" in flight:
+        raise FlightError(
+            f"{path}: expected a simulated flight, found a file of `patagium motion`; learn from "
+            "its log in Python: pt.identify(pt.inverse_dynamics_force(pt.estimate_motion(log)))"
+        )
     with netcdf_content(path, FlightError, "a whole flight"):
         for name in SINGLE:
             if name in flight and flight[name].dtype == np.float32:

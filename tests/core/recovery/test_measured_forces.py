@@ -93,6 +93,28 @@ def test_every_source_finds_the_force(
     assert 0.88 < inside.mean() <= 1.0
 
 
+def test_noise_that_is_not_stated_is_that_of_the_spectrum(
+    log: pt.sensing.SensorLog, motion: xr.Dataset, flight: xr.Dataset
+) -> None:
+    cell = replace(SENSORS[3], force_std=5e-2, moment_std=2e-3, bandwidth=None)
+    amplifier = replace(AMPLIFIER, std=0.02)
+    noisy = pt.sense(flight, [cell, amplifier]).without_truth()
+    untold = {
+        cell.name: cell.scaled(0.0),
+        amplifier.name: amplifier.scaled(0.0),
+    }
+    noisy = replace(noisy, sensors=untold)
+    wrench = pt.sensing.cell_wrench(noisy, motion, cell.name).measured
+    joints = pt.sensing.motor_forces(noisy, motion, amplifier.name)
+    np.testing.assert_allclose(wrench.noise, cell.sample_std, rtol=0.5)
+    np.testing.assert_allclose(joints.noise, amplifier.sample_std, rtol=0.5)
+    at = np.searchsorted(flight["time"].values, motion["time"].values - 1e-9)
+    actuated = list(log.robot.actuated)
+    error = (joints.values - flight["u1"].values[at])[:, actuated]
+    inside = np.abs(error) < 2.5 * np.sqrt(joints.variance[:, actuated])
+    assert inside.mean() > 0.85
+
+
 def test_all_covariances_are_definite(found: dict[str, pt.sensing.ForceSamples]) -> None:
     for samples in found.values():
         columns = [samples.robot.index(name) for name in samples.measured]

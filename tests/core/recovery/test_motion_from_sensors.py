@@ -2,14 +2,32 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.spatial.transform import Rotation
 
 import patagium as pt
 from patagium.errors import LogError, ParameterError, ShapeError
+from patagium.sensing.motion.estimate_motion import (
+    SmoothedMotion,
+    fit_motion,
+    in_coordinates,
+    initial_estimate,
+)
+from patagium.sensing.motion.frame_model import with_euler_angles
+from patagium.sensing.motion.motion_filter import MotionFilter
+from patagium.sensing.motion.sensor_streams import (
+    EncoderModel,
+    Observation,
+    common_times,
+    streams_of,
+)
+from patagium.sensing.motion.smoothers import merged_times
 
 S, P = pt.sensors, pt.sensors.presets
 SENSORS = (
@@ -44,6 +62,42 @@ def normalized(motion: xr.Dataset, flight: xr.Dataset) -> np.ndarray:
     error, covariance = errors(motion, flight)
     variance = np.einsum("nii->ni", covariance)
     return (error**2 / variance).mean(axis=0).reshape(3, -1)
+
+
+def filtered(
+    log: pt.sensing.SensorLog, density: np.ndarray | None = None, times: np.ndarray | None = None
+) -> xr.Dataset:
+    """Motion by the filter from first to last sample: only what comes before a time counts."""
+    robot, n = with_euler_angles(log.robot), log.robot.dof
+    streams = streams_of(log, robot, {})
+    wanted = common_times(streams) if times is None else times
+    if density is None:
+        density = fit_motion(robot, streams, None, 4, wanted).density()
+    filter_ = MotionFilter(robot, range(n), density, 4, {s.name: s.model for s in streams})
+    grid, places = merged_times(np.concatenate([s.time for s in streams]), wanted)
+    events: list[list[Observation]] = [[] for _ in grid]
+    for s in streams:
+        seen = np.isfinite(s.rows)
+        usable = seen.any(axis=1) if isinstance(s.model, EncoderModel) else seen.all(axis=1)
+        at = np.searchsorted(grid, s.time - 1e-9)
+        for k in np.flatnonzero(usable).tolist():
+            events[at[k]].append(Observation(s.name, s.rows[k]))
+    estimates = [initial_estimate(filter_, streams)]
+    for k, observations in enumerate(events):
+        now = estimates[-1]
+        if k:
+            now, _ = filter_.predict(now, float(grid[k] - grid[k - 1]))
+        estimates.append(filter_.update(now, observations).estimate if observations else now)
+    kept = [estimates[k + 1] for k in places.tolist()]
+    found = SmoothedMotion(
+        np.array([one.motion.levels[:3] for one in kept]),
+        Rotation.from_matrix(np.array([one.motion.attitude for one in kept])),
+        np.array([one.covariance[: 3 * n, : 3 * n] for one in kept]),
+    )
+    levels, covariance = in_coordinates(robot, found)
+    parts = {name: (("time", "dof"), levels[:, k]) for k, name in enumerate("qva")}
+    parts["covariance"] = (("time", "part", "other_part"), covariance)
+    return xr.Dataset(parts, {"time": wanted})
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +136,34 @@ def test_inertial_units_sharpen_what_cameras_see(flight: xr.Dataset, motion: xr.
     assert (with_unit < 0.5 * without).all()
 
 
+@pytest.mark.parametrize("factor", [5.0, 50.0])
+def test_noise_of_an_inertial_unit_is_found_where_none_is_stated(
+    flight: xr.Dataset, factor: float
+) -> None:
+    unit = SENSORS[0].scaled(factor)
+    log = pt.sense(flight, [unit, *SENSORS[1:]]).without_truth()
+    untold = replace(unit, accelerometer_density=0.0, gyroscope_density=0.0)
+    untold = replace(untold, accelerometer_step=0.0, gyroscope_step=0.0)
+    found = pt.estimate_motion(replace(log, sensors={**log.sensors, unit.name: untold}))
+    facts = json.loads(found.attrs["findings"])
+    learned = [one["std"] for one in facts["noise"] if one["sensor"] == unit.name]
+    true = [unit.accelerometer_std.mean(), unit.gyroscope_std.mean()]
+    np.testing.assert_allclose(learned, true, rtol=0.4)
+    assert not any("least value" in note for note in facts["notes"])
+    error, covariance = errors(found, flight)
+    std = np.sqrt(np.einsum("nii->ni", covariance))
+    base = slice(2 * flight.sizes["dof"], 2 * flight.sizes["dof"] + 6)  # accelerations of the body
+    assert (np.abs(error) < 1.96 * std)[:, base].mean() > 0.75
+
+
+def test_noise_on_its_floor_is_said(flight: xr.Dataset) -> None:
+    log = pt.sense(flight, [sensor.scaled(0.0) for sensor in SENSORS])
+    notes = json.loads(pt.estimate_motion(log).attrs["findings"])["notes"]
+    assert any(
+        "as5600, angle: the noise lies on its least value of 1e-05 rad" in one for one in notes
+    )
+
+
 @pytest.mark.parametrize("smoother", [pt.sensing.Spline(0.02), pt.sensing.SavitzkyGolay(0.06)])
 def test_splines_and_sliding_polynomials_serve_as_well(
     flight: xr.Dataset, smoother: pt.sensing.Spline | pt.sensing.SavitzkyGolay
@@ -114,11 +196,11 @@ def test_a_robot_by_quaternion_is_found_by_its_angles(
 
 def test_what_comes_later_helps(flight: xr.Dataset, motion: xr.Dataset) -> None:
     log = pt.sense(flight, SENSORS)
-    online = pt.estimate_motion(log, filtered=True)
+    online = filtered(log)
     smoothed = np.einsum("nii->ni", motion["covariance"].values)
-    filtered = np.einsum("nii->ni", online["covariance"].values)
+    before = np.einsum("nii->ni", online["covariance"].values)
     # on average: the filter takes the noise as stated, the smoother as it was
-    assert (smoothed.mean(axis=0) < filtered.mean(axis=0)).all()
+    assert (smoothed.mean(axis=0) < before.mean(axis=0)).all()
     ratio = normalized(online, flight)
     assert 0.05 < np.median(ratio) < 2.0
 
@@ -155,7 +237,7 @@ def test_a_tracker_is_the_filter_and_takes_late_samples(flight: xr.Dataset) -> N
     names = [sensor.name for sensor in SENSORS]
     log = pt.sense(flight.isel(time=slice(0, 251)), SENSORS)  # 50 ms
     density = np.concatenate([np.full(6, 1e8), np.full(8, 1e10)])
-    online = pt.estimate_motion(log, filtered=True, density=density)
+    online = filtered(log, density)
     samples = []
     for name in names:
         reading = log[name]
@@ -197,16 +279,16 @@ def test_a_tracker_is_the_filter_and_takes_late_samples(flight: xr.Dataset) -> N
         tracker.push("gps", 0.0, np.zeros(3))
 
 
-@pytest.mark.parametrize("filtered", [False, True])
+@pytest.mark.parametrize("estimate", [pt.estimate_motion, filtered])
 def test_sensors_without_any_noise_are_believed_to_their_floors(
-    flight: xr.Dataset, filtered: bool
+    flight: xr.Dataset, estimate: Callable[[pt.sensing.SensorLog], xr.Dataset]
 ) -> None:
     units = (
         replace(P.icm_42688_p("body", rate=500.0), name="unit"),
         replace(P.icm_42688_p("left_humerus", rate=500.0), name="wing_unit"),
     )
     exact = [sensor.scaled(0.0) for sensor in (*units, *SENSORS[1:])]
-    found = pt.estimate_motion(pt.sense(flight, exact), filtered=filtered)
+    found = estimate(pt.sense(flight, exact))
     covariance = found["covariance"].values
     std = np.sqrt(np.einsum("nii->ni", covariance))
     assert (std > 0).all()
@@ -237,7 +319,7 @@ def test_a_tracker_smooths_what_lies_a_little_behind(flight: xr.Dataset) -> None
     times = np.arange(100, 126) * 1e-3  # 25 to 50 ms behind
     found = tracker.past(times)
     true = flight.sel(time=times, method="nearest")
-    online = pt.estimate_motion(log, filtered=True, density=density, times=times)
+    online = filtered(log, density, times)
     squares = {"past": np.zeros(3), "now": np.zeros(3)}
     for level, part in enumerate("qva"):
         for name, values in (("past", found[:, level]), ("now", online[part].values)):

@@ -138,6 +138,15 @@ def test_a_mapping_to_begin_from_has_all_fields_with_forces_as_outputs(
     assert [(one.column, one.unit) for one in mapping.outputs] == [
         ("Fx_N", "N"), ("Mx_Nm", "N m"), ("lift_force", "1")
     ]  # fmt: skip
+    for clock in ("t", "time_s"):
+        names = f"{clock},ax_g,acc_z_g,gx_dps,mass_g,left_s,fx_n,roll_deg"
+        np.savetxt("unit.csv", values, delimiter=",", header=names, comments="")
+        Path("unit.yaml").unlink(missing_ok=True)
+        _said("inspect unit.csv -o unit.yaml", capsys)
+        mapping = load_mapping("unit.yaml")
+        assert mapping.time.column == clock and mapping.time.unit == "s"
+        units = [one.unit for one in mapping.inputs]
+        assert units == ["g_0", "g_0", "deg/s", "1", "1", "deg"]
     with pytest.raises(SystemExit):
         run(["inspect", "rig.csv", "-o", "map.yaml"])
     assert "--output: expected a file that is not there yet" in capsys.readouterr().err

@@ -85,12 +85,22 @@ def test_a_flight_comes_back_and_is_learned_from(
 def test_an_imported_flight_is_streamed(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mapping, facts = log.with_name("map.yaml"), []
     for out in ("out.nc", "out.csv"):
-        say("import", log, "--map", mapping, "-o", log.with_name(out))
-        capsys.readouterr()
-        say("stream", log.with_name(out), "--robot", "aerobat", "--idle", "0.2", *LEARN)
+        file = log.with_name(out)
+        say("import", log, "--map", mapping, "-o", file)
+        words = ["--robot", "aerobat"] if file.suffix == ".csv" else []  # a log carries its robot
+        verbs = ("stream --robot ROBOT",) if words else ("identify", "motion")
+        following = ", or ".join(f"patagium {verb} {file}" for verb in verbs)
+        assert capsys.readouterr().out.endswith(f"Next: {following}\n")
+        say("stream", file, *words, "--idle", "0.2", *LEARN)
         facts.append(json.loads(capsys.readouterr().out))
     assert facts[0]["samples"] == facts[1]["samples"] > 490
     assert facts[0]["nmse"] == facts[1]["nmse"]
+    say("identify", log.with_name("out.nc"), *LEARN[:-1], "--every", "50")
+    model = log.with_name("model.json")
+    assert capsys.readouterr().out.endswith(f"Next: patagium evaluate {model} ANOTHER.nc\n")
+    with pytest.raises(SystemExit):
+        run(["stream", str(log.with_name("out.csv"))])
+    assert "--robot: expected a preset or a robot file" in capsys.readouterr().err
 
 
 def test_python_learns_from_an_imported_flight_as_from_the_flight(

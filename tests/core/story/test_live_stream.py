@@ -54,6 +54,12 @@ def packets(flight):
     return flight_packets(flight)[:COUNT]
 
 
+def test_a_line_has_no_rate_before_there_is_one(pipeline):
+    status = Status(Counters(pipeline.learner.network.outputs, 100.0))
+    status.counters.samples = 1
+    assert "nan/s" not in cli_stream.live_line(status, Intake(), pipeline)
+
+
 @pytest.fixture
 def pipeline():
     robot = pt.load_robot("aerobat")

@@ -73,6 +73,25 @@ def test_a_table_becomes_motion_forces_and_a_figure(
     assert np.abs(lift - expected)[inner].mean() < 2 * std[inner].mean() < 0.1
 
 
+def test_findings_of_the_import_are_told_and_the_file_is_no_flight(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("in_m.yaml").write_text(MAPPING.replace("unit: mm", "unit: m"), "utf-8")
+    with pytest.raises(SystemExit):
+        run(["motion", "flight.csv", "--mapping", "in_m.yaml", "--robot", "brick.yaml"])
+    assert "flight.csv: 1 finding(s) when it was imported:\n  position: unit: in m it reaches" in (
+        capsys.readouterr().err
+    )
+    with pytest.raises(SystemExit):
+        run(["identify", "flight-motion.nc"])
+    told = capsys.readouterr().err
+    assert (
+        "flight-motion.nc: expected a simulated flight, found a file of `patagium motion`" in told
+    )
+    out = said(["import", "flight.csv", "--map", "map.yaml", "-o", "log.nc"], capsys)
+    assert out.endswith("Next: patagium motion --robot ROBOT log.nc\n")
+
+
 def test_an_imported_log_gives_the_same_in_python(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -84,6 +103,7 @@ def test_an_imported_log_gives_the_same_in_python(
     assert figures["known"] == 1.0 and figures["stretches"] == []
     noise = {one["part"]: one["std"] for one in figures["noise"]}
     assert noise["position"] == pytest.approx(2e-4, rel=0.2)  # 600 numbers; 0.03 is one deviation
+    assert set(noise) == {"position", "attitude"}
     assert noise["attitude"] == pytest.approx(2e-3, rel=0.2)
     rate = motion["v"].sel(dof="x").values
     assert np.abs(rate[20:-20] - 1.0).max() < 0.02  # m/s

@@ -58,6 +58,34 @@ def test_sizes_speak_for_units(unit: str, rms: list[float], largest: float, like
     assert guess(unit, rms, largest) == likely
 
 
+def test_a_gyroscope_at_rest_is_asked_for_degrees_alone(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    force = 0.2 * rng.standard_normal((500, 3)) + [0.0, 0.0, GRAVITY]
+    table = np.column_stack([0.005 * np.arange(500), force, 0.3 * rng.standard_normal((500, 3))])
+    pd.DataFrame(table, columns=list("tabcxyz")).to_csv(tmp_path / "rest.csv", index=False)
+    asked = []
+    for unit in ("deg/s", "rad/s"):
+        words = {
+            "time": {"column": "t", "unit": "s"},
+            "channels": [
+                {"column": list("abc"), "unit": "m/s^2", "frame": "flu", "name": "force"},
+                {"column": list("xyz"), "unit": unit, "frame": "flu", "name": "rate"},
+            ],
+        }
+        mapping = parse_mapping(words)
+        found = import_log(tmp_path / "rest.csv", mapping, tmp_path / "rest.nc").findings
+        asked.append([one.text.rpartition("is it in ")[2] for one in found if one.kind == "unit"])
+    assert asked == [[], ["deg/s?"]]
+
+
+@pytest.mark.parametrize("step", [0.5, 2.0, 5.0])
+def test_milliseconds_that_pass_for_seconds_are_asked_for(step: float) -> None:
+    stamps = StampSurvey()
+    stamps.add((np.arange(100) * step * 1e9).astype(np.int64))
+    (found,) = stamp_findings("it", stamps, 3.0, written=True)
+    assert found.kind == "unit of time" and "is its unit perhaps ms?" in found.text
+
+
 def test_stamps_are_counted_alike_in_blocks_and_whole(rng: np.random.Generator) -> None:
     stamps = np.cumsum(rng.integers(0, 4_000_000, 2000))
     stamps[[3, 700]] -= 50_000_000

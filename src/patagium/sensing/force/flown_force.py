@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -17,6 +18,9 @@ from patagium.sensing.force.measured_force import (
 )
 from patagium.sensing.motion.estimate_motion import estimate_motion
 from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog
+from patagium.sensing.sensors.joints import joint_names
+
+_WHITE = {"correlation": 0.0, "jitter": 0.0, "doubted": 0.0, "nis": 1.0}
 
 
 def motion_and_force(
@@ -39,11 +43,24 @@ def motion_and_force(
     late = dict(shifts or {})
     motion = estimate_motion(log, shifts=late)
     joints = mount = None
+    facts = json.loads(motion.attrs["findings"])
     for name, sensor in log.sensors.items():
         if isinstance(sensor, MotorCurrent):
             joints = motor_forces(log, motion, name, shift=late.get(name, 0.0), robot=log.robot)
+            parts = joint_names(sensor.joints, log.robot)
+            units = [log.robot.dof_units[log.robot.index(part)] for part in parts]
+            units = ["N" if unit == "m" else "N m" for unit in units]
+            white = zip(parts, units, joints.noise.tolist(), strict=True)
         elif isinstance(sensor, LoadCell):
             mount = cell_wrench(log, motion, name, shift=late.get(name, 0.0))
+            noise = np.sqrt((mount.measured.noise.reshape(2, 3) ** 2).mean(axis=1))
+            white = zip(("force", "moment"), ("N", "N m"), noise.tolist(), strict=True)
+        else:
+            continue
+        for part, unit, std in white:
+            told = {"sensor": name, "part": part, "unit": unit, "std": std}
+            facts["noise"].append(told | _WHITE)
+    motion.attrs["findings"] = json.dumps(facts)
     found = inverse_dynamics_force(motion, joints=joints, mount=mount)
     unknown = ~motion["known"].values
     found.force[unknown] = np.nan

@@ -15,7 +15,7 @@ References:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
@@ -32,7 +32,8 @@ from patagium.errors import FlightError, LogError, ParameterError, positive
 from patagium.native import NativeFunction, load_functions
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import added_mass_force, air_force
-from patagium.sensing.motion.smoothers import Kalman, Smoother
+from patagium.sensing.motion.first_motion import spectral_noise
+from patagium.sensing.motion.smoothers import Kalman
 from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog
 from patagium.sensing.sensors.joints import joint_names
 from patagium.simulation import robot_of
@@ -104,6 +105,7 @@ class ForceSamples:
 
 
 _LEAST = 1e-4  # of what a signal does, below which its noise is not believed
+_ORDER = 3  # of the derivative of a signal that white noise drives
 
 
 @dataclass(frozen=True)
@@ -113,10 +115,12 @@ class Measured:
     Args:
         values: (N, k) [unit of y]; NaN where there is none.
         variance: (N, k) [unit of y].
+        noise: Standard deviation of a sample, stated or as its spectrum shows it, (k,) [unit of y].
     """
 
     values: Array
     variance: Array
+    noise: Array = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -163,7 +167,7 @@ def motor_forces(
     constant = (sensor.offset_std * sensor.force_per_current) ** 2
     scale = sensor.torque_constant_std**2
     variance[:, columns] = found.variance + constant + scale * found.values**2
-    return Measured(values, variance)
+    return Measured(values, variance, found.noise)
 
 
 def cell_wrench(log: SensorLog, motion: xr.Dataset, name: str, *, shift: float = 0.0) -> Wrench:
@@ -185,9 +189,8 @@ def cell_wrench(log: SensorLog, motion: xr.Dataset, name: str, *, shift: float =
     found = _at(log[name], shown, cell.sample_std, motion, shift)
     constant = np.concatenate([cell.force_bias, cell.moment_bias]) ** 2
     talk = np.zeros((6, 6)) if cell.cross_talk is None else np.asarray(cell.cross_talk) ** 2
-    return Wrench(
-        Measured(found.values, found.variance + constant + found.values**2 @ talk.T), cell
-    )
+    variance = found.variance + constant + found.values**2 @ talk.T
+    return Wrench(Measured(found.values, variance, found.noise), cell)
 
 
 @checked
@@ -424,14 +427,17 @@ def _of_cell(machine: Robot, q: ca.SX, shown: ca.SX, cell: LoadCell) -> ca.SX:
 def _at(
     reading: xr.Dataset, values: Array, std: Array | float, motion: xr.Dataset, shift: float
 ) -> Measured:
-    """Signal smoothed at the times of a motion."""
+    """Signal smoothed at the times of a motion, with the noise of its spectrum where it is zero."""
     stamps = np.asarray(reading["time"].values, float) - shift
     times = np.asarray(motion["time"].values, float)
-    smoother: Smoother = Kalman(order=3)
-    least = _LEAST * np.maximum(np.std(values, axis=0), 1e-9)
-    spread = np.maximum(np.asarray(std, float), least)
-    found = smoother.smooth(stamps, values, spread, times)
-    return Measured(found.state[:, :, 0], found.covariance[:, :, 0, 0])
+    least = _LEAST * np.maximum(np.nanstd(values, axis=0), 1e-9)
+    noise = np.array(np.broadcast_to(std, least.shape), float)
+    for k in np.flatnonzero(noise == 0):
+        seen = np.isfinite(values[:, k])
+        noise[k] = spectral_noise(stamps[seen], values[seen, k, None], _ORDER).std
+    noise = np.fmax(noise, least)
+    found = Kalman(order=_ORDER).smooth(stamps, values, noise, times)
+    return Measured(found.state[:, :, 0], found.covariance[:, :, 0, 0], noise)
 
 
 @checked

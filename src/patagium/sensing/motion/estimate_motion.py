@@ -1,9 +1,8 @@
 """Estimation of the coordinates, velocities and accelerations of a robot from a sensor log.
 
 Measurements of all rates are put on one time axis, each shifted by its clock and delay.
-Coordinates that one encoder alone sees are smoothed by themselves, the others together. A filtered
-covariance is kept in memory for each sample. Neglected: faults of sensors; biases of encoders and
-cameras.
+Coordinates that one encoder alone sees are smoothed by themselves, the others together. Neglected:
+faults of sensors; biases of encoders and cameras.
 """
 
 from __future__ import annotations
@@ -40,10 +39,10 @@ from patagium.sensing.motion.motion_filter import MotionEstimate, MotionFilter
 from patagium.sensing.motion.motion_smoother import MotionFit, Samples
 from patagium.sensing.motion.motion_spline import conjugate, product
 from patagium.sensing.motion.sensor_streams import (
+    FLOOR,
     CaptureModel,
     EncoderModel,
     ImuModel,
-    Observation,
     Stream,
     captured_motion,
     common_times,
@@ -52,7 +51,7 @@ from patagium.sensing.motion.sensor_streams import (
     given_density,
     streams_of,
 )
-from patagium.sensing.motion.smoothers import MOTION_ORDERS, Smoother, merged_times
+from patagium.sensing.motion.smoothers import MOTION_ORDERS, Smoother
 from patagium.sensing.sensors import SensorLog, as_quaternion, from_quaternion
 
 UNKNOWN = (1e-1, 3e1, 3e2)
@@ -281,38 +280,15 @@ _UNTOLD = Noise(float("nan"), 0.0)
 
 
 def _noise(stream: Stream, used: Bools, order: int) -> tuple[Noise, ...]:
-    """Noise of cameras by part, as their spectrum shows it; not told for other sensors."""
-    if not isinstance(stream.model, CaptureModel):
-        return (_UNTOLD,) * len(stream.model.parts)
+    """Noise of cameras and inertial units by part, as their spectrum shows it."""
     kept = used & np.isfinite(stream.rows).all(axis=1)
     time, rows = stream.time[kept], stream.rows[kept]
+    if isinstance(stream.model, ImuModel):  # accelerations and rates: higher in the spectrum
+        force = spectral_noise(time, rows[:, :3], order - 2)
+        rate = spectral_noise(time, rows[:, 3:], order - 1)
+        return force._replace(correlation=0.0), rate._replace(correlation=0.0)
     place, turn = captured_motion(Stream(stream.name, stream.model, time, rows))
     return spectral_noise(time, place, order), spectral_noise(time, turn, order)
-
-
-def filtered_motion(
-    robot: Robot, streams: Sequence[Stream], times: Array, density: Array, order: int
-) -> SmoothedMotion:
-    """Motion for which only measurements before a time count, by a Kalman filter.
-
-    Args:
-        robot: The machine.
-        streams: Measurements.
-        times: Times at which the motion is wanted, (M,) [s].
-        density: Density of the noise that drives each coordinate, (n,) [unit^2/s^(2 order - 1)].
-        order: Number of levels of each coordinate.
-
-    Raises:
-        LogError: If a coordinate is seen by no sensor.
-        FilterDiverged: If the estimate or its covariance is lost.
-    """
-    coupled(robot, streams)
-    n = robot.dof
-    estimates = _filtered(robot, streams, times, density, order)
-    levels = np.array([estimate.motion.levels[:3] for estimate in estimates])
-    attitude = Rotation.from_matrix(np.array([one.motion.attitude for one in estimates]))
-    covariance = np.array([one.covariance[: 3 * n, : 3 * n] for one in estimates])
-    return SmoothedMotion(levels, attitude, covariance)
 
 
 def coupled(robot: Robot, streams: Sequence[Stream]) -> list[int]:
@@ -342,33 +318,6 @@ def coupled(robot: Robot, streams: Sequence[Stream]) -> list[int]:
         silent = ", ".join(robot.dof_names[i] for i in sorted(unseen))
         raise LogError(f"log: expected sensors that see {silent}, found none")
     return sorted(set(range(robot.dof)) - alone)
-
-
-def _filtered(
-    robot: Robot, streams: Sequence[Stream], times: Array, density: Array, order: int
-) -> list[MotionEstimate]:
-    """Estimates of the filter at given times, after the measurements of each."""
-    models = {s.name: s.model for s in streams}
-    motion_filter = MotionFilter(robot, range(robot.dof), density, order, models)
-    grid, wanted = merged_times(np.concatenate([s.time for s in streams]), times)
-    events: list[list[Observation]] = [[] for _ in grid]
-    for s in streams:
-        whole = not isinstance(s.model, EncoderModel)
-        seen = np.isfinite(s.rows)
-        usable = seen.all(axis=1) if whole else seen.any(axis=1)
-        places = np.searchsorted(grid, s.time - 1e-9)
-        for k in np.flatnonzero(usable).tolist():
-            events[places[k]].append(Observation(s.name, s.rows[k]))
-    estimate = initial_estimate(motion_filter, streams)
-    kept, found = set(wanted.tolist()), {}
-    for k, observations in enumerate(events):
-        if k:
-            estimate, _ = motion_filter.predict(estimate, float(grid[k] - grid[k - 1]))
-        if observations:
-            estimate = motion_filter.update(estimate, observations).estimate
-        if k in kept:
-            found[k] = estimate
-    return [found[k] for k in wanted.tolist()]
 
 
 def initial_estimate(motion_filter: MotionFilter, streams: Sequence[Stream]) -> MotionEstimate:
@@ -521,7 +470,6 @@ def estimate_motion(
     order: int = 4,
     density: ArrayLike | None = None,
     smoother: Smoother | None = None,
-    filtered: bool = False,
 ) -> xr.Dataset:
     """Coordinates, velocities and accelerations with their covariance, given a whole log.
 
@@ -536,7 +484,6 @@ def estimate_motion(
         density: Density of that noise, (n,) [unit^2/s^(2 order - 1)]; None for the most likely.
         smoother: Spline or sliding polynomial through encoders and cameras instead of the Kalman
             smoother; inertial units are then left out.
-        filtered: Whether only measurements before a time count for it, as online.
 
     Returns:
         A dataset over `time` and `dof`: q, v, a [m, rad and their rates], `covariance` of
@@ -560,12 +507,8 @@ def estimate_motion(
         found = smoothed_motion(machine, streams, wanted, smoother)
         return _dataset(machine, wanted, found, log)
     drive = given_density(machine, density)
-    if not filtered:
-        fitted = fit_motion(machine, streams, drive, order, wanted)
-        return _dataset(machine, wanted, fitted.at(wanted), log, fitted)
-    if drive is None:
-        drive = fit_motion(machine, streams, drive, order, wanted).density()
-    return _dataset(machine, wanted, filtered_motion(machine, streams, wanted, drive, order), log)
+    fitted = fit_motion(machine, streams, drive, order, wanted)
+    return _dataset(machine, wanted, fitted.at(wanted), log, fitted)
 
 
 def in_coordinates(robot: Robot, found: SmoothedMotion) -> tuple[Array, Array]:
@@ -656,8 +599,15 @@ def motion_findings(fitted: MotionFits) -> dict[str, Any]:
         for one in fit.samples
         for facts in one.describe()
     ]
+    floor = [
+        f"{one['sensor']}, {one['part']}: the noise lies on its least value of "
+        f"{FLOOR[one['unit']]:g} {one['unit']}: if the sensor is not that exact, the log does not "
+        "tell its noise and the standard deviations are too small"
+        for one in noise
+        if one["std"] < 1.01 * FLOOR[one["unit"]]
+    ]
     return {
         "noise": noise,
         "stretches": [asdict(one) for one in fitted.stretches],
-        "notes": list(fitted.notes),
+        "notes": fitted.notes + floor,
     }

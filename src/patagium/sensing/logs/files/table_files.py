@@ -49,11 +49,13 @@ _NANOSECONDS = {"s": 1e9, "sec": 1e9, "ms": 1e6, "us": 1e3, "usec": 1e3, "µs": 
 _TIME = re.compile(
     r"^(time|t|timestamp|stamp|tout|clock)(?:[_ .(\[]*(s|sec|ms|us|usec|µs|ns)\W?)?$"
 )
+_IN_GRAVITIES = re.compile(r"(^|[^a-z])a(cc[a-z]*)?_?[xyz]?_g$")
 _SUFFIXES = {
     "_rad_s": "rad/s", "_rad": "rad", "_deg_s": "deg/s", "_deg": "deg", "_m_s2": "m/s^2",
     "_m_s": "m/s", "_mm": "mm", "_pa": "Pa", "_celsius": "degC", "_ms": "ms", "_us": "µs",
     "_ns": "ns", "_nm": "N m", "_n_m": "N m", "_nmm": "N mm", "fx_n": "N", "fy_n": "N", "fz_n": "N",
     "force_n": "N", "lift_n": "N", "drag_n": "N", "thrust_n": "N", "_hz": "Hz", "_mps": "m/s",
+    "_dps": "deg/s",
 }  # fmt: skip
 
 
@@ -106,6 +108,11 @@ def unit_of_suffix(name: str) -> str:
     stem = re.sub(r"(\[\d+\]|\.[wxyz])+$", "", name.lower())
     if stem.startswith("gyro") and stem.endswith("_rad"):
         return "rad/s"  # as PX4 has it
+    timed = _TIME.match(stem)
+    if timed and timed[2]:
+        return {"sec": "s", "us": "µs", "usec": "µs"}.get(timed[2], timed[2])
+    if _IN_GRAVITIES.search(stem):
+        return "g_0"
     return next((unit for end, unit in _SUFFIXES.items() if stem.endswith(end)), "")
 
 

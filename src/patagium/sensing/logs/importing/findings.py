@@ -28,6 +28,7 @@ _WIDTH = 0.005
 _BINS = 7600  # to 3e16 ns, a year
 _NEAR = 0.1
 """Share of the median step below which a step is nearly a duplicate."""
+_SLOW = 0.2  # s: steps of a log of flight are shorter
 SECOND = 1_000_000_000
 """One second [ns]."""
 
@@ -237,6 +238,8 @@ def survey_streams(
 
 GRAVITY = 9.80665
 _FASTEST = 40.0  # rad/s
+_NOISY = 0.1  # rad/s of a gyroscope at rest
+_REST = 0.1  # share of a specific force by which it may change at rest
 _FARTHEST = 500.0  # m
 _QUICKEST = 150.0  # m/s
 _CLOSE = 1.35
@@ -314,10 +317,10 @@ def stamp_findings(
             )
         )
     median = stamps.median
-    if written and not 2e-6 <= median <= 5.0 and math.isfinite(median):
+    if written and not 2e-6 <= median <= _SLOW and math.isfinite(median):
         fit = next((u for u, f in (("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9), ("s", 1e3), ("s", 1e6))
                     if 2e-6 <= median * f <= 1.0), "another")  # fmt: skip
-        text = f"a median step of {median:.4g} s; is its unit {fit}?"
+        text = f"a median step of {median:.4g} s; is its unit perhaps {fit}?"
         found.append(Finding("warning", where, "unit of time", text))
     return found
 
@@ -371,16 +374,29 @@ def sizes_of(
     )
 
 
-def unit_findings(where: str, sizes: Sizes) -> list[Finding]:
-    """Finding that a quantity does not have the size that its unit suggests."""
+def is_still(sizes: Sizes) -> bool:
+    """Whether a quantity is a specific force that does not change: the sensor is at rest."""
+    change = np.sqrt(np.maximum(sizes.rms**2 - sizes.mean**2, 0.0))
+    vector = sizes.si == "m/s^2" and len(sizes.rms) == 3
+    return vector and bool(np.linalg.norm(change) < _REST * np.linalg.norm(sizes.rms))
+
+
+def unit_findings(where: str, sizes: Sizes, *, still: bool = False) -> list[Finding]:
+    """Finding that a quantity does not have the size that its unit suggests.
+
+    Args:
+        where: Name of the quantity.
+        sizes: Its size.
+        still: Whether the log has a specific force that does not change.
+    """
     written = sizes.largest / sizes.factor
     guess = ""
     if sizes.si == "m/s^2":
         guess = _acceleration_guess(sizes)
     elif sizes.si == "rad/s":
-        if sizes.largest > _FASTEST:
+        if sizes.largest > _FASTEST or (still and _is(sizes, 1.0) and sizes.rms.max() > _NOISY):
             guess = "deg/s"
-        elif _is(sizes, math.radians(1)) and 0.3 < written < 6.5:
+        elif not still and _is(sizes, math.radians(1)) and 0.3 < written < 6.5:
             guess = "rad/s"
     elif sizes.si == "rad":
         if _is(sizes, 1.0) and sizes.largest > 2 * math.pi * 1.01:

@@ -14,6 +14,7 @@ from patagium.sensing.logs.importing.findings import (
     Finding,
     ValueSurvey,
     constant_findings,
+    is_still,
     missing_findings,
     sizes_of,
     stamp_findings,
@@ -50,9 +51,14 @@ def log_findings(
                 "what is faster folds"
             )
             found.append(Finding("warning", name, "rate", text))
+    still = any(
+        is_still(sizes_of(spool.surveys[item.stream].values, item.places, item.column.unit))
+        for item in plan.items
+        if item.si == "m/s^2"
+    )
     for item in plan.items:
         known = item.column.label in flown  # a coordinate of the robot, not of a sensor
-        found += _item_findings(item, spool.surveys[item.stream].values, known=known)
+        found += _item_findings(item, spool.surveys[item.stream].values, known, still)
         found += _range_findings(item, spool)
         found += _matrix_findings(item, spool, log.path)
         found += _stated_unit(item, plan, log)
@@ -61,7 +67,7 @@ def log_findings(
     return found
 
 
-def _item_findings(item: Quantity, values: ValueSurvey, *, known: bool) -> list[Finding]:
+def _item_findings(item: Quantity, values: ValueSurvey, known: bool, still: bool) -> list[Finding]:
     name, places = item.column.label, list(item.places)
     found = missing_findings(name, values, places)
     if not known:
@@ -70,7 +76,7 @@ def _item_findings(item: Quantity, values: ValueSurvey, *, known: bool) -> list[
         return found
     if item.norm is None:
         sizes = sizes_of(values, places, item.column.unit, item.column.offset)
-        return found + unit_findings(name, sizes)
+        return found + unit_findings(name, sizes, still=still)
     norm = float(np.sqrt((values.rms[places] ** 2).sum()))
     if item.order != "matrix" and abs(norm - 1.0) > 0.01:
         text = f"expected quaternions of norm 1, found {norm:.4g} (rms); scaled to 1"
