@@ -21,7 +21,7 @@ from patagium.sensing.logs.table import LogTable
 from patagium.sensing.motion.clock_shifts import Shifts, estimate_shifts
 from patagium.sensing.motion.estimate_motion import estimate_motion
 from patagium.sensing.motion.motion_tracker import MotionTracker
-from patagium.sensing.motion.smoothers import Kalman, SavitzkyGolay, Spline
+from patagium.sensing.motion.smoothers import Kalman
 from patagium.sensing.sensors import SensorLog, load_sensor_log, save_sensor_log, sense
 
 __all__ = [
@@ -29,10 +29,8 @@ __all__ = [
     "Kalman",
     "MomentumObserver",
     "MotionTracker",
-    "SavitzkyGolay",
     "SensorLog",
     "Shifts",
-    "Spline",
     "LogTable",
     "TableMapping",
     "cell_wrench",

@@ -311,8 +311,7 @@ class Simulator:
         self.steps, self._time_step = whole_steps(duration, time_step), time_step
         self._control_steps = _control_steps(gait, control_period, time_step)
         self._control_period = control_period
-        at_start = self._equations, [state], rows, np.zeros(1)
-        slopes = rate_slopes(*at_start) if springs else []
+        slopes = rate_slopes(self._equations, [state], rows, np.zeros(1)) if springs else []
         implicit = tightest_limit(slopes, time_step) is not None
         self._integration = Integration(
             self._equations, state, rows, self.steps, time_step, implicit=implicit
@@ -724,8 +723,12 @@ def simulate(
         time_step: Step [s]; None chooses one (`Simulator`) and says it in the flight's attributes.
         mount: Free, fixed, carried along a path or on an arm (`patagium.mounts`); by
             default free if the robot has a floating body, else fixed.
-        **options: q, v, added_mass, load_cells and aero_state of `FlightOptions`; throw, progress,
-            controller and control_period of `SimulationOptions`; all optional.
+        **options: Further keywords, all optional:
+            q, v: Initial coordinates, (n_q,) [m, rad, 1], as `robot.coordinates(pitch=...)` makes,
+                and velocities, (n,) [m/s, rad/s].
+            controller: Function from time [s] and `FlightState` to commands (`SteeredGait`).
+            throw: Whether a run that stops early raises (default) or is returned as it is.
+            Others: See `FlightOptions` and `SimulationOptions`.
 
     Returns:
         The flight: see `patagium.simulation.flight.QUANTITIES`, attributes and audits.

@@ -7,7 +7,7 @@ DEBTS = {
     "functions above 60 lines": 0,
     "functions with more than 8 parameters": 0,
     "lines of Python in the wheel outside control": 60221,
-    "lines of control": 6_075,
+    "lines of control": 6_133,
     "classes of weight filters": 2,
     "types of memory": 2,
     "modules on the walk of spread": 6,

@@ -88,7 +88,7 @@ def test_stated_deviations_are_those_of_the_errors(rod: xr.Dataset) -> None:
     ratios = []
     for seed in range(6):
         found = pt.sensing.estimate_shifts(
-            pt.sense(rod, [imu, both], seed=seed), smoother=pt.sensing.Spline(0.02)
+            pt.sense(rod, [imu, both], seed=seed), smoother=pt.sensing.Kalman()
         )
         error = found.seconds["encoder"] - 5e-3
         ratios.append(error / found.std["encoder"])

@@ -164,12 +164,9 @@ def test_noise_on_its_floor_is_said(flight: xr.Dataset) -> None:
     )
 
 
-@pytest.mark.parametrize("smoother", [pt.sensing.Spline(0.02), pt.sensing.SavitzkyGolay(0.06)])
-def test_splines_and_sliding_polynomials_serve_as_well(
-    flight: xr.Dataset, smoother: pt.sensing.Spline | pt.sensing.SavitzkyGolay
-) -> None:
+def test_a_smoother_of_each_coordinate_serves_as_well(flight: xr.Dataset) -> None:
     log = pt.sense(flight, [SENSORS[1], replace(SENSORS[2], position=(0.02, 0.0, 0.01))])
-    ratio = normalized(pt.estimate_motion(log, smoother=smoother), flight)
+    ratio = normalized(pt.estimate_motion(log, smoother=pt.sensing.Kalman()), flight)
     assert 0.3 < np.median(ratio) < 2.0 and ratio.max() < 8
 
 
@@ -188,7 +185,7 @@ def test_a_robot_by_quaternion_is_found_by_its_angles(
 ) -> None:
     log = pt.sense(flight, SENSORS).without_truth()
     turned = replace(log, robot=log.robot.with_attitude("quaternion"))
-    found = pt.estimate_motion(turned, smoother=pt.sensing.Spline(0.02))
+    found = pt.estimate_motion(turned, smoother=pt.sensing.Kalman())
     assert found["q"].shape == motion["q"].shape
     apart = np.exp(1j * found["q"].values) / np.exp(1j * motion["q"].values)  # but whole turns
     np.testing.assert_allclose(np.angle(apart), 0, atol=0.05)
@@ -353,14 +350,10 @@ def test_a_tracker_raises_noise_that_is_too_small_for_the_motion(flight: xr.Data
     assert tracker.past([time])[0, 2, k] == pytest.approx(true, abs=20.0)  # of 490 rad/s^2
 
 
-@pytest.mark.parametrize("smoother", [pt.sensing.Kalman, pt.sensing.Spline])
 @pytest.mark.parametrize("value", ["much", None, -1.0, np.nan])
-def test_smoothers_refuse_what_is_no_number(smoother: type, value: object) -> None:
-    name = "order" if smoother is pt.sensing.Kalman else "knot_step"
-    with pytest.raises(ParameterError, match=name):
-        smoother(**{name: value})
-    with pytest.raises(ParameterError, match="window"):
-        pt.sensing.SavitzkyGolay(window=value)  # type: ignore[arg-type]
+def test_a_smoother_refuses_what_is_no_number(value: object) -> None:
+    with pytest.raises(ParameterError, match="order"):
+        pt.sensing.Kalman(order=value)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,7 @@ def things(robot: pt.Robot, flight: Any) -> dict[str, Any]:
             A.WindShear(aero),
             A.PolarTable(angle[:3], angle[:3], angle[:3], None),
         ),
-        *(log, S.Kalman(), S.SavitzkyGolay(window=0.04), S.Spline(knot_step=0.02)),
+        *(log, S.Kalman()),
         *(S.MomentumObserver(robot, 200.0), L.FilterSettings(), L.Screening(), L.Misfit()),
         *(L.NoiseEstimation(), L.ChangeDetection()),
         S.ForceSamples(

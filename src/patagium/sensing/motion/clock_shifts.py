@@ -23,7 +23,7 @@ from patagium.robot import Robot
 from patagium.sensing.motion.estimate_motion import SensorMotion, smoothed_stream
 from patagium.sensing.motion.frame_model import Motion, with_euler_angles
 from patagium.sensing.motion.sensor_streams import ImuModel, Stream, streams_of
-from patagium.sensing.motion.smoothers import Kalman, Smoother
+from patagium.sensing.motion.smoothers import Kalman
 from patagium.sensing.sensors import SensorLog
 
 _MOST_SAMPLES = 2000
@@ -54,7 +54,7 @@ def estimate_shifts(
     reference: str | None = None,
     largest: float = 0.05,
     robot: Robot | None = None,
-    smoother: Smoother | None = None,
+    smoother: Kalman | None = None,
 ) -> Shifts:
     """Clock shifts of encoders, cameras and inertial units against each other.
 
@@ -63,7 +63,7 @@ def estimate_shifts(
         reference: Sensor whose stamps are taken as right; None for the first inertial unit.
         largest: Largest shift of the search [s].
         robot: The machine; None for that of the log.
-        smoother: Smoother of encoders and cameras; None for a Kalman smoother.
+        smoother: Kalman of encoders and cameras; None for a Kalman smoother.
 
     Returns:
         Shifts of all linked sensors, for `estimate_motion`.
@@ -129,7 +129,7 @@ class _Search:
         streams: Sequence[Stream],
         units: Sequence[Stream],
         largest: float,
-        smoother: Smoother,
+        smoother: Kalman,
     ) -> None:
         self.robot, self.largest, self.units = robot, largest, list(units)
         self.tracks: dict[str, _Track] = {}

@@ -51,7 +51,7 @@ from patagium.sensing.motion.sensor_streams import (
     given_density,
     streams_of,
 )
-from patagium.sensing.motion.smoothers import MOTION_ORDERS, Smoother
+from patagium.sensing.motion.smoothers import MOTION_ORDERS, Kalman
 from patagium.sensing.sensors import SensorLog, as_quaternion, from_quaternion
 
 UNKNOWN = (1e-1, 3e1, 3e2)
@@ -347,7 +347,7 @@ def initial_estimate(motion_filter: MotionFilter, streams: Sequence[Stream]) -> 
 
 
 def smoothed_motion(
-    robot: Robot, streams: Sequence[Stream], times: Array, smoother: Smoother
+    robot: Robot, streams: Sequence[Stream], times: Array, smoother: Kalman
 ) -> SmoothedMotion:
     """Motion from encoders and cameras alone, each coordinate by itself.
 
@@ -357,7 +357,7 @@ def smoothed_motion(
         robot: The machine.
         streams: Measurements.
         times: Times at which the motion is wanted, (M,) [s].
-        smoother: Smoother of each coordinate.
+        smoother: Kalman of each coordinate.
 
     Raises:
         LogError: If a coordinate is seen by no encoder, and by no camera on the floating body.
@@ -401,7 +401,7 @@ class SensorMotion:
 
 
 def smoothed_stream(
-    robot: Robot, stream: Stream, times: Array, smoother: Smoother
+    robot: Robot, stream: Stream, times: Array, smoother: Kalman
 ) -> SensorMotion | None:
     """Motion from one encoder or camera system alone; None for other sensors.
 
@@ -409,7 +409,7 @@ def smoothed_stream(
         robot: The machine.
         stream: Measurements of the sensor.
         times: Times at which the motion is wanted, (M,) [s].
-        smoother: Smoother of each coordinate.
+        smoother: Kalman of each coordinate.
 
     Raises:
         LogError: If cameras do not see the floating body.
@@ -427,7 +427,7 @@ def smoothed_stream(
 
 
 def _smooth_base(
-    camera: Stream, times: Array, smoother: Smoother
+    camera: Stream, times: Array, smoother: Kalman
 ) -> tuple[tuple[Array, Array], tuple[Array, Array], Rotation]:
     """Position and rotation of a floating body with covariances, and its attitude."""
     model = camera.model
@@ -469,7 +469,7 @@ def estimate_motion(
     times: ArrayLike | None = None,
     order: int = 4,
     density: ArrayLike | None = None,
-    smoother: Smoother | None = None,
+    smoother: Kalman | None = None,
 ) -> xr.Dataset:
     """Coordinates, velocities and accelerations with their covariance, given a whole log.
 

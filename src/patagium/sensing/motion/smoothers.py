@@ -11,15 +11,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import factorial
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arguments import check_fields
 from patagium.arrays import Array, Indices, real_array, rising
-from patagium.errors import FilterDiverged, LogError, ParameterError, ShapeError, positive
-from patagium.sensing.motion.banded import SEEN, Information, Knots
+from patagium.errors import LogError, ParameterError, ShapeError
 
 ORDERS = (1, 2, 3, 4, 5)
 MOTION_ORDERS = (3, 4, 5)
@@ -275,29 +274,6 @@ def _series(
     return stamps, y, np.broadcast_to(deviations, y.shape[1:]), moments
 
 
-@runtime_checkable
-class Smoother(Protocol):
-    """Smoother that gives rates and accelerations of measured coordinates."""
-
-    def smooth(
-        self, time: ArrayLike, values: ArrayLike, std: ArrayLike, at: ArrayLike | None = None
-    ) -> Smoothed:
-        """Coordinates and two derivatives at given times.
-
-        Args:
-            time: Times of the samples, (N,) [s].
-            values: Measured coordinates, (N, B) [unit]; NaN where one is missing.
-            std: Standard deviation of the samples, (B,) or one for all [unit].
-            at: Times of the result, (M,) [s]; None for those of the samples.
-
-        Raises:
-            ShapeError: If arrays do not fit each other.
-            ParameterError: If they hold no numbers.
-            LogError: If there are too few samples.
-        """
-        ...
-
-
 @dataclass(frozen=True)
 class Kalman:
     """Kalman smoother of a chain of integrators driven by white noise.
@@ -324,7 +300,19 @@ class Kalman:
     def smooth(
         self, time: ArrayLike, values: ArrayLike, std: ArrayLike, at: ArrayLike | None = None
     ) -> Smoothed:
-        """Coordinates and two derivatives at the times `at`, (M,) [s]; see `Smoother`."""
+        """Coordinates and two derivatives at given times.
+
+        Args:
+            time: Times of the samples, (N,) [s].
+            values: Measured coordinates, (N, B) [unit]; NaN where one is missing.
+            std: Standard deviation of the samples, (B,) or one for all [unit].
+            at: Times of the result, (M,) [s]; None for those of the samples.
+
+        Raises:
+            ShapeError: If arrays do not fit each other.
+            ParameterError: If they hold no numbers.
+            LogError: If there are too few samples.
+        """
         stamps, y, deviations, times = _series(time, values, std, at)
         drive: ArrayLike | None = self.density
         if drive is None:
@@ -334,105 +322,6 @@ class Kalman:
         known[np.searchsorted(grid, stamps)] = y
         found = smooth_chain(grid, known, deviations, drive, order=self.order)
         return Smoothed(found.state[rows, :, :3], found.covariance[rows, :, :3, :3])
-
-
-@dataclass(frozen=True)
-class Spline:
-    """Least-squares spline of degree five.
-
-    Args:
-        knot_step: Time between knots, several samples [s].
-
-    Raises:
-        ParameterError: If it is not positive.
-    """
-
-    knot_step: float
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        positive("knot_step", self.knot_step, "a positive number of seconds")
-
-    def smooth(
-        self, time: ArrayLike, values: ArrayLike, std: ArrayLike, at: ArrayLike | None = None
-    ) -> Smoothed:
-        """Coordinates and two derivatives at the times `at`, (M,) [s]; see `Smoother`.
-
-        Raises:
-            LogError: If spans between knots have no samples.
-        """
-        taken, y, deviations, times = _series(time, values, std, at)
-        begin, end = min(taken[0], times.min()), max(taken[-1], times.max())
-        knots = Knots(begin, end, (end - begin) / max(1, round((end - begin) / self.knot_step)))
-        span, rows = knots.span_of(times), knots.weights(times)
-        state = np.empty((len(times), y.shape[1], 3))
-        covariance = np.empty((*state.shape, 3))
-        for b, column in enumerate(y.T):
-            stamps, known = taken[np.isfinite(column)], column[np.isfinite(column)]
-            information = Information(knots.count, 1)
-            information.add(knots.span_of(stamps), knots.weights(stamps, 1), known[:, None])
-            try:
-                points, found = information.solve()
-            except FilterDiverged:
-                raise LogError(
-                    "knot_step: expected several samples between knots "
-                    f"{self.knot_step:g} s apart, found spans without"
-                ) from None
-            seen = points[span[:, None] + np.arange(SEEN), 0]
-            state[:, b] = np.einsum("mkj,mj->mk", rows, seen)
-            spread = rows @ found.of_spans(span) @ np.swapaxes(rows, 1, 2)
-            covariance[:, b] = deviations[b] ** 2 * spread
-        return Smoothed(state, covariance)
-
-
-@dataclass(frozen=True)
-class SavitzkyGolay:
-    """Least-squares polynomial through the samples around each time.
-
-    Args:
-        window: Width of the span of samples [s].
-        degree: Degree of the polynomial, at least 2.
-
-    Raises:
-        ParameterError: If a number is out of its range.
-    """
-
-    window: float
-    degree: int = 4
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        positive("window", self.window, "a positive number of seconds")
-        if self.degree < 2:
-            raise ParameterError("degree", "an integer of at least 2", self.degree)
-
-    def smooth(
-        self, time: ArrayLike, values: ArrayLike, std: ArrayLike, at: ArrayLike | None = None
-    ) -> Smoothed:
-        """Coordinates and two derivatives at the times `at`, (M,) [s]; see `Smoother`.
-
-        Raises:
-            LogError: If a window holds too few samples for the polynomial.
-        """
-        taken, y, deviations, times = _series(time, values, std, at)
-        state = np.empty((len(times), y.shape[1], 3))
-        covariance = np.empty((*state.shape, 3))
-        half = self.window / 2
-        for b, column in enumerate(y.T):
-            seen = np.isfinite(column)
-            stamps, known = taken[seen], column[seen]
-            for m, now in enumerate(times):
-                middle = min(max(now, stamps[0] + half), stamps[-1] - half)
-                lo, hi = np.searchsorted(stamps, [middle - half - 1e-12, middle + half + 1e-12])
-                if hi - lo <= self.degree:
-                    raise LogError(
-                        f"window: expected more than {self.degree} samples within "
-                        f"{self.window:g} s of t = {now:.6g} s, found {hi - lo}"
-                    )
-                weights = _local(stamps[lo:hi], now, half, self.degree)
-                state[m, b] = weights @ known[lo:hi]
-                covariance[m, b] = weights @ weights.T * deviations[b] ** 2
-        return Smoothed(state, covariance)
 
 
 def merged_times(time: Array, at: Array) -> tuple[Array, Indices]:
@@ -446,10 +335,3 @@ def merged_times(time: Array, at: Array) -> tuple[Array, Indices]:
     grid = ordered[new]
     grid[place[: len(time)]] = time
     return grid, place[len(time) :]
-
-
-def _local(stamps: Array, now: float, half: float, degree: int) -> Array:
-    """Weights of K samples in value, rate and acceleration of their polynomial, (3, K)."""
-    powers = ((stamps - now) / half)[:, None] ** np.arange(degree + 1)
-    inverse = np.linalg.pinv(powers)[:3]
-    return np.asarray(inverse * np.array([1.0, 1 / half, 2 / half**2])[:, None])
