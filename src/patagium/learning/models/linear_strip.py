@@ -80,6 +80,8 @@ LIFTING_LINE = Term("lifting line", 1.0, 1.0)
 the place of blade elements, which are then expected to have no share."""
 ATTACHED_SHARE = 0.25
 """Prior of corrections where flow is attached, over that elsewhere [1]."""
+TURNING = Term("moment of a section that turns", 0.0, 2.0)
+"""Damping by the vortices that the edges of a section shed; attached flow sheds none of them."""
 STRIP_TERMS = (
     Term("acceleration of the air carried along", 0.0, 2.0),
     Term("attached lift", 0.0, 2.0),
@@ -93,7 +95,7 @@ STRIP_TERMS = (
     Term("chordwise force by pitching", 0.0, 0.5),
     Term("moment of incidence", 0.0, 2.0),
     Term("moment by pitching", 0.0, 2.0),
-    Term("moment of a section that turns", 0.0, 2.0),
+    TURNING,
     Term("drag along the span", 0.0, 0.2),
     Term("drag beyond a small incidence", 0.0, 1.0),
 )
@@ -463,8 +465,11 @@ def _terms(robot: Robot, surfaces: Sequence[str], attached: bool) -> tuple[Term,
         for name in surfaces
         for term in STRIP_TERMS
     ]
-    terms = (*WHOLE_TERMS, *STRIP_TERMS, *bodies, *departures)
-    return (terms[0]._replace(mean=0.0), *terms[1:], LIFTING_LINE) if attached else terms
+    terms = [*WHOLE_TERMS, *STRIP_TERMS, *bodies, *departures]
+    if attached:
+        still = [one._replace(std=_NOTHING) if TURNING.name in one.name else one for one in terms]
+        terms = [still[0]._replace(mean=0.0), *still[1:], LIFTING_LINE]
+    return tuple(terms)
 
 
 def _of_strip(weights: ca.SX, machine: Robot, surfaces: Sequence[str], strip: Strip) -> ca.SX:
