@@ -454,7 +454,10 @@ def _surfaces(robot: Robot) -> tuple[str, ...]:
 
 
 def _terms(robot: Robot, surfaces: Sequence[str], attached: bool) -> tuple[Term, ...]:
-    """Terms of the whole robot, of all strips, of its bodies, and of the strips of each kind."""
+    """Terms of the whole robot, of all strips, of its bodies, and of the strips of each kind.
+
+    Attached flow has the lifting line in addition, and nothing of blade elements and `TURNING`.
+    """
     bodies = [
         Term(f"{term.name} of {robot.bodies[k].name}", term.mean, term.std)
         for k in _bare(robot)
