@@ -72,7 +72,7 @@ def network() -> pt.StripNetwork:
 
 def tuned(flight: Any, **options: Any) -> Tuned:
     asked = {"every": 10, "trials": 24, "jobs": 1, "covariance": ["node"], "settings": SEARCHED}
-    return tune(flight, network(), **(asked | options))
+    return tune(flight, network(), **(asked | {"learner": "cubature"} | options))
 
 
 @cache
