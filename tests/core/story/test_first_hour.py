@@ -117,7 +117,7 @@ def test_a_log_is_brought_to_a_model_by_what_comes_next(
     last = _said("inspect log.csv -o map.yaml", capsys).splitlines()[-1]
     assert Path("map.yaml").read_text() == mapping
     said = _said(last.partition("then patagium ")[2], capsys)
-    (learn, _) = re.findall(r"patagium ([^,\n]+)", said.splitlines()[-1])
+    (learn,) = re.findall(r"patagium ([^,\n]+)", said.splitlines()[-1])  # no channels for motion
     assert learn == "identify log.nc" and "NMSE" in _said(learn, capsys)
 
 

@@ -66,7 +66,7 @@ def test_a_settings_file_builds_the_network_that_was_tuned(tmp_path: Path) -> No
     networks = (
         pt.StripNetwork(ROBOT, (3,), measured=["z"], rotation=True, coefficient_scale=2.0),
         HiddenStripNetwork(ROBOT, (3,), lags=1),
-        LinearStripNetwork(ROBOT, by_surface=False),
+        LinearStripNetwork(ROBOT, measured=["z"]),
     )
     for network in networks:
         kept = Settings(every=1, network=NetworkSettings.of(network), learner=LearnerSettings())
