@@ -225,6 +225,8 @@ def test_what_no_sensor_sees_is_named(flight: xr.Dataset) -> None:
     log = pt.sense(flight, SENSORS)
     with pytest.raises(ShapeError, match="density"):
         pt.estimate_motion(log, density=[1.0])
+    with pytest.raises(ShapeError, match="times"):
+        pt.estimate_motion(log, times=[[0.01, 0.02], [0.03, 0.04]])
     with pytest.raises(ParameterError, match="order"):
         pt.estimate_motion(log, order=2)
 

@@ -493,7 +493,7 @@ def estimate_motion(
     Raises:
         LogError: If a coordinate is seen by no sensor, or readings cannot be used.
         ParameterError: If an argument is out of its range.
-        ShapeError: If `density` is not (n,).
+        ShapeError: If `density` is not (n,), or `times` not (N,).
     """
     machine = with_euler_angles(log.robot if robot is None else robot)
     if order not in MOTION_ORDERS:
@@ -502,7 +502,7 @@ def estimate_motion(
     if times is None:
         wanted = common_times(streams)
     else:
-        wanted = np.atleast_1d(real_array("times", times))
+        wanted = real_array("times", np.atleast_1d(real_array("times", times)), ("N",))
     if smoother is not None:
         found = smoothed_motion(machine, streams, wanted, smoother)
         return _dataset(machine, wanted, found, log)
