@@ -10,7 +10,7 @@ _ROW = re.compile(r"^\| ([^|]+) \| ([−\d.×⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+) \
 
 
 def errors_of_the_page() -> dict[tuple[str, str], float]:
-    """Error of each model by case and model, as the page prints it."""
+    """Errors that the page shows, by case and model."""
     shown = {}
     for part in _PAGE.read_text("utf-8").split("\n## ")[1:]:
         case = part.split("\n")[0]

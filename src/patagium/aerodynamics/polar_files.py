@@ -39,7 +39,7 @@ class PolarTable(NamedTuple):
 
 @checked
 def read_polar(path: str | Path) -> PolarTable:
-    """Static polar from a text file: columns alpha, CL, CD and perhaps CM, by name.
+    """Static polar of a section, from the columns alpha, CL, CD and perhaps CM of a text file.
 
     Angles are in degrees unless the header has alpha [rad]. Rows are sorted by angle; of rows with
     the same angle the first counts. Rows without a number in one of these columns are left out.
@@ -53,8 +53,7 @@ def read_polar(path: str | Path) -> PolarTable:
     """
     lines = text_of(path, _LARGEST).splitlines()
     headers = [_header(line) for line in lines]
-    needed = {*_COLUMNS[:3]}
-    firsts = [k for k, names in enumerate(headers) if needed <= {*names}]
+    firsts = [k for k, names in enumerate(headers) if {*_COLUMNS[:3]} <= {*names}]
     if len(firsts) != 1:
         expected = "one header that names the columns alpha, CL and CD"
         raise Unreadable(str(path), "", expected, str(len(firsts) or "none"))
@@ -87,7 +86,7 @@ def read_polar(path: str | Path) -> PolarTable:
 
 
 def _header(line: str) -> dict[str, tuple[int, str]]:
-    """Place and unit of each column that a line names, as alpha [deg] or alpha (deg)."""
+    """Position and unit of each column in a header line; units in brackets, as in alpha [deg]."""
     joined = re.sub(r"\s+(?=[\[(])", "", line.lower())
     found: dict[str, tuple[int, str]] = {}
     for place, word in enumerate(joined.split("," if "," in joined else None)):

@@ -381,9 +381,7 @@ def measured_section(
     columns = {"angle": angle, "lift": lift, "drag": drag}
     polar = TablePolar(*(tuple(real_array(*one).ravel()) for one in columns.items()))
     zero = _zero_lift(np.array(polar.angle), np.array(polar.lift))
-    static = np.empty(0)
-    if moment is not None:
-        static = real_array("moment", moment).ravel()
+    static = np.empty(0) if moment is None else real_array("moment", moment).ravel()
     if static.size in (0, len(polar.angle)):
         polar, static = _on_both_sides(polar, static)
     a, c_l, c_d = (np.array(x) for x in (polar.angle, polar.lift, polar.drag))
@@ -414,7 +412,7 @@ def _on_both_sides(polar: TablePolar, moment: Array) -> tuple[TablePolar, Array]
     moments = [moment] if moment.size else []
     table = np.array([polar.angle, polar.lift, polar.drag, *moments])
     mirror = np.array([[-1.0], [-1.0], [1.0], [-1.0]])[: len(table)]
-    for _ in "-+":
+    for _ in range(2):  # the negative side, mirrored, and then the positive one
         table = (table * mirror)[:, ::-1]
         begin = table[0, -1]
         if _LINEAR[0] < begin < pi / 2 - _APART:

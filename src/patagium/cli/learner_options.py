@@ -332,10 +332,11 @@ def winged_network(choice: LearnerChoice, subject: Any, air: Air) -> Network:
     given: dict[str, Any] = {} if linear else {"hidden": hidden}
     if choice.activation and not linear:
         given["activation"] = choice.activation
-    network: Network = getattr(learning, WINGED[kind])(robot, air=air, **given)
-    if not choice.options:
-        return network
-    return learning.network_from_description({**network.describe(), **choice.options})
+    make = getattr(learning, WINGED[kind])
+    for name, value in (choice.options or {}).items():
+        given[name] = make.readers[name](value) if name in make.readers else value
+    network: Network = make(robot, air=air, **given)
+    return network
 
 
 def scaled_network(choice: LearnerChoice, names: tuple[str, ...], x: Array, y: Array) -> Any:

@@ -10,12 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.learner_options import (
-    LearnerChoice,
-    NetworkKind,
-    nested,
-    with_learner_options,
-)
+from patagium.cli.learner_options import LearnerChoice, NetworkKind, nested, with_learner_options
 from patagium.cli.options import OUTPUT, MappingOption
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import progress_bar, say_json, show_table

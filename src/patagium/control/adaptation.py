@@ -399,7 +399,7 @@ class AdaptiveController:
         return True
 
     def _failed(self, what: str, reason: str) -> bool:
-        """Count a search that failed; from the third in a row on the next ones wait, twice each."""
+        """Count a failed search; from the third in a row on searches pause, ever longer."""
         self.counts[what] += 1
         self._reason = self._reason or reason
         self._failures += 1

@@ -120,13 +120,13 @@ def default_learner(
 def table_settings(
     table: LogTable, network: Network, every: int | None = None, given: Collection[str] = ()
 ) -> dict[str, Any]:
-    """Plain settings of the default learner of a table: it forgets, and its noise has a floor.
+    """Default settings of the learner of a table, by name: forgetting and the least model error.
 
     Args:
         table: Rows of the log.
         network: Network that learns it.
         every: One sample in so many is used; None: as many as the time of an update allows.
-        given: Dotted names of settings that are given; there is no floor beside given noise.
+        given: Dotted names of settings that are given; with noise given, no least error is set.
     """
     found: dict[str, Any] = {"prior_share": table_share(table, network, every)}
     if {"measurement_std", "misfit.floor", "noise_estimation.memory"}.isdisjoint(given):

@@ -242,7 +242,8 @@ class Simulator:
         robot: The machine.
         aero: Model of the air around it.
         gait: Motion of the actuated joints.
-        duration: Longest time it can fly, a whole number of time steps [s].
+        duration: Longest time it can fly, a whole number of time steps; of chosen steps as many as
+            come nearest [s].
         time_step: Step [s]; None for a 400th of a wingbeat, 1 ms at most, or half the longest
             stable one at the start where that is shorter.
         mount: Mount that holds the robot; free by default if it floats, else fixed.
@@ -289,40 +290,46 @@ class Simulator:
         v = initial_velocities(robot, options.get("v"))
         base = _base_motion(robot, layout, held, q, v)
         self._robot, self._aero, self._gait, self._layout = robot, aero, gait, layout
-
-        def rows(time: Array) -> Array:
-            joints, body = self._gait.motion(time), base(time)
-            parts = [
-                *(joints.position, body.position),
-                *(joints.velocity, body.velocity),
-                *(joints.acceleration, body.acceleration),
-            ]
-            return np.column_stack([*parts, aero.air.uniform_wind_at(time)])
-
+        rows = partial(self._row_table, base)
         state = layout.initial_state(q, v, _lags(aero, options.get("aero_state")))
         self._equations = _equations(robot, aero, added_mass, held, cells, layout, state)
         self._singular = singular_places(layout.machine, layout.passive_coordinates)
         check_start(self._equations, layout.state_names, state, self._singular)
-        self._rows = rows
-        springs = bool(robot.stiffness)
+        self._rows, springs = rows, bool(robot.stiffness)
         if time_step is None:
-            whole = duration if control_period is None else control_period
-            time_step = chosen_step(self._equations, state, rows, gait.period, whole, springs)
+            at_start = self._equations, state, rows, gait.period, duration
+            part = (
+                duration if control_period is None else positive("control_period", control_period)
+            )
+            time_step = chosen_step(*at_start, part, springs)
+            duration = max(1, round(duration / time_step)) * time_step
         self.steps, self._time_step = whole_steps(duration, time_step), time_step
         self._control_steps = _control_steps(gait, control_period, time_step)
-        self._control_period = control_period
         slopes = rate_slopes(self._equations, [state], rows, np.zeros(1)) if springs else []
         implicit = tightest_limit(slopes, time_step) is not None
         self._integration = Integration(
             self._equations, state, rows, self.steps, time_step, implicit=implicit
         )
         self._cause: StepTooLong | None = None
-        self._own_commands, self._changes, self._held = {}, [], held
+        self._own_commands, self._changes = {}, []
+        self._held, self._control_period = held, control_period
         stepping = "partitioned Lobatto IIIC" if implicit else "partitioned RK4"
         self._origin = FlightOrigin(
             robot, aero, gait.describe(), held.kind, time_step, stepping, added_mass,
             mount_path=held.describe(), load_cells=cells,
         )  # fmt: skip
+
+    def _row_table(self, base: Callable[[Array], PrescribedMotion], time: Array) -> Array:
+        """Rows of the equations at given times: motion of joints and of a held body, wind."""
+        joints, body = self._gait.motion(time), base(time)
+        return np.column_stack(
+            [
+                *(joints.position, body.position),
+                *(joints.velocity, body.velocity),
+                *(joints.acceleration, body.acceleration),
+                self._aero.air.uniform_wind_at(time),
+            ]
+        )
 
     @property
     def time(self) -> float:
@@ -476,7 +483,7 @@ class Simulator:
             SimulationFailed: If the run broke; it carries the flight.
         """
         if self._integration.done >= self.steps:
-            expected = "more than what is flown, for another step"
+            expected = "a longer flight: all its steps are flown"
             raise ParameterError("duration", expected, self.time)
         if self._fly_period(commands) is not Outcome.COMPLETED:
             raise SimulationFailed(self.message(), self.flight(), self.outcome)
@@ -546,7 +553,7 @@ def _wind(aero: Aerodynamics, samples: dict[str, Array], time: Array) -> Array:
 def period_of(
     controller: Controller, robot: Robot, gait: Gait, stated: float | None = None
 ) -> float | None:
-    """Time between two calls of a controller, its own `period` or what is stated, or None [s].
+    """Control period of a controller [s]: its own `period`, else the stated one, else None.
 
     Raises:
         ParameterError: If the two differ, its own is no positive number, or it refuses the flight.
@@ -570,7 +577,7 @@ def _control_steps(gait: Gait, period: float | None, time_step: float) -> int:
     steps = min(positive("control_period", period) / time_step, 1e15)
     if round(steps) < 1 or abs(steps - round(steps)) > 1e-6 * steps:
         near = f"{period / ceil(steps):.9g}"
-        expected = f"a whole part of the control period of {period:.9g} s, such as {near}"
+        expected = f"the control period of {period:.9g} s over a whole number, such as {near}"
         raise ParameterError("time_step", expected, time_step)
     return round(steps)
 
@@ -682,18 +689,18 @@ _TRIALS = 3
 
 def _flown(
     start: Callable[[float | None], Simulator],
-    duration: float,
+    divided: float,
     time_step: float | None,
     fly: Callable[[Simulator], Outcome],
 ) -> xr.Dataset:
-    """The flight; begun anew with a shorter step where a chosen one was too long."""
+    """The flight; begun anew where a chosen step, a part of the divided time, was too long."""
     step = time_step
     for _ in range(_TRIALS):
         simulator = start(step)
         fly(simulator)
         if simulator.longest_step is None or time_step is not None:
             break
-        step = tidy_step(duration, 0.5 * simulator.longest_step)
+        step = tidy_step(divided, 0.5 * simulator.longest_step)
     return simulator.flight()
 
 
@@ -747,13 +754,13 @@ def simulate(
         raise ParameterError("control_period", "a controller with it", None)
 
     def start(step: float | None) -> Simulator:
+        whole = duration if step is None or step == time_step else round(duration / step) * step
         return Simulator(
-            robot, aero, gait, duration=duration, time_step=step, mount=mount,
+            robot, aero, gait, duration=whole, time_step=step, mount=mount,
             control_period=period, **started,
         )  # fmt: skip
 
-    whole = duration if period is None else period
-    flight = _flown(start, whole, time_step, lambda flying: flying.fly(controller, progress))
+    flight = _flown(start, period or duration, time_step, lambda on: on.fly(controller, progress))
     outcome = Outcome[flight.attrs["outcome"]]
     if throw and outcome is not Outcome.COMPLETED:
         raise SimulationFailed(flight.attrs["message"], flight, outcome)

@@ -8,8 +8,8 @@ A damper or spring that answers faster than a step makes Runge-Kutta's numbers g
 the motion fades. Told from a motion that does grow by two questions, asked only when a run
 has stopped: does the linearized rate, while the run broke, have a mode that grows in the
 numbers and not in the equations; and is the same stretch flown past that moment with a
-step short enough for it. A step that nobody asked for is also short enough that swings
-with little damping keep their size. Neglected: motions that get faster than at the start.
+step short enough for it. A step that nobody asked for is also short enough that weakly damped
+oscillations keep their amplitude. Neglected: motions that get faster than at the start.
 """
 
 from __future__ import annotations
@@ -113,13 +113,14 @@ def chosen_step(
     rows: Callable[[Array], Array],
     beat: float | None,
     duration: float,
+    divided: float,
     implicit: bool,
 ) -> float:
     """Step for a flight for which nobody asked for one [s].
 
     A 400th of a wingbeat, at which the energy audit of the presets is below 1e-8, half the
-    longest step that is stable at the start, or what keeps the size of its swings, whichever is
-    shorter. Where stability alone asks for a much shorter one, implicit steps do without it.
+    longest step that is stable at the start, or what keeps the amplitude of its oscillations,
+    whichever is shorter. Implicit steps need not be so short for stability alone.
 
     Args:
         equations: What will be integrated.
@@ -127,6 +128,7 @@ def chosen_step(
         rows: Table rows at given times, (N,) [s] to (N, row_size) [SI].
         beat: Wingbeat [s], or None.
         duration: Duration of the flight [s].
+        divided: Time that is a whole number of steps [s].
         implicit: Whether steps are implicit where explicit ones are not stable.
     """
     wanted = min(LONGEST_CHOSEN, (beat or np.inf) / STEPS_A_BEAT)
@@ -137,14 +139,15 @@ def chosen_step(
     stable = accurate if found is None else 0.5 * found.longest
     if implicit and stable * IMPLICIT_COST < accurate:
         stable = accurate
-    return tidy_step(duration, min(accurate, stable))
+    return tidy_step(divided, min(accurate, stable))
 
 
 def _accurate_step(slope: Array) -> float:
-    """Longest step at which swings with little damping keep their size [s].
+    """Longest step that keeps the amplitude of weakly damped oscillations [s].
 
-    Classic Runge-Kutta takes (w h)^6/144 of a swing's size in a step h. That is at most 5e-6
-    (w h = .3), or a tenth of what damping takes. More damping than .4 of the rate w ends swings.
+    In a step h the classic Runge-Kutta method takes the share (w h)^6/144 of the amplitude of an
+    oscillation of frequency w. That is at most 5e-6 (w h = .3), or a tenth of what damping takes.
+    Modes with a damping ratio above .4 are not counted as oscillations.
     """
     eigenvalues = np.linalg.eigvals(slope).astype(complex)
     rates = np.abs(eigenvalues)

@@ -6,7 +6,7 @@ DEBTS = {
     "packages with code in their __init__": 0,
     "functions above 60 lines": 0,
     "functions with more than 8 parameters": 0,
-    "lines of Python in the wheel outside control": 60_198,
+    "lines of Python in the wheel outside control": 60_200,
     "lines of control": 6_133,
     "classes of weight filters": 2,
     "types of memory": 2,

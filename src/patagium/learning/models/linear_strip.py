@@ -222,7 +222,7 @@ class LinearStripNetwork(WingNetwork):
 
     @property
     def inputs(self) -> int:
-        """Length of [q, v, a] and, in attached flow, of the lag states."""
+        """Number of inputs: of [q, v, a] and, in attached flow, of the lag states."""
         lags = self.lag_equations
         return self.measured_inputs + (0 if lags is None else row_size(lags))
 
@@ -463,16 +463,15 @@ def _terms(robot: Robot, surfaces: Sequence[str], attached: bool) -> tuple[Term,
         for k in _bare(robot)
         for term in BODY_TERMS
     ]
+    none = TURNING._replace(std=_NOTHING)
+    strips = [none if attached and term is TURNING else term for term in STRIP_TERMS]
     departures = [
         Term(f"{term.name} of {name}", 0.0, SURFACE_SHARE * term.std)
         for name in surfaces
-        for term in STRIP_TERMS
+        for term in strips
     ]
-    terms = [*WHOLE_TERMS, *STRIP_TERMS, *bodies, *departures]
-    if attached:
-        still = [one._replace(std=_NOTHING) if TURNING.name in one.name else one for one in terms]
-        terms = [still[0]._replace(mean=0.0), *still[1:], LIFTING_LINE]
-    return tuple(terms)
+    terms = (*WHOLE_TERMS, *strips, *bodies, *departures)
+    return (terms[0]._replace(mean=0.0), *terms[1:], LIFTING_LINE) if attached else terms
 
 
 def _of_strip(weights: ca.SX, machine: Robot, surfaces: Sequence[str], strip: Strip) -> ca.SX:

@@ -62,8 +62,8 @@ class NetworkSettings(BaseModel):
         """Settings of a network; outputs that are all coordinates of its robot are not named."""
         own, said = {}, network.describe()
         if isinstance(network, RobotNetwork):
-            all_ = [*network.robot.dof_names]
-            own = {name: said[name] for name in network.options if said[name] != all_}
+            names = [*network.robot.dof_names]
+            own = {name: said[name] for name in network.options if said[name] != names}
         activation = said.get("activation")
         return cls(kind=said["kind"], hidden=network.hidden, activation=activation, options=own)
 

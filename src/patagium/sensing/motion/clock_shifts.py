@@ -63,7 +63,7 @@ def estimate_shifts(
         reference: Sensor whose stamps are taken as right; None for the first inertial unit.
         largest: Largest shift of the search [s].
         robot: The machine; None for that of the log.
-        smoother: Kalman of encoders and cameras; None for a Kalman smoother.
+        smoother: Smoother of encoders and cameras; None for one that finds its density.
 
     Returns:
         Shifts of all linked sensors, for `estimate_motion`.

@@ -357,7 +357,7 @@ def smoothed_motion(
         robot: The machine.
         streams: Measurements.
         times: Times at which the motion is wanted, (M,) [s].
-        smoother: Kalman of each coordinate.
+        smoother: Smoother of each coordinate.
 
     Raises:
         LogError: If a coordinate is seen by no encoder, and by no camera on the floating body.
@@ -409,7 +409,7 @@ def smoothed_stream(
         robot: The machine.
         stream: Measurements of the sensor.
         times: Times at which the motion is wanted, (M,) [s].
-        smoother: Kalman of each coordinate.
+        smoother: Smoother of each coordinate.
 
     Raises:
         LogError: If cameras do not see the floating body.
@@ -482,8 +482,8 @@ def estimate_motion(
             the span of all others.
         order: Number of levels of each coordinate: 3 for white jerk, 4 for white snap.
         density: Density of that noise, (n,) [unit^2/s^(2 order - 1)]; None for the most likely.
-        smoother: Spline or sliding polynomial through encoders and cameras instead of the Kalman
-            smoother; inertial units are then left out.
+        smoother: Smoother of each coordinate by itself, from encoders and cameras, instead of one
+            of the whole robot; inertial units are then left out.
 
     Returns:
         A dataset over `time` and `dof`: q, v, a [m, rad and their rates], `covariance` of
