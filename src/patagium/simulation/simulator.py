@@ -730,12 +730,11 @@ def simulate(
         time_step: Step [s]; None chooses one (`Simulator`) and says it in the flight's attributes.
         mount: Free, fixed, carried along a path or on an arm (`patagium.mounts`); by
             default free if the robot has a floating body, else fixed.
-        **options: Further keywords, all optional:
-            q, v: Initial coordinates, (n_q,) [m, rad, 1], as `robot.coordinates(pitch=...)` makes,
-                and velocities, (n,) [m/s, rad/s].
-            controller: Function from time [s] and `FlightState` to commands (`SteeredGait`).
-            throw: Whether a run that stops early raises (default) or is returned as it is.
-            Others: See `FlightOptions` and `SimulationOptions`.
+        **options: Further keywords, all optional: `q` and `v`, initial coordinates, (n_q,)
+            [m, rad, 1], as `robot.coordinates(pitch=...)` makes, and velocities, (n,) [m/s,
+            rad/s]; `controller`, a function from time [s] and `FlightState` to commands
+            (`SteeredGait`); `throw`, whether a run that stops early raises (default) or is
+            returned as it is. See `FlightOptions` and `SimulationOptions` for the others.
 
     Returns:
         The flight: see `patagium.simulation.flight.QUANTITIES`, attributes and audits.
