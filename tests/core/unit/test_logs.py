@@ -4,6 +4,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from tests.tables import table_of
 
 import patagium as pt
 from patagium.errors import LogError
@@ -12,8 +13,7 @@ from patagium.learning.identify import evaluate_table, identify_table
 from patagium.learning.model_file import model_of
 from patagium.learning.settings import FilterSettings
 from patagium.learning.table_network import network_for, scaling_samples
-from patagium.sensing.logs.mapping import parse_mapping
-from patagium.sensing.logs.table import LogTable, table_from_frame
+from patagium.sensing.logs.table import LogTable
 
 WORDS: dict[str, Any] = {
     "time": {"column": "t", "unit": "ms"},
@@ -32,7 +32,7 @@ def log(count: int = 400, seed: int = 0, words: dict[str, Any] = WORDS) -> LogTa
     stamps = np.arange(count) * 2.0
     stamps[count // 2 :] += 50.0
     frame = pd.DataFrame({"t": stamps, "command": command, "rate": rate, "force": force})
-    return table_from_frame(frame, parse_mapping(words))
+    return table_of(frame, words)
 
 
 def learner(table: LogTable) -> pt.CubatureLearner:

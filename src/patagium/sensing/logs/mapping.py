@@ -229,18 +229,6 @@ class TableMapping(_Words):
         """All quantities: inputs, outputs, channels."""
         return (*self.inputs, *self.outputs, *self.channels)
 
-    @property
-    def is_plain(self) -> bool:
-        """Whether the mapping only names columns of one table with numbers and their stamps."""
-        time = self.time
-        extras = (time.base, time.rate, time.like, time.start, time.end, time.duplicates,
-                  time.restamp, self.robot)  # fmt: skip
-        plain = all(
-            c.column and c.size == 1 and not c.stamp and not c.negated for c in self.columns
-        )
-        taken = any(one is not None for one in extras)
-        return plain and bool(time.column) and not taken and not self.channels
-
 
 @checked
 def load_mapping(path: str | Path) -> TableMapping:

@@ -44,7 +44,7 @@ from patagium.sensing.logs.files.channels import (
 from patagium.sensing.logs.files.mat_elements import check_elements
 from patagium.sensing.logs.mapping import conversion
 
-HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
+_HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 _NANOSECONDS = {"s": 1e9, "sec": 1e9, "ms": 1e6, "us": 1e3, "usec": 1e3, "µs": 1e3, "ns": 1.0}
 _TIME = re.compile(
     r"^(time|t|timestamp|stamp|tout|clock)(?:[_ .(\[]*(s|sec|ms|us|usec|µs|ns)\W?)?$"
@@ -97,7 +97,7 @@ def table_topic(
 
 def _parted(name: str) -> tuple[str, str]:
     """Name and unit of a header such as `gyro [deg/s]`; the unit is empty if there is none."""
-    match = HEADER.match(name)
+    match = _HEADER.match(name)
     if match is None or match["unit"].isdigit() or "[" in match["name"]:
         return name, ""
     return match["name"], match["unit"]
@@ -431,26 +431,7 @@ class CsvFile(LogFile):
                     yield table_block(key, one, columns, row, len(frame), str(self.path))
                     row += len(frame)
 
-    def frame(self) -> pd.DataFrame:
-        """Whole table in memory, lists in cells as columns of their entries.
-
-        Raises:
-            LogError: If a line has more entries than there are names.
-        """
-        if self.topics[""].problem:
-            raise LogError(f"{self.path}: {self.topics[''].problem}")
-        with reading(self.path, "CSV"), self._opened() as text:
-            for _ in range(self._skip):
-                text.readline()
-            held = pd.concat(list(self._frames(text, None)) or [pd.DataFrame(columns=self._names)])
-        held = held.reset_index(drop=True)
-        sources = {source for source, _ in self._lists.values()}
-        names = [*(name for name in held if name not in sources), *self._lists]
-        return pd.DataFrame(self._columns(held, names, 0, calendar=False), columns=names)
-
-    def _columns(
-        self, frame: Any, names: Iterable[str], row: int, *, calendar: bool = True
-    ) -> dict[str, Any]:
+    def _columns(self, frame: Any, names: Iterable[str], row: int) -> dict[str, Any]:
         """Columns of some rows by name: numbers, calendar times, entries of lists."""
         columns: dict[str, Any] = {}
         parsed: dict[str, Array] = {}
@@ -461,7 +442,7 @@ class CsvFile(LogFile):
                     size = sum(one == source for one, _ in self._lists.values())
                     parsed[source] = self._entries(frame[source], size, _parted(source)[0], row)
                 columns[name] = parsed[source][:, place]
-            elif calendar and name in self._calendar:
+            elif name in self._calendar:
                 columns[name] = _calendar(frame[name])
             else:
                 columns[name] = frame[name]
@@ -541,13 +522,15 @@ class CsvFile(LogFile):
             )
         with reading(self.path, "CSV"):
             frames = list(self._frames(io.StringIO(look), None))
+        if not frames or not len(frames[0]):
+            raise LogError(f"{self.path}: expected samples below the line of names, found none")
         types, unplaced, stated = {}, {}, dict(units)
         self._calendar: list[str] = []
         for name in self._names:
-            column = frames[0][name] if frames else pd.Series(dtype=float)
+            column = frames[0][name]
             size = 0 if _numeric(column) else _list_size(column)
             if _numeric(column):
-                types[name] = str(column.dtype) if frames else "float64"
+                types[name] = str(column.dtype)
             elif size:
                 plain, unit = _parted(name)
                 entries = {f"{plain}[{k}]": (name, k) for k in range(size)}

@@ -26,10 +26,9 @@ from patagium.netcdf_file import NetcdfDraft
 from patagium.robot import Robot, load_robot, preset_names
 from patagium.sensing.logs.files.channels import LogFile
 from patagium.sensing.logs.files.opening import open_log
-from patagium.sensing.logs.files.table_files import CsvFile
 from patagium.sensing.logs.importing.consistency import consistency
 from patagium.sensing.logs.importing.findings import SECOND, Finding, Progress, StampSurvey
-from patagium.sensing.logs.importing.log_findings import log_findings, table_range_findings
+from patagium.sensing.logs.importing.log_findings import log_findings
 from patagium.sensing.logs.importing.plan import Plan, plan_import, variable_name
 from patagium.sensing.logs.importing.resample import (
     CHUNK,
@@ -42,7 +41,7 @@ from patagium.sensing.logs.importing.resample import (
 )
 from patagium.sensing.logs.mapping import TableMapping, load_mapping
 from patagium.sensing.logs.record import FORMAT, LogRecord
-from patagium.sensing.logs.table import LogTable, table_from_frame
+from patagium.sensing.logs.table import LogTable
 from patagium.version import __version__
 from patagium.whole_file import Draft
 
@@ -366,45 +365,19 @@ def _half(progress: Progress | None, which: int) -> Progress | None:
 
 @checked
 def read_table(
-    path: str | Path,
-    mapping: TableMapping | str | Path,
-    tell: Callable[[Any], None] | None = None,
+    path: str | Path, mapping: TableMapping | str | Path, tell: Tell | None = None
 ) -> LogTable:
-    """Checked table of a CSV or Parquet file, or of another log through `import_log`.
-
-    A header may carry its unit as `name [unit]`; it must then agree with the mapping. If the
-    mapping names more than plain columns (topics, axes, a time base), the log is imported in a
-    temporary folder first.
+    """Table of inputs and outputs in a log, by `import_log` in a temporary folder.
 
     Args:
-        path: A `.csv` (also `.csv.gz`) or `.parquet` file with named columns, or another log.
-        mapping: Meaning of the columns, or the YAML file that states it.
-        tell: Called with the findings of an import.
+        path: A CSV (also `.csv.gz`) or Parquet file, or another log.
+        mapping: Meaning of its columns or fields, or the YAML file that states it.
+        tell: Called with the findings of the import.
 
     Raises:
-        LogError: If the file cannot be read, a column is missing or not numeric, a number
-            is missing or infinite, time does not advance, or a unit does not fit.
+        LogError: If the log cannot be read or lacks what the mapping names.
     """
-    file = Path(path)
-    words = mapping if isinstance(mapping, TableMapping) else load_mapping(mapping)
-    if words.is_plain and file.name.lower().endswith((".csv", ".csv.gz", ".parquet")):
-        table = table_from_frame(_frame(file, words.skip_rows), words, str(file))
-        beyond = table_range_findings(table)
-        if tell is not None and beyond:
-            tell(beyond)
-        return table
     with tempfile.TemporaryDirectory() as folder:
-        found = import_log(file, mapping, Path(folder) / "log.nc", tell=tell)
+        found = import_log(path, mapping, Path(folder) / "log.nc", tell=tell)
         with LogRecord(found.path) as record:
-            return replace(record.table(), source=str(file))
-
-
-def _frame(file: Path, skip_rows: int | None) -> pd.DataFrame:
-    if not file.exists():
-        raise LogError(f"{file}: no such file")
-    if file.suffix != ".parquet":
-        return CsvFile(file, skip_rows).frame()
-    try:
-        return pd.read_parquet(file)
-    except (OSError, ValueError, ImportError) as problem:
-        raise LogError(f"{file}: expected a Parquet table, found: {problem}") from problem
+            return replace(record.table(), source=str(path))

@@ -24,7 +24,6 @@ from patagium.sensing.logs.importing.flight_findings import flight_findings, fli
 from patagium.sensing.logs.importing.plan import Plan, Quantity
 from patagium.sensing.logs.importing.resample import CHUNK, Spool, TimeBase
 from patagium.sensing.logs.mapping import TableMapping, conversion
-from patagium.sensing.logs.table import LogTable
 
 
 def log_findings(
@@ -129,44 +128,12 @@ def _range_findings(item: Quantity, spool: Spool) -> list[Finding]:
     for begin in range(0, count, CHUNK):
         rows = spool.values_of(item.stream, begin, min(begin + CHUNK, count))[:, places]
         outside += int(((rows < low - margin) | (rows > high + margin)).any(axis=1).sum())
-    return [_range_finding(words.label, outside, count, words.range, ends, words.unit)]
-
-
-def table_range_findings(table: LogTable) -> list[Finding]:
-    """Findings that numbers of a table leave the ranges that its mapping states."""
-    names, units = (
-        (*table.input_names, *table.output_names),
-        (*table.input_units, *table.output_units),
-    )
-    values = np.hstack([table.x, table.y])
-    ranges = np.vstack([table.input_range, table.output_range])
-    margin = 1e-9 * np.abs(ranges[:, 1] - ranges[:, 0])  # of rounding
-    low, high = np.sort(ranges, axis=1).T
-    outside = ((values < low - margin) | (values > high + margin)).sum(axis=0)
-    return [
-        _range_finding(
-            name, int(outside[k]), len(values), (low[k], high[k]),
-            (values[:, k].min(), values[:, k].max()), units[k],
-        )
-        for k, name in enumerate(names)
-        if outside[k]
-    ]  # fmt: skip
-
-
-def _range_finding(
-    name: str,
-    outside: int,
-    count: int,
-    stated: tuple[float, float],
-    ends: tuple[float, float],
-    unit: str,
-) -> Finding:
     text = (
-        f"{outside} of {count} rows leave the stated range [{stated[0]:g}, {stated[1]:g}] {unit}: "
+        f"{outside} of {count} rows leave the stated range [{low:g}, {high:g}] {words.unit}: "
         f"they reach from {ends[0]:.6g} to {ends[1]:.6g}; networks are scaled by it: state what "
         "the quantity can reach, or check its unit"
     )
-    return Finding("warning", name, "range", text)
+    return [Finding("warning", words.label, "range", text)]
 
 
 def _stated_unit(item: Quantity, plan: Plan, log: LogFile) -> list[Finding]:
