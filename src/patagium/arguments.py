@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, wraps
 from inspect import Parameter, signature
 from math import isfinite
@@ -37,8 +37,7 @@ def checked(function: _Function) -> _Function:
     """Decorator that checks the types of the arguments against the annotations.
 
     Args:
-        function: Function or method. Its `**options` may be a `TypedDict`; an option that the
-            dictionary does not have is a TypeError.
+        function: Function or method; a keyword that it does not know is a TypeError.
     """
     known = signature(function).parameters
     first = (Parameter.POSITIONAL_ONLY, Parameter.POSITIONAL_OR_KEYWORD)
@@ -48,8 +47,10 @@ def checked(function: _Function) -> _Function:
     @wraps(function)
     def entered(*given: Any, **named: Any) -> Any:
         kinds = _kinds(function)
-        if typed := _typed(function):
-            _check_options(named.keys() - known.keys(), typed, kinds)
+        if not rest and (unknown := sorted(named.keys() - known.keys())):
+            hint = similar(unknown[0], list(known))
+            expected = f"expected one of {', '.join(sorted(known.keys() - {'self'}))}{hint}"
+            raise TypeError(f"unexpected keyword argument {unknown[0]!r}, {expected}")
         for name, value in (*zip(names, given, strict=False), *named.items()):
             if name in kinds:
                 of_kind(name, value, kinds[name])
@@ -106,23 +107,10 @@ def _misfit(name: str, value: Any, kind: Any) -> tuple[str, str, Any]:
     return name, _words(kind), value
 
 
-def _check_options(given: Set[str], typed: dict[str, Any], kinds: Any) -> None:
-    if unknown := sorted(given - typed.keys()):
-        expected = f"expected one of {', '.join(sorted(typed))}{similar(unknown[0], list(kinds))}"
-        raise TypeError(f"unexpected keyword argument {unknown[0]!r}, {expected}")
-
-
 @cache
 def _kinds(owner: Any) -> dict[str, Any]:
-    """Type hints of a function with its `TypedDict` options, or of a class."""
-    return get_type_hints(owner) | _typed(owner)
-
-
-@cache
-def _typed(owner: Any) -> dict[str, Any]:
-    """Type hints of a function's `**options`, taken from their `TypedDict`; empty without one."""
-    options = get_args(get_type_hints(owner).get("options"))
-    return get_type_hints(options[0]) if options else {}
+    """Type hints of a function or a class."""
+    return get_type_hints(owner)
 
 
 def _fits(value: Any, kind: Any) -> bool:

@@ -9,10 +9,10 @@ flight. Neglected: the time that a controller takes to answer.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import ceil
-from typing import Protocol, TypedDict, Unpack, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import xarray as xr
@@ -28,6 +28,7 @@ from patagium.control.predictive import OrbitModel
 from patagium.errors import Outcome, ParameterError, SimulationFailed, positive
 from patagium.limits import MOST_STEPS
 from patagium.robot import Robot
+from patagium.simulation.runge_kutta import Progress
 from patagium.simulation.simulator import FlightState, Simulator, check_robots, period_of
 from patagium.simulation.steered_gait import SteeredGait
 
@@ -58,34 +59,6 @@ class Learner(Protocol):
         """Learn from one estimate: a state, and its accelerations, (n,) [m/s^2, rad/s^2]."""
 
 
-class LoopOptions(TypedDict, total=False):
-    """Optional keywords of `fly`.
-
-    Attributes:
-        learner: What learns; by default the controller, if it has a method `learn`.
-        estimator: Function from all motion so far (`Truth`) to an `Estimate`; by default the one
-            of the sensors.
-        seed: Seed of all noise; 0 where not given.
-        time_step: Longest step of the truth [s].
-        q: Initial coordinates of the truth, (n_q,) [m, rad, 1]; on the orbit where not given.
-        v: Initial velocities, (n,) [m/s, rad/s]; likewise.
-        added_mass: Inertia of the air of the truth, in the same air as its model.
-        throw: Whether a flight that breaks raises; True where not given.
-        progress: Function that takes the steps done and to do; where it raises
-            `errors.Interrupted`, the flight ends there.
-    """
-
-    learner: Learner | None
-    estimator: Estimator | None
-    seed: int
-    time_step: float
-    q: ArrayLike | None
-    v: ArrayLike | None
-    added_mass: AddedMass | None
-    throw: bool
-    progress: Callable[[int, int], None] | None
-
-
 @checked
 def fly(
     robot: Robot,
@@ -96,7 +69,15 @@ def fly(
     duration: float,
     sensors: NoisyState | TrackedState | None = None,
     events: Sequence[Event] = (),
-    **options: Unpack[LoopOptions],
+    learner: Learner | None = None,
+    estimator: Estimator | None = None,
+    seed: int = 0,
+    time_step: float = TIME_STEP,
+    q: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    added_mass: AddedMass | None = None,
+    throw: bool = True,
+    progress: Progress | None = None,
 ) -> xr.Dataset:
     """Flight in a closed loop: truth, estimate, controller, events.
 
@@ -108,7 +89,17 @@ def fly(
         duration: Duration of the flight, rounded to time steps [s].
         sensors: What is known of the state; by default all of it.
         events: What happens at its time (`patagium.control.events`).
-        **options: Keywords of `LoopOptions`, all optional.
+        learner: What learns; by default the controller, if it has a method `learn`.
+        estimator: Function from all motion so far (`Truth`) to an `Estimate`; by default the one
+            of the sensors.
+        seed: Seed of all noise.
+        time_step: Longest step of the truth [s].
+        q: Initial coordinates of the truth, (n_q,) [m, rad, 1]; on the orbit by default.
+        v: Initial velocities, (n,) [m/s, rad/s]; on the orbit by default.
+        added_mass: Inertia of the air of the truth, in the same air as its model.
+        throw: Whether a flight that breaks raises, or is returned as it is.
+        progress: Function that takes the steps done and to do; where it raises
+            `errors.Interrupted`, the flight ends there.
 
     Returns:
         The flight, as of `simulate`, with the true motion; over `control_time` also `estimate` and
@@ -121,17 +112,17 @@ def fly(
     """
     check_robots(robot, aero)
     period_of(controller, robot, orbit.gait)
-    loop = _Loop(robot, aero, controller, orbit, tuple(events), duration, options)
-    seed = options.get("seed", 0)
+    start = orbit.start() | {k: one for k, one in (("q", q), ("v", v)) if one is not None}
+    loop = _Loop(robot, aero, controller, orbit, tuple(events), duration, time_step)
+    loop.begin(start, added_mass)
     known = NoisyState() if sensors is None else sensors
-    estimator = options.get("estimator") or known.estimator(orbit, loop.duration, int(seed))
     own = controller if isinstance(controller, Learner) else None
-    learner = options.get("learner") or own
-    loop.run(estimator, learner)
+    learner = learner or own
+    loop.run(estimator or known.estimator(orbit, loop.duration, seed), learner, progress)
     flight = loop.flight()
     flight.attrs |= {"seed": seed, "sensors": repr(sensors), "learner": repr(learner)}
     outcome = loop.simulator.outcome
-    if options.get("throw", True) and outcome is not Outcome.COMPLETED:
+    if throw and outcome is not Outcome.COMPLETED:
         raise SimulationFailed(flight.attrs["message"], flight, outcome)
     return flight
 
@@ -155,7 +146,7 @@ class _Loop:
     orbit: Orbit
     events: tuple[Event, ...]
     duration: float
-    options: LoopOptions
+    time_step: float
     gait: SteeredGait = field(init=False)
     simulator: Simulator = field(init=False)
     period: int = field(init=False)
@@ -165,22 +156,22 @@ class _Loop:
 
     def __post_init__(self) -> None:
         period = positive("period of the controller", self.controller.period)
-        longest = positive("time_step", self.options.get("time_step", TIME_STEP))
+        longest = positive("time_step", self.time_step)
         if not period / longest <= MOST_STEPS:
             expected = f"at most {MOST_STEPS:.0e} time steps of {longest:g} s (shorten it)"
             raise ParameterError("period of the controller", expected, period)
         self.period = ceil(period / longest * (1 - 1e-9))
-        step = period / self.period
+        self.time_step = step = period / self.period
         steps = max(1, round(min(positive("duration", self.duration) / step, 1e300)))
         self.duration = steps * step
         self.gait = SteeredGait(self.robot, self.orbit.gait)
-        aero = with_gusts(self.aero, self.events)
-        added = self.options.get("added_mass")
-        start = self.orbit.start()
+
+    def begin(self, start: dict[str, Any], added: AddedMass | None) -> None:
+        """Begin at a start, `q`, `v` and `aero_state`, and find when events happen."""
+        aero, step = with_gusts(self.aero, self.events), self.time_step
         lags = start.pop("aero_state")
         self.simulator = Simulator(
-            self.robot, aero, self.gait, duration=self.duration, time_step=step,
-            q=self.options.get("q", start["q"]), v=self.options.get("v", start["v"]),
+            self.robot, aero, self.gait, duration=self.duration, time_step=step, **start,
             aero_state=lags if len(lags) == aero.state_size else None,
             added_mass=None if added is None else replace(added, air=aero.air),
         )  # fmt: skip
@@ -194,9 +185,9 @@ class _Loop:
             machine, aero = event.changed(machine, aero)
             self.due.append((ceil(event.time / step - 1e-9), event, machine, aero))
 
-    def run(self, estimator: Estimator, learner: Learner | None) -> None:
+    def run(self, estimator: Estimator, learner: Learner | None, progress: Progress | None) -> None:
         """Fly to the end, or up to where the flight breaks."""
-        simulator, done, progress = self.simulator, 0, self.options.get("progress")
+        simulator, done = self.simulator, 0
         rate = getattr(learner, "period", self.controller.period)
         every = max(1, round(rate / simulator.time_step))
         while done < simulator.steps and simulator.outcome is Outcome.COMPLETED:

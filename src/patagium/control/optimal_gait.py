@@ -8,14 +8,14 @@ stands beside it. Neglected: losses in motors. Minima are local: a search goes o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, Unpack
+from typing import Any, ClassVar
 
 import numpy as np
 
-from patagium.aerodynamics import Aerodynamics, QuasiSteady
+from patagium.aerodynamics import AddedMass, Aerodynamics, QuasiSteady
 from patagium.arguments import checked
 from patagium.control.gait_family import GaitFamily, fourier_series, gait_family
 from patagium.control.gait_program import (
@@ -27,7 +27,7 @@ from patagium.control.gait_program import (
     lateral_states,
 )
 from patagium.control.orbit import NoOrbit, Orbit
-from patagium.control.trimming import Conditions, OrbitSearch, TrimOptions, orbit_of, trim
+from patagium.control.trimming import Conditions, OrbitSearch, orbit_of, trim
 from patagium.control.wingbeat import FlightMap
 from patagium.errors import ParameterError
 from patagium.robot import Robot
@@ -41,19 +41,6 @@ GOALS = {
 """What may be sought, and its words."""
 MOST = 16
 """Greatest order of the Fourier series of an optimal gait."""
-
-
-class OptimizeOptions(TrimOptions, total=False):
-    """Optional keywords of `optimize`, in addition to those of `trim`.
-
-    Attributes:
-        free: Gait parameters that may change, by the names of `gait_family`; by default frequency,
-            means and coefficients of the joints that the robot's `actuators` swing and shift, or
-            without actuators of all joints that move or have limits.
-        start: Orbit to begin from; by default that of `trim`, and then the best sinusoids.
-    """
-
-    free: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -142,7 +129,11 @@ def optimize(
     climb: float = 0.0,
     harmonics: int = 3,
     goal: Goal = "power",
-    **options: Unpack[OptimizeOptions],
+    free: Sequence[str] | None = None,
+    added_mass: AddedMass | None = None,
+    start: Orbit | None = None,
+    steps: int | None = None,
+    tolerable: Mapping[str, float] | None = None,
 ) -> OptimalGait | NoOrbit:
     """Optimal gait of a periodic flight: of least power, least energy a meter, greatest speed.
 
@@ -154,7 +145,13 @@ def optimize(
         climb: Mean speed upward [m/s].
         harmonics: Order of the Fourier series of the joints.
         goal: "power" for least mean mechanical power, "range" for least energy a meter, "speed".
-        **options: Keywords of `OptimizeOptions`, all optional.
+        free: Gait parameters that may change, by the names of `gait_family`; by default frequency,
+            means and coefficients of the joints that the robot's `actuators` swing and shift, or
+            without actuators of all joints that move or have limits.
+        start: Orbit to begin from; by default that of `trim`, and then the best sinusoids.
+        added_mass: Inertia of the air that moves with the wings, in the same air as the model.
+        steps: Time steps of a beat, a multiple of 40.
+        tolerable: Sizes of changes of states by name [SI], as of `trim`.
 
     Returns:
         The gait with its orbit; or a `NoOrbit` that says what stood in the way. `found` tells them
@@ -163,21 +160,23 @@ def optimize(
     Raises:
         ParameterError: If an argument is not what it may be.
     """
-    aero, free = aero or QuasiSteady(robot), options.pop("free", None)
+    aero, given = aero or QuasiSteady(robot), start
     if not 1 <= harmonics <= MOST:
         raise ParameterError("harmonics", f"a whole number from 1 to {MOST}", harmonics)
     if goal != "power" and speed is not None:
         raise ParameterError("speed", f"None, as the goal {goal} finds it", speed)
     conditions = Conditions(0.0, climb, speed)
-    start = options.get("start")
     if start is None:
-        trimmed = trim(robot, aero, gait, speed=speed, climb=climb, **options)
+        trimmed = trim(
+            robot, aero, gait, speed=speed, climb=climb, added_mass=added_mass, steps=steps,
+            tolerable=tolerable,
+        )  # fmt: skip
         if not isinstance(trimmed, Orbit):
             return trimmed
         start = trimmed
     elif start.robot is not robot or gait is not None:
         raise ParameterError("start", "an orbit of this robot, and no gait in addition", start)
-    if free is not None or options.get("start") is not None or harmonics == 1:
+    if free is not None or given is not None or harmonics == 1:
         return _optimal(start, conditions, goal, harmonics, free)
     sinusoid = _optimal(start, conditions, goal, 1, None)
     if not isinstance(sinusoid, OptimalGait):  # limits that no sinusoid keeps, harmonics may

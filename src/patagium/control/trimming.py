@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import NamedTuple, TypeAlias, TypedDict, Unpack
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -53,25 +53,6 @@ _SURE = 0.05  # size of misfits from which on Newton steps no longer bring a gai
 _PROJECTIONS, _SETTLED = 10, 1e-2  # ways back to where a search began, and the last one's length
 _SOUND = 340.0  # m/s, beyond which no model of the air holds
 _STEEPEST = 1.5  # pitch: Euler angles are singular at a right angle [rad]
-
-
-class TrimOptions(TypedDict, total=False):
-    """Keywords that a trim may have and mostly has not.
-
-    Attributes:
-        added_mass: Inertia of the air that moves with the wings, in the same air as the model.
-        start: Orbit to begin from; by default the robot's `cruise`.
-        steps: Time steps of a beat, a multiple of 40.
-        tolerable: Changes of states by name [SI] that weigh as much as a gait parameter changed
-            by 0.3 of its unit, or the frequency by 0.3 of itself, where more than one orbit meets
-            the conditions; by default 1 rad, 3 m/s and 20 rad/s. Where given, the orbit is the
-            nearest by these sizes to what the search began from.
-    """
-
-    added_mass: AddedMass | None
-    start: Orbit | None
-    steps: int
-    tolerable: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -383,7 +364,10 @@ def trim(
     speed: float | None = None,
     climb: float | None = 0.0,
     turn_rate: float = 0.0,
-    **options: Unpack[TrimOptions],
+    added_mass: AddedMass | None = None,
+    start: Orbit | None = None,
+    steps: int | None = None,
+    tolerable: Mapping[str, float] | None = None,
 ) -> Orbit | NoOrbit:
     """Periodic orbit of a flapping flight, or equilibrium of a glide.
 
@@ -398,7 +382,13 @@ def trim(
         speed: Mean speed forward [m/s]; None leaves it free, 0 hovers.
         climb: Mean speed upward [m/s]; None leaves it free.
         turn_rate: Mean rate of the heading, positive to the left [rad/s].
-        **options: Keywords of `TrimOptions`, all optional.
+        added_mass: Inertia of the air that moves with the wings, in the same air as the model.
+        start: Orbit to begin from; by default the robot's `cruise`.
+        steps: Time steps of a beat, a multiple of 40.
+        tolerable: Changes of states by name [SI] that weigh as much as a gait parameter changed
+            by 0.3 of its unit, or the frequency by 0.3 of itself, where more than one orbit meets
+            the conditions; by default 1 rad, 3 m/s and 20 rad/s. Where given, the orbit is the
+            nearest by these sizes to what the search began from.
 
     Returns:
         The orbit; or a `NoOrbit` that says what stood in the way and what to do. `found` tells
@@ -408,14 +398,13 @@ def trim(
         ParameterError: If an argument is not what it may be, there are more conditions than free
             parameters, or limits of joints or actuators exclude the gait.
     """
-    start, aero = options.get("start"), aero or QuasiSteady(robot)
+    aero = aero or QuasiSteady(robot)
     _check(robot, aero)
     gait = gait or (start.gait if start else gaits.cruise(robot))
     conditions = Conditions(turn_rate, climb, speed)
     family = _family(robot, gait, free, conditions)
-    steps = _steps(family, options.get("steps"))
-    flight = FlightMap(robot, aero, options.get("added_mass"))
-    search = OrbitSearch(flight, family, steps, options.get("tolerable", {}))
+    flight = FlightMap(robot, aero, added_mass)
+    search = OrbitSearch(flight, family, _steps(family, steps), tolerable or {})
     excess = search.excess(family.neutral)
     if excess:
         raise ParameterError("gait", "a gait within the limits of the robot", excess)
@@ -423,9 +412,9 @@ def trim(
     at, trouble = _searched(search, states, conditions)
     if trouble:
         return _not_found(search, at, trouble)
-    if options.get("tolerable"):
+    if tolerable:
         at = search.nearest(at, search.point(states, family.neutral, conditions), conditions)
-    return orbit_of(search, at, options.get("added_mass"))
+    return orbit_of(search, at, added_mass)
 
 
 def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Conditions) -> GaitFamily:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, TypedDict, Unpack
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import xarray as xr
@@ -433,30 +433,6 @@ class BlockRun:
         )
 
 
-class StreamOptions(TypedDict, total=False):
-    """Options of `stream` that most logs do without.
-
-    Attributes:
-        std: Noise of each measurement in addition to the learner's own, (N, n_y) [unit of y];
-            NaN where y is. Learners without noise of the measurement leave it aside.
-        names: Names of the outputs; without it the network's.
-        units: Units of the outputs, for axes of figures; without it "1".
-        motion: Forecast of the inputs for the horizons; without it they are held, or their last
-            wingbeat is repeated.
-        period: Wingbeat for the horizons, where it is known beforehand [s].
-        watches: Observers of the run.
-        progress: Called now and then with samples done and samples in all.
-    """
-
-    std: ArrayLike | None
-    names: Sequence[str] | None
-    units: Sequence[str] | None
-    motion: Motion | None
-    period: float | None
-    watches: Sequence[Watch]
-    progress: Progress | None
-
-
 @checked
 def stream(
     learner: Learner,
@@ -467,7 +443,13 @@ def stream(
     every: int,
     horizons: Horizons = None,
     gaps: ArrayLike = (),
-    **options: Unpack[StreamOptions],
+    std: ArrayLike | None = None,
+    names: Sequence[str] | None = None,
+    units: Sequence[str] | None = None,
+    motion: Motion | None = None,
+    period: float | None = None,
+    watches: Sequence[Watch] = (),
+    progress: Progress | None = None,
 ) -> Identification:
     """Identification of a log online, with scores of each prediction.
 
@@ -483,8 +465,15 @@ def stream(
         horizons: Times ahead for which outputs are forecast from samples up to a time alone, such
             as "100ms" or seconds, one or several, or these by label; see `forecast`.
         gaps: First sample after each gap in time; see `find_gaps`.
-        **options: `std`, `names`, `units`, `motion`, `period`, `watches` and `progress`; see
-            `StreamOptions`.
+        std: Noise of each measurement in addition to the learner's own, (N, n_y) [unit of y];
+            NaN where y is. Learners without noise of the measurement leave it aside.
+        names: Names of the outputs; None: the network's.
+        units: Units of the outputs, for axes of figures; None: "1".
+        motion: Forecast of the inputs for the horizons; None: they are held, or their last
+            wingbeat is repeated.
+        period: Wingbeat for the horizons, where it is known beforehand [s].
+        watches: Observers of the run.
+        progress: Called now and then with samples done and samples in all.
 
     Returns:
         Scores and predictions. If the learner diverged, those up to there, with `outcome`
@@ -493,20 +482,19 @@ def stream(
     Raises:
         ShapeError: If the arrays do not fit each other or the network.
         LogError: If an input is not finite or time does not advance.
-        TypeError: If there is no such option.
     """
-    samples = checked_samples(learner.network, (time, x, y), gaps, options.get("std"))
+    samples = checked_samples(learner.network, (time, x, y), gaps, std)
     outputs = samples.y.shape[1]
-    names = tuple(options.get("names") or learner.network.output_names)
-    units = tuple(options.get("units") or ("1",) * outputs)
+    names = tuple(names or learner.network.output_names)
+    units = tuple(units or ("1",) * outputs)
     for word, given in (("names", names), ("units", units)):
         if len(given) != outputs:
             raise ShapeError(word, (outputs,), (len(given),))
     sums = [ForecastSums(label, one, names) for label, one in named_horizons(horizons).items()]
-    plan = ForecastPlan(options.get("motion"), options.get("period"), len(samples.time) // 2)
-    watches = [*forecasters(learner, samples, every, sums, plan), *options.get("watches", ())]
+    plan = ForecastPlan(motion, period, len(samples.time) // 2)
+    watches = [*forecasters(learner, samples, every, sums, plan), *watches]
     run = BlockRun(learner, samples, every, watches)
-    run.go(options.get("progress"))
+    run.go(progress)
     held, scorer = persistence(samples.y, run.used), Scorer(names)
     run.score(scorer, held)
     scores = {

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil
-from typing import TypeAlias, TypedDict, Unpack
+from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -169,24 +169,6 @@ def _finite(name: str, values: ArrayLike, names: tuple[str, ...]) -> Array:
     return vector
 
 
-class FlightOptions(TypedDict, total=False):
-    """Keywords that a flight may have and mostly has not.
-
-    Attributes:
-        q: Initial coordinates, (n_q,) [m, rad, 1]; those of zero angles where not given.
-        v: Initial velocities, (n,) [m/s, rad/s]; zero where not given, as on a fixed mount.
-        added_mass: Inertia of the air that moves with the wings, in the same air as the model.
-        load_cells: Six-axis load cells (`patagium.mounts.load_cell`) whose wrenches are recorded.
-        aero_state: Initial states of the model of the air, (n_z,) [m/s, -]; zero where not given.
-    """
-
-    q: ArrayLike | None
-    v: ArrayLike | None
-    added_mass: AddedMass | None
-    load_cells: Sequence[InternalLoadCell]
-    aero_state: ArrayLike | None
-
-
 Controller: TypeAlias = Callable[[float, "FlightState"], Mapping[str, float] | None]
 """Function from time [s] and state to commands by name, as `SteeredGait` takes them.
 
@@ -250,7 +232,11 @@ class Simulator:
         control_period: Time that `step` takes, a whole number of time steps [s]; by default a
             twentieth of a wingbeat, or 10 ms where the gait stands still. A controller with a
             `period` of its own is called at that.
-        **options: Keywords of `FlightOptions`.
+        q: Initial coordinates, (n_q,) [m, rad, 1]; those of zero angles by default.
+        v: Initial velocities, (n,) [m/s, rad/s]; by default zero, or as on a fixed mount.
+        added_mass: Inertia of the air that moves with the wings, in the same air as the model.
+        load_cells: Six-axis load cells (`patagium.mounts.load_cell`) whose wrenches are recorded.
+        aero_state: Initial states of the model of the air, (n_z,) [m/s, -]; zero by default.
 
     Raises:
         ParameterError: If an argument is not what it may be.
@@ -274,24 +260,27 @@ class Simulator:
         time_step: float | None = None,
         mount: Mount | None = None,
         control_period: float | None = None,
-        **options: Unpack[FlightOptions],
+        q: ArrayLike | None = None,
+        v: ArrayLike | None = None,
+        added_mass: AddedMass | None = None,
+        load_cells: Sequence[InternalLoadCell] = (),
+        aero_state: ArrayLike | None = None,
     ) -> None:
         whole_steps(duration, duration if time_step is None else time_step)
         self._steered: SteeredGait | None = gait if isinstance(gait, SteeredGait) else None
         self._commands: list[tuple[int, dict[str, float]]] = []
-        added_mass, cells = options.get("added_mass"), tuple(options.get("load_cells", ()))
+        cells = tuple(load_cells)
         check_robots(robot, aero)
         check_added_mass(robot, aero, added_mass)
         check_gait(robot, gait)
         held = mount_of(robot, mount)
         check_cells(robot, cells, held.kind != "free")
         layout = state_layout(robot, aero, held, added_mass, cells)
-        q = initial_coordinates(robot, options.get("q"))
-        v = initial_velocities(robot, options.get("v"))
-        base = _base_motion(robot, layout, held, q, v)
+        place, speed = initial_coordinates(robot, q), initial_velocities(robot, v)
+        base = _base_motion(robot, layout, held, place, speed)
         self._robot, self._aero, self._gait, self._layout = robot, aero, gait, layout
         rows = partial(self._row_table, base)
-        state = layout.initial_state(q, v, _lags(aero, options.get("aero_state")))
+        state = layout.initial_state(place, speed, _lags(aero, aero_state))
         self._equations = _equations(robot, aero, added_mass, held, cells, layout, state)
         self._singular = singular_places(layout.machine, layout.passive_coordinates)
         check_start(self._equations, layout.state_names, state, self._singular)
@@ -666,23 +655,6 @@ def _in_quaternion(path: Path, time: Array) -> PrescribedMotion:
     )
 
 
-class SimulationOptions(FlightOptions, total=False):
-    """Keywords of `simulate` that a run mostly does without; see `FlightOptions` for the others.
-
-    Attributes:
-        throw: Whether a run that stops early raises; True where not given.
-        progress: Function that takes the steps done and to do, called from time to time; where it
-            raises `errors.Interrupted`, the run stops.
-        controller: Function from time and `FlightState` to commands of the gait by name.
-        control_period: Time between two calls of it [s]; its own `period` where it has one.
-    """
-
-    throw: bool
-    progress: Progress | None
-    controller: Controller | None
-    control_period: float | None
-
-
 _TRIALS = 3
 """Flights with a chosen step, where the first ones break because it was too long."""
 
@@ -713,7 +685,15 @@ def simulate(
     duration: float,
     time_step: float | None = None,
     mount: Mount | None = None,
-    **options: Unpack[SimulationOptions],
+    q: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    controller: Controller | None = None,
+    control_period: float | None = None,
+    added_mass: AddedMass | None = None,
+    load_cells: Sequence[InternalLoadCell] = (),
+    aero_state: ArrayLike | None = None,
+    throw: bool = True,
+    progress: Progress | None = None,
 ) -> xr.Dataset:
     """Flight of a robot whose actuated joints follow a gait.
 
@@ -730,11 +710,16 @@ def simulate(
         time_step: Step [s]; None chooses one (`Simulator`) and says it in the flight's attributes.
         mount: Free, fixed, carried along a path or on an arm (`patagium.mounts`); by
             default free if the robot has a floating body, else fixed.
-        **options: Further keywords, all optional: `q` and `v`, initial coordinates, (n_q,)
-            [m, rad, 1], as `robot.coordinates(pitch=...)` makes, and velocities, (n,) [m/s,
-            rad/s]; `controller`, a function from time [s] and `FlightState` to commands
-            (`SteeredGait`); `throw`, whether a run that stops early raises (default) or is
-            returned as it is. See `FlightOptions` and `SimulationOptions` for the others.
+        q: Initial coordinates, (n_q,) [m, rad, 1], as `robot.coordinates(pitch=0.1)` makes.
+        v: Initial velocities, (n,) [m/s, rad/s], as `robot.velocities(x=3.0)` makes.
+        controller: Function from time [s] and `FlightState` to commands (`SteeredGait`).
+        control_period: Time between two calls of it [s]; its own `period` where it has one.
+        added_mass: Inertia of the air that moves with the wings, in the same air as the model.
+        load_cells: Six-axis load cells (`patagium.mounts.load_cell`) whose wrenches are recorded.
+        aero_state: Initial states of the model of the air, (n_z,) [m/s, -]; zero by default.
+        throw: Whether a run that stops early raises, or is returned as it is.
+        progress: Function that takes the steps done and to do, called from time to time; where it
+            raises `errors.Interrupted`, the run stops.
 
     Returns:
         The flight: see `patagium.simulation.flight.QUANTITIES`, attributes and audits.
@@ -744,9 +729,7 @@ def simulate(
         ShapeError: If q is not (n_q,) or v not (n,).
         SimulationFailed: If the run stopped early and `throw` is set; it carries the flight.
     """
-    throw, progress = options.pop("throw", True), options.pop("progress", None)
-    controller, period = options.pop("controller", None), options.pop("control_period", None)
-    started: FlightOptions = options
+    period = control_period
     if controller is not None:
         period = period_of(controller, robot, gait, period)
     elif period is not None:
@@ -756,7 +739,8 @@ def simulate(
         whole = duration if step is None or step == time_step else round(duration / step) * step
         return Simulator(
             robot, aero, gait, duration=whole, time_step=step, mount=mount,
-            control_period=period, **started,
+            control_period=period, q=q, v=v, added_mass=added_mass, load_cells=load_cells,
+            aero_state=aero_state,
         )  # fmt: skip
 
     flight = _flown(start, period or duration, time_step, lambda on: on.fly(controller, progress))

@@ -62,15 +62,17 @@ class Function:
 
     @property
     def lines(self) -> int:
-        """Lines from `def` to the end; of a verb, without its signature."""
-        first = self.node.body[0].lineno if self.is_verb else self.node.lineno
+        """Lines behind the signature, docstring included."""
+        first = self.node.body[0].lineno
         return (self.node.end_lineno or first) - first + 1
 
     @property
     def parameters(self) -> list[str]:
-        """Names of the parameters without `self` and `cls`."""
+        """Names of the parameters without `self`, `cls` and keywords that have a default."""
         given = self.node.args
-        names = [one.arg for one in (*given.posonlyargs, *given.args, *given.kwonlyargs)]
+        keywords = zip(given.kwonlyargs, given.kw_defaults, strict=True)
+        needed = [one for one, default in keywords if default is None]
+        names = [one.arg for one in (*given.posonlyargs, *given.args, *needed)]
         return names[1:] if names[:1] in (["self"], ["cls"]) else names
 
 

@@ -12,7 +12,6 @@ for (E3): the audits of such a flight say how much. Neglected: sense.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypedDict, Unpack
 
 import casadi as ca
 import numpy as np
@@ -36,18 +35,6 @@ INITIAL_YAW = 2 * np.pi
 """Heading the published experiment starts with [rad] (E7)."""
 
 
-class PublishedOptions(TypedDict, total=False):
-    """Rarely used keywords of `simulate_published`.
-
-    Attributes:
-        throw: Whether a run that stops early raises; it does by default.
-        progress: Receives the number of steps done and of all steps.
-    """
-
-    throw: bool
-    progress: Progress | None
-
-
 def simulate_published(
     robot: Robot,
     aero: Aerodynamics,
@@ -57,7 +44,8 @@ def simulate_published(
     speed: float = 2.0,
     duration: float = 2.0,
     time_step: float = 1e-4,
-    **options: Unpack[PublishedOptions],
+    throw: bool = True,
+    progress: Progress | None = None,
 ) -> xr.Dataset:
     """Flight as the published experiment steps it; its defaults are the experiment's.
 
@@ -69,7 +57,8 @@ def simulate_published(
         speed: Initial speed along x [m/s].
         duration: A whole number of time steps [s].
         time_step: Step [s].
-        **options: See `PublishedOptions`.
+        throw: Whether a run that stops early raises, or is returned as it is.
+        progress: Receives the number of steps done and of all steps.
 
     Returns:
         The flight, as `simulate` gives it. `a` is the free acceleration, u1 is zero.
@@ -92,13 +81,13 @@ def simulate_published(
     state[robot.dof : 2 * robot.dof] = robot.velocities(x=speed)
     equations, names = _equations(robot, aero, state), _state_names(robot)
     check_start(equations, names, state)
-    run = integrate(equations, state, rows, steps, time_step, options.get("progress"))
+    run = integrate(equations, state, rows, steps, time_step, progress)
     message = outcome_message(run, names, equations, steps, time_step)
     time = times_of(0, run.steps + 1, time_step)
     run.samples["wind"] = aero.air.wind_at(time)
     origin = FlightOrigin(robot, aero, gait.describe(), "free", time_step, "published")
     flight = flight_record(origin, time, run.samples, run.outcome, message)
-    if options.get("throw", True) and run.outcome is not Outcome.COMPLETED:
+    if throw and run.outcome is not Outcome.COMPLETED:
         raise SimulationFailed(message, flight, run.outcome)
     return flight
 

@@ -15,7 +15,7 @@ from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -63,29 +63,6 @@ _SHOWN_SCORES = (
 )
 _PAUSE = 1.0  # s, between flights that are learned one after the other
 Flight = xr.Dataset | LogTable
-
-
-class SearchOptions(TypedDict, total=False):
-    """Options of `tune` that most searches do without.
-
-    Attributes:
-        hold_out: Flights that no trial learns and all are judged on, or these by their names.
-        horizon: Time for which weights stay when they are judged, such as "100ms" or seconds,
-            where nothing else can be left out; None: over the second half of the flight.
-        jobs: Number of processes; None: one for each core.
-        cluster: Address of a Dask scheduler whose workers do the work instead.
-        journal: File that keeps each trial as it ends; a search that was stopped goes on from it.
-        source: Name of the flights in the file of settings.
-        progress: Function called with the number of trials done and of all trials.
-    """
-
-    hold_out: Sequence[Flight] | Mapping[str, Flight]
-    horizon: float | str | None
-    jobs: int | None
-    cluster: str | None
-    journal: str | Path | None
-    source: str
-    progress: Progress | None
 
 
 @dataclass(frozen=True)
@@ -154,7 +131,13 @@ def tune(
     covariance: Sequence[Any] | None = None,
     settings: Mapping[str, Any] | None = None,
     seed: int = 0,
-    **options: Unpack[SearchOptions],
+    hold_out: Sequence[Flight] | Mapping[str, Flight] = (),
+    horizon: float | str | None = None,
+    jobs: int | None = None,
+    cluster: str | None = None,
+    journal: str | Path | None = None,
+    source: str = "",
+    progress: Progress | None = None,
 ) -> Tuned:
     """Settings of a learner that predict kinematics best that it has not learned.
 
@@ -175,8 +158,14 @@ def tune(
         settings: Settings that are not searched over their ranges, by name: a plain value as
             files hold it, or `Alternatives`.
         seed: Seed of the search and of the initial weights.
-        **options: `hold_out`, `horizon`, `jobs`, `cluster`, `journal`, `source` and `progress`;
-            see `SearchOptions`.
+        hold_out: Flights that no trial learns and all are judged on, or these by their names.
+        horizon: Time for which weights stay when they are judged, such as "100ms" or seconds,
+            where nothing else can be left out; None: over the second half of the flight.
+        jobs: Number of processes; None: one for each core.
+        cluster: Address of a Dask scheduler whose workers do the work instead.
+        journal: File that keeps each trial as it ends; a search that was stopped goes on from it.
+        source: Name of the flights in the file of settings.
+        progress: Function called with the number of trials done and of all trials.
 
     Raises:
         ParameterError: If a number is out of its range, no output moves, or dask.distributed
@@ -184,18 +173,19 @@ def tune(
         ShapeError: If the network does not fit the flight.
         LogError: If the journal is of another question, or every trial was refused.
         OutputError: If the journal cannot be written, or another process writes it.
-        TypeError: If there is no such option.
     """
     networks = _several("network", network)
     flights = _several("flight", flight)
     chosen = dict(settings or {})
     if covariance is not None:
         chosen["covariance"] = Alternatives(tuple(covariance))
-    exams = tuple(_exam(flights, one, every, options) for one in networks)
+    ahead = None if horizon is None else duration("horizon", horizon)
+    others = hold_out.items() if isinstance(hold_out, Mapping) else [("", one) for one in hold_out]
+    exams = tuple(_exam(flights, one, every, (tuple(others), ahead, source)) for one in networks)
     problem = _problem(exams, networks, learner, chosen, seed)
-    journal = options.get("journal")
     with nullcontext() if journal is None else locked(journal):
-        return problem.tuned(_scored_trials(problem, trials, options))
+        workers, book = partial(pool, jobs, cluster), TrialJournal(problem.question(), journal)
+        return problem.tuned(_scored_trials(problem, trials, workers, book, progress))
 
 
 def _several(name: str, given: Any) -> tuple[Any, ...]:
@@ -207,13 +197,15 @@ def _several(name: str, given: Any) -> tuple[Any, ...]:
 
 
 def _scored_trials(
-    problem: _Problem, trials: int, options: SearchOptions
+    problem: _Problem,
+    trials: int,
+    workers: Callable[[], Any],
+    book: TrialJournal,
+    progress: Progress | None,
 ) -> list[tuple[DrawnTrial, PredictionScore]]:
     """Trials of a search and their scores; those that the journal has are not scored again."""
     from joblib import delayed
 
-    book = TrialJournal(problem.question(), options.get("journal"))
-    progress = options.get("progress")
     distributions = problem.space.distributions()
     with ExitStack() as stack:
         opened: list[Any] = []
@@ -221,8 +213,7 @@ def _scored_trials(
         def judge(batch: Sequence[DrawnTrial]) -> list[float]:
             left = [trial for trial in batch if trial.number not in book.scores]
             if left and not opened:
-                workers = pool(options.get("jobs"), options.get("cluster"))
-                opened.append(stack.enter_context(workers))
+                opened.append(stack.enter_context(workers()))
             calls = (delayed(_try)(*problem.call(trial)) for trial in left)
             for trial, score in zip(left, opened[0](calls) if left else (), strict=True):
                 book.keep(trial, distributions, score)
@@ -372,21 +363,23 @@ def _problem(
     return _Problem(by_hidden, space, seed, dict(zip(by_hidden, exams, strict=True)))
 
 
-def _exam(flights: Sequence[Flight], network: Network, every: int, options: SearchOptions) -> _Exam:
+def _exam(
+    flights: Sequence[Flight],
+    network: Network,
+    every: int,
+    others: tuple[tuple[tuple[str, Flight], ...], float | None, str],
+) -> _Exam:
     """Samples of flights that a network learns, and those that are left out."""
-    given = options.get("hold_out", ())
-    named = given.items() if isinstance(given, Mapping) else [("", one) for one in given]
-    others = [_used(one, network, every, name)[0] for name, one in named]
+    named, ahead, source = others
+    held_out = [_used(one, network, every, name)[0] for name, one in named]
     parts = [_used(one, network, every, "") for one in flights]
-    flown = _joined([one for one, _ in parts], options.get("source", ""))
+    flown = _joined([one for one, _ in parts], source)
     half = len(flown.y) // 2
-    for one, late in ((flown, flown.scored[half:]), *((one, one.scored) for one in others)):
+    for one, late in ((flown, flown.scored[half:]), *((one, one.scored) for one in held_out)):
         if not late.any():
             expected = "an output that moves in the second half of the samples used"
             raise ParameterError("flight", expected, f"{len(one.y)} samples of {one.name}")
-    horizon = options.get("horizon")
-    ahead = None if horizon is None else duration("horizon", horizon)
-    return _Exam(every, flown, left_out(flown, [one for _, one in parts], others, ahead))
+    return _Exam(every, flown, left_out(flown, [one for _, one in parts], held_out, ahead))
 
 
 def _try(
