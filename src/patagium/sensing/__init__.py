@@ -5,11 +5,9 @@ from patagium.sensing import sensors
 from patagium.sensing.force.air_force import training_data
 from patagium.sensing.force.measured_force import (
     ForceSamples,
-    MomentumObserver,
     cell_wrench,
     inverse_dynamics_force,
     load_cell_force,
-    momentum_force,
     motor_forces,
 )
 from patagium.sensing.logs.importing.import_log import import_log, read_table
@@ -27,7 +25,6 @@ from patagium.sensing.sensors import SensorLog, load_sensor_log, save_sensor_log
 __all__ = [
     "ForceSamples",
     "Kalman",
-    "MomentumObserver",
     "MotionTracker",
     "SensorLog",
     "Shifts",
@@ -43,7 +40,6 @@ __all__ = [
     "load_log",
     "load_mapping",
     "load_sensor_log",
-    "momentum_force",
     "motor_forces",
     "read_table",
     "save_sensor_log",

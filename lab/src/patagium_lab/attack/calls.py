@@ -54,7 +54,6 @@ _UNTOLD = {
     "evaluate",
     "stream",
     "inverse_dynamics_force",
-    "momentum_force",
     "tune",
     "evaluate_table",
     "identify_table",
@@ -249,9 +248,6 @@ def _logs() -> dict[str, Valid]:
         ),
         "inverse_dynamics_force": Valid(
             pt.inverse_dynamics_force, {"motion": motion}, ("joints", "mount", "added_mass")
-        ),
-        "momentum_force": Valid(
-            sensing.momentum_force, {"motion": motion, "gain": 100.0}, ("joints", "mount")
         ),
         "training_data": Valid(
             pt.training_data, {"flight": flight}, ("robot", "with_added_mass")

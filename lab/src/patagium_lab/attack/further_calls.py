@@ -112,9 +112,6 @@ def _logs() -> dict[str, Valid]:
         "read_table": Valid(
             sensing.read_table, {"path": "log.csv", "mapping": "map.yaml"}, ("tell",)
         ),
-        "MomentumObserver": Valid(
-            sensing.MomentumObserver, {"robot": seeds.robot(), "gain": 100.0}
-        ),
         "load_identification": Valid(
             learning.load_identification, {"path": "identification.nc"}
         ),
