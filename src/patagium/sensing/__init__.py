@@ -19,12 +19,10 @@ from patagium.sensing.logs.table import LogTable
 from patagium.sensing.motion.clock_shifts import Shifts, estimate_shifts
 from patagium.sensing.motion.estimate_motion import estimate_motion
 from patagium.sensing.motion.motion_tracker import MotionTracker
-from patagium.sensing.motion.smoothers import Kalman
 from patagium.sensing.sensors import SensorLog, load_sensor_log, save_sensor_log, sense
 
 __all__ = [
     "ForceSamples",
-    "Kalman",
     "MotionTracker",
     "SensorLog",
     "Shifts",

@@ -79,7 +79,7 @@ def things(robot: pt.Robot, flight: Any) -> dict[str, Any]:
             A.WindShear(aero),
             A.PolarTable(angle[:3], angle[:3], angle[:3], None),
         ),
-        *(log, S.Kalman()),
+        log,
         *(L.FilterSettings(), L.Screening(), L.Misfit()),
         *(L.NoiseEstimation(), L.ChangeDetection()),
         S.ForceSamples(

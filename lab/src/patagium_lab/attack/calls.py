@@ -244,7 +244,7 @@ def _logs() -> dict[str, Valid]:
         "estimate_motion": Valid(
             pt.estimate_motion,
             {"log": log},
-            ("robot", "shifts", "times", "order", "density", "smoother"),
+            ("robot", "shifts", "times", "order", "density"),
         ),
         "inverse_dynamics_force": Valid(
             pt.inverse_dynamics_force, {"motion": motion}, ("joints", "mount", "added_mass")

@@ -333,7 +333,7 @@ def _loops() -> dict[str, Valid]:
 
 
 def _measured() -> dict[str, Valid]:
-    """Valid calls of methods of trackers, smoothers, logs and force samples."""
+    """Valid calls of methods of trackers, logs and force samples."""
     log, time = sensing.load_sensor_log("sensors.nc"), np.linspace(0.0, 0.1, 20)
     name, stamp, row = log.samples()[0]
     robot, count, density = seeds.robot(), seeds.robot().dof, np.ones(log.robot.dof)
@@ -371,8 +371,6 @@ def _measured() -> dict[str, Valid]:
         "MotionTracker.now": Valid(_method(tracker, "now"), {}, ("time",)),
         "MotionTracker.past": Valid(_method(tracker, "past"), {"times": [0.01, 0.02]}),
     }  # fmt: skip
-    given = {"time": time, "values": np.sin(time)[:, None], "std": 0.01}
-    found["Kalman.smooth"] = Valid(sensing.Kalman().smooth, given, ("at",))
     return found
 
 

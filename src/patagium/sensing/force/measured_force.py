@@ -26,7 +26,7 @@ from patagium.native import NativeFunction, load_functions
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import added_mass_force, air_force
 from patagium.sensing.motion.first_motion import spectral_noise
-from patagium.sensing.motion.smoothers import Kalman
+from patagium.sensing.motion.smoothers import smooth_series
 from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog
 from patagium.sensing.sensors.joints import joint_names
 from patagium.simulation import robot_of
@@ -426,5 +426,5 @@ def _at(
         seen = np.isfinite(values[:, k])
         noise[k] = spectral_noise(stamps[seen], values[seen, k, None], _ORDER).std
     noise = np.fmax(noise, least)
-    found = Kalman(order=_ORDER).smooth(stamps, values, noise, times)
+    found = smooth_series(stamps, values, noise, times, order=_ORDER)
     return Measured(found.state[:, :, 0], found.covariance[:, :, 0, 0], noise)
