@@ -161,7 +161,6 @@ def _events() -> dict[str, Valid]:
     """Valid calls of events, which happen in a flight."""
     events: dict[str, tuple[Any, dict[str, Any]]] = {
         "GustEvent": (control.GustEvent, {"velocity": (0.0, 0.0, 1.0), "length_time": 0.01}),
-        "WindEvent": (control.WindEvent, {"velocity": (0.0, 1.0, 0.0), "length_time": 0.01}),
         "PayloadEvent": (
             control.PayloadEvent,
             {"body": "body", "mass": 1e-3, "position": (0.0, 0.0, 0.01)},
