@@ -364,7 +364,7 @@ def _gaits() -> dict[str, Valid]:
         "gaits.still": Valid(pt.gaits.still, {"robot": robot, "plunge": 0.1}),
         "gaits.cruise": Valid(pt.gaits.cruise, {"robot": _orbit().robot}, ("frequency",)),
         "gaits.from_csv": Valid(
-            pt.gaits.from_csv, {"robot": robot, "path": "gait.csv"}, ("columns", "units", "period")
+            pt.gaits.from_csv, {"robot": robot, "path": "gait.csv"}, ("period",)
         ),
         "gaits.to_csv": Valid(
             pt.gaits.to_csv, {"robot": robot, "gait": gait, "path": "new.csv"}
