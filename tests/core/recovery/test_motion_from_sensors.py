@@ -72,7 +72,7 @@ def filtered(
     streams = streams_of(log, robot, {})
     wanted = common_times(streams) if times is None else times
     if density is None:
-        density = fit_motion(robot, streams, None, 4, wanted).density()
+        density = fit_motion(robot, streams, 4, wanted).density()
     filter_ = MotionFilter(robot, range(n), density, 4, {s.name: s.model for s in streams})
     grid, places = merged_times(np.concatenate([s.time for s in streams]), wanted)
     events: list[list[Observation]] = [[] for _ in grid]
@@ -217,8 +217,6 @@ def test_what_no_sensor_sees_is_named(flight: xr.Dataset) -> None:
     with pytest.raises(LogError, match="encoders, inertial units or cameras"):
         pt.estimate_motion(pt.sense(flight, [P.nano17("body")]))
     log = pt.sense(flight, SENSORS)
-    with pytest.raises(ShapeError, match="density"):
-        pt.estimate_motion(log, density=[1.0])
     with pytest.raises(ShapeError, match="times"):
         pt.estimate_motion(log, times=[[0.01, 0.02], [0.03, 0.04]])
     with pytest.raises(ParameterError, match="order"):

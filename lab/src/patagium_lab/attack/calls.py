@@ -144,7 +144,7 @@ def _searches() -> dict[str, Valid]:
             control.continue_orbit,
             {"orbit": orbit, "along": "speed", "limits": (orbit.speed - 1, orbit.speed + 1),
              "points": 1},
-            ("hold", "free"),
+            ("hold",),
         ),
         "optimize": Valid(
             control.optimize,
@@ -243,7 +243,7 @@ def _logs() -> dict[str, Valid]:
         "estimate_motion": Valid(
             pt.estimate_motion,
             {"log": log},
-            ("robot", "shifts", "times", "order", "density"),
+            ("shifts", "times", "order"),
         ),
         "inverse_dynamics_force": Valid(
             pt.inverse_dynamics_force, {"motion": motion}, ("joints", "mount", "added_mass")

@@ -59,7 +59,6 @@ def estimate_shifts(
     *,
     reference: str | None = None,
     largest: float = 0.05,
-    robot: Robot | None = None,
 ) -> Shifts:
     """Clock shifts of encoders, cameras and inertial units against each other.
 
@@ -67,7 +66,6 @@ def estimate_shifts(
         log: Log with an inertial unit on a body that encoders or cameras see.
         reference: Sensor whose stamps are taken as right; None for the first inertial unit.
         largest: Largest shift of the search [s].
-        robot: The machine; None for that of the log.
 
     Returns:
         Shifts of all linked sensors, for `estimate_motion`.
@@ -77,7 +75,7 @@ def estimate_shifts(
         ParameterError: If the reference is not among the sensors that are linked.
     """
     positive("largest", largest)
-    machine = with_euler_angles(log.robot if robot is None else robot)
+    machine = with_euler_angles(log.robot)
     streams = streams_of(log, machine, {})
     units = [s for s in streams if isinstance(s.model, ImuModel)]
     if not units:

@@ -47,7 +47,6 @@ from patagium.sensing.motion.sensor_streams import (
     common_times,
     encoded_coordinates,
     first_camera,
-    given_density,
     streams_of,
 )
 from patagium.sensing.motion.smoothers import MOTION_ORDERS
@@ -142,15 +141,12 @@ class MotionFits:
         return found
 
 
-def fit_motion(
-    robot: Robot, streams: Sequence[Stream], density: Array | None, order: int, wanted: Array
-) -> MotionFits:
+def fit_motion(robot: Robot, streams: Sequence[Stream], order: int, wanted: Array) -> MotionFits:
     """Fit of the motion to all samples, with what the samples say about their noise.
 
     Args:
         robot: The machine.
         streams: Measurements.
-        density: Density of the driving noise, (n,) [unit^2/s^(2 order - 1)]; None to learn it.
         order: Order of the derivative that noise drives.
         wanted: Times at which the motion is wanted, (M,) [s].
 
@@ -160,11 +156,11 @@ def fit_motion(
     """
     columns = coupled(robot, streams)
     base = floating_base(robot)
-    if base is not None and first_camera(streams) is None and density is None:
+    if base is not None and first_camera(streams) is None:
         silent = ", ".join(robot.dof_names[i] for i in (*base.place, *base.turn))
         raise LogError(
-            f"log: expected cameras that see {silent}, found none (with inertial units alone give "
-            "`density`)"
+            f"log: expected cameras that see {silent}, found none (a MotionTracker needs "
+            "none: it takes a density)"
         )
     checked = _checked(streams)
     guess = first_motion(robot, checked.streams, checked.used)
@@ -175,8 +171,7 @@ def fit_motion(
         found = [_samples(s, group, checked.used[s.name], order) for s in checked.streams]
         samples = [one for one in found if one is not None]
         begin, end = _extent(samples, wanted)
-        chosen = None if density is None else density[group]
-        fit = MotionFit(robot, group, samples, begin, end, order, chosen)
+        fit = MotionFit(robot, group, samples, begin, end, order)
         if base is not None and base.turn[0] in group and not fit.biases:
             fit.gaps = checked.gaps
         fit.run(guess)
@@ -349,23 +344,19 @@ def initial_estimate(motion_filter: MotionFilter, streams: Sequence[Stream]) -> 
 def estimate_motion(
     log: SensorLog,
     *,
-    robot: Robot | None = None,
     shifts: Mapping[str, float] | None = None,
     times: ArrayLike | None = None,
     order: int = 4,
-    density: ArrayLike | None = None,
 ) -> xr.Dataset:
     """Coordinates, velocities and accelerations with their covariance, given a whole log.
 
     Args:
         log: Readings of encoders, inertial units and cameras; other sensors are left out.
-        robot: The machine; None for that of the log.
         shifts: Shift of late stamps, delay and clock together, by name of the sensor [s]; see
             `estimate_shifts`. Sensors that are not named have no shift.
         times: Times of the result, (M,) [s]; None for the samples of the fastest sensor within
             the span of all others.
         order: Number of levels of each coordinate: 3 for white jerk, 4 for white snap.
-        density: Density of that noise, (n,) [unit^2/s^(2 order - 1)]; None for the most likely.
 
     Returns:
         A dataset over `time` and `dof`: q, v, a [m, rad and their rates], `covariance` of
@@ -375,9 +366,9 @@ def estimate_motion(
     Raises:
         LogError: If a coordinate is seen by no sensor, or readings cannot be used.
         ParameterError: If an argument is out of its range.
-        ShapeError: If `density` is not (n,), or `times` not (N,).
+        ShapeError: If `times` is not (N,).
     """
-    machine = with_euler_angles(log.robot if robot is None else robot)
+    machine = with_euler_angles(log.robot)
     if order not in MOTION_ORDERS:
         raise ParameterError("order", f"one of {MOTION_ORDERS}", order)
     streams = streams_of(log, machine, shifts or {})
@@ -385,8 +376,7 @@ def estimate_motion(
         wanted = common_times(streams)
     else:
         wanted = real_array("times", np.atleast_1d(real_array("times", times)), ("N",))
-    drive = given_density(machine, density)
-    fitted = fit_motion(machine, streams, drive, order, wanted)
+    fitted = fit_motion(machine, streams, order, wanted)
     return _dataset(machine, wanted, fitted, log)
 
 
