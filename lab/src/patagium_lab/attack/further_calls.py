@@ -245,7 +245,6 @@ def _air() -> dict[str, Valid]:
     state = {"q": np.full(robot.dof, 0.1), "v": np.full(robot.dof, 0.2)}
     lifting, mass = pt.LiftingLine(robot), pt.AddedMass(robot)
     gust = pt.air.OneMinusCosineGust((0.0, 0.0, 1.0), 0.01, 0.02)
-    travels = pt.air.TravelingGust(gust, (1.0, 0.0, 0.0), 3.0)
     line = pt.air.fitted_indicial([0.05, 0.3])
     found = {
         "AddedMass.mass_matrix": Valid(mass.mass_matrix, {"q": state["q"]}),
@@ -256,9 +255,6 @@ def _air() -> dict[str, Valid]:
         "LiftingLine.state_space": Valid(lifting.state_space, state, ("wind",)),
         "Air.wind_at": Valid(pt.Air(gust=gust).wind_at, {"time": [0.0, 0.01]}),
         "Air.uniform_wind_at": Valid(pt.Air(gust=gust).uniform_wind_at, {"time": [0.0, 0.01]}),
-        "Gust.velocity_at_points": Valid(
-            travels.velocity_at_points, {"time": [0.0, 0.01], "points": np.zeros((2, 3))}
-        ),
         "Indicial.lift_response": Valid(line.lift_response, {"semichords": [0.0, 1.0]}),
         "Indicial.lift_transfer": Valid(line.lift_transfer, {"reduced_frequency": [0.1, 1.0]}),
     }
