@@ -109,7 +109,14 @@ def found_shifts(log: SensorLog) -> tuple[dict[str, float], str]:
 
 @dataclass(frozen=True)
 class _Track:
-    """Motion of the coordinates that one sensor sees, interpolated in time."""
+    """Motion of the coordinates that one sensor sees, interpolated in time.
+
+    Attributes:
+        stream: Measurements of the sensor.
+        columns: Indices of the coordinates.
+        levels: Position, velocity, acceleration of each, (k, 3) [m, rad, per s, per s^2].
+        attitude: Rotation from body to world axes; None from an encoder.
+    """
 
     stream: Stream
     columns: tuple[int, ...]
@@ -123,7 +130,11 @@ class _Track:
 
 
 def _track(robot: Robot, stream: Stream) -> _Track | None:
-    """Motion seen by one encoder or camera system alone; None for other sensors."""
+    """Motion seen by one encoder or camera system alone; None for other sensors.
+
+    Raises:
+        LogError: If cameras do not see the floating body.
+    """
     model, base = stream.model, floating_base(robot)
     begin, end = stream.time[0], stream.time[-1]
     step = min(float(np.median(np.diff(stream.time))), 1e-3)

@@ -268,6 +268,9 @@ def smooth_series(
         at: Times of the result, (M,) [s].
         order: Number of levels, at least 3.
 
+    Returns:
+        Coordinate, rate and acceleration of each, (M, B, 3), and their covariance, (M, B, 3, 3).
+
     Raises:
         ShapeError: If arrays do not fit each other.
         ParameterError: If they hold no numbers.
