@@ -10,13 +10,14 @@ _REMOVED = {
     **dict.fromkeys(("flow", "hidden_flow"), f"linear_strip, {_DEFAULT}"),
     "LowRank": 'covariance="layer", which errs less',
     "low rank": "layer, which errs less",
+    "wind": "gust with a length_time and stays: true",
     "residual network": "None: LinearStripNetwork learns what physics leaves, and errs less",
 }
-"""What takes the place of each network and structure that was removed, by class and by kind."""
+"""What takes the place of each network, structure and event that was removed."""
 
 
 def refuse_removed(where: str, name: object) -> None:
-    """Error of a network or structure that was removed; nothing for any other name.
+    """Error of something that was removed; nothing for any other name.
 
     Raises:
         ParameterError: If it was removed; the message says what to take in its place.

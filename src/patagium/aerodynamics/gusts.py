@@ -32,7 +32,7 @@ from patagium.arguments import check_fields
 from patagium.arrays import Array, real_array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
-from patagium.errors import ParameterError, ShapeError, positive
+from patagium.errors import ParameterError, positive
 from patagium.robot.model import Robot
 
 STEPS_PER_LENGTH = 50
@@ -420,23 +420,6 @@ class TravelingGust:
     def velocity_at(self, time: Array) -> Array:
         """Velocity at the origin, world axes, (N, 3) [m/s], at times (N,) [s]."""
         return self.profile.velocity_at(time)
-
-    def velocity_at_points(self, time: ArrayLike, points: ArrayLike) -> Array:
-        """Velocity at points and times, world axes, (N, 3) [m/s].
-
-        Args:
-            time: Times, (N,) [s].
-            points: World axes, (N, 3) [m].
-
-        Raises:
-            ShapeError: If they are not (N,) and (N, 3).
-        """
-        times = real_array("time", time)
-        places = real_array("points", points)
-        if times.ndim != 1 or places.shape != (len(times), 3):
-            raise ShapeError("points", "(N, 3) for times (N,)", places.shape)
-        delay = (places - np.array(self.origin)) @ self.parameters[:3]
-        return self.profile.velocity_at(times - delay)
 
     def pieces(self, first: float, last: float) -> CubicPieces:
         """The profile as cubics, through its values at four times of each.

@@ -1,4 +1,4 @@
-"""`patagium export`: a flight or its forces for Foxglove, PlotJuggler and Rerun."""
+"""`patagium export`: a flight or its forces for Foxglove and PlotJuggler."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from patagium.errors import LogError
 EXAMPLES = (
     "patagium export flight.nc -o flight.mcap",
     "patagium export flight.nc -o flight.mcap --model model.json",
-    "patagium export stream.nc -o stream.rrd",
+    "patagium export stream.nc -o stream.mcap",
 )
 
 
@@ -22,10 +22,10 @@ def export(
     file: Annotated[
         Path, typer.Argument(help="Flight, recorded stream, motion or predictions (.nc).")
     ],
-    out: Annotated[Path, typer.Option(*OUTPUT, help="File to write (.mcap or .rrd).")],
+    out: Annotated[Path, typer.Option(*OUTPUT, help="File to write (.mcap).")],
     model: PredictedOption = None,
 ) -> None:
-    """Write a flight, its forces and predictions for Foxglove and PlotJuggler, or for Rerun.
+    """Write a flight, its forces and predictions for Foxglove and PlotJuggler.
 
     Each quantity over time is a topic with the names of its numbers and its unit; the bodies of
     the robot are frames in the world.

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
 import xarray as xr
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from patagium.aerodynamics import AddedMass, Air
 from patagium.cli.estimates import GreyModel, air_class
@@ -23,7 +23,6 @@ from patagium.control.events import (
     PayloadEvent,
     PolarEvent,
     StuckEvent,
-    WindEvent,
     WingLossEvent,
     off_nominal,
 )
@@ -35,6 +34,7 @@ from patagium.control.trimming import free_parameters, trim
 from patagium.errors import ParameterError, PatagiumError, positive
 from patagium.limits import ROBOT_FILE
 from patagium.reading import parsed_yaml, refused, text_of
+from patagium.removed import refuse_removed
 from patagium.robot import Robot, load_robot
 from patagium.robot.units import Duration, Frequency, Length, Mass, PureNumber, Speed, quantity_type
 from patagium.sensing.sensors import presets
@@ -135,19 +135,12 @@ class _EventPart(_Part):
 
 
 class GustPart(_EventPart):
-    """Gust of one minus cosine."""
+    """Gust of one minus cosine, or wind that turns and stays."""
 
     type: Literal["gust"]
     velocity: Velocity
     length_time: Duration
-
-
-class WindPart(_EventPart):
-    """Wind that changes, and stays."""
-
-    type: Literal["wind"]
-    velocity: Velocity
-    length_time: Duration = 0.05
+    stays: bool = False
 
 
 class PayloadPart(_EventPart):
@@ -184,15 +177,24 @@ class StuckPart(_EventPart):
 
 EVENTS: dict[str, type[Event]] = {
     "gust": GustEvent,
-    "wind": WindEvent,
     "payload": PayloadEvent,
     "wing_loss": WingLossEvent,
     "polar": PolarEvent,
     "stuck": StuckEvent,
 }
+
+
+def _kept(event: object) -> object:
+    """Event of a plan whose type was not removed."""
+    if isinstance(event, dict):
+        refuse_removed("type", event.get("type"))
+    return event
+
+
 EventPart: TypeAlias = Annotated[
-    GustPart | WindPart | PayloadPart | WingLossPart | PolarPart | StuckPart,
+    GustPart | PayloadPart | WingLossPart | PolarPart | StuckPart,
     Field(discriminator="type"),
+    BeforeValidator(_kept),
 ]
 
 

@@ -15,7 +15,6 @@ from patagium.control.events import (
     PayloadEvent,
     PolarEvent,
     StuckEvent,
-    WindEvent,
     WingLossEvent,
     off_nominal,
 )
@@ -59,7 +58,6 @@ __all__ = [
     "StuckEvent",
     "TrackedState",
     "Truth",
-    "WindEvent",
     "WingLossEvent",
     "continue_orbit",
     "driving_noise",

@@ -120,10 +120,11 @@ def continue_orbit(
     limits: tuple[float, float],
     *,
     hold: Sequence[str] = ("climb",),
-    free: Sequence[str] | None = None,
     points: int = 200,
 ) -> Branch:
     """Branch of periodic orbits through one, along a parameter, folds passed.
+
+    Of the orbit's free parameters those with the largest effect on the conditions change.
 
     Args:
         orbit: Orbit to begin from.
@@ -131,19 +132,17 @@ def continue_orbit(
         limits: Least and greatest value of the parameter, where the branch ends [its unit].
         hold: Which of "speed" and "climb" keep the orbit's value; that of `along` never does.
             The turn rate does.
-        free: Gait parameters that may change; those of the orbit by default. Where they are more
-            than the conditions, those with the largest effect on the conditions are taken.
         points: Number of orbits at most, on either side of the first.
 
     Raises:
         ParameterError: If there is no such parameter, the orbit is outside of the limits, or the
-            conditions are more than the free parameters.
+            conditions are more than the orbit's free parameters.
     """
     for name in hold:
         if name not in ("speed", "climb"):
             raise ParameterError("hold", "speed or climb", name)
     held = {name: getattr(orbit, name) for name in hold if name != along}
-    curve = _Curve(orbit, along, held, free)
+    curve = _Curve(orbit, along, held)
     low, high = limits
     if not (low <= curve.first.value <= high and 0 < high - low < np.inf):
         own = f"{along} {curve.first.value:.6g} {curve.unit}"
@@ -184,9 +183,8 @@ class _Curve:
         orbit: Orbit,
         along: str,
         held: dict[str, float],
-        free: Sequence[str] | None,
     ) -> None:
-        names = orbit.family.names if free is None else tuple(free)
+        names = orbit.family.names
         self.place = None
         if along not in ("speed", "climb"):
             names = (*names, *(() if along in names else (along,)))
@@ -247,8 +245,8 @@ class _Curve:
         sizes = np.linalg.svd(effect, compute_uv=False)
         rank = int(np.count_nonzero(sizes > _RANK * sizes[0]))
         if rank < held + 1:
-            expected = f"{held + 1} that move the conditions on their own"
-            raise ParameterError("free", expected, ", ".join(self.family.names))
+            expected = f"{held + 1} free parameters that move the conditions on their own"
+            raise ParameterError("orbit", expected, ", ".join(self.family.names))
         steps = 1e-3 * np.diag(self.search.reach)
         for k, step in enumerate(steps):
             sides = self.family.neutral + step, self.family.neutral - step

@@ -77,48 +77,30 @@ class Event:
 
 @dataclass(frozen=True, kw_only=True)
 class GustEvent(Event):
-    """Gust of one minus cosine that begins at a time.
+    """Gust of one minus cosine that begins at a time, or wind that turns and stays.
 
     Args:
         time: When it begins [s].
         velocity: Its largest velocity, world axes, (3,) [m/s].
-        length_time: Time it lasts [s].
+        length_time: Time it lasts, or that the wind takes to turn [s].
+        stays: Whether the velocity goes up along a ramp and stays.
     """
 
     velocity: tuple[float, float, float]
     length_time: float
+    stays: bool = False
 
     @property
     def words(self) -> str:
         """Event in words."""
+        if self.stays:
+            return f"a wind of {_listed(self.velocity)} m/s more, within {self.length_time:g} s"
         return f"a gust of {_listed(self.velocity)} m/s, {self.length_time:g} s long"
 
     def gust(self) -> Gust:
         """Gust that it adds to the air."""
-        return OneMinusCosineGust(self.velocity, self.time, self.length_time)
-
-
-@dataclass(frozen=True, kw_only=True)
-class WindEvent(Event):
-    """Wind that changes at a time, and stays.
-
-    Args:
-        time: When it begins to change [s].
-        velocity: Change of the wind, world axes, (3,) [m/s].
-        length_time: Time that the change takes [s].
-    """
-
-    velocity: tuple[float, float, float]
-    length_time: float = 0.05
-
-    @property
-    def words(self) -> str:
-        """Event in words."""
-        return f"a wind of {_listed(self.velocity)} m/s more, within {self.length_time:g} s"
-
-    def gust(self) -> Gust:
-        """Gust that it adds to the air."""
-        return RampGust(self.velocity, self.time, self.length_time)
+        kind = RampGust if self.stays else OneMinusCosineGust
+        return kind(self.velocity, self.time, self.length_time)
 
 
 @dataclass(frozen=True, kw_only=True)

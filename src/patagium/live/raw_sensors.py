@@ -208,7 +208,7 @@ class MotionPackets:
         log = self._first_log()
         self._shifts, note = found_shifts(log)
         streams = streams_of(log, self._robot, self._shifts)
-        fitted = fit_motion(self._robot, streams, None, 4, common_times(streams))
+        fitted = fit_motion(self._robot, streams, 4, common_times(streams))
         self._torque.shifts = self._shifts
         self._settings = self._driven(fitted.density()), fitted.variances()
         self._tracker = self._started()

@@ -5,11 +5,9 @@ from patagium.sensing import sensors
 from patagium.sensing.force.air_force import training_data
 from patagium.sensing.force.measured_force import (
     ForceSamples,
-    MomentumObserver,
     cell_wrench,
     inverse_dynamics_force,
     load_cell_force,
-    momentum_force,
     motor_forces,
 )
 from patagium.sensing.logs.importing.import_log import import_log, read_table
@@ -21,13 +19,10 @@ from patagium.sensing.logs.table import LogTable
 from patagium.sensing.motion.clock_shifts import Shifts, estimate_shifts
 from patagium.sensing.motion.estimate_motion import estimate_motion
 from patagium.sensing.motion.motion_tracker import MotionTracker
-from patagium.sensing.motion.smoothers import Kalman
 from patagium.sensing.sensors import SensorLog, load_sensor_log, save_sensor_log, sense
 
 __all__ = [
     "ForceSamples",
-    "Kalman",
-    "MomentumObserver",
     "MotionTracker",
     "SensorLog",
     "Shifts",
@@ -43,7 +38,6 @@ __all__ = [
     "load_log",
     "load_mapping",
     "load_sensor_log",
-    "momentum_force",
     "motor_forces",
     "read_table",
     "save_sensor_log",

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import reduce
 from io import StringIO
@@ -254,19 +254,13 @@ _HEADER = re.compile(r"(?P<name>[^\[\]]*)(?:\[(?P<unit>[^\[\]]*)\])?")
 
 
 def read_gait_table(
-    robot: Robot,
-    path: Path,
-    columns: Mapping[str, str],
-    units: Mapping[str, str],
-    period: float | None,
+    robot: Robot, path: Path, period: float | None
 ) -> tuple[Array, dict[str, Array]]:
     """One period of a gait from a CSV file.
 
     Args:
         robot: The machine, for the kind of each joint.
         path: The file.
-        columns: Joint or "time" to the name of its column, where they differ.
-        units: Joint or "time" to its unit, where the header has none.
         period: Time after which it repeats [s]; None if the last row repeats the first.
 
     Returns:
@@ -277,19 +271,12 @@ def read_gait_table(
         LogError: If it cannot be used as it stands.
     """
     header, rows = read_columns(path)
-    renamed = {column: name for name, column in columns.items()}
     table: dict[str, Array] = {}
-    for k, (written, unit) in enumerate(header):
-        name = renamed.pop(written, written)
+    for k, (name, unit) in enumerate(header):
         if name in table:
             raise LogError(f"{path.name}: column {name!r} is there twice")
         si = "s" if name == "time" else _joint_unit(robot, name)
-        table[name] = rows[:, k] * unit_factor(path, name, units.get(name, unit), si)
-    for missing in renamed:
-        raise LogError(f"{path.name}: column {missing!r} is missing; found {', '.join(table)}")
-    for name in units:
-        if name not in table:
-            raise LogError(f"{path.name}: unit given for {name!r}, found {', '.join(table)}")
+        table[name] = rows[:, k] * unit_factor(path, name, unit, si)
     if "time" not in table or len(table) < 2:
         raise LogError(f"{path.name}: needs time and a joint, found {', '.join(table)}")
     time = table.pop("time")

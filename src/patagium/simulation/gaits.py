@@ -167,14 +167,7 @@ def linkage(
 
 
 @checked
-def from_csv(
-    robot: Robot,
-    path: str | Path,
-    *,
-    columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str] | None = None,
-    period: float | None = None,
-) -> TableGait:
+def from_csv(robot: Robot, path: str | Path, *, period: float | None = None) -> TableGait:
     """Gait measured or designed elsewhere: one period in a table, repeated for ever.
 
     Splined by a periodic cubic: position and velocity are smooth, the acceleration
@@ -184,15 +177,13 @@ def from_csv(
         robot: The machine.
         path: CSV file with a header: a time column and columns named as joints, each
             with its unit in brackets, such as `time [s], plunge [deg]`.
-        columns: Joint (or "time") to the name of its column, where they differ.
-        units: Joint (or "time") to its unit, where the header has none.
         period: Time after which it repeats [s]. Without it the last row must repeat the first one.
 
     Raises:
         LogError: If the table cannot be used as it stands; it says why.
         ParameterError: If a column is no actuated joint, or a limit is exceeded.
     """
-    time, positions = read_gait_table(robot, Path(path), columns or {}, units or {}, period)
+    time, positions = read_gait_table(robot, Path(path), period)
     rows = zip(*positions.values(), strict=True)
     position = [_by_joint(robot, dict(zip(positions, row, strict=True))) for row in rows]
     gait = TableGait(

@@ -241,9 +241,7 @@ def waypoints(
     return _checked(SplinePath(FLOATING_COORDINATES, times - times[0], places, closed))
 
 
-def from_csv(
-    path: str | File, *, closed: bool = False, units: Mapping[str, str] | None = None
-) -> SplinePath:
+def from_csv(path: str | File, *, closed: bool = False) -> SplinePath:
     """Path designed or measured elsewhere, splined through every row.
 
     Args:
@@ -251,13 +249,12 @@ def from_csv(
             its unit in brackets, such as `time [s], x [mm], pitch [deg]`. What has no
             column stays at zero.
         closed: Whether it repeats for ever; the last row must repeat the first.
-        units: Unit by column, where the header has none.
 
     Raises:
         LogError: If the table cannot be used as it stands.
         ParameterError: If time does not rise, or a closed path is open.
     """
-    file, units = File(path), units or {}
+    file = File(path)
     header, rows = read_columns(file)
     table: dict[str, Array] = {}
     for k, (name, unit) in enumerate(header):
@@ -265,7 +262,7 @@ def from_csv(
             known = ", ".join(("time", *FLOATING_COORDINATES))
             raise LogError(f"{file.name}: column {name!r}, expected each once of {known}")
         si = "s" if name == "time" else "m" if name in "xyz" else "rad"
-        table[name] = rows[:, k] * unit_factor(file, name, units.get(name, unit), si)
+        table[name] = rows[:, k] * unit_factor(file, name, unit, si)
     if "time" not in table or len(table) < 2:
         raise LogError(f"{file.name}: needs time and a coordinate, found {', '.join(table)}")
     none = np.zeros(len(rows))

@@ -160,7 +160,7 @@ pt.air.Drydengust
 pt.control.Predictive_Controller
 pt.errors.Parametererror
 pt.learning.load_setings
-pt.sensing.Momentumobserver
+pt.sensing.Motiontracker
 pt.gaits.sinusoid
 pt.mounts.onarm
 pt.paths.figureofeight

@@ -87,9 +87,7 @@ def test_stated_deviations_are_those_of_the_errors(rod: xr.Dataset) -> None:
     both = S.Encoder(rate=500.0, std=1e-4, delay=5e-3)
     ratios = []
     for seed in range(6):
-        found = pt.sensing.estimate_shifts(
-            pt.sense(rod, [imu, both], seed=seed), smoother=pt.sensing.Kalman()
-        )
+        found = pt.sensing.estimate_shifts(pt.sense(rod, [imu, both], seed=seed))
         error = found.seconds["encoder"] - 5e-3
         ratios.append(error / found.std["encoder"])
     assert 0.3 < np.sqrt(np.mean(np.square(ratios))) < 2.5  # six of them

@@ -85,17 +85,11 @@ def test_predictions_go_with_it(flight: xr.Dataset, tmp_path: Path) -> None:
 def test_what_cannot_be_written_is_told(
     flight: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with pytest.raises(ParameterError, match="a file of the kind .mcap or .rrd"):
+    with pytest.raises(ParameterError, match="a file of the kind .mcap"):
         export(flight, tmp_path / "flight.bag")
     with pytest.raises(LogError, match="quantities over time, found none"):
         export(xr.Dataset({"time": [0.0]}), tmp_path / "flight.mcap")
-    monkeypatch.setitem(__import__("sys").modules, "rerun", None)
-    with pytest.raises(ParameterError, match=r"rerun: pip install 'patagium\[rerun\]'"):
-        export(flight, tmp_path / "flight.rrd")
+    monkeypatch.setitem(__import__("sys").modules, "mcap.writer", None)
+    with pytest.raises(ParameterError, match=r"mcap: pip install 'patagium\[export\]'"):
+        export(flight, tmp_path / "flight.mcap")
     assert not list(tmp_path.iterdir())
-
-
-def test_rerun_takes_it_where_it_is_installed(flight: xr.Dataset, tmp_path: Path) -> None:
-    pytest.importorskip("rerun")
-    path = export(flight, tmp_path / "flight.rrd")
-    assert path.stat().st_size > 10_000 and path.read_bytes()[:3] == b"RRF"

@@ -20,7 +20,7 @@ controller: {type: regulator, commands: [frequency, elevation_offset, rudder_off
 sensors: {std: {z: 0.005, velocity of z: 0.02}, missing: 0.02}
 events:
   - {type: gust, time: 0.1 s, velocity: [0, 50 cm/s, 0], length_time: 200 ms}
-  - {type: wind, time: 0.2 s, velocity: [0.1, 0, 0]}
+  - {type: gust, time: 0.2 s, velocity: [0.1, 0, 0], length_time: 50 ms, stays: true}
   - {type: payload, time: 0.3 s, body: body, mass: 5 g}
   - {type: wing_loss, time: 0.4 s, wing: left_wing, share: 0.03}
   - {type: polar, time: 0.5 s, factors: {drag_offset: 1.1}}
@@ -57,7 +57,7 @@ def test_a_plan_is_flown_as_it_says(tmp_path, capsys):
     flight = pt.load_flight(tmp_path / "f.nc")
     kinds = [one["kind"] for one in json.loads(flight.attrs["events"])]
     assert kinds == [
-        *("GustEvent", "WindEvent", "PayloadEvent", "WingLossEvent", "PolarEvent", "StuckEvent")
+        *("GustEvent", "GustEvent", "PayloadEvent", "WingLossEvent", "PolarEvent", "StuckEvent")
     ]
     assert flight.attrs["seed"] == 4
     assert json.loads(flight.attrs["aero"])["air"]["density"] == 1.19

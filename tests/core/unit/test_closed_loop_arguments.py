@@ -38,7 +38,7 @@ def test_a_name_that_is_no_command_is_refused(name: Any) -> None:
         (pt.control.PolarEvent, "factors", 1.0),
         (pt.control.PolarEvent, "factors", {"lift_amplitude": np.nan}),
         (pt.control.GustEvent, "velocity", (0.0, np.inf, 0.0)),
-        (pt.control.WindEvent, "velocity", (0.0, 1.0)),
+        (pt.control.GustEvent, "velocity", (0.0, 1.0)),
         (pt.control.StuckEvent, "command", ["frequency"]),
     ],
 )
@@ -47,7 +47,6 @@ def test_an_event_of_hostile_numbers_is_refused(kind: Any, name: str, value: Any
         pt.control.PayloadEvent: {"body": "body", "mass": 0.01},
         pt.control.PolarEvent: {"factors": {"lift_amplitude": 0.9}},
         pt.control.GustEvent: {"velocity": (0.0, 0.0, 1.0), "length_time": 0.01},
-        pt.control.WindEvent: {"velocity": (0.0, 0.0, 1.0)},
         pt.control.StuckEvent: {"command": "frequency"},
     }
     with pytest.raises(ParameterError, match=f"^{name}: (lift_amplitude: )?expected"):

@@ -61,7 +61,6 @@ def _others() -> list[tuple[str, Callable[..., Any], dict[str, Any]]]:
         ("mapping", sensing.read_table, {"path": "x.csv"}),
         ("path", sensing.load_sensor_log, {}),
         ("log", sensing.save_sensor_log, {"path": "x.nc"}),
-        ("robot", sensing.MomentumObserver, {"gain": 10.0}),
         ("linkage", pt.gaits.linkage, {"robot": ROBOT, "frequency": 5.0}),
         ("arm", pt.mounts.on_arm, {"path": PATH}),
         ("position", pt.mounts.on_arm, {"arm": pt.load_robot("ur5e"), "path": PATH}),

@@ -12,7 +12,6 @@ from patagium.control import (
     PayloadEvent,
     PolarEvent,
     StuckEvent,
-    WindEvent,
     WingLossEvent,
     off_nominal,
 )
@@ -117,7 +116,7 @@ def test_gusts_of_events_add_to_those_of_the_air():
     own = pt.air.OneMinusCosineGust((0.0, 0.0, 1.0), 0.0, 1.0)
     events = [
         GustEvent(time=0.2, velocity=(1.0, 0.0, 0.0), length_time=0.4),
-        WindEvent(time=0.1, velocity=(0.0, 2.0, 0.0)),
+        GustEvent(time=0.1, velocity=(0.0, 2.0, 0.0), length_time=0.05, stays=True),
         StuckEvent(time=0.1, command="frequency"),
     ]
     aero = with_gusts(pt.QuasiSteady(robot, pt.Air(gust=own)), events)

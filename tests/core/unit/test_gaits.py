@@ -178,12 +178,11 @@ def test_a_table_is_read_in_its_units_and_repeats(robot, tmp_path):
     np.testing.assert_allclose(found, expected, atol=3e-6)
 
 
-def test_a_table_with_a_mapping_and_a_period_needs_no_closing_row(robot, tmp_path):
+def test_a_table_with_a_period_needs_no_closing_row(robot, tmp_path):
     time = np.linspace(0.0, 0.2, 40, endpoint=False)
     rows = [f"{t},{np.cos(2 * np.pi * t / 0.2)}" for t in time]
-    path = written(tmp_path, "\n".join(["t,flap", *rows]))
-    names, units = {"time": "t", "left_plunge": "flap"}, {"time": "s", "left_plunge": "rad"}
-    gait = pt.gaits.from_csv(robot, path, columns=names, units=units, period=0.2)
+    path = written(tmp_path, "\n".join(["time [s],left_plunge [rad]", *rows]))
+    gait = pt.gaits.from_csv(robot, path, period=0.2)
     position = gait.motion(TIME).position
     expected = np.cos(2 * np.pi * TIME / 0.2)
     # as above, for one radian

@@ -79,8 +79,8 @@ def things(robot: pt.Robot, flight: Any) -> dict[str, Any]:
             A.WindShear(aero),
             A.PolarTable(angle[:3], angle[:3], angle[:3], None),
         ),
-        *(log, S.Kalman()),
-        *(S.MomentumObserver(robot, 200.0), L.FilterSettings(), L.Screening(), L.Misfit()),
+        log,
+        *(L.FilterSettings(), L.Screening(), L.Misfit()),
         *(L.NoiseEstimation(), L.ChangeDetection()),
         S.ForceSamples(
             *(np.zeros((count, 14)[:n]) for n in (1, 2, 2, 2)),

@@ -188,9 +188,9 @@ IN_NAME_SPACES = {
     "errors": """CompilerError FilterDiverged FlightError LogError Outcome ParameterError PathError
         RobotFileError RobotFileWarning ShapeError SimulationFailed""",
     "learning": "ChangeDetection HiddenStripNetwork NoiseEstimation Screening",
-    "sensing": """ForceSamples Kalman MomentumObserver MotionTracker SensorLog
+    "sensing": """ForceSamples MotionTracker SensorLog
         cell_wrench estimate_shifts inspect_log load_cell_force load_sensor_log
-        momentum_force motor_forces save_sensor_log""",
+        motor_forces save_sensor_log""",
 }
 """Names of the name spaces that a user meets first."""
 

@@ -54,7 +54,6 @@ _UNTOLD = {
     "evaluate",
     "stream",
     "inverse_dynamics_force",
-    "momentum_force",
     "tune",
     "evaluate_table",
     "identify_table",
@@ -145,7 +144,7 @@ def _searches() -> dict[str, Valid]:
             control.continue_orbit,
             {"orbit": orbit, "along": "speed", "limits": (orbit.speed - 1, orbit.speed + 1),
              "points": 1},
-            ("hold", "free"),
+            ("hold",),
         ),
         "optimize": Valid(
             control.optimize,
@@ -162,7 +161,6 @@ def _events() -> dict[str, Valid]:
     """Valid calls of events, which happen in a flight."""
     events: dict[str, tuple[Any, dict[str, Any]]] = {
         "GustEvent": (control.GustEvent, {"velocity": (0.0, 0.0, 1.0), "length_time": 0.01}),
-        "WindEvent": (control.WindEvent, {"velocity": (0.0, 1.0, 0.0), "length_time": 0.01}),
         "PayloadEvent": (
             control.PayloadEvent,
             {"body": "body", "mass": 1e-3, "position": (0.0, 0.0, 0.01)},
@@ -245,13 +243,10 @@ def _logs() -> dict[str, Valid]:
         "estimate_motion": Valid(
             pt.estimate_motion,
             {"log": log},
-            ("robot", "shifts", "times", "order", "density", "smoother"),
+            ("shifts", "times", "order"),
         ),
         "inverse_dynamics_force": Valid(
             pt.inverse_dynamics_force, {"motion": motion}, ("joints", "mount", "added_mass")
-        ),
-        "momentum_force": Valid(
-            sensing.momentum_force, {"motion": motion, "gain": 100.0}, ("joints", "mount")
         ),
         "training_data": Valid(
             pt.training_data, {"flight": flight}, ("robot", "with_added_mass")
@@ -369,7 +364,7 @@ def _gaits() -> dict[str, Valid]:
         "gaits.still": Valid(pt.gaits.still, {"robot": robot, "plunge": 0.1}),
         "gaits.cruise": Valid(pt.gaits.cruise, {"robot": _orbit().robot}, ("frequency",)),
         "gaits.from_csv": Valid(
-            pt.gaits.from_csv, {"robot": robot, "path": "gait.csv"}, ("columns", "units", "period")
+            pt.gaits.from_csv, {"robot": robot, "path": "gait.csv"}, ("period",)
         ),
         "gaits.to_csv": Valid(
             pt.gaits.to_csv, {"robot": robot, "gait": gait, "path": "new.csv"}

@@ -112,9 +112,6 @@ def _logs() -> dict[str, Valid]:
         "read_table": Valid(
             sensing.read_table, {"path": "log.csv", "mapping": "map.yaml"}, ("tell",)
         ),
-        "MomentumObserver": Valid(
-            sensing.MomentumObserver, {"robot": seeds.robot(), "gain": 100.0}
-        ),
         "load_identification": Valid(
             learning.load_identification, {"path": "identification.nc"}
         ),
@@ -248,7 +245,6 @@ def _air() -> dict[str, Valid]:
     state = {"q": np.full(robot.dof, 0.1), "v": np.full(robot.dof, 0.2)}
     lifting, mass = pt.LiftingLine(robot), pt.AddedMass(robot)
     gust = pt.air.OneMinusCosineGust((0.0, 0.0, 1.0), 0.01, 0.02)
-    travels = pt.air.TravelingGust(gust, (1.0, 0.0, 0.0), 3.0)
     line = pt.air.fitted_indicial([0.05, 0.3])
     found = {
         "AddedMass.mass_matrix": Valid(mass.mass_matrix, {"q": state["q"]}),
@@ -259,9 +255,6 @@ def _air() -> dict[str, Valid]:
         "LiftingLine.state_space": Valid(lifting.state_space, state, ("wind",)),
         "Air.wind_at": Valid(pt.Air(gust=gust).wind_at, {"time": [0.0, 0.01]}),
         "Air.uniform_wind_at": Valid(pt.Air(gust=gust).uniform_wind_at, {"time": [0.0, 0.01]}),
-        "Gust.velocity_at_points": Valid(
-            travels.velocity_at_points, {"time": [0.0, 0.01], "points": np.zeros((2, 3))}
-        ),
         "Indicial.lift_response": Valid(line.lift_response, {"semichords": [0.0, 1.0]}),
         "Indicial.lift_transfer": Valid(line.lift_transfer, {"reduced_frequency": [0.1, 1.0]}),
     }
@@ -336,7 +329,7 @@ def _loops() -> dict[str, Valid]:
 
 
 def _measured() -> dict[str, Valid]:
-    """Valid calls of methods of trackers, smoothers, logs and force samples."""
+    """Valid calls of methods of trackers, logs and force samples."""
     log, time = sensing.load_sensor_log("sensors.nc"), np.linspace(0.0, 0.1, 20)
     name, stamp, row = log.samples()[0]
     robot, count, density = seeds.robot(), seeds.robot().dof, np.ones(log.robot.dof)
@@ -374,8 +367,6 @@ def _measured() -> dict[str, Valid]:
         "MotionTracker.now": Valid(_method(tracker, "now"), {}, ("time",)),
         "MotionTracker.past": Valid(_method(tracker, "past"), {"times": [0.01, 0.02]}),
     }  # fmt: skip
-    given = {"time": time, "values": np.sin(time)[:, None], "std": 0.01}
-    found["Kalman.smooth"] = Valid(sensing.Kalman().smooth, given, ("at",))
     return found
 
 

@@ -74,7 +74,7 @@ def _event(draw: Draw) -> Any:
     """An event with at most one hostile number."""
     kinds: tuple[tuple[Any, dict[str, Any]], ...] = (
         (control.GustEvent, {"velocity": (0.0, 0.0, 1.0), "length_time": 0.01}),
-        (control.WindEvent, {"velocity": (0.0, 1.0, 0.0), "length_time": 0.01}),
+        (control.GustEvent, {"velocity": (0.0, 1.0, 0.0), "length_time": 0.01, "stays": True}),
         (control.PayloadEvent, {"body": "body", "mass": 1e-3, "position": (0.0, 0.0, 0.01)}),
         (control.WingLossEvent, {"wing": "left_wing", "share": 0.1}),
         (control.PolarEvent, {"factors": {"lift_amplitude": 0.9}}),

@@ -77,7 +77,7 @@ controller: {type: predictive, commands: [frequency, elevation_offset], tolerabl
 sensors: {std: {z: 2e-3, pitch: 5e-3}, delay: 1 ms, missing: 0.02}
 events:
   - {type: gust, time: 1 s, velocity: [0, 0, 1 m/s], length_time: 300 ms}
-  - {type: wind, time: 1 s, velocity: [0, 1 m/s, 0]}
+  - {type: gust, time: 1 s, velocity: [0, 1 m/s, 0], length_time: 50 ms, stays: true}
   - {type: payload, time: 1 s, body: body, mass: 5 g, position: [0, 0, 1 cm]}
   - {type: wing_loss, time: 2 s, wing: left_wing, share: 0.05}
   - {type: polar, time: 2 s, factors: {lift_slope: 0.8}}

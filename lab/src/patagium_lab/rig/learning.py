@@ -24,7 +24,6 @@ from patagium.sensing import (
     estimate_shifts,
     inverse_dynamics_force,
     load_cell_force,
-    momentum_force,
     motor_forces,
 )
 from patagium.sensing.sensors import SensorLog, load_sensor_log
@@ -33,10 +32,8 @@ from patagium_lab.rig.plan import CELL, MOTORS, UNIT, RigPlan
 
 Array = NDArray[np.float64]
 
-SOURCES = ("inverse dynamics", "momentum observer", "load cell")
-"""Sources of the force; the first two use motors and load cell, the last the cell alone."""
-OBSERVER_GAIN = 500.0
-"""Gain of the momentum observer [1/s]."""
+SOURCES = ("inverse dynamics", "load cell")
+"""Sources of the force; the first uses motors and load cell, the second the cell alone."""
 PRIOR, STRIP_STD, NOISE_MEMORY = 0.1, 5.5e-4, 50
 """Prior std of a weight [1]; first std of a strip's force [N]; memory of its estimate [samples]."""
 
@@ -134,9 +131,6 @@ def forces_of(
     return {
         "inverse dynamics": inverse_dynamics_force(
             motion, joints=joints, mount=mount, added_mass=added
-        ),
-        "momentum observer": momentum_force(
-            motion, gain=OBSERVER_GAIN, joints=joints, mount=mount, added_mass=added
         ),
         "load cell": load_cell_force(motion, mount, added_mass=added),
     }

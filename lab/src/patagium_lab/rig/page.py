@@ -10,7 +10,7 @@ from typing import Any
 
 from patagium.report import Block, Link, Note, PageSection, Table, cell_text
 from patagium_lab.gallery import Gallery
-from patagium_lab.rig.learning import OBSERVER_GAIN, SOURCES
+from patagium_lab.rig.learning import SOURCES
 from patagium_lab.study import Columns, Metrics, Page, Results, table_of
 from patagium_lab.targets import count_met, row_verdict
 
@@ -250,10 +250,9 @@ _CLOCKS = (
     "delay. The program is not told; it estimates both from the motion and uses the estimates."
 )
 _SOURCES = (
-    "There are three ways to the force of the air: **inverse dynamics** of the smoothed motion, "
-    "with the motors' currents and the load cell under the robot; a **momentum observer** of the "
-    f"same signals with a gain of {OBSERVER_GAIN:g}/s, which needs no acceleration; and the **load "
-    "cell** alone, which feels six forces and no joint. All forces are learned in each case."
+    "There are two ways to the force of the air: **inverse dynamics** of the smoothed motion, "
+    "with the motors' currents and the load cell under the robot; and the **load cell** alone, "
+    "which feels six forces and no joint. All forces are learned in both cases."
 )
 _READING = (
     "Errors of a measured force come from the encoders' noise through two derivatives, and from "

@@ -154,7 +154,7 @@ class Information:
         if found is None:
             raise FilterDiverged(
                 "motion: the information about the motion is singular; state the noise of the "
-                "sensors (std) or a larger density",
+                "sensors (std)",
                 Outcome.COVARIANCE_LOST,
             )
         change, inverse = found

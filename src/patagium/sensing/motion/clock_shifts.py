@@ -20,11 +20,17 @@ from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError, positive
 from patagium.robot import Robot
-from patagium.sensing.motion.estimate_motion import SensorMotion, smoothed_stream
-from patagium.sensing.motion.frame_model import Motion, with_euler_angles
-from patagium.sensing.motion.sensor_streams import ImuModel, Stream, streams_of
-from patagium.sensing.motion.smoothers import Kalman
-from patagium.sensing.sensors import SensorLog
+from patagium.sensing.motion.frame_model import Motion, floating_base, with_euler_angles
+from patagium.sensing.motion.motion_spline import conjugate, product
+from patagium.sensing.motion.sensor_streams import (
+    CaptureModel,
+    EncoderModel,
+    ImuModel,
+    Stream,
+    streams_of,
+)
+from patagium.sensing.motion.smoothers import smooth_series
+from patagium.sensing.sensors import SensorLog, from_quaternion
 
 _MOST_SAMPLES = 2000
 _COARSE = 2e-3
@@ -53,8 +59,6 @@ def estimate_shifts(
     *,
     reference: str | None = None,
     largest: float = 0.05,
-    robot: Robot | None = None,
-    smoother: Kalman | None = None,
 ) -> Shifts:
     """Clock shifts of encoders, cameras and inertial units against each other.
 
@@ -62,8 +66,6 @@ def estimate_shifts(
         log: Log with an inertial unit on a body that encoders or cameras see.
         reference: Sensor whose stamps are taken as right; None for the first inertial unit.
         largest: Largest shift of the search [s].
-        robot: The machine; None for that of the log.
-        smoother: Smoother of encoders and cameras; None for one that finds its density.
 
     Returns:
         Shifts of all linked sensors, for `estimate_motion`.
@@ -73,12 +75,12 @@ def estimate_shifts(
         ParameterError: If the reference is not among the sensors that are linked.
     """
     positive("largest", largest)
-    machine = with_euler_angles(log.robot if robot is None else robot)
+    machine = with_euler_angles(log.robot)
     streams = streams_of(log, machine, {})
     units = [s for s in streams if isinstance(s.model, ImuModel)]
     if not units:
         raise LogError(f"log: expected an inertial unit, found {', '.join(log.readings)}")
-    search = _Search(machine, streams, units, largest, smoother or Kalman())
+    search = _Search(machine, streams, units, largest)
     seconds, std = search.run()
     unlinked = tuple(s.name for s in streams if s.name not in seconds)
     chosen = units[0].name if reference is None else reference
@@ -107,10 +109,17 @@ def found_shifts(log: SensorLog) -> tuple[dict[str, float], str]:
 
 @dataclass(frozen=True)
 class _Track:
-    """Motion seen by one sensor, interpolated in time."""
+    """Motion of the coordinates that one sensor sees, interpolated in time.
+
+    Attributes:
+        stream: Measurements of the sensor.
+        columns: Indices of the coordinates.
+        levels: Position, velocity, acceleration of each, (k, 3) [m, rad, per s, per s^2].
+        attitude: Rotation from body to world axes; None from an encoder.
+    """
 
     stream: Stream
-    part: SensorMotion
+    columns: tuple[int, ...]
     levels: CubicSpline
     attitude: Slerp | None
 
@@ -118,6 +127,56 @@ class _Track:
         inside = np.clip(times, self.levels.x[0], self.levels.x[-1])
         attitude = None if self.attitude is None else self.attitude(inside)
         return np.asarray(self.levels(inside)), attitude
+
+
+def _track(robot: Robot, stream: Stream) -> _Track | None:
+    """Motion seen by one encoder or camera system alone; None for other sensors.
+
+    Raises:
+        LogError: If cameras do not see the floating body.
+    """
+    model, base = stream.model, floating_base(robot)
+    begin, end = stream.time[0], stream.time[-1]
+    step = min(float(np.median(np.diff(stream.time))), 1e-3)
+    times = np.linspace(begin, end, 1 + round((end - begin) / step))
+    if isinstance(model, EncoderModel):
+        state = smooth_series(stream.time, stream.rows, model.std, times).state
+        return _Track(stream, tuple(model.columns), CubicSpline(times, state), None)
+    if isinstance(model, CaptureModel) and base is not None:
+        state, attitude = _smooth_base(stream, model, times)
+        levels, turns = CubicSpline(times, state), Slerp(times, attitude)
+        return _Track(stream, (*base.place, *base.turn), levels, turns)
+    return None
+
+
+def _smooth_base(camera: Stream, model: CaptureModel, times: Array) -> tuple[Array, Rotation]:
+    """Position and rotation of a floating body with two derivatives, (M, 6, 3), and its attitude.
+
+    Attitude is smoothed as a quaternion, whose noise is half that of the angles.
+    """
+    if not model.frame.on_base:
+        raise LogError(f"{camera.name}: expected cameras that see the floating body itself")
+    seen = np.isfinite(camera.rows).all(axis=1)
+    std = np.sqrt(model.variance)
+    place = smooth_series(camera.time[seen], camera.rows[seen, :3], std[:3], times).state
+    mount = Rotation.from_matrix(model.frame.mount)
+    shown = from_quaternion(camera.rows[seen, 3:]) * mount.inv()
+    parts = shown.as_quat()
+    flips = np.cumprod(np.sign(np.einsum("ij,ij->i", parts[1:], parts[:-1])))
+    parts[1:] *= flips[:, None]
+    turned = smooth_series(camera.time[seen], parts, float(std[3:].mean()) / 2, times).state
+    four = turned / np.linalg.norm(turned[:, :, 0], axis=1)[:, None, None]
+    attitude = Rotation.from_quat(np.array(four[:, :, 0]))
+    back = conjugate(four[:, :, 0])
+    spin, spin_rate = (2 * product(back, four[:, :, level])[:, :3] for level in (1, 2))
+    lever = np.tile(model.frame.offset, (len(spin), 1))
+    lever_velocity = np.cross(spin, lever)
+    lever_acceleration = np.cross(spin_rate, lever) + np.cross(spin, lever_velocity)
+    moved = np.stack(
+        [attitude.apply(part) for part in (lever, lever_velocity, lever_acceleration)], axis=-1
+    )
+    turn = np.stack([np.zeros_like(spin), spin, spin_rate], axis=-1)
+    return np.concatenate([place - moved, turn], axis=1), attitude
 
 
 class _Search:
@@ -129,17 +188,10 @@ class _Search:
         streams: Sequence[Stream],
         units: Sequence[Stream],
         largest: float,
-        smoother: Kalman,
     ) -> None:
         self.robot, self.largest, self.units = robot, largest, list(units)
-        self.tracks: dict[str, _Track] = {}
-        for s in streams:
-            step = min(float(np.median(np.diff(s.time))), 1e-3)
-            grid = np.linspace(s.time[0], s.time[-1], 1 + round((s.time[-1] - s.time[0]) / step))
-            part = smoothed_stream(robot, s, grid, smoother)
-            if part is not None:
-                turns = None if part.attitude is None else Slerp(grid, part.attitude)
-                self.tracks[s.name] = _Track(s, part, CubicSpline(grid, part.state), turns)
+        tracks = [_track(robot, s) for s in streams]
+        self.tracks = {track.stream.name: track for track in tracks if track is not None}
         self.links = {unit.name: self._seen_by(unit) for unit in self.units}
 
     def run(self) -> tuple[dict[str, float], dict[str, float]]:
@@ -174,7 +226,7 @@ class _Search:
         motion = Motion(rng.uniform(0.1, 1.0, (3, self.robot.dof)), np.eye(3))
         slope = np.abs(unit.model.frame.inertial(motion)[1]).max(axis=(0, 1))  # type: ignore[attr-defined]
         moving = set(np.flatnonzero(slope > 0).tolist())
-        return [name for name, track in self.tracks.items() if moving & set(track.part.columns)]
+        return [name for name, track in self.tracks.items() if moving & set(track.columns)]
 
     def _fit(
         self, unit: Stream, known: dict[str, float], free: list[str]
@@ -225,7 +277,7 @@ class _Search:
         for name in self.links[unit.name]:
             track = self.tracks[name]
             state, turn = track.at(now + late[name])
-            levels[:, :, list(track.part.columns)] = np.swapaxes(state, 1, 2)
+            levels[:, :, list(track.columns)] = np.swapaxes(state, 1, 2)
             attitude = attitude if turn is None else turn
         expected, _ = unit.model.frame.inertials(levels, attitude)  # type: ignore[attr-defined]
         variance = np.var(shown - expected, axis=0) + unit.model.variance  # type: ignore[attr-defined]

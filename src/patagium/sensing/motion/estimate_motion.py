@@ -37,7 +37,6 @@ from patagium.sensing.motion.frame_model import (
 )
 from patagium.sensing.motion.motion_filter import MotionEstimate, MotionFilter
 from patagium.sensing.motion.motion_smoother import MotionFit, Samples
-from patagium.sensing.motion.motion_spline import conjugate, product
 from patagium.sensing.motion.sensor_streams import (
     FLOOR,
     CaptureModel,
@@ -48,10 +47,9 @@ from patagium.sensing.motion.sensor_streams import (
     common_times,
     encoded_coordinates,
     first_camera,
-    given_density,
     streams_of,
 )
-from patagium.sensing.motion.smoothers import MOTION_ORDERS, Kalman
+from patagium.sensing.motion.smoothers import MOTION_ORDERS
 from patagium.sensing.sensors import SensorLog, as_quaternion, from_quaternion
 
 UNKNOWN = (1e-1, 3e1, 3e2)
@@ -143,15 +141,12 @@ class MotionFits:
         return found
 
 
-def fit_motion(
-    robot: Robot, streams: Sequence[Stream], density: Array | None, order: int, wanted: Array
-) -> MotionFits:
+def fit_motion(robot: Robot, streams: Sequence[Stream], order: int, wanted: Array) -> MotionFits:
     """Fit of the motion to all samples, with what the samples say about their noise.
 
     Args:
         robot: The machine.
         streams: Measurements.
-        density: Density of the driving noise, (n,) [unit^2/s^(2 order - 1)]; None to learn it.
         order: Order of the derivative that noise drives.
         wanted: Times at which the motion is wanted, (M,) [s].
 
@@ -161,11 +156,11 @@ def fit_motion(
     """
     columns = coupled(robot, streams)
     base = floating_base(robot)
-    if base is not None and first_camera(streams) is None and density is None:
+    if base is not None and first_camera(streams) is None:
         silent = ", ".join(robot.dof_names[i] for i in (*base.place, *base.turn))
         raise LogError(
-            f"log: expected cameras that see {silent}, found none (with inertial units alone give "
-            "`density`)"
+            f"log: expected cameras that see {silent}, found none (a MotionTracker needs "
+            "none: it takes a density)"
         )
     checked = _checked(streams)
     guess = first_motion(robot, checked.streams, checked.used)
@@ -176,8 +171,7 @@ def fit_motion(
         found = [_samples(s, group, checked.used[s.name], order) for s in checked.streams]
         samples = [one for one in found if one is not None]
         begin, end = _extent(samples, wanted)
-        chosen = None if density is None else density[group]
-        fit = MotionFit(robot, group, samples, begin, end, order, chosen)
+        fit = MotionFit(robot, group, samples, begin, end, order)
         if base is not None and base.turn[0] in group and not fit.biases:
             fit.gaps = checked.gaps
         fit.run(guess)
@@ -346,144 +340,23 @@ def initial_estimate(motion_filter: MotionFilter, streams: Sequence[Stream]) -> 
     return MotionEstimate(Motion(levels, attitude), np.zeros(6 * len(biases)), np.diag(std))
 
 
-def smoothed_motion(
-    robot: Robot, streams: Sequence[Stream], times: Array, smoother: Kalman
-) -> SmoothedMotion:
-    """Motion from encoders and cameras alone, each coordinate by itself.
-
-    Attitude is smoothed as a quaternion, whose noise is half that of the angles.
-
-    Args:
-        robot: The machine.
-        streams: Measurements.
-        times: Times at which the motion is wanted, (M,) [s].
-        smoother: Smoother of each coordinate.
-
-    Raises:
-        LogError: If a coordinate is seen by no encoder, and by no camera on the floating body.
-    """
-    n = robot.dof
-    levels, covariance = np.zeros((len(times), 3, n)), np.zeros((len(times), 3 * n, 3 * n))
-    attitude = Rotation.identity(len(times))
-    silent = set(range(n))
-    for s in streams:
-        part = smoothed_stream(robot, s, times, smoother)
-        if part is None:
-            continue
-        place = np.array(part.columns)
-        levels[:, :, place] = np.swapaxes(part.state, 1, 2)
-        for i in range(3):
-            for j in range(3):
-                covariance[:, i * n + place, j * n + place] = part.covariance[:, :, i, j]
-        attitude = attitude if part.attitude is None else part.attitude
-        silent -= set(part.columns)
-    if silent:
-        names = ", ".join(robot.dof_names[i] for i in sorted(silent))
-        raise LogError(f"log: expected encoders or cameras that see {names}, found none")
-    return SmoothedMotion(levels, attitude, covariance)
-
-
-@dataclass(frozen=True)
-class SensorMotion:
-    """Motion of the coordinates that one sensor sees.
-
-    Attributes:
-        columns: Indices of the coordinates.
-        state: Position, velocity, acceleration of each, (M, k, 3) [m, rad, per s, per s^2].
-        covariance: Covariance of those three, (M, k, 3, 3) [products of their units].
-        attitude: Rotations from body to world axes, M; None from an encoder.
-    """
-
-    columns: tuple[int, ...]
-    state: Array
-    covariance: Array
-    attitude: Rotation | None
-
-
-def smoothed_stream(
-    robot: Robot, stream: Stream, times: Array, smoother: Kalman
-) -> SensorMotion | None:
-    """Motion from one encoder or camera system alone; None for other sensors.
-
-    Args:
-        robot: The machine.
-        stream: Measurements of the sensor.
-        times: Times at which the motion is wanted, (M,) [s].
-        smoother: Smoother of each coordinate.
-
-    Raises:
-        LogError: If cameras do not see the floating body.
-    """
-    model, base = stream.model, floating_base(robot)
-    if isinstance(model, EncoderModel):
-        found = smoother.smooth(stream.time, stream.rows, model.std, times)
-        return SensorMotion(tuple(model.columns), found.state, found.covariance, None)
-    if isinstance(model, CaptureModel) and base is not None:
-        place, turn, attitude = _smooth_base(stream, times, smoother)
-        state = np.concatenate([place[0], turn[0]], axis=1)
-        covariance = np.concatenate([place[1], turn[1]], axis=1)
-        return SensorMotion((*base.place, *base.turn), state, covariance, attitude)
-    return None
-
-
-def _smooth_base(
-    camera: Stream, times: Array, smoother: Kalman
-) -> tuple[tuple[Array, Array], tuple[Array, Array], Rotation]:
-    """Position and rotation of a floating body with covariances, and its attitude."""
-    model = camera.model
-    if not isinstance(model, CaptureModel) or not model.frame.on_base:
-        raise LogError(f"{camera.name}: expected cameras that see the floating body itself")
-    seen = np.isfinite(camera.rows).all(axis=1)
-    std = np.sqrt(model.variance)
-    place = smoother.smooth(camera.time[seen], camera.rows[seen, :3], std[:3], times)
-    mount = Rotation.from_matrix(model.frame.mount)
-    shown = from_quaternion(camera.rows[seen, 3:]) * mount.inv()
-    parts = shown.as_quat()
-    flips = np.cumprod(np.sign(np.einsum("ij,ij->i", parts[1:], parts[:-1])))
-    parts[1:] *= flips[:, None]
-    angle = float(std[3:].mean())
-    turned = smoother.smooth(camera.time[seen], parts, angle / 2, times)
-    length = np.linalg.norm(turned.state[:, :, 0], axis=1)[:, None, None]
-    four = turned.state / length
-    attitude = Rotation.from_quat(np.array(four[:, :, 0]))
-    back = conjugate(four[:, :, 0])
-    spin, spin_rate = (2 * product(back, four[:, :, level])[:, :3] for level in (1, 2))
-    covariance = 4 * turned.covariance[:, :3]
-    offset = model.frame.offset
-    lever = np.tile(offset, (len(spin), 1))
-    lever_velocity = np.cross(spin, lever)
-    lever_acceleration = np.cross(spin_rate, lever) + np.cross(spin, lever_velocity)
-    moved = np.stack(
-        [attitude.apply(part) for part in (lever, lever_velocity, lever_acceleration)], axis=-1
-    )
-    state = np.stack([np.zeros_like(spin), spin, spin_rate], axis=-1)
-    return (place.state - moved, place.covariance), (state, covariance), attitude
-
-
 @checked
 def estimate_motion(
     log: SensorLog,
     *,
-    robot: Robot | None = None,
     shifts: Mapping[str, float] | None = None,
     times: ArrayLike | None = None,
     order: int = 4,
-    density: ArrayLike | None = None,
-    smoother: Kalman | None = None,
 ) -> xr.Dataset:
     """Coordinates, velocities and accelerations with their covariance, given a whole log.
 
     Args:
         log: Readings of encoders, inertial units and cameras; other sensors are left out.
-        robot: The machine; None for that of the log.
         shifts: Shift of late stamps, delay and clock together, by name of the sensor [s]; see
             `estimate_shifts`. Sensors that are not named have no shift.
         times: Times of the result, (M,) [s]; None for the samples of the fastest sensor within
             the span of all others.
         order: Number of levels of each coordinate: 3 for white jerk, 4 for white snap.
-        density: Density of that noise, (n,) [unit^2/s^(2 order - 1)]; None for the most likely.
-        smoother: Smoother of each coordinate by itself, from encoders and cameras, instead of one
-            of the whole robot; inertial units are then left out.
 
     Returns:
         A dataset over `time` and `dof`: q, v, a [m, rad and their rates], `covariance` of
@@ -493,9 +366,9 @@ def estimate_motion(
     Raises:
         LogError: If a coordinate is seen by no sensor, or readings cannot be used.
         ParameterError: If an argument is out of its range.
-        ShapeError: If `density` is not (n,), or `times` not (N,).
+        ShapeError: If `times` is not (N,).
     """
-    machine = with_euler_angles(log.robot if robot is None else robot)
+    machine = with_euler_angles(log.robot)
     if order not in MOTION_ORDERS:
         raise ParameterError("order", f"one of {MOTION_ORDERS}", order)
     streams = streams_of(log, machine, shifts or {})
@@ -503,12 +376,8 @@ def estimate_motion(
         wanted = common_times(streams)
     else:
         wanted = real_array("times", np.atleast_1d(real_array("times", times)), ("N",))
-    if smoother is not None:
-        found = smoothed_motion(machine, streams, wanted, smoother)
-        return _dataset(machine, wanted, found, log)
-    drive = given_density(machine, density)
-    fitted = fit_motion(machine, streams, drive, order, wanted)
-    return _dataset(machine, wanted, fitted.at(wanted), log, fitted)
+    fitted = fit_motion(machine, streams, order, wanted)
+    return _dataset(machine, wanted, fitted, log)
 
 
 def in_coordinates(robot: Robot, found: SmoothedMotion) -> tuple[Array, Array]:
@@ -542,13 +411,8 @@ def euler_angles(attitude: Rotation) -> Array:
     return np.unwrap(angles, axis=0)
 
 
-def _dataset(
-    robot: Robot,
-    times: Array,
-    found: SmoothedMotion,
-    log: SensorLog,
-    fitted: MotionFits | None = None,
-) -> xr.Dataset:
+def _dataset(robot: Robot, times: Array, fitted: MotionFits, log: SensorLog) -> xr.Dataset:
+    found = fitted.at(times)
     levels, covariance = in_coordinates(robot, found)
     parts = [f"{part}.{name}" for part in "qva" for name in robot.dof_names]
     variables: dict[str, object] = {
@@ -577,9 +441,8 @@ def _dataset(
         variables["attitude_std"] = (("time", "axis"), std, {"units": "rad"})
         coordinates |= {"quaternion": list("wxyz"), "axis": list("xyz")}
     attributes = {"robot": robot.source, "robot_name": robot.name, "mount": log.mount}
-    if fitted is not None:
-        known &= ~fitted.open_times(times)
-        attributes["findings"] = json.dumps(motion_findings(fitted))
+    known &= ~fitted.open_times(times)
+    attributes["findings"] = json.dumps(motion_findings(fitted))
     variables["known"] = ("time", known, {})
     return xr.Dataset(variables, coordinates, attributes)
 

@@ -218,7 +218,6 @@ class MotionFit:
         begin: Begin of the motion [s].
         end: End of the motion [s].
         order: Order of the derivative that white noise drives.
-        density: Density of that noise, (n,) [unit^2/s^(2 order - 1)]; None to learn it.
     """
 
     def __init__(
@@ -229,10 +228,9 @@ class MotionFit:
         begin: float,
         end: float,
         order: int,
-        density: Array | None,
     ) -> None:
         self.robot, self.columns, self.order = robot, np.array(columns), order
-        self.samples, self.span, self.given = list(samples), (begin, end), density
+        self.samples, self.span = list(samples), (begin, end)
         base = floating_base(robot)
         self.turn = None
         if base is not None and set(base.turn) <= set(columns):
@@ -248,10 +246,7 @@ class MotionFit:
     def run(self, guess: FirstMotion) -> None:
         """Fit the motion."""
         shortest = min(float(np.median(np.diff(s.stream.time))) for s in self.samples)
-        if self.given is None:
-            self.density = guess.density(self.columns, self.order)
-        else:
-            self.density = self.given
+        self.density = guess.density(self.columns, self.order)
         first = shortest if self.biases else _FIRST_STEP * shortest
         self._place(lambda times: guess.at(times, self.columns), first)
         settled = 0
@@ -362,9 +357,7 @@ class MotionFit:
                     robust,
                 ),
             )
-        if self.given is None:
-            moved = max(moved, self._learn_density(drive))
-        return moved
+        return max(moved, self._learn_density(drive))
 
     def _linearized(self, one: Samples) -> _Linear:
         stream = one.stream

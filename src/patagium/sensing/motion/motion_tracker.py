@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from patagium.arguments import checked
 from patagium.arrays import Array, real_array, rising
-from patagium.errors import LogError, ParameterError, ShapeError, positive
+from patagium.errors import LogError, ParameterError, positive
 from patagium.robot import Robot
 from patagium.sensing.motion.estimate_motion import (
     SmoothedMotion,
@@ -123,8 +123,6 @@ class MotionTracker:
     ) -> None:
         self.robot = with_euler_angles(robot)
         drive = given_density(self.robot, density)
-        if drive is None:
-            raise ShapeError("density", (self.robot.dof,), ())
         if order not in MOTION_ORDERS:
             raise ParameterError("order", f"one of {MOTION_ORDERS}", order)
         self.memory = positive("memory", memory)

@@ -341,19 +341,17 @@ def encoded_coordinates(streams: Sequence[Stream]) -> dict[int, tuple[Stream, in
     }
 
 
-def given_density(robot: Robot, given: ArrayLike | None) -> Array | None:
+def given_density(robot: Robot, given: ArrayLike) -> Array:
     """Density of the noise that drives each coordinate, (n,) [unit^2/s^(2 order - 1)], checked.
 
     Args:
         robot: The machine.
-        given: Density of each, (n,) [unit^2/s^(2 order - 1)]; None where it is to be learned.
+        given: Density of each, (n,) [unit^2/s^(2 order - 1)].
 
     Raises:
         ShapeError: If `given` is not (n,).
         ParameterError: If `given` is not positive.
     """
-    if given is None:
-        return None
     drive = real_array("density", given, (robot.dof,))
     if not (np.isfinite(drive).all() and (drive > 0).all()):
         raise ParameterError("density", "positive numbers", drive.tolist())

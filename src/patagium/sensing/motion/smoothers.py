@@ -1,22 +1,19 @@
-"""Smoothers of a measured coordinate, its rate and acceleration: Kalman, spline, Savitzky-Golay.
+"""Kalman smoother of measured coordinates, their rates and accelerations.
 
-All three are linear in the measurements, so that their covariance is exact for white noise. The
-Kalman smoother takes a coordinate as a chain of integrators driven by white noise: order 3 is a
-Wiener process of the acceleration (white jerk), order 4 one of the jerk (white snap). Many
-coordinates measured at the same times go through one pass. Neglected: motion that a spline or
-polynomial cannot follow; only the covariance of the Kalman smoother allows for it.
+A coordinate is a chain of integrators driven by white noise: order 3 is a Wiener process of the
+acceleration (white jerk), order 4 one of the jerk (white snap). The smoother is linear in the
+measurements, so that its covariance is exact for white noise. Many coordinates measured at the
+same times go through one pass.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import factorial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arguments import check_fields
 from patagium.arrays import Array, Indices, real_array, rising
 from patagium.errors import LogError, ParameterError, ShapeError
 
@@ -259,69 +256,36 @@ def _samples(time: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
     return stamps, y
 
 
-def _series(
-    time: ArrayLike, values: ArrayLike, std: ArrayLike, at: ArrayLike | None
-) -> tuple[Array, Array, Array, Array]:
-    """Checked times, values and standard deviations, (B,), of samples; times of the result."""
-    stamps, y = _samples(time, values)
-    deviations, moments = real_array("std", std), stamps
-    if deviations.shape not in ((), y.shape[1:]):
-        raise ShapeError("std", y.shape[1:], deviations.shape)
-    if at is not None:
-        moments = real_array("at", at, ("N",))
-    if not (len(moments) and np.isfinite(moments).all() and np.isfinite(deviations).all()):
-        raise ParameterError("at and std", "finite numbers", (at, std))
-    return stamps, y, np.broadcast_to(deviations, y.shape[1:]), moments
-
-
-@dataclass(frozen=True)
-class Kalman:
-    """Kalman smoother of a chain of integrators driven by white noise.
+def smooth_series(
+    time: ArrayLike, values: ArrayLike, std: ArrayLike, at: ArrayLike, *, order: int = 4
+) -> Smoothed:
+    """Coordinates and two derivatives at given times, with the most likely density of each.
 
     Args:
-        order: 3 for white jerk, 4 for white snap.
-        density: Density of that noise, one for all coordinates [unit^2/s^(2 order - 1)]; None
-            takes the most likely one for each coordinate.
+        time: Increasing times of the samples, (N,) [s].
+        values: Measured coordinates, (N, B) [unit]; NaN where one is missing.
+        std: Standard deviation of the samples, (B,) or one for all [unit].
+        at: Times of the result, (M,) [s].
+        order: Number of levels, at least 3.
+
+    Returns:
+        Coordinate, rate and acceleration of each, (M, B, 3), and their covariance, (M, B, 3, 3).
 
     Raises:
-        ParameterError: If a number is out of its range.
+        ShapeError: If arrays do not fit each other.
+        ParameterError: If they hold no numbers.
+        LogError: If there are too few samples.
     """
-
-    order: int = 4
-    density: float | None = None
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        if self.order not in MOTION_ORDERS:
-            raise ParameterError("order", f"one of {MOTION_ORDERS}", self.order)
-        if self.density is not None and not self.density > 0:
-            raise ParameterError("density", "a positive number", self.density)
-
-    def smooth(
-        self, time: ArrayLike, values: ArrayLike, std: ArrayLike, at: ArrayLike | None = None
-    ) -> Smoothed:
-        """Coordinates and two derivatives at given times.
-
-        Args:
-            time: Times of the samples, (N,) [s].
-            values: Measured coordinates, (N, B) [unit]; NaN where one is missing.
-            std: Standard deviation of the samples, (B,) or one for all [unit].
-            at: Times of the result, (M,) [s]; None for those of the samples.
-
-        Raises:
-            ShapeError: If arrays do not fit each other.
-            ParameterError: If they hold no numbers.
-            LogError: If there are too few samples.
-        """
-        stamps, y, deviations, times = _series(time, values, std, at)
-        drive: ArrayLike | None = self.density
-        if drive is None:
-            drive = likely_density(stamps, y, deviations, order=self.order)
-        grid, rows = merged_times(stamps, times)
-        known = np.full((len(grid), y.shape[1]), np.nan)
-        known[np.searchsorted(grid, stamps)] = y
-        found = smooth_chain(grid, known, deviations, drive, order=self.order)
-        return Smoothed(found.state[rows, :, :3], found.covariance[rows, :, :3, :3])
+    drive = likely_density(time, values, std, order=order)
+    stamps, y = _samples(time, values)
+    moments = real_array("at", at, ("N",))
+    if not (len(moments) and np.isfinite(moments).all()):
+        raise ParameterError("at", "finite numbers", at)
+    grid, rows = merged_times(stamps, moments)
+    known = np.full((len(grid), y.shape[1]), np.nan)
+    known[np.searchsorted(grid, stamps)] = y
+    found = smooth_chain(grid, known, std, drive, order=order)
+    return Smoothed(found.state[rows, :, :3], found.covariance[rows, :, :3, :3])
 
 
 def merged_times(time: Array, at: Array) -> tuple[Array, Indices]:
