@@ -31,16 +31,12 @@ def evaluate(
     """Score a learned model, its weights frozen, where it has not been."""
     from patagium.cli.identify import show_scores
     from patagium.cli.logs import flight_or_table
-    from patagium.learning import evaluate as evaluate_flight
-    from patagium.learning.identify import evaluate_table
+    from patagium.learning import evaluate as evaluate_model
     from patagium.learning.model_file import load_model
 
     learned = load_model(existing(model))
     flight, table = flight_or_table(file, mapping)
-    if table is None:
-        result = evaluate_flight(flight, learned, every=every)
-    else:
-        result = evaluate_table(table, learned, every=every)
+    result = evaluate_model(flight if table is None else table, learned, every=every)
     outputs, title = Outputs(), f"{model.name} against {file.name}"
     if report is not None and outputs.attempt("report", lambda: result.report(report, title)):
         typer.echo(f"The report is in {report}", err=True)

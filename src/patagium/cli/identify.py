@@ -175,10 +175,8 @@ def _learned(
     """
     from patagium.cli.interruption import interruptible
     from patagium.cli.state import keep_state
-    from patagium.learning import identify as identify_flight
-    from patagium.learning.identify import identify_table
+    from patagium.learning import identify as identify_log
     from patagium.learning.long_log import identify_record
-    from patagium.sensing import LogTable
     from patagium.sensing.logs.record import LogRecord
 
     resume = None if state is None else state.with_name(f"{state.name}.course")
@@ -189,8 +187,7 @@ def _learned(
                     return identify_record(
                         learned, learner, progress=progress, course=resume, **options
                     )
-                identify = identify_table if isinstance(learned, LogTable) else identify_flight
-                return identify(learned, learner, progress=progress, **options)
+                return identify_log(learned, learner, progress=progress, **options)
         except Interrupted:
             if isinstance(learned, LogRecord):
                 if resume is not None and resume.exists():

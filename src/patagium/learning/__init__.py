@@ -14,9 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from patagium.learning.default_learner import default_learner as default_learner
     from patagium.learning.identify import evaluate as evaluate
-    from patagium.learning.identify import evaluate_table as evaluate_table
     from patagium.learning.identify import identify as identify
-    from patagium.learning.identify import identify_table as identify_table
     from patagium.learning.learners.cubature import CubatureLearner as CubatureLearner
     from patagium.learning.learners.extended import ExtendedLearner as ExtendedLearner
     from patagium.learning.learners.gradient import GradientLearner as GradientLearner
@@ -57,7 +55,7 @@ if TYPE_CHECKING:
     from patagium.learning.tuning.tune import tune as tune
 
 _NAMES = {
-    "identify": ("evaluate", "evaluate_table", "identify", "identify_table"),
+    "identify": ("evaluate", "identify"),
     "table_network": ("network_for",),
     "default_learner": ("default_learner",),
     "learners.cubature": ("CubatureLearner",),

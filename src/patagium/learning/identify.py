@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
 from patagium.arrays import Array, Bools
-from patagium.errors import LogError, Outcome
+from patagium.errors import LogError, Outcome, ParameterError
 from patagium.learning.default_learner import choices, chosen_every, default_learner, table_every
 from patagium.learning.filters.misfit import unseen
 from patagium.learning.forecast import Horizons, named_horizons
@@ -43,7 +43,7 @@ class _Predicts(Protocol):
 
 @checked
 def identify(
-    flight: xr.Dataset | ForceSamples,
+    flight: xr.Dataset | ForceSamples | LogTable,
     learner: Learner | None = None,
     *,
     every: int | None = None,
@@ -52,17 +52,19 @@ def identify(
     robot: Robot | None = None,
     progress: Progress | None = None,
 ) -> Identification:
-    """Identification of the air's force from a flight, sample by sample.
+    """Identification of the air's force from a flight, or of a table's outputs, sample by sample.
 
     The force is found by inverse dynamics (`training_data`), or as it was measured; each sample
-    is predicted before it may be used (`stream`).
+    is predicted before it may be used (`stream`). Where the mapping of a table states no range for
+    a column, the first samples scale the network (`scaling_samples`): they are neither predicted
+    nor learned.
 
     Args:
-        flight: Record with q, v, a, u1; or measured forces, whose std is noise on top.
+        flight: Record with q, v, a, u1; measured forces, whose std is noise on top; or a table.
         learner: What learns; it goes on from where it stands, and is changed. Its network sees
             the inputs and gives generalized forces, or what it measures; None: `default_learner`.
-        every: 100 to use one sample in 100; None: as `chosen_every` says.
-        inputs: Names of what the network sees, such as `v.roll`; None: q, then v.
+        every: 100 to use one sample in 100; None: as `chosen_every`, of a table `table_every` says.
+        inputs: Names of what the network sees of a flight, such as `v.roll`; None: q, then v.
         horizons: Times ahead for which outputs are forecast from samples up to a time alone, such
             as "100ms": the state of a robot in free flight is propagated by its equations with
             the learned force; other inputs are held, or repeat their last wingbeat.
@@ -75,47 +77,57 @@ def identify(
     Raises:
         FlightError: If the flight misses a quantity.
         ShapeError: If the network does not fit the inputs or the outputs.
-        ParameterError: If an input has no such name.
+        ParameterError: If an input has no such name, or inputs or a robot are given for a table.
     """
-    chosen = learner or default_learner(flight if robot is None else robot)
-    time, x, y, units = samples(flight, chosen.network, inputs, robot)
-    motion, period = None, None if isinstance(flight, ForceSamples) else gait_period(flight)
-    if named_horizons(horizons) and not isinstance(flight, ForceSamples):
-        machine = robot_of(flight) if robot is None else robot
-        motion = robot_motion(flight, machine, chosen.network, inputs, period)
-    step = float(np.median(np.diff(time)))
-    taken = chosen_every(chosen, step, period) if every is None else every
-    result = stream(
-        chosen,
-        time,
-        x,
-        y,
-        every=taken,
-        horizons=horizons,
-        units=units,
-        std=stds(flight, chosen.network),
-        motion=motion,
-        period=period,
-        progress=progress,
-    )
+    chosen = learner or default_learner(flight if robot is None else robot, every=every)
     given = {"learner_given": learner is not None, "every_given": every is not None}
+    known: dict[str, Any]
+    if isinstance(flight, LogTable):
+        _refuse_for_tables(inputs, robot)
+        first = scaling_samples(flight)
+        time, x, y = flight.time[first:], flight.x[first:], flight.y[first:]
+        step = float(np.median(np.diff(flight.time)))
+        taken = table_every(chosen, step) if every is None else every
+        gaps = flight.gaps[flight.gaps > first] - first
+        known = {"names": flight.output_names, "units": flight.output_units, "gaps": gaps}
+    else:
+        time, x, y, units = samples(flight, chosen.network, inputs, robot)
+        motion, period = None, None if isinstance(flight, ForceSamples) else gait_period(flight)
+        if named_horizons(horizons) and not isinstance(flight, ForceSamples):
+            machine = robot_of(flight) if robot is None else robot
+            motion = robot_motion(flight, machine, chosen.network, inputs, period)
+        step = float(np.median(np.diff(time)))
+        taken = chosen_every(chosen, step, period) if every is None else every
+        known = {"units": units, "std": stds(flight, chosen.network)}
+        known |= {"motion": motion, "period": period}
+    result = stream(chosen, time, x, y, every=taken, horizons=horizons, progress=progress, **known)
     result.scores["chosen"] = choices(chosen, taken, step, **given)
+    if isinstance(flight, LogTable):
+        result.scores["gaps_found"] = flight.describe_gaps()
+        result.scores.update(samples=len(flight.time), samples_that_scaled=first)
     return result
+
+
+def _refuse_for_tables(inputs: Sequence[str] | None, robot: Robot | None) -> None:
+    """Refuse what only a flight has."""
+    for name, value in (("inputs", inputs), ("robot", robot)):
+        if value is not None:
+            raise ParameterError(name, "None for a table, whose mapping says it", value)
 
 
 @checked
 def evaluate(
-    flight: xr.Dataset | ForceSamples,
+    flight: xr.Dataset | ForceSamples | LogTable,
     model: Trained,
     *,
     every: int = 100,
     inputs: Sequence[str] | None = None,
     robot: Robot | None = None,
 ) -> Identification:
-    """Scores of a model with frozen weights on a flight it never saw.
+    """Scores of a model with frozen weights on a flight or a table it never saw.
 
     Args:
-        flight: Record with q, v, a, u1; or measured forces.
+        flight: Record with q, v, a, u1; measured forces; or a table.
         model: A learner (it is not taught), or network and weights.
         every: The rival holds one measured sample in so many; the model sees none.
         inputs: Names of what the network sees; None: those of the model's file, or q, then v.
@@ -127,12 +139,33 @@ def evaluate(
     Raises:
         FlightError: If the flight misses a quantity.
         ShapeError: If the network does not fit the inputs or the outputs.
-        ParameterError: If an input has no such name.
+        ParameterError: If an input has no such name, or inputs or a robot are given for a table.
+        LogError: If a table has other inputs or outputs than the model.
     """
+    if isinstance(flight, LogTable):
+        _refuse_for_tables(inputs, robot)
+        _check_columns(flight, model)
+        rows, gaps, names = (flight.time, flight.x, flight.y), flight.gaps, flight.output_units
+        result = compare(model, *rows, every=every, units=names, gaps=gaps)
+        result.scores["gaps_found"] = flight.describe_gaps()
+        return result
     if inputs is None and isinstance(model, Model):
         inputs = model.inputs
     time, x, y, units = samples(flight, model.network, inputs, robot)
     return compare(model, time, x, y, every=every, units=units)
+
+
+def _check_columns(table: LogTable, model: Trained) -> None:
+    """Refuse a table of other columns than those of a model."""
+    outputs = tuple(model.network.output_names)
+    inputs = model.inputs if isinstance(model, Model) else None
+    for word, expected, found in (
+        ("outputs", outputs, table.output_names),
+        ("inputs", inputs or table.input_names, table.input_names),
+    ):
+        if expected != found:
+            told = f"expected the {word} {', '.join(expected)}, found {', '.join(found)}"
+            raise LogError(f"{table.source}: {told}")
 
 
 def compare(
@@ -196,78 +229,3 @@ def _unseen_scores(model: Trained, checks: Sequence[Check], heard: Bools) -> dic
         return {}
     stated = np.array([one.std for one in checks]) ** 2
     return {"unseen_share": float(unseen(error**2, stated, usual**2)[:, heard].mean())}
-
-
-@checked
-def identify_table(
-    table: LogTable,
-    learner: Learner | None = None,
-    *,
-    every: int | None = None,
-    horizons: Horizons = None,
-    progress: Progress | None = None,
-) -> Identification:
-    """Identification from a table, sample by sample; see `stream`.
-
-    Where the mapping states no range for a column, the first samples scale the network
-    (`scaling_samples`): they are neither predicted nor learned.
-
-    Args:
-        table: The log.
-        learner: What learns; it is changed. None: the default, a dense network.
-        every: 100 to use one sample in 100; None: as `table_every` says.
-        horizons: Times ahead for which outputs are forecast; see `stream`.
-        progress: Called now and then with samples done and samples in all.
-    """
-    chosen, first = learner or default_learner(table, every=every), scaling_samples(table)
-    step = float(np.median(np.diff(table.time)))
-    taken = table_every(chosen, step) if every is None else every
-    result = stream(
-        chosen,
-        table.time[first:],
-        table.x[first:],
-        table.y[first:],
-        every=taken,
-        horizons=horizons,
-        names=table.output_names,
-        units=table.output_units,
-        gaps=table.gaps[table.gaps > first] - first,
-        progress=progress,
-    )
-    result.scores["gaps_found"] = table.describe_gaps()
-    result.scores["samples"] = len(table.time)
-    result.scores["samples_that_scaled"] = first
-    result.scores["chosen"] = choices(
-        chosen, taken, step, learner_given=learner is not None, every_given=every is not None
-    )
-    return result
-
-
-@checked
-def evaluate_table(table: LogTable, model: Trained, *, every: int = 100) -> Identification:
-    """Scores of a model with frozen weights on a table it never saw; see `evaluate`.
-
-    Args:
-        table: The log.
-        model: A learner (it is not taught), or a model from a file.
-        every: The rival holds one measured sample in so many.
-
-    Raises:
-        LogError: If the table has other inputs or outputs than the model.
-    """
-    expected = tuple(model.network.output_names)
-    if expected != table.output_names:
-        raise LogError(
-            f"{table.source}: expected the outputs {', '.join(expected)}, "
-            f"found {', '.join(table.output_names)}"
-        )
-    if isinstance(model, Model) and model.inputs not in (None, table.input_names):
-        raise LogError(
-            f"{table.source}: expected the inputs {', '.join(model.inputs or ())}, "
-            f"found {', '.join(table.input_names)}"
-        )
-    result = compare(
-        model, table.time, table.x, table.y, every=every, units=table.output_units, gaps=table.gaps
-    )
-    result.scores["gaps_found"] = table.describe_gaps()
-    return result

@@ -59,7 +59,7 @@ def identify_record(
     course: Path | None = None,
     block: int = BLOCK,
 ) -> Identification:
-    """Identification from an imported log of any length; see `identify_table`.
+    """Identification from an imported log of any length; see `identify`.
 
     Args:
         record: The log, with inputs and outputs.

@@ -29,7 +29,7 @@ def network_for(
     """Dense network for the columns of a table, scaled by their ranges.
 
     Center and half width of each range that the mapping states; of the others those of the first
-    samples, which `identify_table` then does not predict (`scaling_samples`).
+    samples, which `identify` then does not predict (`scaling_samples`).
 
     Args:
         table: The log, or the beginning of it.

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from patagium.errors import LogError, ParameterError, ShapeError
-from patagium.learning import DenseNetwork, Tuned, identify_table, tune
+from patagium.learning import DenseNetwork, Tuned, identify, tune
 from patagium.sensing import LogTable
 
 NOISE = np.array([0.02, 0.3])
@@ -49,7 +49,7 @@ def test_a_known_measurement_deviation_is_found() -> None:
     table = log(np.array([0.1, 0.1]))
     found = tune(table, network(), every=1, trials=48, jobs=1)
     learner = found.learner()
-    identify_table(table, learner, every=1)  # with noise_estimation it starts from the settings
+    identify(table, learner, every=1)  # with noise_estimation it starts from the settings
     std = learner.measurement_std
     assert ((std > 0.05) & (std < 0.2)).all()  # 0.1 within a factor of 2
     assert 0.9 < found.best.prediction["coverage_second_half"] < 0.99

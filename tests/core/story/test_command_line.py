@@ -16,7 +16,7 @@ import pytest
 import patagium as pt
 from patagium.cli.main import app, run
 from patagium.errors import RobotFileError
-from patagium.learning.identify import identify_table
+from patagium.learning.identify import identify
 from patagium.sensing.logs.importing.import_log import read_table
 from patagium.sensing.logs.mapping import load_mapping
 
@@ -318,7 +318,7 @@ def test_a_table_without_settings_is_learned_as_in_python(
 ) -> None:
     table, mapping = log
     told = json.loads(speak("identify", table, "--mapping", mapping, "--json").out)
-    meant = identify_table(read_table(table, load_mapping(mapping))).scores
+    meant = identify(read_table(table, load_mapping(mapping))).scores
     assert told["nmse_second_half"] == meant["nmse_second_half"]
     assert told["chosen"] == meant["chosen"] and "memory" in told["chosen"]
     words = ("identify", table, "--mapping", mapping, "--prior-share", "1e-3", "--json")

@@ -9,7 +9,7 @@ from tests.tables import table_of
 import patagium as pt
 from patagium.errors import LogError
 from patagium.learning.default_learner import default_learner, table_every, table_share
-from patagium.learning.identify import evaluate_table, identify_table
+from patagium.learning.identify import evaluate, identify
 from patagium.learning.model_file import model_of
 from patagium.learning.settings import FilterSettings
 from patagium.learning.table_network import network_for, scaling_samples
@@ -68,14 +68,14 @@ def test_a_column_without_a_range_is_scaled_by_samples_that_are_not_predicted() 
     later = log(900, words=UNRANGED)
     later.y[475:] *= 3.0  # nothing looks ahead
     assert network_for(later, (4,)).describe() == network.describe()
-    scores = identify_table(table, every=1).scores
+    scores = identify(table, every=1).scores
     assert scores["samples_that_scaled"] == 475
     assert scores["samples"] == 900 and scores["samples_predicted"] == 425
     assert scores["nmse_second_half"]["lift"] < 0.05
 
 
 def test_a_table_is_learned_without_any_setting() -> None:
-    scores = identify_table(log(3000)).scores
+    scores = identify(log(3000)).scores
     # noise is 3e-4 of the variance; at 500 Hz a learner that forgets uses each sample
     assert scores["nmse_second_half"]["lift"] < 0.01 and scores["every"] == 1
     assert scores["chosen"]["network"].startswith("dense, 8,8")
@@ -89,11 +89,11 @@ def test_a_machine_that_changes_is_followed_without_any_setting() -> None:
     offset = np.cumsum(rng.normal(0.0, 3e-3, len(command)))
     force = 3e-3 * command * (1.0 - 0.05 * table.time) + offset
     drifting = replace(table, x=np.column_stack([command, 0 * command]), y=force[:, None])
-    scores = identify_table(drifting).scores
+    scores = identify(drifting).scores
     assert scores["nmse_second_half_worst"] < scores["persistence_second_half_worst"]
     assert 0.88 < scores["coverage_second_half"] <= 1.0
     believing = pt.ExtendedLearner(network_for(drifting, (8, 8)))
-    sure = identify_table(drifting, believing, every=1).scores  # it takes all for one truth
+    sure = identify(drifting, believing, every=1).scores  # it takes all for one truth
     assert scores["nmse_second_half_worst"] < 0.3 * sure["nmse_second_half_worst"]
 
 
@@ -113,7 +113,7 @@ def test_the_memory_of_a_table_goes_by_time_and_yields_to_what_is_set() -> None:
 
 def test_a_table_is_learned_and_its_gap_is_stated() -> None:
     table = log()
-    result = identify_table(table, learner(table), every=2, horizons={"10ms": 0.01})
+    result = identify(table, learner(table), every=2, horizons={"10ms": 0.01})
     assert result.scores["gaps"] == 1 and "1 gap(s)" in result.scores["gaps_found"]
     assert result.scores["nmse_second_half"]["lift"] < 0.05
     assert result.prediction["unit"].values.tolist() == ["N"]
@@ -124,9 +124,9 @@ def test_a_table_is_learned_and_its_gap_is_stated() -> None:
 def test_a_learned_model_is_held_against_another_log() -> None:
     table, unseen = log(), log(seed=1)
     student = learner(table)
-    identify_table(table, student, every=1)
+    identify(table, student, every=1)
     model = model_of(student, inputs=table.input_names)
-    result = evaluate_table(unseen, model, every=10)
+    result = evaluate(unseen, model, every=10)
     assert result.scores["nmse_worst"] < 0.01 and result.scores["updates"] == 0
     assert result.scores["persistence_worst"] > 1.0 and result.scores["gaps"] == 1
     assert 0.8 < result.scores["coverage"] <= 1.0
@@ -136,7 +136,7 @@ def test_a_model_of_other_columns_is_refused() -> None:
     table = log()
     model = model_of(learner(table), inputs=("rate", "command"))
     with pytest.raises(LogError, match="expected the inputs rate, command, found command, rate"):
-        evaluate_table(table, model)
+        evaluate(table, model)
     words = {**WORDS, "outputs": [{**WORDS["outputs"][0], "name": "drag"}]}
     with pytest.raises(LogError, match="expected the outputs lift, found drag"):
-        evaluate_table(log(words=words), learner(table))
+        evaluate(log(words=words), learner(table))

@@ -10,7 +10,7 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError
-from patagium.learning.identify import identify_table
+from patagium.learning.identify import identify
 from patagium.learning.long_log import identify_record
 from patagium.learning.table_network import network_for
 from patagium.sensing.logs.files import table_files
@@ -74,7 +74,7 @@ def stops_after(calls: int) -> Callable[[int, int], None]:
 @pytest.mark.parametrize("every", [1, 7])
 def test_blocks_give_the_scores_of_one_stream(every: int, record: LogRecord) -> None:
     table = record.table()
-    whole = identify_table(table, learner(table), every=every)
+    whole = identify(table, learner(table), every=every)
     parts = identify_record(record, learner(table), every=every, block=500)
     np.testing.assert_array_equal(parts.learner.weights, whole.learner.weights)
     for key in (
@@ -96,7 +96,7 @@ def test_blocks_give_the_scores_of_one_stream(every: int, record: LogRecord) -> 
 
 def test_horizons_are_scored_in_every_block(record: LogRecord) -> None:
     table = record.table()
-    whole = identify_table(table, learner(table), every=10, horizons={"20ms": 0.02})
+    whole = identify(table, learner(table), every=10, horizons={"20ms": 0.02})
     parts = identify_record(record, learner(table), every=10, horizons={"20ms": 0.02}, block=1000)
     assert parts.scores["forecast_20ms_count"] > whole.scores["forecast_20ms_count"] > 50
     found, expected = (r.scores["forecast_20ms_held"]["y"] for r in (parts, whole))

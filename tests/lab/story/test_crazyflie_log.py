@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patagium.learning import CubatureLearner, ExtendedLearner, identify_table, network_for
+from patagium.learning import CubatureLearner, ExtendedLearner, identify, network_for
 from patagium.learning.models.memory import memory_of, network_inputs, replay
 from patagium.sensing import LogTable, read_table
 from patagium_lab.measured.crazyflie import (
@@ -45,7 +45,7 @@ def test_taking_off_is_learned_and_holding_a_sample_is_the_bar(table: LogTable) 
     learner = CubatureLearner(
         network_for(start, (8,)), prior_std=0.5, measurement_std=1.0, spread=1.7
     )
-    dense = identify_table(start, learner, every=1, horizons="1s").scores
+    dense = identify(start, learner, every=1, horizons="1s").scores
     assert dense["outcome"] == "COMPLETED"
     # at 1 kHz nothing beats the last sample
     assert dense["persistence_second_half_worst"] < dense["nmse_second_half_worst"] < 1.0

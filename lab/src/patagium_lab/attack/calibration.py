@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from patagium.learning.identify import identify_table
+from patagium.learning.identify import identify
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.settings import NoiseEstimation
 from patagium.learning.stream import stream
@@ -88,7 +88,7 @@ def log_calibration(path: str | Path) -> dict[str, Any]:
         prior_share=1e-5,
         noise_estimation=NoiseEstimation(300),
     )
-    scores = identify_table(table, learner, every=1).scores
+    scores = identify(table, learner, every=1).scores
     return _row("Crazyflie log in flight, dense network", scores)
 
 

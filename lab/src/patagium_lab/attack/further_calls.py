@@ -147,12 +147,12 @@ def _networks() -> dict[str, Valid]:
         "network_for": Valid(
             learning.network_for, {"table": table, "hidden": (3,)}, ("activation",)
         ),
-        "identify_table": Valid(
-            learning.identify_table, {"table": table, "learner": pt.ExtendedLearner(dense)},
+        "identify a table": Valid(
+            learning.identify, {"flight": table, "learner": pt.ExtendedLearner(dense)},
             ("every", "horizons", "progress"),
         ),
-        "evaluate_table": Valid(
-            learning.evaluate_table, {"table": table, "model": pt.ExtendedLearner(dense)},
+        "evaluate on a table": Valid(
+            learning.evaluate, {"flight": table, "model": pt.ExtendedLearner(dense)},
             ("every",),
         ),
         "learner_from_description": Valid(

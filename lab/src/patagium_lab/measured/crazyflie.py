@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from patagium.learning.identify import evaluate_table, identify_table
+from patagium.learning.identify import evaluate, identify
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.learner import Learner
@@ -209,6 +209,6 @@ def _row(
 
 def _frozen(table: LogTable, learner: Learner, every: int, pause: int) -> float:
     """Error after a pause, of weights learned before it."""
-    identify_table(table.where(slice(pause)), learner, every=every)
-    unseen = evaluate_table(table.where(slice(pause, None)), learner, every=every)
+    identify(table.where(slice(pause)), learner, every=every)
+    unseen = evaluate(table.where(slice(pause, None)), learner, every=every)
     return float(unseen.scores["nmse_worst"])
