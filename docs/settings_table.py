@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import Field
+from dataclasses import Field, fields
 from typing import Any
 
-from patagium.learning.settings import RECORDS, Alternatives, LogRange, Meaning, leaves, settings_of
+from patagium.learning.settings import Alternatives, FilterSettings, LogRange, Meaning, leaves
 
 COLUMNS = ("setting", "meaning", "unit", "range", "default", "learners", "tuned over")
 
 
 def settings_table() -> str:
     """Settings of all learners as a table in Markdown, one row each."""
-    rows: dict[str, tuple[str, ...]] = {}
-    for record in dict.fromkeys(RECORDS.values()):
-        for path, one in leaves(record):
-            rows.setdefault(path, _row(path, one))
-    lines = [COLUMNS, tuple("---" for _ in COLUMNS), *rows.values()]
+    rows = [_row(path, one) for path, one in leaves()]
+    lines = [COLUMNS, tuple("---" for _ in COLUMNS), *rows]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
@@ -43,7 +40,7 @@ def _row(path: str, one: Field[Any]) -> tuple[str, ...]:
     """Cells of a setting."""
     meaning: Meaning = one.metadata["meaning"]
     group = path.partition(".")[0] if "." in path else ""
-    outer = {field.name: field for kind in RECORDS for field in settings_of(kind)}.get(group)
+    outer = {field.name: field for field in fields(FilterSettings)}.get(group)
     space = meaning.search if outer is None else outer.metadata["meaning"].search
     default = "off" if outer is not None else meaning.found
     if one.default is not None:

@@ -35,9 +35,7 @@ if TYPE_CHECKING:
     from patagium.learning import CubatureLearner as CubatureLearner
     from patagium.learning import DenseNetwork as DenseNetwork
     from patagium.learning import ExtendedLearner as ExtendedLearner
-    from patagium.learning import GradientLearner as GradientLearner
     from patagium.learning import GreyBox as GreyBox
-    from patagium.learning import LinearLearner as LinearLearner
     from patagium.learning import StripNetwork as StripNetwork
     from patagium.learning import evaluate as evaluate
     from patagium.learning import load_learner as load_learner
@@ -98,9 +96,7 @@ _HOMES = {
         "CubatureLearner",
         "DenseNetwork",
         "ExtendedLearner",
-        "GradientLearner",
         "GreyBox",
-        "LinearLearner",
         "StripNetwork",
         "evaluate",
         "identify",

@@ -5,15 +5,20 @@ from __future__ import annotations
 from patagium.errors import ParameterError
 
 _DEFAULT = "the default, which errs less"
+_SQUARES = "which is least squares where the network is linear in its weights"
 _REMOVED = {
     **dict.fromkeys(("FlowNetwork", "HiddenFlowNetwork"), f"LinearStripNetwork, {_DEFAULT}"),
     **dict.fromkeys(("flow", "hidden_flow"), f"linear_strip, {_DEFAULT}"),
     "LowRank": 'covariance="layer", which errs less',
     "low rank": "layer, which errs less",
     "wind": "gust with a length_time and stays: true",
+    "GradientLearner": f"ExtendedLearner, {_DEFAULT}",
+    "gradient": f"extended, {_DEFAULT}",
+    "LinearLearner": f"ExtendedLearner, {_SQUARES}",
+    "linear": f"the extended filter, {_SQUARES}",
     "residual network": "None: LinearStripNetwork learns what physics leaves, and errs less",
 }
-"""What takes the place of each network, structure and event that was removed."""
+"""What takes the place of what was removed, by class and by kind."""
 
 
 def refuse_removed(where: str, name: object) -> None:

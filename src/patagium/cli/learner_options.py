@@ -19,7 +19,7 @@ import typer
 from patagium.cli.words import Numbers, WholeNumbers, existing, numbers, whole_numbers
 from patagium.errors import ParameterError
 from patagium.learning.settings import (
-    RECORDS,
+    FILTERS,
     Meaning,
     checked_structure,
     leaves,
@@ -59,7 +59,7 @@ class LearnerChoice:
     """Learner and network that the command line and a file of settings choose.
 
     Attributes:
-        kind: Kind of the learner, a key of `RECORDS`: the extended filter where it was not chosen,
+        kind: Kind of the learner, one of `FILTERS`: the extended filter where it was not chosen,
             unless a setting was that only the cubature filter has.
         settings: Values of its settings by dotted name, such as "screening.outlier_std".
         network: Kind of the network; None: the default of a robot, a dense one of a table.
@@ -102,21 +102,13 @@ class LearnerChoice:
     def shape(self) -> tuple[NetworkKind | None, tuple[int, ...]]:
         """Kind and hidden layers of the network; None and () for the default network.
 
-        A linear learner takes inputs and outputs only.
-
         Raises:
-            ParameterError: If the linear learner is to have hidden layers or wings.
+            ParameterError: If a linear network is to have hidden layers.
         """
-        if self.kind != "linear":
-            layers = () if self.network in (None, NetworkKind.LINEAR_STRIP) else (8, 8)
-            if self.hidden and self.network is NetworkKind.LINEAR_STRIP:
-                raise ParameterError("--hidden", "nothing: the network is linear", self.hidden)
-            return self.network, self.hidden or layers
-        if self.hidden is not None or self.network in WINGED:
-            option = "--network" if self.hidden is None else "--hidden"
-            found = self.hidden or self.network
-            raise ParameterError(option, "nothing: the linear learner has --features", found)
-        return NetworkKind.DENSE, ()
+        layers = () if self.network in (None, NetworkKind.LINEAR_STRIP) else (8, 8)
+        if self.hidden and self.network is NetworkKind.LINEAR_STRIP:
+            raise ParameterError("--hidden", "nothing: the network is linear", self.hidden)
+        return self.network, self.hidden or layers
 
 
 def with_learner_options(
@@ -150,14 +142,9 @@ def with_learner_options(
 
 
 def setting_options() -> Iterator[tuple[str, str, Field[Any]]]:
-    """Settings of all records, each once: word of the option, dotted name, field."""
-    seen = set()
-    for record in RECORDS.values():
-        for path, one in leaves(record):
-            word = one.metadata["meaning"].option or one.name.replace("_", "-")
-            if word not in seen:
-                seen.add(word)
-                yield word, path, one
+    """Settings of the learners: word of the option, dotted name, field."""
+    for path, one in leaves():
+        yield one.metadata["meaning"].option or one.name.replace("_", "-"), path, one
 
 
 def nested(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -167,17 +154,6 @@ def nested(values: Mapping[str, Any]) -> dict[str, Any]:
         group, _, name = path.rpartition(".")
         (found.setdefault(group, {}) if group else found)[name] = value
     return found
-
-
-def network_kind(text: str) -> NetworkKind:
-    """Kind of a network, such as `strip`; one that was removed names what takes its place."""
-    try:
-        refuse_removed("network", text)
-    except ParameterError as error:
-        raise typer.BadParameter(str(error)) from None
-    if text not in list(NetworkKind):
-        raise typer.BadParameter(f"expected {', '.join(NetworkKind)}, found {text!r}")
-    return NetworkKind(text)
 
 
 def structure(text: str) -> Any:
@@ -199,14 +175,15 @@ def _options(several: bool, file: str) -> Iterator[inspect.Parameter]:
     hidden = "Neurons of each hidden layer; 8,8 by default." + repeat
     activations = "Activation of the hidden layers; softplus by default, tanh of hidden_strip."
     shown: dict[str, Any] = {"rich_help_panel": PANEL}
-    kinds: dict[str, Any] = {"parser": network_kind, "metavar": "|".join(NetworkKind)}
-    yield _parameter("network", NetworkKind, typer.Option(help=network, **kinds, **shown))
+    option = typer.Option(help=network, **_kind("network", NetworkKind), **shown)
+    yield _parameter("network", NetworkKind, option)
     option = typer.Option(parser=whole_numbers, metavar="N,N,...", help=hidden, **shown)
     yield _parameter("hidden", many, option)
     activation = typer.Option(help=activations, **shown)
     yield _parameter("activation", _one_of("activation", ACTIVATIONS), activation)
-    learner = typer.Option(help="Kind of the learner; extended by default.", **shown)
-    yield _parameter("learner", _one_of("learner", tuple(RECORDS)), learner)
+    learner, filters = "Kind of the learner; extended by default.", _one_of("learner", FILTERS)
+    option = typer.Option(help=learner, **_kind("learner", filters), **shown)
+    yield _parameter("learner", filters, option)
     seed = typer.Option(help="Seed of the initial weights; 0 by default.", **shown)
     yield _parameter("seed", int, seed)
     for word, path, one in setting_options():
@@ -233,6 +210,21 @@ def _setting(word: str, path: str, one: Field[Any], several: bool) -> inspect.Pa
     option = typer.Option(f"--{word}", help=text, rich_help_panel=PANEL, **reading)
     many: Any = list[plain] if several and not group else plain  # type: ignore[valid-type]
     return _parameter(word.replace("-", "_"), many, option)
+
+
+def _kind(name: str, kinds: type[StrEnum]) -> dict[str, Any]:
+    """Reading of an option for a kind; one that was removed names what takes its place."""
+
+    def read(text: str) -> StrEnum:
+        try:
+            refuse_removed(name, text)
+        except ParameterError as error:
+            raise typer.BadParameter(str(error)) from None
+        if text not in list(kinds):
+            raise typer.BadParameter(f"expected {', '.join(kinds)}, found {text!r}")
+        return kinds(text)
+
+    return {"parser": read, "metavar": "|".join(kinds)}
 
 
 def _one_of(name: str, values: tuple[str, ...]) -> Any:
@@ -301,15 +293,13 @@ def _completed(choice: LearnerChoice, given: set[str], path: Path) -> LearnerCho
         inner = value if isinstance(value, dict) and name != "covariance" else None
         if name in known and value is not None:
             kept |= {name: value} if inner is None else {f"{name}.{k}": v for k, v in inner.items()}
-    network: dict[str, Any] = {}
-    if kind != "linear":
-        network = {
-            "network": NetworkKind(found.network.kind),
-            "hidden": WholeNumbers(found.network.hidden),
-            "activation": found.network.activation,
-        }
-        if choice.network in (None, found.network.kind):
-            network["options"] = found.network.options
+    network: dict[str, Any] = {
+        "network": NetworkKind(found.network.kind),
+        "hidden": WholeNumbers(found.network.hidden),
+        "activation": found.network.activation,
+    }
+    if choice.network in (None, found.network.kind):
+        network["options"] = found.network.options
     filled = {**network, "kind": found.learner.kind, "seed": found.learner.seed}
     filled = {name: value for name, value in filled.items() if name not in given}
     settings = {**kept, **(choice.settings or {})}

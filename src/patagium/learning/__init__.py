@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from patagium.learning.identify import identify as identify
     from patagium.learning.learners.cubature import CubatureLearner as CubatureLearner
     from patagium.learning.learners.extended import ExtendedLearner as ExtendedLearner
-    from patagium.learning.learners.gradient import GradientLearner as GradientLearner
-    from patagium.learning.learners.linear import LinearLearner as LinearLearner
     from patagium.learning.learners.registry import (
         learner_from_description as learner_from_description,
     )
@@ -60,8 +58,6 @@ _NAMES = {
     "default_learner": ("default_learner",),
     "learners.cubature": ("CubatureLearner",),
     "learners.extended": ("ExtendedLearner",),
-    "learners.gradient": ("GradientLearner",),
-    "learners.linear": ("LinearLearner",),
     "learners.registry": ("learner_from_description", "load_learner"),
     "model_file": ("Model", "load_model", "model_of", "save_model"),
     "models.dense": ("DenseNetwork",),

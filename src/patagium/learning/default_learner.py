@@ -15,7 +15,8 @@ import xarray as xr
 from patagium.aerodynamics import Air
 from patagium.arguments import checked
 from patagium.learning.learners.extended import ExtendedLearner
-from patagium.learning.learners.learner import Learner, OnlineLearner
+from patagium.learning.learners.filter_learner import FilterLearner
+from patagium.learning.learners.learner import Learner
 from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
@@ -97,7 +98,7 @@ def default_learner(
     settings: FilterSettings | None = None,
     seed: int = 0,
     every: int | None = None,
-) -> OnlineLearner:
+) -> FilterLearner:
     """Default learner of a flight, a table or a robot.
 
     The extended Kalman filter, whose noise and prior are found, on the default network of the
@@ -253,12 +254,11 @@ def learner_choices(learner: Learner, *, given: bool) -> dict[str, str]:
 
 
 def _found_words(described: Mapping[str, Any], *, own: bool) -> dict[str, str]:
-    """Noise, prior and step of a learner, in words; those that it has."""
+    """Noise and prior of a learner, in words; those that it has."""
     found, words = described.get("found", {}), {}
     sources = {
         "measurement_std": ("noise", "from the samples and the innovations"),
         "prior_std": ("prior", "the rule for dimensionless weights"),
-        "learning_rate": ("step", "the rule for dimensionless weights"),
     }
     for name, (label, source) in sources.items():
         value = described.get(name)

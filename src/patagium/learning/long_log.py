@@ -21,7 +21,7 @@ import xarray as xr
 from patagium.errors import LogError, Outcome, OutputError
 from patagium.learning.default_learner import choices, default_learner, table_every
 from patagium.learning.forecast import ForecastSums, Horizons, named_horizons
-from patagium.learning.learners.learner import OnlineLearner
+from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.registry import load_learner
 from patagium.learning.models.memory import ModelMemory
 from patagium.learning.result import Identification
@@ -51,7 +51,7 @@ _NUMBERS = ("begin", "last", "gaps", "updates")  # of a run, beside its sums
 
 def identify_record(
     record: LogRecord,
-    learner: OnlineLearner | None = None,
+    learner: FilterLearner | None = None,
     *,
     every: int | None = None,
     horizons: Horizons = None,
@@ -99,7 +99,7 @@ class _LongRun:
     def __init__(
         self,
         record: LogRecord,
-        learner: OnlineLearner,
+        learner: FilterLearner,
         every: int,
         horizons: Mapping[str, float],
         block: int,

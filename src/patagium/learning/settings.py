@@ -355,7 +355,6 @@ class FilterSettings(_Checked):
         "Standard deviation of each weight before any sample, before division by sqrt(fan-in)",
         low=0.0,
         above=True,
-        learners=(*FILTERS, "linear"),
         found="1, or what the network states of its weights",
         search=LogRange(0.03, 3.0),
     )
@@ -365,7 +364,6 @@ class FilterSettings(_Checked):
         unit="y",
         low=0.0,
         above=True,
-        learners=(*FILTERS, "linear"),
         found="a tenth of each output's scale at first, then estimated from the innovations",
         search=LogRange(1e-5, 1.0, per_output=True),
     )
@@ -399,7 +397,6 @@ class FilterSettings(_Checked):
         low=0.0,
         above=True,
         high=1.0,
-        learners=(*FILTERS, "linear"),
         search=LogRange(1e-5, 0.1, one_minus=True, off=1.0),
     )
     prior_share: float = setting(
@@ -471,82 +468,6 @@ class FilterSettings(_Checked):
         return cls(**made)
 
 
-def _same_as_filters(name: str) -> Any:
-    """A field that means what the field of `FilterSettings` means."""
-    one = FilterSettings.__dataclass_fields__[name]
-    return field(default=one.default, metadata=one.metadata)
-
-
-@dataclass(frozen=True, kw_only=True)
-class GradientSettings(_Checked):
-    """Settings of backpropagation, one step of Adam a sample.
-
-    Args:
-        learning_rate: Step of Adam, in the unit of the weights; None: 0.01.
-        replay: How many earlier samples join each step.
-
-    Raises:
-        ParameterError: If a number is out of its range.
-    """
-
-    learning_rate: float | None = setting(
-        None,
-        "Step of the gradient learner, in the unit of the weights",
-        low=0.0,
-        above=True,
-        learners=("gradient",),
-        found="0.01",
-    )
-    replay: int = setting(
-        0,
-        "Earlier samples that the gradient learner sees again at each step",
-        unit="samples",
-        low=0,
-        high=_MOST_SAMPLES,
-        learners=("gradient",),
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class LinearSettings(_Checked):
-    """Settings of recursive least squares, linear or on random features.
-
-    Args:
-        prior_std: Standard deviation of each weight before any sample; None: 1.
-        measurement_std: Standard deviation of the measurement noise, one number or (n_y,) [y];
-            None: found from the samples.
-        forgetting_factor: Divides the covariance before each sample, 0 < factor <= 1.
-        features: Number of random softplus features; 0: linear in the inputs.
-
-    Raises:
-        ParameterError: If a number is out of its range.
-    """
-
-    prior_std: Numbers | None = _same_as_filters("prior_std")
-    measurement_std: Numbers | None = _same_as_filters("measurement_std")
-    forgetting_factor: float = _same_as_filters("forgetting_factor")
-    features: int = setting(
-        0,
-        "Random softplus features of the linear learner; 0: linear in the inputs",
-        low=0,
-        learners=("linear",),
-    )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if isinstance(self.prior_std, tuple):
-            raise ParameterError("prior_std", "one number", self.prior_std)
-
-
-RECORDS: dict[str, type] = {
-    "cubature": FilterSettings,
-    "extended": FilterSettings,
-    "gradient": GradientSettings,
-    "linear": LinearSettings,
-}
-"""Record of the settings of each kind of learner."""
-
-
 def leaves(record: type = FilterSettings, path: str = "") -> Iterator[tuple[str, Field[Any]]]:
     """Settings one by one, those of groups too: dotted name and field.
 
@@ -565,17 +486,16 @@ def settings_of(learner: str) -> list[Field[Any]]:
     """Fields of the settings that a learner has.
 
     Args:
-        learner: Kind of the learner, a key of `RECORDS`.
+        learner: Kind of the learner, one of `FILTERS`.
     """
-    found: tuple[Field[Any], ...] = fields(RECORDS[learner])
-    return [one for one in found if learner in one.metadata["meaning"].learners]
+    return [one for one in fields(FilterSettings) if learner in one.metadata["meaning"].learners]
 
 
-def settings_from(learner: str, values: Mapping[str, Any]) -> Any:
+def settings_from(learner: str, values: Mapping[str, Any]) -> FilterSettings:
     """Record of the settings of a learner from plain values.
 
     Args:
-        learner: Kind of the learner, a key of `RECORDS`.
+        learner: Kind of the learner, one of `FILTERS`.
         values: Values by name, as a file holds them; missing ones take their defaults.
 
     Raises:
@@ -587,14 +507,16 @@ def settings_from(learner: str, values: Mapping[str, Any]) -> Any:
             inner = next(iter(value), name) if isinstance(value, Mapping) else name
             raise ParameterError(inner, f"nothing: the {learner} learner has none", value)
     made = {name: _made(known[name], value) for name, value in values.items()}
-    return RECORDS[learner](**made)
+    return FilterSettings(**made)
 
 
-def chosen_settings(learner: str, settings: Any, given: Mapping[str, Any]) -> Any:
+def chosen_settings(
+    learner: str, settings: FilterSettings | None, given: Mapping[str, Any]
+) -> FilterSettings:
     """Settings of a learner from a record and from values that override it.
 
     Args:
-        learner: Kind of the learner, a key of `RECORDS`.
+        learner: Kind of the learner, one of `FILTERS`.
         settings: The record; None: the defaults.
         given: Values by name of the setting.
 
@@ -607,10 +529,10 @@ def chosen_settings(learner: str, settings: Any, given: Mapping[str, Any]) -> An
             raise ParameterError(
                 f"{learner} learner", f"settings among {', '.join(known)}", name, list(known)
             )
-    own: Any = RECORDS[learner]() if settings is None else settings
-    if type(own) is not RECORDS[learner]:
-        raise ParameterError("settings", f"{RECORDS[learner].__name__}(...) or None", own)
-    return replace(own, **given)  # type: ignore[type-var]
+    own = FilterSettings() if settings is None else settings
+    if type(own) is not FilterSettings:
+        raise ParameterError("settings", "FilterSettings(...) or None", own)
+    return replace(own, **given)
 
 
 def learner_signature(learner: str) -> Signature:

@@ -37,7 +37,7 @@ Progress = Callable[[int, int], None]
 
 MOST_CHECKS = 500
 """The predicted interval is checked in at most this many hold intervals, spread evenly."""
-REMEDY = "scale inputs and outputs, lower the prior standard deviation or the learning rate"
+REMEDY = "scale inputs and outputs, or lower the prior standard deviation"
 MOST_VARIANCES = 100
 """The covariance of the weights is looked at after at most this many updates, ..."""
 MOST_ENTRIES = 2e7

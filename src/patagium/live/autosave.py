@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from patagium.errors import OutputError, positive
-from patagium.learning.learners.learner import OnlineLearner
+from patagium.learning.learners.filter_learner import FilterLearner
 
 
 class AutoSave:
@@ -26,7 +26,7 @@ class AutoSave:
         ParameterError: If `seconds` is not a positive number.
     """
 
-    def __init__(self, learner: OnlineLearner, path: str | Path, seconds: float) -> None:
+    def __init__(self, learner: FilterLearner, path: str | Path, seconds: float) -> None:
         self.learner, self.path = learner, Path(path)
         self.seconds = positive("seconds", seconds)
         self.saves, self.failures, self.problem = 0, 0, ""

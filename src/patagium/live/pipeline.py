@@ -330,7 +330,7 @@ def _memory(learner: Learner) -> ModelMemory | None:
         return None
     memory = getattr(learner, "memory", None)
     if not isinstance(memory, ModelMemory):
-        expected = "a filter or gradient learner, for a network with memory"
+        expected = "a filter, for a network with memory"
         raise ParameterError("learner", expected, type(learner).__name__)
     return memory
 

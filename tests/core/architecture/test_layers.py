@@ -26,10 +26,8 @@ PUBLIC = {
     "DenseNetwork",
     "Dynamics",
     "ExtendedLearner",
-    "GradientLearner",
     "GreyBox",
     "LiftingLine",
-    "LinearLearner",
     "PatagiumError",
     "Pipeline",
     "QuasiSteady",
@@ -117,6 +115,8 @@ def test_a_name_of_a_name_space_is_found_from_the_top(space: str) -> None:
         ("FlowNetwork", "LinearStripNetwork, the default,"),
         ("HiddenFlowNetwork", "LinearStripNetwork, the default,"),
         ("LowRank", 'covariance="layer",'),
+        ("GradientLearner", "ExtendedLearner, the default,"),
+        ("LinearLearner", "ExtendedLearner, which is least squares"),
     ],
 )
 def test_a_removed_name_says_what_takes_its_place(module: str, name: str, instead: str) -> None:

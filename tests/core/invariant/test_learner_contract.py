@@ -59,15 +59,12 @@ COMBINATIONS = [
         for kind, structure in itertools.product(FACTORS["kind"], FACTORS["covariance"])
     ),
 ]
-OTHERS = [{"kind": pt.learning.GradientLearner}, {"kind": pt.learning.LinearLearner}]
 
 
 def name_of(combination: dict[str, Any]) -> str:
-    words = [combination["kind"].kind] if hasattr(combination["kind"], "kind") else ["other"]
+    words = [combination["kind"].kind]
     for name, value in combination.items():
-        if name == "kind" and len(words) == 1 and words[0] == "other":
-            words[0] = value.__name__
-        elif name == "covariance":
+        if name == "covariance":
             words.append(value)
         elif name == "compiled":
             words.append("C" if value else "NumPy")
@@ -81,10 +78,6 @@ def made(combination: dict[str, Any], monkeypatch: pytest.MonkeyPatch, size: int
     kind = settings.pop("kind")
     if not settings.pop("compiled", True):
         monkeypatch.setenv("PATAGIUM_COMPILER", "none")
-    if kind is pt.learning.GradientLearner:
-        return kind(pt.DenseNetwork(3, (size,), 2), learning_rate=0.01, replay=2)
-    if kind is pt.learning.LinearLearner:
-        return kind(pt.DenseNetwork(3, (), 2), **settings, forgetting_factor=0.99)
     if kind is pt.ExtendedLearner:
         settings.pop("dtype", None)
     return kind(pt.DenseNetwork(3, (size,), 2), **settings)
@@ -117,8 +110,7 @@ def seen(learner: Any) -> dict[str, Any]:
         "count": learner.count,
     }
     for name in ("nis", "changes", "measurement_std", "innovation_covariance"):
-        if hasattr(learner, name):
-            found[name] = getattr(learner, name)
+        found[name] = getattr(learner, name)
     return found
 
 
@@ -131,13 +123,12 @@ def assert_same(one: Any, other: Any) -> None:
             np.testing.assert_array_equal(theirs[name], value, err_msg=name)
 
 
-@pytest.mark.parametrize("combination", [*COMBINATIONS, *OTHERS], ids=name_of)
+@pytest.mark.parametrize("combination", COMBINATIONS, ids=name_of)
 def test_a_copy_goes_on_as_the_learner(
     combination: dict[str, Any], tmp_path: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     learner = made(combination, monkeypatch)
-    if hasattr(learner, "nis"):
-        assert np.isnan(learner.nis), "no sample was learned"
+    assert np.isnan(learner.nis), "no sample was learned"
     teach(learner, 0, 60)
     copies = {
         "file": pt.load_learner(learner.save(tmp_path / "learner.state")),
@@ -155,11 +146,10 @@ def test_a_copy_goes_on_as_the_learner(
         assert (learner.measurement_std != [0.1, 0.3]).all()
     if combination.get("change_detection"):
         assert learner.changes
-    if hasattr(learner, "nis"):
-        assert np.isfinite(learner.nis)
+    assert np.isfinite(learner.nis)
 
 
-@pytest.mark.parametrize("combination", [*COMBINATIONS, *OTHERS], ids=name_of)
+@pytest.mark.parametrize("combination", COMBINATIONS, ids=name_of)
 def test_faults_are_counted_alike(
     combination: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -175,7 +165,7 @@ def test_faults_are_counted_alike(
     assert {name: learner.events[name] for name in COUNTED} == after
 
 
-@pytest.mark.parametrize("combination", [*COMBINATIONS, *OTHERS], ids=name_of)
+@pytest.mark.parametrize("combination", COMBINATIONS, ids=name_of)
 def test_a_copy_shares_nothing_with_the_learner(
     combination: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:

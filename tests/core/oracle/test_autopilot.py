@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.own_learner import OwnLearner
 
 import patagium as pt
 from patagium.control import LinearRegulator, driving_noise
@@ -175,7 +176,7 @@ def test_parts_that_do_not_go_together_are_refused(orbit, log):
     other = pt.load_robot("aerobat")
     with pytest.raises(ParameterError, match="one for all parts, with Euler angles"):
         Autopilot(tracker, regulator, learning(other))
-    slow = pt.Pipeline(pt.GradientLearner(pt.StripNetwork(orbit.robot)), orbit.robot)
+    slow = pt.Pipeline(OwnLearner(pt.StripNetwork(orbit.robot)), orbit.robot)
     with pytest.raises(ParameterError, match="pipeline: expected one that is compiled"):
         Autopilot(tracker, regulator, slow)
     tracker.shifts = {CAMERA.name: 0.1}

@@ -121,11 +121,11 @@ def test_kept_in_a_file_it_goes_on_bit_for_bit(network, robot, packets, tmp_path
     np.testing.assert_array_equal(resumed.learner.weights, whole.learner.weights)
 
 
-def test_one_gradient_step_a_sample_remembers_too(robot, packets, tmp_path):
+def test_a_learner_that_is_not_compiled_remembers_too(robot, packets, tmp_path):
     network = pt.learning.HiddenStripNetwork(robot, (4,))
-    whole, part = (
-        Pipeline(pt.GradientLearner(network, learning_rate=0.01, replay=0), robot) for _ in range(2)
-    )
+    options = {"prior_std": 0.1, "measurement_std": 0.1, "square_root": "cholesky"}
+    whole, part = (Pipeline(pt.CubatureLearner(network, **options), robot) for _ in range(2))
+    assert not whole.compiled
     expected = whole.run(packets).rows[:, :-1]
     part.run(packets[:30])
     resumed = Pipeline(load_learner(part.learner.save(tmp_path / "state")), robot)

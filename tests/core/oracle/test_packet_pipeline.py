@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.own_learner import OwnLearner
 
 import patagium as pt
 from patagium.errors import Outcome, ParameterError, ShapeError
@@ -216,7 +217,7 @@ def test_other_learners_stream_too(packets):
     options = {"prior_std": 0.3, "measurement_std": 3e-3}
     for learner in (
         pt.CubatureLearner(network, **options, square_root="cholesky"),
-        pt.GradientLearner(network),
+        OwnLearner(network),
     ):
         pipeline = Pipeline(learner, robot)
         records = pipeline.run(packets[:10])

@@ -8,7 +8,6 @@ import os
 import pickle
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ from patagium.learning import (
 )
 from patagium.learning.learners.registry import LEARNERS
 from patagium.learning.models.registry import _OWN as KINDS
-from patagium.learning.settings import RECORDS
+from patagium.learning.settings import FilterSettings, settings_of
 from patagium.robot import load_robot_text
 
 ROBOT = pt.load_robot("aerobat")
@@ -54,33 +53,19 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "known": {"prior_std": 0.2, "process_std": 1e-4, "forgetting_factor": 0.999},
 }
 OF_CUBATURE = {"points": {"square_root": "cholesky", "spread": 1.7}}
-OF_OTHERS: dict[str, dict[str, Any]] = {
-    "replay": {"replay": 2, "learning_rate": 0.02},
-    "linear": {},
-    "features": {
-        "features": 5,
-        "prior_std": 0.2,
-        "measurement_std": 0.3,
-        "forgetting_factor": 0.999,
-    },
-}
 CASES = [
     *((kind, net, option) for kind in ("cubature", "extended") for net in NETWORKS
       for option in OPTIONS),
     *(("cubature", net, option) for net in NETWORKS for option in OF_CUBATURE),
     *(("single", net, option) for net in ("dense", "linear", "strips")
       for option in ("plain", "node", "layer")),
-    *(("gradient", net, "replay") for net in NETWORKS),
-    *(("linear", "linear", option) for option in ("linear", "features")),
 ]  # fmt: skip
 
 
 def learner_of(kind: str, network: str, option: str) -> Any:
     single = {"dtype": "float32"} if kind == "single" else {}
     known = {"prior_std": 0.1, "measurement_std": 0.1} if network == "hidden strips" else {}
-    if kind in ("gradient", "linear"):
-        known = {}
-    chosen = {**OPTIONS, **OF_CUBATURE, **OF_OTHERS}[option]
+    chosen = {**OPTIONS, **OF_CUBATURE}[option]
     made = LEARNERS["cubature" if kind == "single" else kind]
     return made(NETWORKS[network](), **{**known, **chosen, **single})
 
@@ -93,19 +78,16 @@ def test_every_learner_network_and_setting_is_among_the_cases() -> None:
         learner = learner_of(*case)
         kinds.add(learner.network.describe()["kind"])
         kind = "cubature" if case[0] == "single" else case[0]
-        plain = RECORDS[kind]()
+        plain = FilterSettings()
         seen.setdefault(kind, set()).update(
             one.name
-            for one in fields(plain)
+            for one in settings_of(kind)
             if getattr(learner.settings, one.name) != getattr(plain, one.name)
         )
     assert kinds == set(KINDS)
     assert set(seen) == set(LEARNERS)
     for kind, names in seen.items():
-        of_kind = {
-            one.name for one in fields(RECORDS[kind])
-            if kind in one.metadata["meaning"].learners
-        }  # fmt: skip
+        of_kind = {one.name for one in settings_of(kind)}
         assert of_kind <= names, of_kind - names
 
 
@@ -120,8 +102,7 @@ def run(learner: Any, begin: int, end: int) -> list[Any]:
         innovation = learner.update(x, y, 1e-3 * k)
         mean, covariance = learner.predict(np.full(len(x), 0.3))
         told += [innovation, mean, covariance, getattr(learner, "nis", 0.0)]
-    told += [learner.weights, np.array(list(learner.events.values()))]
-    return told if learner.variances is None else [*told, learner.variances]
+    return [*told, learner.weights, np.array(list(learner.events.values())), learner.variances]
 
 
 @pytest.mark.parametrize(("kind", "network", "option"), CASES)

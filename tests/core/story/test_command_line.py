@@ -251,8 +251,7 @@ def test_identify_then_evaluate_a_flight(flight: Path, tmp_path: Path, speak: Sp
     "words",
     [
         ("--network", "dense", "--hidden", "6", "--spread", "1.5", *LEARN[:4]),
-        ("--network", "dense", "--learner", "gradient", "--learning-rate", "0.01"),
-        ("--learner", "linear", *LEARN[:4]),
+        ("--network", "dense", "--learner", "extended", *LEARN[:4]),
         ("--network", "strip", "--hidden", "6", *LEARN[:4]),
     ],
 )
@@ -275,6 +274,11 @@ def test_what_was_removed_is_refused_with_what_takes_its_place(flight: Path, spe
     said = " ".join(answer.err.replace("│", " ").split())
     assert answer.code == 2 and "expected linear_strip, the default" in said
     assert "found 'round'" in speak("identify", flight, "--network", "round").err
+    for kind, instead in (("gradient", "extended, the"), ("linear", "the extended filter, which")):
+        answer = speak("identify", flight, "--learner", kind)
+        said = " ".join(answer.err.replace("│", " ").split())
+        assert answer.code == 2 and f"expected {instead}" in said and "was removed" in said
+    assert "found 'kalman'" in speak("identify", flight, "--learner", "kalman").err
     answer = speak("identify", flight, "--covariance", "20")
     said = " ".join(answer.err.replace("│", " ").split())
     assert answer.code == 2 and "expected layer, which errs less (low rank was removed)" in said
@@ -420,8 +424,8 @@ def test_no_output_replaces_another_file_of_its_verb(
 
 
 def test_a_learner_is_not_given_what_it_does_not_take(flight: Path, speak: Speak) -> None:
-    foreign = speak("identify", flight, "--learner", "gradient", "--learning-rate", "1", *LEARN)
-    assert foreign.code == 2 and "gradient learner has none" in foreign.err
+    foreign = speak("identify", flight, "--learner", "extended", "--spread", "1")
+    assert foreign.code == 2 and "extended learner has none" in foreign.err
 
 
 def test_identify_needs_nothing_and_says_what_it_chose(flight: Path, speak: Speak) -> None:

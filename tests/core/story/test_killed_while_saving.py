@@ -43,8 +43,8 @@ print(json.dumps(rounds))
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 def test_a_learner_killed_while_saving_is_never_lost(tmp_path: Path) -> None:
-    network = pt.DenseNetwork(6, (3000,), 2)
-    learner = pt.GradientLearner(network, learning_rate=1e-3)  # learns fast, saves for long
+    network = pt.DenseNetwork(6, (60, 60), 2)
+    learner = pt.ExtendedLearner(network, covariance="node")  # learns fast, saves for long
     path = learner.save(tmp_path / "learner.state")
     command = [sys.executable, "-c", NURSERY, str(path), str(KILLS)]
     done = subprocess.run(command, capture_output=True, text=True)

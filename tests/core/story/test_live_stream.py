@@ -429,7 +429,7 @@ def test_refusals_are_one_sentence(tmp_path, capsys):
         ([str(log)], "expected a header with the columns"),
         ([str(log), "--network", "dense"], "--scale-by: expected a flight"),
         ([str(log), "--change-window", "0"], "--change-window: expected a number of at least 1"),
-        ([str(log), "--learning-rate", "9"], "--learning-rate: expected nothing"),
+        ([str(log), "--learner", "extended", "--spread", "9"], "--spread: expected nothing"),
         (["udp://127.0.0.1"], "udp://ADDRESS:PORT"),
         (["udp://127.0.0.1:0", "--key-file", "none"], "--key-file: expected a file"),
         ([str(tmp_path / "none.csv")], "found no such file"),

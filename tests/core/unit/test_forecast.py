@@ -36,9 +36,9 @@ def waves(count: int = 2000) -> tuple[Array, Array, Array]:
     return time, x, x @ np.array([[1.0, 0.5, 0.0], [0.0, 2.0, 0.0]]).T
 
 
-def linear(inputs: int = 3, outputs: int = 2) -> pt.LinearLearner:
+def linear(inputs: int = 3, outputs: int = 2) -> pt.ExtendedLearner:
     network = pt.DenseNetwork(inputs, (), outputs)
-    return pt.LinearLearner(network, prior_std=10.0, measurement_std=1e-3)
+    return pt.ExtendedLearner(network, prior_std=10.0, measurement_std=1e-3)
 
 
 class Kept(ForecastSums):

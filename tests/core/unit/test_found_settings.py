@@ -16,7 +16,7 @@ from patagium.learning.learners.registry import first_difference
 from patagium.learning.settings import FilterSettings
 from patagium.native import compiler_name
 
-LEARNERS = (pt.CubatureLearner, pt.ExtendedLearner, pt.GradientLearner)
+LEARNERS = (pt.CubatureLearner, pt.ExtendedLearner)
 NOISE = np.array([0.02, 0.3])
 
 
@@ -115,16 +115,6 @@ def test_kernels_find_the_noise_as_their_twins(structure, kind, rng):
             np.testing.assert_allclose(
                 array, plain.screen.arrays[name], rtol=1e-7, atol=1e-9, err_msg=name
             )
-
-
-def test_a_linear_learner_needs_no_settings(rng):
-    learner = pt.LinearLearner(pt.DenseNetwork(2, (), 2, output_scale=2.0))
-    for _ in range(600):
-        x = rng.uniform(-1, 1, 2)
-        learner.update(x, np.array([x[0], 2 * x[1]]) + 0.1 * rng.normal(size=2))
-    # a memory of 200 samples: 5 % of the standard deviation; three times that
-    assert np.allclose(learner.measurement_std, 0.1, rtol=0.15)
-    assert set(learner.describe()["found"]) == {"prior_std", "measurement_std"}
 
 
 def test_a_strip_network_learns_without_settings():

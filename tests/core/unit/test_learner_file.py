@@ -14,7 +14,7 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError, ParameterError, ShapeError
-from patagium.learning.learners.learner import OnlineLearner
+from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.state_file import FORMAT
 from patagium.live import AutoSave
 
@@ -116,6 +116,11 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
     ("change", "message"),
     [
         (lambda h: h["learner"].update(kind="oracle"), "of kind cubature, extended"),
+        (lambda h: h["learner"].update(kind="gradient"), "extended, .* .gradient was removed"),
+        (
+            lambda h: h["learner"].update(kind="linear"),
+            "extended filter, .* .linear was removed",
+        ),
         (lambda h: h["learner"].update(luck=1.0), "luck"),
         (lambda h: h["learner"].pop("network"), "network"),
         (lambda h: h["learner"]["network"].update(hidden=[5]), "expected shape"),
@@ -143,13 +148,13 @@ def test_contents_that_do_not_fit_are_refused(
         (learner_of(prior_std=0.4), r"prior_std: expected 0\.4, found 0\.5"),
         (learner_of(covariance="full"), r"covariance: expected 'full', found 'node'"),
         (
-            pt.GradientLearner(pt.DenseNetwork(3, (4,), 2), learning_rate=0.1),
-            r"kind: expected 'gradient', found 'cubature'",
+            pt.ExtendedLearner(pt.DenseNetwork(3, (4,), 2)),
+            r"kind: expected 'extended', found 'cubature'",
         ),
     ],
 )
 def test_another_learner_than_the_one_asked_for_is_refused(
-    other: OnlineLearner, message: str, kept: Path
+    other: FilterLearner, message: str, kept: Path
 ) -> None:
     before = other.weights
     with pytest.raises(LogError, match=message):
@@ -249,14 +254,8 @@ def test_a_full_disk_does_not_stop_a_learner(tmp_path: Path, monkeypatch: Any) -
         AutoSave(learner, tmp_path, 0.0)
 
 
-@pytest.mark.parametrize("kind", ["filter", "gradient", "linear"])
-def test_a_clock_goes_on_unless_it_is_restarted(kind: str, tmp_path: Path) -> None:
-    base = pt.DenseNetwork(3, (), 2)
-    learner: OnlineLearner = {
-        "filter": learner_of(),
-        "gradient": pt.GradientLearner(base, learning_rate=0.1),
-        "linear": pt.LinearLearner(base, prior_std=1.0, measurement_std=0.1),
-    }[kind]
+def test_a_clock_goes_on_unless_it_is_restarted(tmp_path: Path) -> None:
+    learner = learner_of()
     learner.update([1, 0, 0], [1, 1], 5.0)
     again = pt.load_learner(learner.save(tmp_path / "learner.state"))
     again.update([1, 0, 0], [1, 1], 4.0)

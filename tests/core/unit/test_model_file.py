@@ -80,18 +80,6 @@ def test_a_model_knows_the_noise_its_learner_found(rng: np.random.Generator) -> 
     assert np.abs(std - [0.1, 0.3]).max() > 0.01
 
 
-def test_a_linear_learner_keeps_one_block_an_output(
-    tmp_path: Path, rng: np.random.Generator
-) -> None:
-    base = pt.DenseNetwork(3, (), ("lift", "drag"))
-    learner = pt.LinearLearner(base, prior_std=1.0, measurement_std=0.1, features=6, seed=2)
-    for x in rng.normal(size=(20, 3)):
-        learner.update(x, [x[0], x[1] * x[2]])
-    model = load_model(save_model(tmp_path / "model.json", learner))
-    np.testing.assert_array_equal(model.covariance, learner.covariance)
-    np.testing.assert_allclose(model.predict(x)[1], learner.predict(x)[1], rtol=1e-12)  # rounding
-
-
 def test_many_weights_never_become_a_matrix(tmp_path: Path, rng: np.random.Generator) -> None:
     network = pt.DenseNetwork(40, (500,), 2)
     learner = pt.CubatureLearner(network, prior_std=0.5, measurement_std=0.1, covariance="node")
@@ -103,20 +91,27 @@ def test_many_weights_never_become_a_matrix(tmp_path: Path, rng: np.random.Gener
         _ = model.covariance
 
 
-@pytest.mark.parametrize("kind", ["flow", "hidden_flow"])
+@pytest.mark.parametrize(
+    ("kind", "instead"),
+    [
+        ("flow", "linear_strip, the default"),
+        ("hidden_flow", "linear_strip, the default"),
+        ("linear", "the extended filter, which is least squares"),
+    ],
+)
 def test_a_removed_network_names_what_takes_its_place(
-    kind: str, tmp_path: Path, rng: np.random.Generator
+    kind: str, instead: str, tmp_path: Path, rng: np.random.Generator
 ) -> None:
     learner = taught(rng)
     save_model(tmp_path / "model.json", learner)
     words = json.loads((tmp_path / "model.json").read_text())
     words["network"]["kind"] = kind
     (tmp_path / "model.json").write_text(json.dumps(words))
-    with pytest.raises(LogError, match="expected linear_strip, the default"):
+    with pytest.raises(LogError, match=f"expected {instead}"):
         load_model(tmp_path / "model.json")
     described = learner.describe()
     described["network"] |= {"kind": kind}
-    with pytest.raises(ParameterError, match="expected linear_strip, the default"):
+    with pytest.raises(ParameterError, match=f"expected {instead}"):
         pt.learning.learner_from_description(described)
 
 

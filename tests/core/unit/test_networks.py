@@ -12,7 +12,6 @@ import pytest
 import patagium as pt
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning import network_from_description
-from patagium.learning.models.dense import LinearNetwork
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +31,6 @@ def networks(robot):
         3, (5, 4), ["lift", "drag"], "tanh", input_center=[1, 2, 3], output_scale=2.0
     )
     yield dense
-    yield LinearNetwork(pt.DenseNetwork(3, (), 2, input_scale=[1, 2, 3]), features=4, seed=3)
     air = pt.Air(density=1.1, wind=(-1.0, 0.5, 0.3))
     yield pt.StripNetwork(robot, (5,), air, "tanh", measured=("x", "z"), chord_fraction=0.5)
     yield pt.StripNetwork(robot, (3,), measured=np.ones((1, 3 * len(robot.strips))), rotation=True)

@@ -51,7 +51,7 @@ def things(robot: pt.Robot, flight: Any) -> dict[str, Any]:
     log, count = pt.sense(flight, [encoder, unit]), len(flight["time"])
     angle = np.radians(np.arange(-90.0, 91.0))
     up, density = (0.0, 0.0, 1.0), np.full(robot.dof, 1e6)
-    gust, plain = A.OneMinusCosineGust(up, 0.0, 0.2), pt.DenseNetwork(3, (), 2)
+    gust = A.OneMinusCosineGust(up, 0.0, 0.2)
     result = pt.identify(flight)
     gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.6)
     table = A.TablePolar(tuple(angle), tuple(np.sin(2 * angle)), tuple(0.1 + 0 * angle))
@@ -59,8 +59,8 @@ def things(robot: pt.Robot, flight: Any) -> dict[str, Any]:
     found = [
         *(robot, aero, pt.Air(), strip, result, result.learner, result.learner.network),
         *(pt.Dynamics(robot), pt.AddedMass(robot), pt.DeLaurier(robot), pt.LiftingLine(robot)),
-        *(pt.CubatureLearner(strip, prior_std=0.3, measurement_std=1e-3), pt.LinearLearner(plain)),
-        *(pt.GradientLearner(strip), pt.DenseNetwork(3, (6,), 2), L.HiddenStripNetwork(robot)),
+        pt.CubatureLearner(strip, prior_std=0.3, measurement_std=1e-3),
+        *(pt.DenseNetwork(3, (6,), 2), L.HiddenStripNetwork(robot)),
         *(pt.GreyBox(aero, {"density": 0.1}), pt.Pipeline(result.learner, robot)),
         *(
             pt.Simulator(robot, aero, gait, duration=0.1, time_step=1e-3),

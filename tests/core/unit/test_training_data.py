@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from tests.own_learner import OwnLearner
 
 import patagium as pt
 from patagium.errors import FlightError, LogError, ParameterError, PatagiumError, ShapeError
@@ -147,21 +148,18 @@ def test_a_load_cell_is_a_linear_function_of_the_strip_forces(flight: xr.Dataset
     assert scores["nmse_second_half"]["y1"] < 0.05  # after one beat, four neurons
 
 
-@pytest.mark.parametrize("kind", ["extended", "gradient", "linear"])
+@pytest.mark.parametrize("kind", ["extended", "own"])
 def test_every_learner_goes_through_the_same_stream(flight: xr.Dataset, kind: str) -> None:
-    hidden = () if kind == "linear" else (6,)
-    network = pt.DenseNetwork(28, hidden, ("z",), input_scale=10.0, output_scale=0.2)
-    stds = {"prior_std": 0.3, "measurement_std": 2e-3}
+    network = pt.DenseNetwork(28, (6,), ("z",), input_scale=10.0, output_scale=0.2)
     learner = {
-        "extended": lambda: pt.ExtendedLearner(network, **stds),
-        "gradient": lambda: pt.GradientLearner(network, learning_rate=0.01),
-        "linear": lambda: pt.LinearLearner(network, features=20, **stds),
+        "extended": lambda: pt.ExtendedLearner(network, prior_std=0.3, measurement_std=2e-3),
+        "own": lambda: OwnLearner(network),
     }[kind]()
     scores = identify(flight, learner, every=1).scores
     assert scores["outcome"] == "COMPLETED" and scores["updates"] == 251
     assert scores["nmse_second_half_worst"] < 1.0  # predicting the mean scores 1
-    assert np.isnan(scores["coverage"]) == (kind == "gradient")
-    assert np.isnan(scores["largest_variance"]) == (kind == "gradient")
+    assert np.isnan(scores["coverage"]) == (kind == "own")
+    assert np.isnan(scores["largest_variance"]) == (kind == "own")
     assert scores["time_per_update"] > 0
 
 

@@ -29,7 +29,7 @@ from patagium.learning import (
     LinearStripNetwork,
     load_settings,
 )
-from patagium.learning.learners.registry import FILTER_LEARNERS, make_learner
+from patagium.learning.learners.registry import LEARNERS, make_learner
 from patagium.learning.settings import Alternatives, LogRange, settings_of
 from patagium.learning.tuning.prediction_score import (
     Flown,
@@ -85,7 +85,7 @@ def drawn(space: SearchSpace, count: int) -> list[dict[str, Any]]:
     return [study.ask(space.distributions()).params for _ in range(count)]
 
 
-@pytest.mark.parametrize("kind", FILTER_LEARNERS)
+@pytest.mark.parametrize("kind", LEARNERS)
 def test_every_tuned_setting_of_the_record_is_searched_over_its_range(kind: str) -> None:
     space = search_space(kind, [(3,)], [1.0], {})
     tuned = {one.name: one.metadata["meaning"].search for one in settings_of(kind)}
@@ -104,7 +104,7 @@ def test_every_tuned_setting_of_the_record_is_searched_over_its_range(kind: str)
         assert (len(numbers) < len(found)) == (where.off is not None)
 
 
-@pytest.mark.parametrize("kind", FILTER_LEARNERS)
+@pytest.mark.parametrize("kind", LEARNERS)
 def test_learners_take_whatever_is_drawn(kind: str) -> None:
     network = DenseNetwork(2, (3,), 2)
     given = {"covariance": Alternatives(("full", "layer"))}

@@ -7,6 +7,7 @@ import numpy as np
 import patagium as pt
 from patagium.learning.stream import stream
 from patagium_lab.frozen_spans import FrozenSpans
+from patagium_lab.rivals.linear_learner import LinearLearner
 
 
 def test_spans_freeze_the_weights_after_an_update_and_cross_no_gap(
@@ -15,8 +16,8 @@ def test_spans_freeze_the_weights_after_an_update_and_cross_no_gap(
     time, x = np.arange(60) * 0.01, rng.normal(size=(60, 3))
     y = x @ np.array([[1.0, -2.0, 0.5], [0.3, 0.0, 4.0]]).T + 0.1 * rng.normal(size=(60, 2))
 
-    def learner() -> pt.LinearLearner:
-        return pt.LinearLearner(pt.DenseNetwork(3, (), 2), prior_std=1.0, measurement_std=0.1)
+    def learner() -> LinearLearner:
+        return LinearLearner(pt.DenseNetwork(3, (), 2), prior_std=1.0, measurement_std=0.1)
 
     taught, plain = learner(), learner()
     spans = FrozenSpans({"long": 0.25}, taught, time, y, 20)

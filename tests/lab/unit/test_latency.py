@@ -13,6 +13,7 @@ from patagium.errors import ParameterError
 from patagium.live.pipeline import Pipeline
 from patagium.native import compiler_name
 from patagium_lab.bench.latency import LOADS, call_times, measure_latency
+from patagium_lab.rivals.gradient_learner import GradientLearner
 
 pytestmark = pytest.mark.skipif(compiler_name() is None, reason="times compiled code")
 
@@ -49,7 +50,7 @@ def test_it_learns_the_packets_in_a_circle(pipeline, paced, rng):
 
 def test_python_is_not_timed(monkeypatch, rng):
     robot = pt.load_robot("aerobat")
-    learner = pt.GradientLearner(pt.DenseNetwork(28, (2,), robot.dof_names), learning_rate=1e-3)
+    learner = GradientLearner(pt.DenseNetwork(28, (2,), robot.dof_names), learning_rate=1e-3)
     with pytest.raises(ParameterError, match="a compiled one"):
         call_times(Pipeline(learner, robot), rng.normal(size=(5, 57)), 5, paced=False)
 

@@ -294,12 +294,6 @@ def _learners() -> dict[str, Valid]:
         "CubatureLearner": Valid(
             pt.CubatureLearner, {"network": small}, (*filters, "spread", "square_root", "dtype")
         ),
-        "GradientLearner": Valid(
-            pt.GradientLearner, {"network": small}, ("settings", "seed", "replay")
-        ),
-        "LinearLearner": Valid(
-            pt.LinearLearner, {"network": pt.DenseNetwork(3, (), 2)}, ("settings", "seed")
-        ),
         "GreyBox": Valid(
             pt.GreyBox, {"model": air, "estimate": {"density": 0.1}},
             ("added_mass", "measured", "start"),

@@ -19,7 +19,6 @@ from patagium.aerodynamics import Air, DickinsonPolar, QuasiSteady
 from patagium.aerodynamics.polars import Polar
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.filter_learner import FilterLearner
-from patagium.learning.learners.gradient import GradientLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.settings import ChangeDetection, NoiseEstimation, Screening
 from patagium.robot import Robot, load_robot
@@ -28,6 +27,7 @@ from patagium.simulation import mounts, simulate
 from patagium_lab.attack.network import dense_network
 from patagium_lab.reproduction.cases import FLIGHT_CASES, SPREAD, lever_arms
 from patagium_lab.reproduction.flights import LEARNED
+from patagium_lab.rivals.gradient_learner import GradientLearner
 
 Array = NDArray[np.float64]
 

@@ -274,16 +274,9 @@ def _learned() -> dict[str, Valid]:
         def learner(make: Callable[[], Any] = make) -> Any:
             return seeds.taught(make())
 
-        timed = (
-            ("time",)
-            if isinstance(make(), pt.GradientLearner | pt.LinearLearner)
-            else ("time", "std")
-        )
         found |= {
-            f"{file}: update": Valid(_method(learner, "update"), {"x": x, "y": y}, timed),
-            f"{file}: predict": Valid(
-                _method(learner, "predict"), {"x": x}, timed if len(timed) == 2 else ()
-            ),
+            f"{file}: update": Valid(_method(learner, "update"), {"x": x, "y": y}, ("time", "std")),
+            f"{file}: predict": Valid(_method(learner, "predict"), {"x": x}, ("time", "std")),
             f"{file}: resume": Valid(
                 _method(learner, "resume"), {"state": learner().state()}
             ),

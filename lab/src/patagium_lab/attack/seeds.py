@@ -13,7 +13,7 @@ import xarray as xr
 
 import patagium as pt
 from patagium.learning import ChangeDetection, Misfit, Screening, save_model
-from patagium.learning.learners.learner import OnlineLearner
+from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.robot import Robot
 from patagium.robot.files import load_robot_text
 from patagium.sensing.force.air_force import packet_columns
@@ -151,7 +151,7 @@ def column_names() -> list[str]:
     return [column.name for column in packet_columns(robot())]
 
 
-LEARNERS: dict[str, Callable[[], OnlineLearner]] = {
+LEARNERS: dict[str, Callable[[], FilterLearner]] = {
     "learner.state": lambda: pt.CubatureLearner(
         pt.DenseNetwork(3, (4,), 2), prior_std=0.5, measurement_std=0.1, covariance="node"
     ),
@@ -163,13 +163,11 @@ LEARNERS: dict[str, Callable[[], OnlineLearner]] = {
     "state of layers, float32": lambda: pt.CubatureLearner(
         pt.DenseNetwork(3, (4,), 2), misfit=Misfit(), covariance="layer", dtype="float32"
     ),
-    "state of gradient descent": lambda: pt.GradientLearner(pt.DenseNetwork(3, (4,), 2), replay=2),
-    "state of least squares": lambda: pt.LinearLearner(pt.DenseNetwork(3, (), 2)),
 }
 """Learners of three inputs and two outputs, before any sample, by the name of their file."""
 
 
-def taught(learner: OnlineLearner, samples: int = 20) -> OnlineLearner:
+def taught(learner: FilterLearner, samples: int = 20) -> FilterLearner:
     """The learner after some samples.
 
     Args:

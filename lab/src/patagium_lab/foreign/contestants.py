@@ -21,7 +21,6 @@ from patagium.learning import (
     ExtendedLearner,
     GreyBox,
     HiddenStripNetwork,
-    LinearLearner,
     Model,
     Network,
     StripNetwork,
@@ -30,6 +29,7 @@ from patagium.learning import (
 from patagium.learning.learners.learner import Learner
 from patagium.sensing import training_data
 from patagium.simulation import air_of, gait_period, robot_of
+from patagium_lab.rivals.linear_learner import LinearLearner
 
 Array = NDArray[np.float64]
 

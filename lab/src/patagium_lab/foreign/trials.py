@@ -22,7 +22,7 @@ import xarray as xr
 from patagium.errors import FilterDiverged, LogError, Outcome, PatagiumError
 from patagium.learning.default_learner import default_network
 from patagium.learning.identify import evaluate, identify
-from patagium.learning.learners.learner import OnlineLearner
+from patagium.learning.learners.learner import Learner
 from patagium.learning.learners.registry import make_learner
 from patagium.learning.result import Identification
 from patagium.learning.scores import json_ready
@@ -142,7 +142,7 @@ def _searched(trial: Trial, flight: xr.Dataset, unseen: list[xr.Dataset]) -> dic
     return picked | {BEST: _scored(trial, best, unseen) | {"settings": settings}}
 
 
-def _identified(trial: Trial, flight: xr.Dataset, learner: OnlineLearner) -> Identification:
+def _identified(trial: Trial, flight: xr.Dataset, learner: Learner) -> Identification:
     return identify(flight, learner, every=trial.every)
 
 

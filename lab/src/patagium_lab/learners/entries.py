@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
-from patagium.learning.learners.gradient import GradientLearner
 from patagium.learning.learners.learner import Learner
-from patagium.learning.learners.linear import LinearLearner
 from patagium.learning.settings import NoiseEstimation
 from patagium_lab.learners.data_sets import DataSet
+from patagium_lab.rivals.gradient_learner import GradientLearner
+from patagium_lab.rivals.linear_learner import LinearLearner
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, float]

@@ -21,7 +21,6 @@ from patagium.learning.identify import evaluate, identify
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.learner import Learner
-from patagium.learning.learners.linear import LinearLearner
 from patagium.learning.settings import NoiseEstimation
 from patagium.learning.stream import stream
 from patagium.learning.table_network import network_for
@@ -31,6 +30,7 @@ from patagium.sensing.logs.mapping import TableMapping, load_mapping
 from patagium.sensing.logs.table import LogTable
 from patagium_lab.frozen_spans import FrozenSpans
 from patagium_lab.measured.thrust import thrust_network_for
+from patagium_lab.rivals.linear_learner import LinearLearner
 from patagium_lab.study import table_of
 
 EVERY = (1, 10, 100)

@@ -20,13 +20,13 @@ from patagium.dynamics.kinematics import point_jacobian
 from patagium.errors import ParameterError
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
-from patagium.learning.learners.gradient import GradientLearner
 from patagium.learning.learners.learner import Learner
-from patagium.learning.learners.linear import LinearLearner
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
 from patagium.robot import Robot, load_robot
+from patagium_lab.rivals.gradient_learner import GradientLearner
+from patagium_lab.rivals.linear_learner import LinearLearner
 
 Array = NDArray[np.float64]
 Span = tuple[float, float]

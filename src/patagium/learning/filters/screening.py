@@ -285,29 +285,6 @@ class Screen:
         self.note("late")
         return Outcome.LATE
 
-    def usable_channels(self, x: Array, y: Array, time: float | None) -> Bools | None:
-        """Channels of a sample that are numbers, for learners that are no filters, (n_y,).
-
-        None where the sample is not to be learned from.
-
-        Args:
-            x: Input, (n_x,) [units of x].
-            y: Measurement, (n_y,) [unit of y].
-            time: Of the sample [s]; None: not known.
-        """
-        self.stamp(time)
-        if self.admit():
-            return None
-        within = self.bounded(x, y)
-        if within is None:
-            return None
-        kept = np.isfinite(within)
-        self.counts[EVENTS.index("missing")] += int((~kept).sum())
-        if not kept.any():
-            self.note("blind")
-            return None
-        return kept
-
     def noise(self, readout: Array) -> Array:
         """Variance of each channel at a sample, (n_y,).
 

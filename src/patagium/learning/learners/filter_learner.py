@@ -1,4 +1,4 @@
-"""Learner whose weights a filter moves: settings, predictions, updates and their record.
+"""Learner whose weights a filter moves: settings, predictions, updates, state and file.
 
 Two threads must not use one learner at the same time.
 """
@@ -7,30 +7,34 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
 from time import perf_counter_ns
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arguments import of_kind
+from patagium.arguments import checked, of_kind
 from patagium.arrays import Array, real_array
 from patagium.errors import Outcome, ParameterError, ShapeError
 from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.kernel_memory import Compiled
 from patagium.learning.filters.numbers import PRIOR, compact_settings, filter_numbers
 from patagium.learning.filters.root import MatrixLost
-from patagium.learning.filters.screening import REFUSALS, Screen
-from patagium.learning.filters.state import part, vector
+from patagium.learning.filters.screening import NEWER, REFUSALS, Screen
+from patagium.learning.filters.state import arrays_like, part, vector
 from patagium.learning.filters.weight_covariance import BlockCovariance
 from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.learners.learner import (
-    OnlineLearner,
+    Learner,
+    Stopwatch,
     as_input,
     diverged,
     found_part,
     shaped_sample,
 )
+from patagium.learning.learners.state_file import write_state
+from patagium.learning.models.memory import memory_of
 from patagium.learning.models.network import Network
 from patagium.learning.models.physical import own_prior
 from patagium.learning.settings import (
@@ -44,7 +48,7 @@ REFUSED_RUN = 10
 """Samples in a row that do not move a screened filter, after which its covariance begins anew."""
 
 
-class FilterLearner(OnlineLearner):
+class FilterLearner(Learner):
     """Estimate of weights with a covariance, moved by one sample at a time.
 
     A subclass names the kind of the learner. Its constructor takes a record of settings and,
@@ -59,6 +63,7 @@ class FilterLearner(OnlineLearner):
     Attributes:
         kind: Kind of the learner, as `FilterSettings` names it.
         settings: Settings of this learner.
+        memory: Memory of the network between samples that come one by one; None without.
 
     Raises:
         ParameterError: If a setting is unknown or out of its range.
@@ -84,7 +89,8 @@ class FilterLearner(OnlineLearner):
         of_kind("seed", seed, int)
         chosen = chosen_settings(self.kind, settings, given)
         numbers = filter_numbers(network, chosen, self.kind)
-        super().__init__(network)
+        self._network, self._stopwatch = network, Stopwatch()
+        self.memory = memory_of(network)
         self.settings = compact_settings(numbers)
         self._seed, self._numbers = seed, numbers
         self._filter = WeightFilter(numbers, structure_and_kernel(numbers), network.initial(seed))
@@ -92,10 +98,49 @@ class FilterLearner(OnlineLearner):
         self._refused_run = 0
         self._innovation_covariance = np.full((network.outputs, network.outputs), np.nan)
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.count} samples learned by {self._network!r}>"
+
+    def _repr_html_(self) -> str:
+        from patagium.report.page import snippet
+
+        facts = {"samples learned": self.count, "time of an update [s]": self.time_per_update}
+        facts |= {name: count for name, count in self.events.items() if count}
+        return snippet(type(self).__name__, facts) + self._network._repr_html_()
+
     @property
-    def _screen(self) -> Screen:  # type: ignore[override]
+    def _screen(self) -> Screen:
         """Screening of the filter, which a copy of the filter makes anew."""
         return self._filter.screen
+
+    @property
+    def network(self) -> Network:
+        """Network whose weights are learned."""
+        return self._network
+
+    @property
+    def events(self) -> dict[str, int]:
+        """Events of the samples so far, and their number.
+
+        Channels of samples: missing (no number), outliers (down-weighted, or too far off to be
+        used), stuck (inputs, while others move). Samples: bad_inputs (no numbers), late,
+        duplicates, clock_resets (a clock that went back was believed), blind (no channel left),
+        refused (the filter could not be moved by it), changes (the covariance was opened anew),
+        covariance_resets (ten samples in a row were refused, and it begins anew). Values of
+        sensors: out_of_range (no sensor says that), jumps (an input moved too far in one step),
+        reopened (a range was widened to what a sensor kept saying).
+        """
+        return self._screen.events
+
+    @property
+    def count(self) -> int:
+        """Number of samples learned."""
+        return self._stopwatch.count
+
+    @property
+    def time_per_update(self) -> float:
+        """Median wall-clock time of an update [s]; NaN before the first."""
+        return self._stopwatch.median
 
     @property
     def weights(self) -> Array:
@@ -353,18 +398,59 @@ class FilterLearner(OnlineLearner):
         """Covariance of the weights as kept after the last sample."""
         return self._filter.covariance()
 
-    def _estimate(self) -> dict[str, Any]:
+    def restart_clock(self) -> None:
+        """Take the next sample whatever its time stamp: another log begins."""
+        self._screen.restart_clock()
+
+    def state(self) -> dict[str, Any]:
+        """All that the next samples depend on: arrays and JSON-able values by name."""
         return {
+            "count": self.count,
             "changes": list(self._changes),
             "refused_run": self._refused_run,
             "innovation_covariance": self._innovation_covariance.copy(),
             **{f"filter_{name}": array for name, array in self._filter.state().items()},
+            **({} if self.memory is None else self.memory.state()),
+            **{f"screen_{name}": array.copy() for name, array in self._screen.arrays.items()},
         }
 
-    def _place(self, state: Mapping[str, Any]) -> None:
-        outputs = self._network.outputs
+    @checked
+    def resume(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state; wall-clock times of updates begin anew.
+
+        Args:
+            state: Of a learner with the same description.
+
+        Raises:
+            ParameterError: If something is missing.
+            ShapeError: If an array has another shape.
+        """
+        screen, outputs = self._screen.arrays, self._network.outputs
+        newer = {name: screen[name] for name in NEWER} | part(state, "screen_")
+        counts = newer.get("counts", screen["counts"])  # events of later releases come last
+        newer["counts"] = np.pad(counts, (0, max(len(screen["counts"]) - len(counts), 0)))
+        seen = arrays_like(screen, newer)
+        stopwatch, changes = Stopwatch(int(state["count"])), list(state["changes"])
         covariance = vector(state, "innovation_covariance", outputs, outputs)
-        changes = list(state["changes"])
         self._filter.resume(part(state, "filter_"))
         self._innovation_covariance, self._changes = covariance, changes
         self._refused_run = int(state.get("refused_run", 0))  # later than the first files
+        if self.memory is not None:
+            self.memory.resume(state)
+        self._screen.restore(seen)
+        self._stopwatch = stopwatch
+
+    @checked
+    def save(self, path: str | Path) -> Path:
+        """Keep the learner in a file, from which `load_learner` makes one that goes on alike.
+
+        Args:
+            path: File, replaced whole or not at all, in a folder that is there.
+
+        Returns:
+            The path.
+
+        Raises:
+            OutputError: If it cannot be written; the file is then as it was.
+        """
+        return write_state(path, self.describe(), self.state())

@@ -16,74 +16,55 @@ from patagium.errors import LogError, ParameterError
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.filter_learner import FilterLearner
-from patagium.learning.learners.gradient import GradientLearner
-from patagium.learning.learners.learner import Learner, OnlineLearner
-from patagium.learning.learners.linear import LinearLearner
+from patagium.learning.learners.learner import Learner
 from patagium.learning.learners.state_file import read_state
-from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.registry import network_from_description
 from patagium.learning.settings import FilterSettings, settings_from
 from patagium.reading import made_again
+from patagium.removed import refuse_removed
 
-FILTER_LEARNERS: dict[str, type[FilterLearner]] = {
+LEARNERS: dict[str, type[FilterLearner]] = {
     learner.kind: learner for learner in (CubatureLearner, ExtendedLearner)
 }
-"""Learners whose weights a filter moves, by kind."""
-LEARNERS: dict[str, Any] = {
-    **FILTER_LEARNERS,
-    "gradient": GradientLearner,
-    "linear": LinearLearner,
-}
-"""Learners by kind; `RECORDS` of the settings has the settings of each."""
+"""Learners by kind."""
 _FROM_DATA = ("input_center", "input_scale", "output_center", "output_scale", "attached")
 _LONGEST = 60  # characters of a value in a message
 
 
-def make_learner(kind: str, network: Any, settings: Any, seed: int = 0) -> Any:
+def make_learner(kind: str, network: Any, settings: Any, seed: int = 0) -> FilterLearner:
     """New learner of a network; its settings a record, or plain values as a file holds them.
 
     Raises:
-        ParameterError: If the kind is unknown, or a setting is missing, out of its range, or not
-            of this learner.
+        ParameterError: If the kind is unknown or was removed, or a setting is missing, out of its
+            range, or not of this learner.
     """
-    if kind not in LEARNERS:
-        raise ParameterError("learner", f"of kind {', '.join(LEARNERS)}", kind)
+    learner = _of_kind(kind)
     record = settings_from(kind, settings) if isinstance(settings, Mapping) else settings
-    return LEARNERS[kind](network, record, seed=seed)
+    return learner(network, record, seed=seed)
 
 
 @checked
-def learner_from_description(description: Mapping[str, Any]) -> OnlineLearner:
+def learner_from_description(description: Mapping[str, Any]) -> FilterLearner:
     """Learner of a description, before any sample.
 
     Args:
         description: Network and settings, as `describe()` gives them.
 
     Raises:
-        ParameterError: If the network is missing, its kind or a setting unknown, or a number out
-            of its range.
-        TypeError: If an argument is missing or unknown.
+        ParameterError: If the network is missing, a kind is unknown or was removed, a setting is
+            unknown, or a number out of its range.
     """
     values = dict(description)
     for name in ("kind", "found"):
         values.pop(name, None)
-    kind, network = str(description.get("kind")), values.pop("network", {})
-    if kind == "linear":
-        base = {k: v for k, v in network.items() if k not in ("features", "seed")}
-        features = {k: network[k] for k in ("features", "seed") if k in network}
-        return LinearLearner(DenseNetwork.from_description(base), **features, **values)
-    if kind == "gradient":
-        return GradientLearner(network_from_description(network), **values)
-    learner = FILTER_LEARNERS.get(kind)
-    if learner is None:
-        raise ParameterError("learner", f"of kind {', '.join(LEARNERS)}", kind)
-    seed = values.pop("seed", 0)
+    learner = _of_kind(str(description.get("kind")))
+    network, seed = values.pop("network", {}), values.pop("seed", 0)
     settings = FilterSettings.from_description(values)
     return learner(network_from_description(network), settings, seed=seed)
 
 
 @checked
-def load_learner(path: str | Path, like: Learner | None = None) -> OnlineLearner:
+def load_learner(path: str | Path, like: Learner | None = None) -> FilterLearner:
     """Learner that `save` kept: it goes on as the one that was saved would have.
 
     Args:
@@ -122,6 +103,18 @@ def first_difference(found: Mapping[str, Any], expected: Mapping[str, Any]) -> s
             said = (_short(text, start) for text in pair)
             return "{}: expected {}, found {}".format(name, *said)
     return None
+
+
+def _of_kind(kind: str) -> type[FilterLearner]:
+    """Class of the learners of a kind.
+
+    Raises:
+        ParameterError: If it is unknown or was removed.
+    """
+    if kind not in LEARNERS:
+        refuse_removed("learner", kind)
+        raise ParameterError("learner", f"of kind {', '.join(LEARNERS)}", kind)
+    return LEARNERS[kind]
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -1,8 +1,6 @@
 """Networks that know no physics: any vector in, any vector out.
 
-The paper's network is a dense one, with two softplus layers and a linear one. A linear network
-reads out the scaled inputs, or fixed random features of them, f(x), and 1: it is linear in its
-weights, y = offset + scale B f(x).
+The paper's network is a dense one, with two softplus layers and a linear one.
 """
 
 from __future__ import annotations
@@ -18,7 +16,7 @@ from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Encoding, center_of, scale_of
-from patagium.learning.models.perceptron import Perceptron, PerceptronNetwork, softplus
+from patagium.learning.models.perceptron import Perceptron, PerceptronNetwork
 from patagium.limits import WIDEST
 from patagium.native import load_kernel
 
@@ -133,76 +131,6 @@ class DenseNetwork(PerceptronNetwork):
     def _seen(self, x: Array) -> Array:
         """Scaled inputs, (N, n_x)."""
         return np.asarray((x - self.input_center) / self.input_scale)
-
-
-class LinearNetwork(DenseNetwork):
-    """A linear readout of fixed random softplus features of the scaled inputs.
-
-    Args:
-        base: Gives inputs, outputs and their scales; must have no hidden layer.
-        features: Number of random features; 0: the scaled inputs themselves.
-        seed: Seed of the features.
-
-    Raises:
-        ParameterError: If `base` has hidden layers, or `features` is negative.
-    """
-
-    kind = "linear"
-
-    @checked
-    def __init__(self, base: DenseNetwork, features: int = 0, seed: int = 0) -> None:
-        if not isinstance(base, DenseNetwork) or len(base.perceptron.widths) != 2:
-            raise ParameterError("network", "a DenseNetwork without hidden layers", base)
-        if not (isinstance(features, int) and features >= 0):
-            raise ParameterError("features", "a whole number of at least 0", features)
-        super().__init__(
-            features or base.inputs,
-            (),
-            base.output_names,
-            output_center=base.output_center,
-            output_scale=base.output_scale,
-        )
-        self.inputs_jump = base.inputs_jump
-        self._base = base
-        self._features = features
-        self._seed = seed
-        draw = np.random.default_rng(seed)
-        self._mixing = draw.standard_normal((base.inputs, features)) * np.sqrt(2 / base.inputs)
-        self._bias = draw.standard_normal(features)
-
-    @property
-    def inputs(self) -> int:
-        """Length of x, n_x."""
-        return self._base.inputs
-
-    def compiled_encoder(self) -> None:
-        """None: random features are made in NumPy."""
-
-    def initial(self, seed: int) -> Array:
-        """Zero weights: least squares needs no start, (n,)."""
-        return np.zeros(self.size)
-
-    def describe(self) -> dict[str, Any]:
-        """Description of the network that rebuilds it, as JSON-able values."""
-        base = self._base.describe()
-        return {**base, "kind": self.kind, "features": self._features, "seed": self._seed}
-
-    @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> LinearNetwork:
-        """Inverse of `describe`.
-
-        Raises:
-            ParameterError: If a key is missing or unknown.
-        """
-        values = described(cls.kind, description, (*DESCRIBED, "features", "seed"))
-        features = values.pop("features")
-        seed = values.pop("seed")
-        return cls(DenseNetwork.from_description(values | {"kind": "dense"}), features, seed)
-
-    def _seen(self, x: Array) -> Array:
-        """Random features of the scaled inputs, or these themselves, (N, n_f)."""
-        scaled = (x - self._base.input_center) / self._base.input_scale
-        return softplus(scaled @ self._mixing + self._bias) if self._features else scaled
 
 
 _JUMPS = "inputs_jump"  # in a description only where they do

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from patagium.arguments import checked
 from patagium.errors import ParameterError
-from patagium.learning.models.dense import DenseNetwork, LinearNetwork
+from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.grey_box import GreyBox
 from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.linear_strip import LinearStripNetwork
@@ -17,10 +17,7 @@ from patagium.removed import refuse_removed
 
 _KINDS: dict[str, Any] = {
     network.kind: network
-    for network in (
-        *(DenseNetwork, LinearNetwork, StripNetwork, HiddenStripNetwork),
-        *(LinearStripNetwork, GreyBox),
-    )
+    for network in (DenseNetwork, StripNetwork, HiddenStripNetwork, LinearStripNetwork, GreyBox)
 }
 _OWN = frozenset(_KINDS)
 _Kind = TypeVar("_Kind", bound=type[Network])

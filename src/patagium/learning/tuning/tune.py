@@ -23,7 +23,7 @@ import xarray as xr
 from patagium.arguments import checked
 from patagium.arrays import brief
 from patagium.errors import LogError, ParameterError, ShapeError
-from patagium.learning.learners.registry import FILTER_LEARNERS, make_learner
+from patagium.learning.learners.registry import LEARNERS, make_learner
 from patagium.learning.models.memory import measured_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.samples import samples
@@ -350,8 +350,8 @@ def _problem(
     by_hidden = {one.hidden: one for one in networks}
     if len(by_hidden) != len(networks):
         raise ParameterError("network", "networks with different hidden layers", list(by_hidden))
-    if kind not in FILTER_LEARNERS:
-        raise ParameterError("learner", f"one of {', '.join(FILTER_LEARNERS)}", kind)
+    if kind not in LEARNERS:
+        raise ParameterError("learner", f"one of {', '.join(LEARNERS)}", kind)
     if max(one.size for one in networks) > MOST_WEIGHTS:
         settings.setdefault("covariance", Alternatives(("node",)))
     if any(hasattr(one, "own_misfit") for one in networks):  # which excludes the noise's search

@@ -8,32 +8,80 @@ channel that is left out for measured.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arguments import checked
 from patagium.arrays import Array, Bools
-from patagium.errors import Outcome
+from patagium.errors import Outcome, ParameterError
 from patagium.learning.filters.numbers import PRIOR
 from patagium.learning.filters.screening import Screen
-from patagium.learning.filters.state import packed, symmetric, unpacked, vector
 from patagium.learning.filters.weight_covariance import BlockCovariance, block_covariance
-from patagium.learning.learners.learner import OnlineLearner, as_input, diverged, found_part
-from patagium.learning.models.dense import DenseNetwork, LinearNetwork
+from patagium.learning.learners.learner import as_input, diverged, found_part
+from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.network import scale_of
-from patagium.learning.settings import (
-    FilterSettings,
-    LinearSettings,
-    NoiseEstimation,
-    Numbers,
-    chosen_settings,
-)
+from patagium.learning.models.perceptron import softplus
+from patagium.learning.settings import FilterSettings, NoiseEstimation
+from patagium_lab.rivals.rival_learner import RivalLearner
 
 
-class LinearLearner(OnlineLearner):
+class LinearNetwork(DenseNetwork):
+    """Linear readout of fixed random softplus features of the scaled inputs.
+
+    Args:
+        base: Network without hidden layers: inputs, outputs and their scales.
+        features: Number of random features; 0: the scaled inputs themselves.
+        seed: Seed of the features.
+
+    Raises:
+        ParameterError: If `base` has hidden layers.
+    """
+
+    kind = "linear"
+
+    def __init__(self, base: DenseNetwork, features: int = 0, seed: int = 0) -> None:
+        if len(base.perceptron.widths) != 2:
+            raise ParameterError("network", "a DenseNetwork without hidden layers", base)
+        super().__init__(
+            features or base.inputs,
+            (),
+            base.output_names,
+            output_center=base.output_center,
+            output_scale=base.output_scale,
+        )
+        self.inputs_jump = base.inputs_jump
+        self._base = base
+        self._features = features
+        self._seed = seed
+        draw = np.random.default_rng(seed)
+        self._mixing = draw.standard_normal((base.inputs, features)) * np.sqrt(2 / base.inputs)
+        self._bias = draw.standard_normal(features)
+
+    @property
+    def inputs(self) -> int:
+        """Length of x, n_x."""
+        return self._base.inputs
+
+    def compiled_encoder(self) -> None:
+        """None: random features are made in NumPy."""
+
+    def initial(self, seed: int) -> Array:
+        """Zero weights: least squares needs no start, (n,) [1]."""
+        return np.zeros(self.size)
+
+    def describe(self) -> dict[str, Any]:
+        """Description of the network as JSON-able values."""
+        base = self._base.describe()
+        return {**base, "kind": self.kind, "features": self._features, "seed": self._seed}
+
+    def _seen(self, x: Array) -> Array:
+        """Random features of the scaled inputs, or these themselves, (N, n_f)."""
+        scaled = (x - self._base.input_center) / self._base.input_scale
+        return softplus(scaled @ self._mixing + self._bias) if self._features else scaled
+
+
+class LinearLearner(RivalLearner):
     """Recursive least squares with forgetting.
 
     With f the features, all outputs in their scales and r their deviation:
@@ -43,13 +91,17 @@ class LinearLearner(OnlineLearner):
 
     Args:
         network: A DenseNetwork without hidden layers: inputs, outputs and their scales.
-        settings: Record of settings; None: the defaults. Single settings override it by name.
-            The mean of measurement_std over the outputs, in their scales, weighs all of them.
+        prior_std: Standard deviation of each weight before any sample [1]; None: 1.
+        measurement_std: Standard deviation of the measurement noise, one number or (n_y,) [unit
+            of y], of which the mean over the outputs, in their scales, weighs all of them; None:
+            found from the samples.
+        forgetting_factor: Factor that divides the covariance before each sample, above 0 and at
+            most 1.
+        features: Number of random softplus features; 0: linear in the inputs.
         seed: Seed of the features.
-        **given: Settings by name, which override the record.
 
     Raises:
-        ParameterError: If a number is out of its range.
+        ParameterError: If the network has hidden layers, or a deviation is not positive.
         ShapeError: If a deviation has another shape.
 
     References:
@@ -58,43 +110,37 @@ class LinearLearner(OnlineLearner):
 
     _network: LinearNetwork
 
-    @checked
     def __init__(
         self,
         network: DenseNetwork,
-        settings: LinearSettings | None = None,
         *,
+        prior_std: float | None = None,
+        measurement_std: ArrayLike | None = None,
+        forgetting_factor: float = 1.0,
+        features: int = 0,
         seed: int = 0,
-        **given: Any,
     ) -> None:
-        chosen: LinearSettings = chosen_settings("linear", settings, given)
-        self.settings = chosen
-        super().__init__(LinearNetwork(network, chosen.features, seed))
-        self._prior = PRIOR if chosen.prior_std is None else float(np.asarray(chosen.prior_std))
-        self._forgetting = float(chosen.forgetting_factor)
+        super().__init__(LinearNetwork(network, features, seed), _screen(network, measurement_std))
+        self._given = {"prior_std": prior_std, "measurement_std": measurement_std}
+        self._prior = PRIOR if prior_std is None else prior_std
+        self._forgetting = forgetting_factor
         count = self._network.perceptron.widths[0] + 1
         self._slopes = np.zeros((count, network.outputs))
         self._spread = np.eye(count) * self._prior**2
-        self._screen = _screen(network, chosen.measurement_std)
-
-    @property
-    def network(self) -> LinearNetwork:
-        """The features and their readout."""
-        return self._network
 
     @property
     def weights(self) -> Array:
-        """The estimate, (n,): B row by row, then the constants."""
+        """The estimate, (n,) [1]: B row by row, then the constants."""
         return np.concatenate([self._slopes[:-1].T.ravel(), self._slopes[-1]])
 
     @property
     def covariance(self) -> Array:
-        """Covariance of the weights, (n, n): that of the features' for every output."""
+        """Covariance of the weights, (n, n) [1]: that of the features' for every output."""
         return self.kept_covariance().dense(most=self._network.size)
 
     @property
     def variances(self) -> Array:
-        """Diagonal of that covariance, (n,)."""
+        """Diagonal of that covariance, (n,) [1]."""
         return self.kept_covariance().variances()
 
     def predict(self, x: ArrayLike) -> tuple[Array, Array]:
@@ -141,12 +187,12 @@ class LinearLearner(OnlineLearner):
 
     def describe(self) -> dict[str, Any]:
         """Kind, network and settings of the learner as JSON values, without the weights."""
-        std, chosen = self.measurement_std.tolist(), self.settings
+        std = self._given["measurement_std"]
         given = {
             "kind": "linear",
             "network": self._network.describe(),
-            "prior_std": None if chosen.prior_std is None else self._prior,
-            "measurement_std": None if chosen.measurement_std is None else std,
+            "prior_std": self._given["prior_std"],
+            "measurement_std": None if std is None else self.measurement_std.tolist(),
             "forgetting_factor": self._forgetting,
         }
         return given | found_part(self.found)
@@ -154,37 +200,29 @@ class LinearLearner(OnlineLearner):
     @property
     def found(self) -> dict[str, Any]:
         """Settings that nobody gave, by name: what the rules or the samples so far say."""
-        found: dict[str, Any] = {} if self.settings.prior_std is not None else {"prior_std": PRIOR}
-        if self.settings.measurement_std is None and np.isfinite(self.measurement_std).all():
+        found: dict[str, Any] = {} if self._given["prior_std"] is not None else {"prior_std": PRIOR}
+        if self._given["measurement_std"] is None and np.isfinite(self.measurement_std).all():
             found["measurement_std"] = self.measurement_std.tolist()
         return found
 
     @property
     def measurement_std(self) -> Array:
-        """Standard deviation of the measurement, as given or estimated so far, (n_y,) [y].
+        """Standard deviation of the measurement, given or estimated, (n_y,) [unit of y].
 
         NaN before the first sample where nobody gave it.
         """
         return np.sqrt(self._screen.variances)
 
     def kept_covariance(self) -> BlockCovariance:
-        """The covariance by outputs, each that of the features' weights."""
+        """Covariance by outputs, each that of the features' weights."""
         parts = [self._spread] * self._network.outputs
         return block_covariance(self._network, "node", parts)
-
-    def _estimate(self) -> dict[str, Any]:
-        return {"slopes": self._slopes, "spread": packed([self._spread])}
-
-    def _place(self, state: Mapping[str, Any]) -> None:
-        slopes = vector(state, "slopes", *self._slopes.shape)
-        (lower,) = unpacked(np.asarray(state["spread"], float), [len(slopes)])
-        self._slopes, self._spread = slopes, symmetric(lower)
 
     def _features(self, x: Array) -> Array:
         return np.append(self._network.encode_one(x).features[0], 1.0)
 
 
-def _screen(network: DenseNetwork, std: Numbers | None) -> Screen:
+def _screen(network: DenseNetwork, std: ArrayLike | None) -> Screen:
     """Screening with the noise that is given, or that is found from the samples."""
     if std is not None:
         return Screen(scale_of("measurement_std", std, network.outputs) ** 2, network)

@@ -7,21 +7,17 @@ Neglected: mini-batches other than the sample and those replayed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arguments import checked
 from patagium.arrays import Array, Bools
 from patagium.errors import Outcome
 from patagium.learning.filters.screening import Screen
-from patagium.learning.filters.state import vector
-from patagium.learning.learners.learner import OnlineLearner, as_input, diverged, found_part
+from patagium.learning.learners.learner import as_input, diverged, found_part
 from patagium.learning.models.network import Encoding, Network
-from patagium.learning.settings import GradientSettings, chosen_settings
+from patagium_lab.rivals.rival_learner import RivalLearner
 
 LEARNING_RATE = 0.01
 """Step of Adam that nobody states, in the unit of the weights [1]."""
@@ -30,51 +26,44 @@ _SCATTER_DECAY = 0.99
 _MEMORY = 4096  # samples kept for replay
 
 
-class GradientLearner(OnlineLearner):
+class GradientLearner(RivalLearner):
     """Adam over the weights of a network, one step a sample, with or without replay.
 
     g = sum over the sample and those replayed of (y(W) - y)' A^-2 dy/dW, A the running
     root mean square of each output, so that large outputs do not drown small ones.
 
     Args:
-        network: The network whose weights are learned.
-        settings: Record of settings; None: the defaults. Single settings override it by name.
-            Samples that are replayed are drawn evenly from the last 4096.
+        network: Network whose weights are learned.
+        learning_rate: Step of Adam, in the unit of the weights [1]; None: `LEARNING_RATE`.
+        replay: Number of earlier samples that join each step, drawn evenly from the last 4096.
         seed: Seed of the weights to start from and of the draws.
-        **given: Settings by name, which override the record.
-
-    Raises:
-        ParameterError: If a number is out of its range.
 
     References:
         Kingma & Ba (2015), Adam: A method for stochastic optimization.
     """
 
-    @checked
     def __init__(
         self,
         network: Network,
-        settings: GradientSettings | None = None,
         *,
+        learning_rate: float | None = None,
+        replay: int = 0,
         seed: int = 0,
-        **given: Any,
     ) -> None:
-        chosen: GradientSettings = chosen_settings("gradient", settings, given)
-        super().__init__(network)
-        self.settings, self._seed = chosen, seed
-        self._replay, self._rate = chosen.replay, chosen.learning_rate or LEARNING_RATE
+        super().__init__(network, Screen(np.ones(network.outputs), network))
+        self._given_rate, self._replay, self._seed = learning_rate, replay, seed
+        self._rate = learning_rate or LEARNING_RATE
         self._weights = network.initial(seed)
         self._mean = np.zeros(network.size)
         self._square = np.zeros(network.size)
         self._scatter = np.zeros((network.outputs, network.outputs))
         self._power = np.zeros(network.outputs)
-        self._memory: list[tuple[Array, Encoding, Array]] = []
+        self._memory: list[tuple[Encoding, Array]] = []
         self._draw = np.random.default_rng(seed)
-        self._screen = Screen(np.ones(network.outputs), network)
 
     @property
     def weights(self) -> Array:
-        """The estimate W, (n,)."""
+        """The estimate W, (n,) [1]."""
         return self._weights.copy()
 
     covariance = variances = None  # of the weights there is none
@@ -104,7 +93,7 @@ class GradientLearner(OnlineLearner):
         scale = np.maximum(scale, 1e-6 * scale.max(initial=0.0)) + 1e-300
         innovation, slope = self._slope(encoding, measured, scale)
         for number in self._drawn():
-            slope = slope + self._slope(*self._memory[number][1:], scale)[1]
+            slope = slope + self._slope(*self._memory[number], scale)[1]
         mean = _decayed(self._mean, slope, _MEAN_DECAY)
         square = _decayed(self._square, slope**2, _SQUARE_DECAY)
         step = self.count + 1
@@ -115,7 +104,7 @@ class GradientLearner(OnlineLearner):
         self._weights, self._mean, self._square, self._power = weights, mean, square, power
         self._scatter = _decayed(self._scatter, np.outer(innovation, innovation), _SCATTER_DECAY)
         if self._replay:
-            self._keep(x.copy(), encoding, measured.copy())
+            self._keep(encoding, measured.copy())
         return innovation
 
     def describe(self) -> dict[str, Any]:
@@ -123,41 +112,11 @@ class GradientLearner(OnlineLearner):
         given = {
             "kind": "gradient",
             "network": self._network.describe(),
-            **asdict(self.settings),
+            "learning_rate": self._given_rate,
+            "replay": self._replay,
             "seed": self._seed,
         }
-        return given | found_part(self.found)
-
-    @property
-    def found(self) -> dict[str, Any]:
-        """Settings that nobody gave, by name."""
-        return {} if self.settings.learning_rate else {"learning_rate": LEARNING_RATE}
-
-    def _estimate(self) -> dict[str, Any]:
-        network, count = self._network, len(self._memory)
-        return {
-            "draw": self._draw.bit_generator.state,
-            "weights": self._weights,
-            "mean": self._mean,
-            "square": self._square,
-            "power": self._power,
-            "scatter": self._scatter,
-            "replay_x": np.array([x for x, _, _ in self._memory]).reshape(count, network.inputs),
-            "replay_y": np.array([y for _, _, y in self._memory]).reshape(count, network.outputs),
-        }
-
-    def _place(self, state: Mapping[str, Any]) -> None:
-        network, count = self._network, len(state["replay_x"])
-        n, outputs = network.size, network.outputs
-        weights, mean, square = (vector(state, k, n) for k in ("weights", "mean", "square"))
-        power = vector(state, "power", outputs)
-        scatter = vector(state, "scatter", outputs, outputs)
-        seen = vector(state, "replay_x", count, network.inputs)
-        measured = vector(state, "replay_y", count, outputs)
-        self._draw.bit_generator.state = state["draw"]
-        self._weights, self._mean, self._square = weights, mean, square
-        self._power, self._scatter = power, scatter
-        self._memory = [(x, network.encode_one(x), y) for x, y in zip(seen, measured, strict=True)]
+        return given | found_part({} if self._given_rate else {"learning_rate": LEARNING_RATE})
 
     def _slope(self, encoding: Encoding, y: Array, scale: Array) -> tuple[Array, Array]:
         """Innovation, (n_y,), and derivative of half its scaled square for W, (n,)."""
@@ -169,11 +128,11 @@ class GradientLearner(OnlineLearner):
         count = min(self._replay, len(self._memory))
         return self._draw.choice(len(self._memory), count, replace=False).tolist() if count else []
 
-    def _keep(self, x: Array, encoding: Encoding, y: Array) -> None:
+    def _keep(self, encoding: Encoding, y: Array) -> None:
         if len(self._memory) < _MEMORY:
-            self._memory.append((x, encoding, y))
+            self._memory.append((encoding, y))
         else:
-            self._memory[self.count % _MEMORY] = (x, encoding, y)
+            self._memory[self.count % _MEMORY] = (encoding, y)
 
 
 def _decayed(average: Array, new: Array, decay: float) -> Array:
