@@ -233,7 +233,8 @@ def test_every_public_name_has_an_example_or_is_given_by_one() -> None:
 def test_every_public_name_is_on_a_page_of_names() -> None:
     pages = "\n".join(text for page, text in _texts().items() if page.startswith("api/"))
     shown = re.findall(r"^\.\. auto\w+:: patagium\.(?:\w+\.)*(\w+)$", pages, re.MULTILINE)
-    assert {name.split(".")[-1] for name in _top_names()} - {*shown} == set()
+    spaces = {name for space in (*NAME_SPACES, "control") for name in _object(space).__all__}
+    assert {name.split(".")[-1] for name in {*_top_names(), *spaces}} - {*shown} == set()
     assert len(shown) == len({*shown})
 
 
