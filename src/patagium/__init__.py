@@ -118,8 +118,7 @@ def __getattr__(name: str) -> Any:
     if name in _NAME_SPACES:
         return import_module(f"{__name__}.{name}")
     if name not in _HOME_OF:
-        from patagium.errors import unknown_name
-        from patagium.removed import refuse_removed
+        from patagium.errors import refuse_removed, unknown_name
 
         refuse_removed(__name__, name)
         known = dict[str, str]()  # none for importers, which ask for "__path__" and for modules

@@ -20,6 +20,7 @@ from types import MappingProxyType
 from typing import Any
 
 from patagium.limits import PROBLEMS, SHOWN
+from patagium.removed import REMOVED
 
 __all__ = [
     "CompilerError",
@@ -108,7 +109,18 @@ def unknown_name(module: str, name: str, known: Iterable[str]) -> AttributeError
         known: Its public names, or a mapping from these to what to write today.
     """
     said = f"module {module!r} has no attribute {name!r}"
-    return AttributeError(said + similar(name, known))
+    hint = f"; it was removed: take {REMOVED[name]}" if name in REMOVED else similar(name, known)
+    return AttributeError(said + hint)
+
+
+def refuse_removed(where: str, name: object) -> None:
+    """Error of something that was removed; nothing for any other name.
+
+    Raises:
+        ParameterError: If it was removed; the message says what to take in its place.
+    """
+    if isinstance(name, str) and name in REMOVED:
+        raise ParameterError(where, f"{REMOVED[name]} ({name} was removed)", name)
 
 
 def suggest_names(module: str) -> None:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from patagium.errors import ParameterError
-
 _DEFAULT = "the default, which errs less"
 _SQUARES = "which is least squares where the network is linear in its weights"
-_REMOVED = {
+REMOVED = {
     **dict.fromkeys(("FlowNetwork", "HiddenFlowNetwork"), f"LinearStripNetwork, {_DEFAULT}"),
     **dict.fromkeys(("flow", "hidden_flow"), f"linear_strip, {_DEFAULT}"),
     "LowRank": 'covariance="layer", which errs less',
     "low rank": "layer, which errs less",
     "wind": "gust with a length_time and stays: true",
+    "WindEvent": "GustEvent(..., stays=True)",
+    "identify_table": "identify, which takes tables too",
+    "evaluate_table": "evaluate, which takes tables too",
+    **dict.fromkeys(("momentum_force", "MomentumObserver"), "inverse_dynamics_force"),
+    **dict.fromkeys(("Kalman", "Spline", "SavitzkyGolay"), "estimate_motion, which has a smoother"),
     "GradientLearner": f"ExtendedLearner, {_DEFAULT}",
     "gradient": f"extended, {_DEFAULT}",
     "LinearLearner": f"ExtendedLearner, {_SQUARES}",
@@ -19,13 +22,3 @@ _REMOVED = {
     "residual network": "None: LinearStripNetwork learns what physics leaves, and errs less",
 }
 """What takes the place of what was removed, by class and by kind."""
-
-
-def refuse_removed(where: str, name: object) -> None:
-    """Error of something that was removed; nothing for any other name.
-
-    Raises:
-        ParameterError: If it was removed; the message says what to take in its place.
-    """
-    if isinstance(name, str) and name in _REMOVED:
-        raise ParameterError(where, f"{_REMOVED[name]} ({name} was removed)", name)

@@ -28,8 +28,7 @@ from patagium.cli.learner_options import (
 from patagium.cli.options import LogArgument, MappingOption, ReportOption, ScoresOption
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import FLIGHT, progress_bar, say_json, say_next, show_table
-from patagium.errors import Interrupted, Outcome, ParameterError
-from patagium.removed import refuse_removed
+from patagium.errors import Interrupted, Outcome, ParameterError, refuse_removed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from patagium.cli.words import Numbers, WholeNumbers, existing, numbers, whole_numbers
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, refuse_removed
 from patagium.learning.settings import (
     FILTERS,
     Meaning,
@@ -26,7 +26,6 @@ from patagium.learning.settings import (
     settings_from,
     settings_of,
 )
-from patagium.removed import refuse_removed
 
 if TYPE_CHECKING:
     from patagium.aerodynamics import Air

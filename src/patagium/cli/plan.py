@@ -31,10 +31,9 @@ from patagium.control.lqr import LinearRegulator
 from patagium.control.orbit import Orbit
 from patagium.control.predictive import OrbitController, PredictiveController
 from patagium.control.trimming import free_parameters, trim
-from patagium.errors import ParameterError, PatagiumError, positive
+from patagium.errors import ParameterError, PatagiumError, positive, refuse_removed
 from patagium.limits import ROBOT_FILE
 from patagium.reading import parsed_yaml, refused, text_of
-from patagium.removed import refuse_removed
 from patagium.robot import Robot, load_robot
 from patagium.robot.units import Duration, Frequency, Length, Mass, PureNumber, Speed, quantity_type
 from patagium.sensing.sensors import presets

@@ -88,8 +88,7 @@ class _Package(ModuleType):
 
     def __getattr__(self, name: str) -> Any:
         if name not in _HOMES:
-            from patagium.errors import unknown_name
-            from patagium.removed import refuse_removed
+            from patagium.errors import refuse_removed, unknown_name
 
             refuse_removed(__name__, name)
             raise unknown_name(__name__, name, __all__)

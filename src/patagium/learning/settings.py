@@ -14,8 +14,7 @@ from math import inf, isfinite
 from textwrap import fill
 from typing import Any, Literal, NamedTuple, TypeAlias
 
-from patagium.errors import ParameterError, ShapeError
-from patagium.removed import refuse_removed
+from patagium.errors import ParameterError, ShapeError, refuse_removed
 
 FILTERS = ("cubature", "extended")
 """Learners whose weights a filter moves."""

@@ -128,6 +128,21 @@ def test_a_removed_name_says_what_takes_its_place(module: str, name: str, instea
 
 
 @pytest.mark.parametrize(
+    ("module", "name", "instead"),
+    [
+        ("patagium.control", "WindEvent", r"GustEvent\(..., stays=True\)"),
+        ("patagium.sensing", "Kalman", "estimate_motion"),
+        ("patagium.sensing", "momentum_force", "inverse_dynamics_force"),
+    ],
+)
+def test_a_name_removed_from_a_name_space_is_no_attribute(
+    module: str, name: str, instead: str
+) -> None:
+    with pytest.raises(AttributeError, match=f"{name}'; it was removed: take {instead}"):
+        getattr(importlib.import_module(module), name)
+
+
+@pytest.mark.parametrize(
     ("typed", "meant"),
     [
         ("simulat", "simulate"),

@@ -12,11 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from patagium.arrays import Array, Indices
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import ParameterError, ShapeError, refuse_removed
 from patagium.learning.filters.state import packed, symmetric, unpacked
 from patagium.learning.models.structure import Layered, blocks_of
 from patagium.learning.settings import BLOCKS, OWN_BLOCKS
-from patagium.removed import refuse_removed
 
 MOST_WEIGHTS = 5000
 """Of a structured covariance that is given as one matrix: 200 MB of it."""

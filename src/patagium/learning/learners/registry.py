@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from patagium.arguments import checked
-from patagium.errors import LogError, ParameterError
+from patagium.errors import LogError, ParameterError, refuse_removed
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.filter_learner import FilterLearner
@@ -21,7 +21,6 @@ from patagium.learning.learners.state_file import read_state
 from patagium.learning.models.registry import network_from_description
 from patagium.learning.settings import FilterSettings, settings_from
 from patagium.reading import made_again
-from patagium.removed import refuse_removed
 
 LEARNERS: dict[str, type[FilterLearner]] = {
     learner.kind: learner for learner in (CubatureLearner, ExtendedLearner)

@@ -29,7 +29,7 @@ from patagium.aerodynamics.model import Aerodynamics
 from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.dynamics.equations import inverse, kirchhoff_force
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, refuse_removed
 from patagium.learning.models.dense import described
 from patagium.learning.models.memory import LagEquations, MemoryState, memory_in, row_size
 from patagium.learning.models.network import Encoding, FlightTerms, GroupedNetwork
@@ -45,7 +45,6 @@ from patagium.learning.models.physical import (
 )
 from patagium.learning.models.structure import stacked
 from patagium.native import NativeFunction, load_functions, named_function
-from patagium.removed import refuse_removed
 from patagium.robot.files import load_robot_text
 
 Start = Literal["steady", "still"]

@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from patagium.arguments import checked
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, refuse_removed
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.grey_box import GreyBox
 from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
-from patagium.removed import refuse_removed
 
 _KINDS: dict[str, Any] = {
     network.kind: network

@@ -22,7 +22,7 @@ from pydantic import (
 )
 
 from patagium.arguments import checked
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, refuse_removed
 from patagium.learning.learners.registry import make_learner
 from patagium.learning.models.network import Network
 from patagium.learning.models.registry import network_options
@@ -30,7 +30,6 @@ from patagium.learning.models.wing import RobotNetwork
 from patagium.learning.settings import settings_from, settings_of
 from patagium.limits import YAML_TEXT
 from patagium.reading import parsed_yaml, refused, text_of
-from patagium.removed import refuse_removed
 from patagium.whole_file import write_whole
 
 _HEAD = """\
