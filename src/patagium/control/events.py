@@ -1,9 +1,10 @@
 """Events of a flight: gusts, wind that turns, a payload, a wing cut, another polar, a stuck drive.
 
-An event has a time, and changes the air, the machine or what its drives answer from then on. A
-machine that changes keeps its structure, so that nothing is compiled: of what is lost a thousandth
-remains, strips of a lost tip lie at the cut, and a number that is exactly zero in the robot's file
-stays zero. Neglected: what flies off, and the time that a change takes.
+An event has a time, and changes the air, the machine or what its drives answer from then on. Of
+what is lost a thousandth remains, and strips of a lost tip lie at the cut, so that most changed
+machines keep their structure. Where a number that is exactly zero in the robot's file becomes
+another one, equations of the new structure are compiled, once. Neglected: what flies off, and the
+time that a change takes.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ Machine: TypeAlias = tuple[Robot, Aerodynamics]
 
 LEFT = 1e-3
 """Share of a lost strip, and of a body that is lost as a whole, that remains for the equations."""
+_ROUNDING = 1e-12  # of the largest number of the same vector
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,7 +149,7 @@ class PayloadEvent(Event):
         mass = positive("mass", self.mass)
         where = body.center_of_mass if self.position is None else self.position
         point = _with_point(body, mass, np.array(triple("position", where)))
-        return _around(_with_known(robot, point), aero)
+        return _around(_with_numbers(robot, point), aero)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -274,7 +276,7 @@ def off_nominal(robot: Robot, share: float, seed: int) -> Robot:
         values[f"{body.name}.mass"] = float(body.mass) * mass
         inertia = np.array(body.inertia, float) * mass * moment
         values |= _named(f"{body.name}.inertia", inertia)
-    return _with_known(robot, values)
+    return _with_numbers(robot, values)
 
 
 def without_tip(robot: Robot, wing: str, share: float) -> Robot:
@@ -305,10 +307,10 @@ def without_tip(robot: Robot, wing: str, share: float) -> Robot:
         values[f"{strip.name}.width"] = left
         at = center + (kept - width) / 2 * out if kept else cut + left / 2 * out
         values |= _named(f"{strip.name}.quarter_chord", at)
-    less = _with_known(robot, values)
+    less = _with_numbers(robot, values)
     for body in edge:
         values |= _lighter(less, robot, body)
-    return _with_known(robot, values)
+    return _with_numbers(robot, values)
 
 
 def _outwards(strips: Sequence[Strip], place: int) -> Array:
@@ -384,10 +386,18 @@ def _mass_of(body: Body, mass: float, center: Array, tensor: Array) -> dict[str,
     }
 
 
-def _with_known(robot: Robot, values: Mapping[str, float]) -> Robot:
-    """Robot with other numbers; what is exactly zero in its file stays zero."""
-    known = robot.parameter_names
-    given = {name: value for name, value in values.items() if name in known}
+def _with_numbers(robot: Robot, values: Mapping[str, float]) -> Robot:
+    """Robot with other numbers; what is zero in its file stays so where it changes by rounding."""
+    known = set(robot.parameter_names)
+    largest: dict[str, float] = {}
+    for name, value in values.items():
+        part = name.rpartition(".")[0]
+        largest[part] = max(largest.get(part, 0.0), abs(value))
+    given = {
+        name: value
+        for name, value in values.items()
+        if name in known or abs(value) > _ROUNDING * largest[name.rpartition(".")[0]]
+    }
     return robot.with_parameters(given)
 
 

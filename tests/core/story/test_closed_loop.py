@@ -90,6 +90,17 @@ def test_a_machine_that_changes_keeps_its_state(orbit):
     assert np.abs(np.diff(near, axis=0)).max() < 0.1  # m/s, rad/s
 
 
+def test_a_payload_on_one_side_rolls_the_machine(orbit):
+    """The centre of mass of the body is zero in the file; it moves in the middle of the flight."""
+    event = PayloadEvent(time=0.2, body="body", mass=0.03, position=(0.0, 0.2, 0.0))
+    machine = orbit.robot, pt.QuasiSteady(orbit.robot), PredictiveController(orbit, COMMANDS)
+    flight = pt.fly(*machine, orbit=orbit, duration=0.4, time_step=5e-4, events=[event])
+    roll = flight.q.sel(dof="roll").values
+    assert np.abs(roll[flight["time"].values <= 0.2]).max() < 1e-9
+    assert roll[-1] < -0.01  # the left side goes down
+    assert flight.attrs["energy_audit"] < 1e-9 and flight.attrs["momentum_audit"] < 1e-9
+
+
 @pytest.mark.parametrize("kind", [PredictiveController, LinearRegulator])
 def test_samples_that_are_missing_late_or_wrong_hold_the_last_command(orbit, kind):
     samples = []
