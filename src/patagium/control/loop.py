@@ -253,6 +253,13 @@ class _Loop:
         beats, phases = np.divmod(time / orbit.period + 1e-9, 1.0)
         grid = np.linspace(0.0, 1.0, len(known))
         wanted = np.column_stack([np.interp(phases, grid, column) for column in known.T])
+        turns = np.exp(1j * orbit.turn_rate * orbit.period * np.arange(beats.max(initial=0.0) + 1))
+        done, now = np.cumsum(turns) - turns, beats.astype(int)
+        for moving in ("", "velocity of "):  # horizontal vectors, as x + iy
+            pair = [states.index(f"{moving}{axis}") for axis in "xy"]
+            way = turns[now] * (wanted[:, pair] @ (1.0, 1.0j))
+            way += 0.0 if moving else done[now] * complex(*travel[pair])
+            wanted[:, pair], travel[pair] = np.column_stack([way.real, way.imag]), 0.0
         wanted += beats[:, None] * travel
         for row, followed in zip(wanted, self.followed, strict=False):
             row[:] = [followed.get(name, own) for name, own in zip(states, row, strict=True)]

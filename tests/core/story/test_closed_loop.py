@@ -101,6 +101,26 @@ def test_a_payload_on_one_side_rolls_the_machine(orbit):
     assert flight.attrs["energy_audit"] < 1e-9 and flight.attrs["momentum_audit"] < 1e-9
 
 
+def test_the_reference_of_a_turn_goes_round():
+    """It is the orbit, which a machine without disturbance flies."""
+    aerobat = pt.load_robot("aerobat")
+    free = ("frequency", "feather_offset", "feather_offset_difference")
+    orbit = pt.trim(aerobat, turn_rate=0.3, free=free)
+
+    class Still:
+        period = orbit.period / 10
+
+        def __call__(self, time, state):
+            return {}
+
+    flight = pt.fly(
+        aerobat, pt.QuasiSteady(aerobat), Still(), orbit=orbit, duration=10 * orbit.period
+    )
+    apart = np.abs(flight["reference"].values - flight["estimate"].values)
+    assert flight.q.sel(dof="yaw").values[-1] > 0.2
+    assert apart.max() < 1e-3 * np.abs(flight["estimate"].values).max()
+
+
 @pytest.mark.parametrize("kind", [PredictiveController, LinearRegulator])
 def test_samples_that_are_missing_late_or_wrong_hold_the_last_command(orbit, kind):
     samples = []
