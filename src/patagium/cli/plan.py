@@ -32,7 +32,7 @@ from patagium.control.lqr import LinearRegulator
 from patagium.control.orbit import Orbit
 from patagium.control.predictive import OrbitController, PredictiveController
 from patagium.control.trimming import free_parameters, trim
-from patagium.errors import ParameterError, PatagiumError, positive
+from patagium.errors import LogError, ParameterError, PatagiumError, positive
 from patagium.limits import ROBOT_FILE
 from patagium.reading import parsed_yaml, refused, text_of
 from patagium.robot import Robot, load_robot
@@ -213,11 +213,14 @@ class Plan(_Part):
 def load_plan(name_or_path: str | Path) -> Plan:
     """Plan from a file, or the one that a robot's name stands for.
 
+    A file of a robot is looked for beside the plan first.
+
     Args:
         name_or_path: A YAML file with the key `robot`; or a preset or robot file.
 
     Raises:
-        LogError: If the file cannot be read, or is no plan: a line for each wrong key.
+        LogError: If the file cannot be read, or is no plan: a line for each wrong key; or if its
+            robot cannot be read.
         RobotFileError: If it is neither a file nor a preset.
     """
     path = Path(name_or_path)
@@ -229,9 +232,16 @@ def load_plan(name_or_path: str | Path) -> Plan:
     if isinstance(described, dict) and {"bodies", "mounted_on"} & {*described}:
         return Plan(robot=str(name_or_path))
     try:
-        return Plan.model_validate(described)
+        plan = Plan.model_validate(described)
     except ValidationError as problem:
         raise refused(str(path), problem.errors(), Plan, text) from None
+    beside = path.parent / plan.robot
+    robot = str(beside) if beside.is_file() else plan.robot
+    try:
+        load_robot(robot)
+    except PatagiumError as error:
+        raise LogError(f"{path}: robot: {error}") from None
+    return plan.model_copy(update={"robot": robot})
 
 
 @dataclass(frozen=True)
