@@ -27,6 +27,7 @@ import numpy as np
 from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.control.gait_family import fourier_series, gait_family
+from patagium.control.orbit import check_attitude
 from patagium.control.quadratic_program import ProgramStatus, QuadraticProgram
 from patagium.control.wingbeat import FlightMap, PrescribedRows
 from patagium.errors import ParameterError, ShapeError, positive
@@ -423,9 +424,9 @@ def periodic_riccati(
 ) -> tuple[Array, Array]:
     """Least cost without limits from each phase on, and the gains that reach it.
 
-    The number of beats ahead doubles until the gains settle (structured doubling algorithm).
-    Where nothing that the inputs move is left to a neutral state, its cost grows beat by beat
-    without end; what converges is the gains.
+    Beats ahead double until the gains settle (Chu, Fan, Lin & Wang 2004, structure-preserving
+    algorithms for periodic discrete-time algebraic Riccati equations). Where nothing that the
+    inputs move is left to a neutral state, its cost grows without end, and gains converge.
 
     Args:
         by_state: Derivative of each interval of a beat by its state, A, (parts, n_x, n_x).
@@ -439,10 +440,6 @@ def periodic_riccati(
 
     Raises:
         ParameterError: If the gains do not settle, or a departure grows under them.
-
-    References:
-        Chu, Fan, Lin & Wang (2004), Structure-preserving algorithms for periodic discrete-time
-        algebraic Riccati equations.
     """
     each = zip(by_state, by_input, strict=True)
     ahead = reduce(_joined, [_interval(a, b, state_cost, input_cost) for a, b in each])
@@ -577,6 +574,7 @@ class OrbitController:
         Raises:
             ParameterError: If coordinates or gaits are others.
         """
+        check_attitude(robot)
         known, own = self.model.robot, self.model.steered.gait
         if robot.dof_names != known.dof_names:
             raise ParameterError("controller", f"one made for {robot.name}", known.name)
@@ -721,7 +719,8 @@ class PredictiveController(OrbitController):
     Args:
         orbit: The orbit, and the model of robot and air that it was found with.
         commands: Names of the commands, with a range each in the robot's `actuators`.
-        horizon: Number of intervals.
+        horizon: Number of intervals. An answer in the first beat takes a time that goes with its
+            cube (of four commands: 4 ms at 20, 3 s at 200), later 1 ms at 20 and 5 ms at 200.
         parts: Intervals of a beat; one command each.
         tolerable: Departures by name of a state, such as `z` or `velocity of x`, that cost as much
             as a command over half its range [SI].

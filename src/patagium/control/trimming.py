@@ -27,7 +27,7 @@ from patagium.control.gait_family import (
     gait_family,
     symmetric_parameters,
 )
-from patagium.control.orbit import Frame, NoOrbit, Orbit
+from patagium.control.orbit import Frame, NoOrbit, Orbit, check_attitude
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.dynamics import Dynamics
 from patagium.errors import ParameterError
@@ -450,9 +450,7 @@ def _check(robot: Robot, aero: Aerodynamics) -> None:
     if not {"x", "y", "z"} <= {robot.dof_names[i] for i in robot.passive}:
         expected = "a robot with a floating body, or passive slides x, y and z"
         raise ParameterError("robot", expected, robot.name)
-    if robot.attitude == "quaternion":
-        expected = 'one with Euler angles (robot.with_attitude("euler"))'
-        raise ParameterError("robot", expected, f"{robot.name} with a quaternion")
+    check_attitude(robot)
     if aero.air.gust is not None or np.any(aero.air.wind):
         raise ParameterError("aero", "air at rest (an orbit is relative to the air)", aero.air)
 
