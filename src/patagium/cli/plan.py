@@ -213,14 +213,12 @@ class Plan(_Part):
 def load_plan(name_or_path: str | Path) -> Plan:
     """Plan from a file, or the one that a robot's name stands for.
 
-    A file of a robot is looked for beside the plan first.
-
     Args:
-        name_or_path: A YAML file with the key `robot`; or a preset or robot file.
+        name_or_path: A YAML file with the key `robot`, beside which a robot file is looked for
+            first; or a preset or robot file.
 
     Raises:
-        LogError: If the file cannot be read, or is no plan: a line for each wrong key; or if its
-            robot cannot be read.
+        LogError: If the file or its robot cannot be read, or it is no plan: a line for each key.
         RobotFileError: If it is neither a file nor a preset.
     """
     path = Path(name_or_path)

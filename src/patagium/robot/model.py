@@ -391,8 +391,7 @@ class Robot:
     def with_parameters(self, values: Mapping[str, float]) -> Robot:
         """A copy with some run-time parameters changed, for calibration and damage.
 
-        Its source says what was changed, so that a flight carries it too. A number that is zero
-        in the file may be changed by its name too; that is another `structure`.
+        Its source says what was changed. A number that was zero makes another `structure`.
 
         Raises:
             ParameterError: If a name is no number of the robot, or a value cannot be.
