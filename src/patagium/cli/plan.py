@@ -31,7 +31,7 @@ from patagium.control.lqr import LinearRegulator
 from patagium.control.orbit import Orbit
 from patagium.control.predictive import OrbitController, PredictiveController
 from patagium.control.trimming import free_parameters, trim
-from patagium.errors import ParameterError, PatagiumError, positive, refuse_removed
+from patagium.errors import LogError, ParameterError, PatagiumError, positive, refuse_removed
 from patagium.limits import ROBOT_FILE
 from patagium.reading import parsed_yaml, refused, text_of
 from patagium.robot import Robot, load_robot
@@ -215,10 +215,11 @@ def load_plan(name_or_path: str | Path) -> Plan:
     """Plan from a file, or the one that a robot's name stands for.
 
     Args:
-        name_or_path: A YAML file with the key `robot`; or a preset or robot file.
+        name_or_path: A YAML file with the key `robot`, beside which a robot file is looked for
+            first; or a preset or robot file.
 
     Raises:
-        LogError: If the file cannot be read, or is no plan: a line for each wrong key.
+        LogError: If the file or its robot cannot be read, or it is no plan: a line for each key.
         RobotFileError: If it is neither a file nor a preset.
     """
     path = Path(name_or_path)
@@ -230,9 +231,16 @@ def load_plan(name_or_path: str | Path) -> Plan:
     if isinstance(described, dict) and {"bodies", "mounted_on"} & {*described}:
         return Plan(robot=str(name_or_path))
     try:
-        return Plan.model_validate(described)
+        plan = Plan.model_validate(described)
     except ValidationError as problem:
         raise refused(str(path), problem.errors(), Plan, text) from None
+    beside = path.parent / plan.robot
+    robot = str(beside) if beside.is_file() else plan.robot
+    try:
+        load_robot(robot)
+    except PatagiumError as error:
+        raise LogError(f"{path}: robot: {error}") from None
+    return plan.model_copy(update={"robot": robot})
 
 
 @dataclass(frozen=True)

@@ -77,8 +77,8 @@ class NoisyState:
     Args:
         std: Standard deviations by name: a coordinate such as `z`, `velocity of z`, or
             `acceleration of z` [SI]; what is not named is exact.
-        delay: Time by which every sample is late; the controller takes it as a sample of its
-            time [s].
+        delay: Time by which every sample is late; it is taken to the present along the orbit, so
+            that its departure from the orbit is as old as the delay [s].
         missing: Share of samples that do not come, below 1.
 
     Raises:
@@ -118,12 +118,16 @@ class NoisyState:
 
         def estimate(truth: Truth) -> Estimate | None:
             errors, lost = stds * rng.standard_normal(len(stds)), rng.random() < self.missing
-            place = len(truth.q) - 1 - round(self.delay / truth.time_step)
+            last = len(truth.q) - 1
+            place = last - round(self.delay / truth.time_step)
             if lost or place < 0:
                 return None
             moved = np.concatenate([part[place] for part in (truth.q, truth.v, truth.a)]) + errors
+            if place < last:
+                then, now = orbit.along(truth.time_step * np.array([place, last]))
+                moved += now - then
             q, v, a = np.split(moved, [truth.q.shape[1], truth.q.shape[1] + len(dofs)])
-            return Estimate(FlightState(robot, place * truth.time_step, q, v), a)
+            return Estimate(FlightState(robot, last * truth.time_step, q, v), a)
 
         return estimate
 

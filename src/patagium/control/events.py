@@ -1,9 +1,9 @@
 """Events of a flight: gusts, wind that turns, a payload, a wing cut, another polar, a stuck drive.
 
-An event has a time, and changes the air, the machine or what its drives answer from then on. A
-machine that changes keeps its structure, so that nothing is compiled: of what is lost a thousandth
-remains, strips of a lost tip lie at the cut, and a number that is exactly zero in the robot's file
-stays zero. Neglected: what flies off, and the time that a change takes.
+An event has a time, and changes the air, the machine or what its drives answer from then on. Of
+what is lost a thousandth remains, and strips of a lost tip lie at the cut, so that other equations
+are compiled only where a number that is exactly zero in the robot's file becomes another one.
+Neglected: what flies off, and the time that a change takes.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ Machine: TypeAlias = tuple[Robot, Aerodynamics]
 
 LEFT = 1e-3
 """Share of a lost strip, and of a body that is lost as a whole, that remains for the equations."""
+_ROUNDING = 1e-12  # of the largest number of the same vector
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +130,7 @@ class PayloadEvent(Event):
         mass = positive("mass", self.mass)
         where = body.center_of_mass if self.position is None else self.position
         point = _with_point(body, mass, np.array(triple("position", where)))
-        return _around(_with_known(robot, point), aero)
+        return _around(robot.with_parameters(point), aero)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,7 +257,7 @@ def off_nominal(robot: Robot, share: float, seed: int) -> Robot:
         values[f"{body.name}.mass"] = float(body.mass) * mass
         inertia = np.array(body.inertia, float) * mass * moment
         values |= _named(f"{body.name}.inertia", inertia)
-    return _with_known(robot, values)
+    return robot.with_parameters(values)
 
 
 def without_tip(robot: Robot, wing: str, share: float) -> Robot:
@@ -287,10 +288,10 @@ def without_tip(robot: Robot, wing: str, share: float) -> Robot:
         values[f"{strip.name}.width"] = left
         at = center + (kept - width) / 2 * out if kept else cut + left / 2 * out
         values |= _named(f"{strip.name}.quarter_chord", at)
-    less = _with_known(robot, values)
+    less = robot.with_parameters(values)
     for body in edge:
         values |= _lighter(less, robot, body)
-    return _with_known(robot, values)
+    return robot.with_parameters(values)
 
 
 def _outwards(strips: Sequence[Strip], place: int) -> Array:
@@ -366,17 +367,11 @@ def _mass_of(body: Body, mass: float, center: Array, tensor: Array) -> dict[str,
     }
 
 
-def _with_known(robot: Robot, values: Mapping[str, float]) -> Robot:
-    """Robot with other numbers; what is exactly zero in its file stays zero."""
-    known = robot.parameter_names
-    given = {name: value for name, value in values.items() if name in known}
-    return robot.with_parameters(given)
-
-
 def _named(name: str, values: Any) -> dict[str, float]:
+    """Numbers of a vector by name, rounding as zero."""
     parts = "x y z".split() if len(values) == 3 else "xx yy zz xy xz yz".split()
-    pairs = zip(parts, values, strict=True)
-    return {f"{name}.{part}": float(value) for part, value in pairs}
+    kept = np.where(np.abs(values) > _ROUNDING * np.abs(values).max(), values, 0.0)
+    return {f"{name}.{part}": float(value) for part, value in zip(parts, kept, strict=True)}
 
 
 def _around(robot: Robot, aero: Aerodynamics) -> Machine:

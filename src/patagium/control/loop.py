@@ -23,7 +23,7 @@ from patagium.arguments import checked, of_kind
 from patagium.arrays import Array
 from patagium.control.estimators import Estimate, Estimator, NoisyState, TrackedState, Truth
 from patagium.control.events import Event, StuckEvent, with_gusts
-from patagium.control.orbit import Orbit
+from patagium.control.orbit import Orbit, check_attitude
 from patagium.control.predictive import OrbitModel
 from patagium.errors import Outcome, ParameterError, SimulationFailed, positive
 from patagium.limits import MOST_STEPS
@@ -111,6 +111,7 @@ def fly(
         SimulationFailed: If the flight broke and `throw` is set; it carries the flight.
     """
     check_robots(robot, aero)
+    check_attitude(robot)
     period_of(controller, robot, orbit.gait)
     start = orbit.start() | {k: one for k, one in (("q", q), ("v", v)) if one is not None}
     loop = _Loop(robot, aero, controller, orbit, tuple(events), duration, time_step)
@@ -246,14 +247,8 @@ class _Loop:
         flight, orbit = self.simulator.flight(), self.orbit
         names = self.robot.dof_names
         states = [*self.robot.coordinate_names, *(f"velocity of {name}" for name in names)]
-        time = float(self.controller.period) * np.arange(len(self.estimates))
-        beat = orbit.flight(beats=1.0)
-        known = np.hstack([beat["q"].values, beat["v"].values])
-        travel = known[-1] - known[0]
-        beats, phases = np.divmod(time / orbit.period + 1e-9, 1.0)
-        grid = np.linspace(0.0, 1.0, len(known))
-        wanted = np.column_stack([np.interp(phases, grid, column) for column in known.T])
-        wanted += beats[:, None] * travel
+        time: Array = float(self.controller.period) * np.arange(float(len(self.estimates)))
+        wanted = orbit.along(time)[:, : len(states)]
         for row, followed in zip(wanted, self.followed, strict=False):
             row[:] = [followed.get(name, own) for name, own in zip(states, row, strict=True)]
         dims, units = ("control_time", "state"), {"units": "m, rad, 1 or per s"}
@@ -269,5 +264,8 @@ class _Loop:
         if hasattr(self.controller, "report"):
             flight.attrs["controller"] = self.controller.report()
         if hasattr(self.controller, "held"):
-            flight.attrs["held"] = json.dumps(dict(self.controller.held))
+            held = dict(self.controller.held)
+            flight.attrs["held"] = json.dumps(held)
+            if sum(held.values()) == len(time):
+                flight.attrs["message"] += f"; no sample was answered ({', '.join(held)})"
         return flight

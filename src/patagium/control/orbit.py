@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,7 +19,7 @@ from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.control.gait_family import GaitFamily
 from patagium.control.wingbeat import FlightMap, Segments
-from patagium.errors import positive
+from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.simulation.gait_models import FourierGait
 from patagium.simulation.simulator import simulate
@@ -81,6 +82,17 @@ class Frame:
             along, across = state[places]
             found[places, 3] = -across, along
         return found
+
+
+def check_attitude(robot: Robot) -> None:
+    """Refuse a robot whose coordinates are not those of orbits and their controllers.
+
+    Raises:
+        ParameterError: If its attitude is a quaternion.
+    """
+    if robot.attitude == "quaternion":
+        expected = 'one with Euler angles (robot.with_attitude("euler"))'
+        raise ParameterError("robot", expected, f"{robot.name} with a quaternion")
 
 
 @dataclass(frozen=True)
@@ -179,6 +191,28 @@ class Orbit:
         q[passive], v[passive] = np.split(state[: 2 * len(passive)], 2)
         q[list(robot.actuated)] = motion.position[0]
         return {"q": q, "v": v, "aero_state": state[2 * len(passive) :]}
+
+    @cached_property
+    def _beat(self) -> Array:
+        """Rows of q, v and a of one beat, (m, n_q + 2 n) [SI]."""
+        flight = self.flight(beats=1.0)
+        return np.hstack([flight[name].values for name in ("q", "v", "a")])
+
+    @checked
+    def along(self, time: Array) -> Array:
+        """Rows of q, v and a on the orbit, (m, n_q + 2 n) [SI], at some times, (m,) [s]."""
+        known, size = self._beat, self.robot.dof
+        travel, grid = known[-1] - known[0], np.linspace(0.0, 1.0, len(known))
+        beats, phases = np.divmod(time / self.period + 1e-9, 1.0)
+        found = np.column_stack([np.interp(phases, grid, column) for column in known.T])
+        turns = np.exp(1j * self.turn_rate * self.period * np.arange(beats.max(initial=0.0) + 1))
+        done, now = np.cumsum(turns) - turns, beats.astype(int)
+        for shift in (0, size, 2 * size):  # horizontal vectors, as x + iy; Euler angles: n_q = n
+            pair = [self.robot.index(name) + shift for name in "xy"]
+            way = turns[now] * (found[:, pair] @ (1.0, 1.0j))
+            way += 0.0 if shift else done[now] * complex(*travel[pair])
+            found[:, pair], travel[pair] = np.column_stack([way.real, way.imag]), 0.0
+        return np.asarray(found + beats[:, None] * travel)
 
     @checked
     def flight(self, beats: float = 10.0, **options: Any) -> xr.Dataset:

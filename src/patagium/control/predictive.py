@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import reduce
 from types import MappingProxyType
 from typing import Protocol, runtime_checkable
 
@@ -26,6 +27,7 @@ import numpy as np
 from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.control.gait_family import fourier_series, gait_family
+from patagium.control.orbit import check_attitude
 from patagium.control.quadratic_program import ProgramStatus, QuadraticProgram
 from patagium.control.wingbeat import FlightMap, PrescribedRows
 from patagium.errors import ParameterError, ShapeError, positive
@@ -416,13 +418,15 @@ class OrbitModel:
         return Intervals(ends, by_state, by_input, first % self.parts)
 
 
+@np.errstate(all="ignore")
 def periodic_riccati(
     by_state: Array, by_input: Array, state_cost: Array, input_cost: Array
 ) -> tuple[Array, Array]:
     """Least cost without limits from each phase on, and the gains that reach it.
 
-    Where nothing that the inputs move is left to a neutral state, its cost grows beat by beat
-    without end; what converges is the gains.
+    Beats ahead double until the gains settle (Chu, Fan, Lin & Wang 2004, structure-preserving
+    algorithms for periodic discrete-time algebraic Riccati equations). Where nothing that the
+    inputs move is left to a neutral state, its cost grows without end, and gains converge.
 
     Args:
         by_state: Derivative of each interval of a beat by its state, A, (parts, n_x, n_x).
@@ -437,24 +441,46 @@ def periodic_riccati(
     Raises:
         ParameterError: If the gains do not settle, or a departure grows under them.
     """
-    cost, costs = np.array(state_cost), np.zeros_like(by_state)
-    gains = np.zeros_like(by_input.transpose(0, 2, 1))
-    expected = "commands that can hold the orbit (add those that move the mode that grows)"
-    for _ in range(_BEATS):
-        before = gains.copy()
+    each = zip(by_state, by_input, strict=True)
+    ahead = reduce(_joined, [_interval(a, b, state_cost, input_cost) for a, b in each])
+    costs, least = np.zeros_like(by_state), np.inf  # least: of the largest multipliers
+    gains = np.full_like(by_input.transpose(0, 2, 1), np.inf)
+    for _ in range(_DOUBLINGS):
+        before, cost = gains.copy(), state_cost + ahead[2]
         for part in reversed(range(len(by_state))):
             a, b = by_state[part], by_input[part]
             gains[part] = np.linalg.solve(input_cost + b.T @ cost @ b, b.T @ cost @ a)
             cost = state_cost + a.T @ cost @ (a - b @ gains[part])
             cost = costs[part] = 0.5 * (cost + cost.T)
-        if not np.isfinite(gains).all() or not np.isfinite(costs).all():
+        if not np.abs(costs).max() < _HELD * np.abs(state_cost).max():
             break
-        if np.abs(gains - before).max() <= _SETTLED_GAINS * np.abs(gains).max():
-            grows = np.abs(np.linalg.eigvals(closed_beat(by_state, by_input, gains))).max()
-            if grows > _GROWS:
-                raise ParameterError("commands", expected, f"a multiplier of {grows:.4g} remains")
+        grows = np.abs(np.linalg.eigvals(closed_beat(by_state, by_input, gains))).max()
+        settled = np.abs(gains - before).max() <= _SETTLED_GAINS * np.abs(gains).max()
+        if settled and grows <= _GROWS:
             return costs, gains
-    raise ParameterError("commands", expected, f"gains that do not settle in {_BEATS} beats")
+        ahead, least = _joined(ahead, ahead), min(least, grows)
+    expected = "commands that can hold the orbit (add those that move the mode that grows)"
+    found = f"a multiplier of {least:.4g} remains"
+    if least <= _GROWS:
+        expected = "commands and tolerable departures whose gains settle"
+        found = f"gains that change after {2**_DOUBLINGS} beats"
+    raise ParameterError("commands", expected, found)
+
+
+def _interval(a: Array, b: Array, state_cost: Array, input_cost: Array) -> tuple[Array, ...]:
+    """Transition, reach of the inputs and cost of an interval whose end costs, (n_x, n_x) each."""
+    reach = b @ np.linalg.solve(input_cost + b.T @ state_cost @ b, b.T)
+    moved = a - reach @ state_cost @ a
+    return moved, reach, a.T @ state_cost @ moved
+
+
+def _joined(first: tuple[Array, ...], then: tuple[Array, ...]) -> tuple[Array, ...]:
+    """Transition, reach and cost of two parts of the time, one after the other."""
+    (a, reach, cost), (later, reach_then, cost_then) = first, then
+    way = np.linalg.inv(np.eye(len(a)) + reach @ cost_then)
+    reach = reach_then + later @ way @ reach @ later.T
+    cost = cost + a.T @ cost_then @ way @ a
+    return later @ way @ a, 0.5 * (reach + reach.T), 0.5 * (cost + cost.T)
 
 
 def closed_beat(by_state: Array, by_input: Array, gains: Array) -> Array:
@@ -467,7 +493,8 @@ def closed_beat(by_state: Array, by_input: Array, gains: Array) -> Array:
 
 CLOSED = 1e-4
 """Largest change of a state, but for positions, over the beat of an orbit [m/s, rad, rad/s]."""
-_BEATS, _SETTLED_GAINS = 500, 1e-9
+_DOUBLINGS, _SETTLED_GAINS = 20, 1e-9
+_HELD = 1e12  # a cost over the largest of Q; beyond, only rounding moves a mode
 _GROWS = 1.001  # a multiplier; a neutral one that is double is found as 1 + sqrt(rounding)
 TOLERABLE = {"z": 0.1, "yaw": 0.1, "roll": 0.1, "pitch": 0.1}
 """Departures that cost as much as a command over half its range, where none are given [m, rad]."""
@@ -547,6 +574,7 @@ class OrbitController:
         Raises:
             ParameterError: If coordinates or gaits are others.
         """
+        check_attitude(robot)
         known, own = self.model.robot, self.model.steered.gait
         if robot.dof_names != known.dof_names:
             raise ParameterError("controller", f"one made for {robot.name}", known.name)
@@ -691,7 +719,8 @@ class PredictiveController(OrbitController):
     Args:
         orbit: The orbit, and the model of robot and air that it was found with.
         commands: Names of the commands, with a range each in the robot's `actuators`.
-        horizon: Number of intervals.
+        horizon: Number of intervals. An answer in the first beat takes a time that goes with its
+            cube (of four commands: 4 ms at 20, 3 s at 200), later 1 ms at 20 and 5 ms at 200.
         parts: Intervals of a beat; one command each.
         tolerable: Departures by name of a state, such as `z` or `velocity of x`, that cost as much
             as a command over half its range [SI].

@@ -12,7 +12,7 @@ wind (an orbit is relative to the air), stops of joints but as limits of the gai
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
@@ -27,7 +27,7 @@ from patagium.control.gait_family import (
     gait_family,
     symmetric_parameters,
 )
-from patagium.control.orbit import Frame, NoOrbit, Orbit
+from patagium.control.orbit import Frame, NoOrbit, Orbit, check_attitude
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.dynamics import Dynamics
 from patagium.errors import ParameterError
@@ -409,7 +409,7 @@ def trim(
     if excess:
         raise ParameterError("gait", "a gait within the limits of the robot", excess)
     states = _first_states(search, robot, start)
-    at, trouble = _searched(search, states, conditions)
+    at, trouble = _searched(search, states, conditions, start.turn_rate if start else 0.0)
     if trouble:
         return _not_found(search, at, trouble)
     if tolerable:
@@ -450,9 +450,7 @@ def _check(robot: Robot, aero: Aerodynamics) -> None:
     if not {"x", "y", "z"} <= {robot.dof_names[i] for i in robot.passive}:
         expected = "a robot with a floating body, or passive slides x, y and z"
         raise ParameterError("robot", expected, robot.name)
-    if robot.attitude == "quaternion":
-        expected = 'one with Euler angles (robot.with_attitude("euler"))'
-        raise ParameterError("robot", expected, f"{robot.name} with a quaternion")
+    check_attitude(robot)
     if aero.air.gust is not None or np.any(aero.air.wind):
         raise ParameterError("aero", "air at rest (an orbit is relative to the air)", aero.air)
 
@@ -481,13 +479,15 @@ def _first_states(search: OrbitSearch, robot: Robot, start: Orbit | None) -> Arr
     return states
 
 
-def _searched(search: OrbitSearch, states: Array, wanted: Conditions) -> tuple[Point, str]:
-    """Orbit from a guess, at once or in parts, and what stood in the way."""
+def _searched(
+    search: OrbitSearch, states: Array, wanted: Conditions, turn: float
+) -> tuple[Point, str]:
+    """Orbit from a guess with a turn rate, at once or in parts, and what stood in the way."""
     values = search.family.neutral
     at, trouble = search.within(search.point(states, values, wanted), wanted)
-    if not trouble or (wanted.climb is None and wanted.speed is None):
+    loose = Conditions(turn)
+    if not trouble or wanted == loose:
         return at, trouble
-    loose = replace(wanted, climb=None, speed=None)
     search.still[:] = True  # the gait's own free flight
     begin, failed = search.newton(search.point(states, values, loose), loose)
     search.still[:] = False
@@ -498,10 +498,10 @@ def _searched(search: OrbitSearch, states: Array, wanted: Conditions) -> tuple[P
     done, part = 0.0, 0.25
     while done < 1.0 and part >= 1.0 / 64:
         share = min(1.0, done + part)
-        now = replace(
-            wanted,
-            climb=None if wanted.climb is None else away[z] + share * (wanted.climb - away[z]),
-            speed=None if wanted.speed is None else away[x] + share * (wanted.speed - away[x]),
+        now = Conditions(
+            turn + share * (wanted.turn_rate - turn),
+            None if wanted.climb is None else away[z] + share * (wanted.climb - away[z]),
+            None if wanted.speed is None else away[x] + share * (wanted.speed - away[x]),
         )
         held = search.still.copy()
         at, trouble = search.within(search.point(begin.states, begin.values, now), now)
@@ -547,7 +547,7 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
     remedy = "begin from an orbit nearby (start=), or free other parameters (free=)"
     reason = f"Newton's method stalled at a misfit of {at.residual:.2g}"
     if trouble != "stalled":
-        reason, remedy = trouble, "widen that limit, or free other parameters (free=)"
+        reason, remedy = trouble, f"widen that limit, {remedy}"
     if not np.isfinite(at.residual):
         remedy = "begin nearer to a flight that goes on (gait=, start=, or the file's cruise)"
     elif trouble == "stalled" and np.isfinite((system := search.system(at))[0]).all():

@@ -391,13 +391,13 @@ class Robot:
     def with_parameters(self, values: Mapping[str, float]) -> Robot:
         """A copy with some run-time parameters changed, for calibration and damage.
 
-        Its source says what was changed, so that a flight carries it too.
+        Its source says what was changed. A number that was zero makes another `structure`.
 
         Raises:
-            ParameterError: If a name is not in `parameter_names`, or a value cannot be.
+            ParameterError: If a name is no number of the robot, or a value cannot be.
         """
         of_kind("values", values, Mapping)
-        known = set(self.parameter_names)
+        known = {name for name, _ in _leaves(self)}
         for name, value in values.items():
             if name not in known:
                 raise ParameterError(name, f"a parameter of robot {self.name!r}", name, known)

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from patagium.control.predictive import Intervals, RealTimeIteration, lagged, periodic_riccati
+from patagium.control.predictive import (
+    Intervals,
+    RealTimeIteration,
+    closed_beat,
+    lagged,
+    periodic_riccati,
+)
 from patagium.control.quadratic_program import ProgramStatus
 from patagium.errors import ParameterError
 
@@ -143,7 +149,33 @@ def test_gains_settle_where_a_neutral_cost_grows_and_hold_what_they_can():
     _, gains = periodic_riccati(whole[None], moves[None], np.eye(3), np.eye(1))
     cost = linalg.solve_discrete_are(a, b, np.eye(2), np.eye(1))
     expected = np.linalg.solve(np.eye(1) + b.T @ cost @ b, b.T @ cost @ a)
-    np.testing.assert_allclose(gains[0], np.c_[expected, [0.0]], atol=1e-8)  # 1e-9 ends the sweeps
+    np.testing.assert_allclose(gains[0], np.c_[expected, [0.0]], atol=1e-8)
+
+
+def test_gains_of_a_slow_mode_are_those_of_the_lifted_equation():
+    """A mode of 0.9995 takes some 20,000 beats; two intervals of a beat are SciPy's one."""
+    rng = np.random.default_rng(7)
+    a = np.array([np.diag([1.0, 0.6, 0.5]) + 0.01 * rng.normal(size=(3, 3)) for _ in range(2)])
+    a[:, 0] = np.array([0.99975, 0.0, 0.0])
+    b = rng.normal(size=(2, 3, 2))
+    b[:, 0] *= 1e-5
+    state, inputs = np.diag([1.0, 2.0, 3.0]), np.diag([0.5, 1.0])
+    costs, gains = periodic_riccati(a, b, state, inputs)
+    both, moves = a[1] @ a[0], np.hstack([a[1] @ b[0], b[1]])
+    first = np.hstack([b[0], np.zeros((3, 2))])
+    cost = linalg.solve_discrete_are(
+        both, moves, state + a[0].T @ state @ a[0],
+        linalg.block_diag(inputs, inputs) + first.T @ state @ first, s=a[0].T @ state @ first,
+    )  # fmt: skip
+    np.testing.assert_allclose(costs[0], cost, rtol=1e-7, atol=1e-7)
+    slow = np.abs(np.linalg.eigvals(closed_beat(a, b, gains))).max()
+    assert 0.999 < slow < 1.0
+
+
+def test_a_mode_that_only_rounding_moves_is_refused():
+    a, b = np.diag([1.05, 0.5]), np.array([[1e-14], [1.0]])
+    with pytest.raises(ParameterError, match="multiplier of 1.05 remains"):
+        periodic_riccati(a[None], b[None], np.eye(2), np.eye(1))
 
 
 def test_a_mode_that_grows_and_that_nothing_moves_is_refused():

@@ -114,6 +114,19 @@ def test_wrong_words_of_a_plan_are_told_with_their_line(tmp_path, old, new, wher
         load_plan(path)
 
 
+def test_the_robot_of_a_plan_is_looked_for_beside_it(tmp_path, monkeypatch):
+    (tmp_path / "plans").mkdir()
+    path, own = (tmp_path / "plans" / name for name in ("plan.yaml", "own.yaml"))
+    own.write_text(pt.load_robot("ornithopter").source)
+    path.write_text(PLAN.replace("robot: ornithopter", "robot: own.yaml"))
+    monkeypatch.chdir(tmp_path)
+    assert load_plan("plans/plan.yaml").robot == str(own.relative_to(tmp_path))
+    for missing in ("other.yaml", "ornithoptr"):
+        path.write_text(PLAN.replace("robot: ornithopter", f"robot: {missing}"))
+        with pytest.raises(LogError, match=rf"plan\.yaml: robot: .*{missing}"):
+            load_plan(path)
+
+
 def test_a_plan_asks_for_a_model_that_relearns(tmp_path):
     path = tmp_path / "plan.yaml"
     path.write_text(PLAN.replace("type: regulator,", "type: regulator, learn: true,"))

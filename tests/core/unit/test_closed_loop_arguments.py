@@ -219,6 +219,27 @@ def test_a_controller_made_for_another_flight_is_refused(
     pt.fly(heavy, pt.QuasiSteady(heavy), regulator, orbit=ornithopter_orbit, duration=0.02)
 
 
+QUATERNION = 'robot: expected one with Euler angles .*"euler".*found .*ornithopter with a quat'
+
+
+def test_a_quaternion_is_refused_with_the_remedy(ornithopter_orbit: Any, regulator: Any) -> None:
+    orbit = ornithopter_orbit
+    robot = orbit.robot.with_attitude("quaternion")
+    aero = pt.QuasiSteady(robot)
+
+    class Own:
+        period = regulator.period
+
+        def __call__(self, time: float, state: Any) -> dict[str, float]:
+            return {}
+
+    for controller in (regulator, Own()):
+        with pytest.raises(ParameterError, match=QUATERNION):
+            pt.fly(robot, aero, controller, orbit=orbit, duration=0.1)
+    with pytest.raises(ParameterError, match=QUATERNION):
+        pt.simulate(robot, aero, orbit.gait, duration=0.1, controller=regulator)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

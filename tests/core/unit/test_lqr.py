@@ -83,7 +83,7 @@ def test_a_cost_of_changes_below_zero_is_refused(orbit):
 def test_an_averaged_regulator_says_where_it_fails_and_does(orbit):
     words = {"averaged": True, "change_cost": 0.0}
     averaged = LinearRegulator(orbit, COMMANDS, **words)
-    assert np.ptp(averaged.gains, axis=0).max() < 1e-8  # 1e-9 of the gains ends the sweeps
+    assert np.ptp(averaged.gains, axis=0).max() < 1e-8
     grows = np.abs(averaged.multipliers).max()
     assert grows > 1.01
     each = (LinearRegulator(orbit, COMMANDS, **words) for _ in range(2))

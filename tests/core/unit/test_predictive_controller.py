@@ -9,6 +9,7 @@ import pytest
 from tests.robots import FLAPPER
 
 import patagium as pt
+from patagium.control import LinearRegulator
 from patagium.control.predictive import OrbitModel, PredictiveController
 from patagium.control.wingbeat import FlightMap
 from patagium.errors import ParameterError
@@ -135,6 +136,17 @@ def test_commands_keep_ranges_and_rates(cruise):
         assert np.abs(np.diff(found)).max() <= own.rate_limit * period + slack
     assert np.ptp([one["frequency"] for one in seen]) > 1  # it does something
     assert controller.model.steered.limited == 0  # nothing was left to the gait to cut
+
+
+def test_slow_modes_are_held_and_what_grows_is_told(cruise):
+    """The slowest closed-loop mode of the first two takes some 500 and 900 beats to settle."""
+    loose = dict.fromkeys(("z", "yaw", "roll", "pitch"), 2.0)
+    commands = ("frequency", "elevation_offset", "rudder_offset")
+    regulator = LinearRegulator(cruise, commands, tolerable=loose)
+    assert 0.98 < np.sort(np.abs(regulator.multipliers))[-2] < 0.99  # one is neutral: y
+    assert np.isfinite(PredictiveController(cruise, commands, parts=1).gains).all()
+    with pytest.raises(ParameterError, match="mode that grows.*a multiplier of 1.068 remains"):
+        LinearRegulator(cruise, commands[:1])
 
 
 def test_what_cannot_be_controlled_is_refused(orbit):

@@ -67,6 +67,16 @@ def test_conditions_of_climb_and_turn_hold(aerobat):
     assert abs(orbit.parameters["feather_offset_difference"]) > 1e-4
 
 
+def test_a_turn_is_found_without_a_start_nearby():
+    """The gait's own flight goes straight on; from there the search goes to the turn in parts."""
+    ornithopter = pt.load_robot("ornithopter")
+    orbit = pt.trim(ornithopter, speed=6.0, turn_rate=0.1)
+    assert orbit.found, orbit
+    assert orbit.turn_rate == pytest.approx(0.1, abs=1e-10)
+    assert orbit.speed == pytest.approx(6.0, abs=1e-10)
+    assert misfit(orbit, orbit.flight(beats=1)) <= 1e-11
+
+
 def test_one_robot_hovers_and_glides_another(tmp_path):
     dragonfly = pt.load_robot("dragonfly")
     hover = pt.trim(dragonfly, speed=0.0)
@@ -176,6 +186,7 @@ def test_a_limit_is_told_in_digits_that_show_it_and_no_iterate_as_a_need():
     failed = pt.trim(ornithopter, speed=9.0)
     said = "none was found with frequency at a limit: its actuator gives 2 to 5.5 Hz"
     assert failed.reason == said  # "would need frequency 8 Hz", of an iterate
+    assert failed.remedy.startswith("widen that limit, begin from an orbit nearby")
     joint = ornithopter.index("left_plunge")
     family = gait_family(ornithopter, pt.gaits.cruise(ornithopter), ("frequency", "plunge_offset"))
     search = OrbitSearch(FlightMap(ornithopter, pt.QuasiSteady(ornithopter)), family, 240)
