@@ -11,6 +11,7 @@ from patagium.robot import Robot
 from patagium.sensing.force.air_force import packet_columns
 from patagium.sensing.logs.importing.findings import Finding, StreamSurvey
 from patagium.sensing.logs.importing.plan import Plan
+from patagium.sensing.logs.mapping import conversion
 
 _DENSE = (
     "networks of strips are pointless without them: map measured angles, or learn a dense network "
@@ -24,6 +25,24 @@ def flight_labels(robot: Robot | None) -> frozenset[str]:
     if robot is None:
         return frozenset()
     return frozenset(c.name for c in packet_columns(robot)[1:])
+
+
+def check_flight_units(robot: Robot | None, plan: Plan, source: str) -> None:
+    """Refuse a coordinate of a flight in a unit of another dimension.
+
+    Args:
+        robot: The machine; None for a log without one.
+        plan: Quantities of the mapping.
+        source: Name of the mapping, for messages.
+
+    Raises:
+        LogError: If a unit is of another dimension; the message names one that is expected.
+    """
+    columns = () if robot is None else packet_columns(robot)[1:]
+    units = {column.name: column.unit for column in columns}
+    for item in plan.items:
+        name = item.column.label
+        conversion(item.column.unit, units.get(name), f"{source}: {name}")
 
 
 def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...]) -> list[Finding]:

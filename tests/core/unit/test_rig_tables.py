@@ -1,0 +1,52 @@
+"""Tables as rigs write them: units without a space, decimal commas, wraps, footers."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import patagium as pt
+from patagium.errors import LogError
+from patagium.sensing.logs.mapping import conversion, parse_mapping
+from patagium.sensing.logs.sensor_log import sensor_log
+
+TIME = {"column": "t", "unit": "s"}
+
+
+def imported(folder: Path, text: str, words: dict[str, Any], name: str = "log.csv") -> Any:
+    (folder / name).write_text(text, encoding="utf-8")
+    return pt.import_log(folder / name, parse_mapping(words), folder / "out.nc")
+
+
+def column(log: Path, name: str) -> Any:
+    return pt.load_log(log)[name].values
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "si"),
+    [
+        *((unit, 1.0, "N m") for unit in ("Nm", "N m", "N.m", "N·m")),
+        *((unit, 1e-3, "N m") for unit in ("mNm", "Nmm", "mN.m", "N mm")),
+        ("kNm", 1e3, "N m"),
+        ("Nm/rad", 1.0, "kg m^2/rad/s^2"),
+        ("1/Nm", 1.0, "s^2/kg/m^2"),
+        *((unit, 1.0, "m/s^2") for unit in ("m/s2", "m/s²", "m/s^2")),
+        *((unit, 1.0, "rad/s^2") for unit in ("rad/s2", "rad/s²")),
+        ("nm", 1e-9, "m"),
+    ],
+)
+def test_units_are_read_as_rigs_write_them(unit: str, factor: float, si: str) -> None:
+    assert conversion(unit, None, "here") == (pytest.approx(factor, rel=1e-12), si)
+
+
+def test_a_coordinate_in_a_unit_of_another_dimension_is_refused(tmp_path: Path) -> None:
+    text = "t,torque\n" + "".join(f"{0.01 * k},{np.sin(k)}\n" for k in range(50))
+    words = {"time": TIME, "robot": "yeo-wing",
+             "channels": [{"column": "torque", "unit": "g", "name": "u1.left_plunge"}]}  # fmt: skip
+    with pytest.raises(LogError, match=r"u1\.left_plunge: expected a unit of .* such as 'N m'"):
+        imported(tmp_path, text, words)
+    words.pop("robot")
+    imported(tmp_path, text, words)
+    with pytest.raises(LogError, match=r"u1\.left_plunge: expected a quantity in N m, found .*kg"):
+        sensor_log(tmp_path / "out.nc", "yeo-wing")
