@@ -50,3 +50,27 @@ def test_a_coordinate_in_a_unit_of_another_dimension_is_refused(tmp_path: Path) 
     imported(tmp_path, text, words)
     with pytest.raises(LogError, match=r"u1\.left_plunge: expected a quantity in N m, found .*kg"):
         sensor_log(tmp_path / "out.nc", "yeo-wing")
+
+
+@pytest.mark.parametrize(
+    ("mark", "quote", "points"),
+    [("\t", "", False), (",", '"', False), (";", "", False), (";", "", True), ("\t", "", True)],
+)
+def test_decimal_commas_are_found_column_by_column(
+    mark: str, quote: str, points: bool, tmp_path: Path
+) -> None:
+    k = np.arange(300)
+    t, x, y = 0.01 * k, 0.4 * np.sin(0.1 * k), np.cos(0.1 * k)
+    lines = [mark.join(("t", "x", "y", "n"))]
+    for row in zip(t, x, y, k, strict=True):
+        cells = [f"{number:.6f}" for number in row[:3]]
+        cells = [cell if points and i == 2 else cell.replace(".", ",")
+                 for i, cell in enumerate(cells)]  # fmt: skip
+        lines.append(mark.join(f"{quote}{cell}{quote}" for cell in (*cells, str(row[3]))))
+    words = {"time": TIME, "channels": [{"column": name, "unit": "1"} for name in "xyn"]}
+    found = imported(tmp_path, "\n".join([*lines, ""]), words)
+    assert found.samples == 300
+    for name, expected in (("x", x), ("y", y), ("n", k)):
+        np.testing.assert_allclose(column(found.path, name), expected, atol=1e-6)
+    channels = pt.sensing.inspect_log(tmp_path / "log.csv").topics[0].channels
+    assert [one.name for one in channels] == ["t", "x", "y", "n"]

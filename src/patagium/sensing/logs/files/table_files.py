@@ -262,6 +262,8 @@ _BEYOND = "\0beyond the names"
 _ALIKE = 0.9
 """Share of the lines below the names that have as many entries."""
 _BRACKETS = str.maketrans("[](){},;", " " * 8)
+_COMMA_NUMBER = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?\s*")
+"""Number with a decimal comma; a list of two numbers has brackets or a space."""
 _MOST_COLUMNS = 64
 """Most entries of an array or list that are read as columns."""
 
@@ -408,8 +410,9 @@ class CsvFile(LogFile):
             self.notes.append("the last line has no end: it may be cut off")
         look = "".join(lines[self._skip :])
         rows = [_cells(line, self._separator) for line in lines[self._skip :]]
-        self._decimal = "," if self._separator == ";" and _comma_decimal(rows) else "."
+        self._decimal = "," if self._separator != "," and _comma_decimal(rows) else "."
         self._lists: dict[str, tuple[str, int]] = {}
+        self._commas: list[str] = []
         stated = dict(zip(self._names, units or (), strict=False))
         try:
             topic = self._table(look, stated)
@@ -444,6 +447,8 @@ class CsvFile(LogFile):
                 columns[name] = parsed[source][:, place]
             elif name in self._calendar:
                 columns[name] = _calendar(frame[name])
+            elif name in self._commas:
+                columns[name] = _with_points(frame[name])
             else:
                 columns[name] = frame[name]
         return columns
@@ -525,9 +530,14 @@ class CsvFile(LogFile):
         if not frames or not len(frames[0]):
             raise LogError(f"{self.path}: expected samples below the line of names, found none")
         types, unplaced, stated = {}, {}, dict(units)
+        self._commas = [name for name in self._names if _has_decimal_commas(frames[0][name])]
+        if self._commas:
+            self.notes.append(f"commas are decimal points in {', '.join(self._commas)}")
         self._calendar: list[str] = []
         for name in self._names:
             column = frames[0][name]
+            if name in self._commas:
+                column = pd.to_numeric(_with_points(column), errors="coerce")
             size = 0 if _numeric(column) else _list_size(column)
             if _numeric(column):
                 types[name] = str(column.dtype)
@@ -567,6 +577,17 @@ def _ends_with_line(path: Path) -> bool:
     with path.open("rb") as file:
         file.seek(max(0, path.stat().st_size - 1))
         return file.read() in (b"\n", b"\r")
+
+
+def _has_decimal_commas(column: Any) -> bool:
+    """Whether most entries of a column of text are numbers, and some have a decimal comma."""
+    words = [word for word in column if isinstance(word, str) and word.strip()]
+    commas = sum(_COMMA_NUMBER.fullmatch(word) is not None for word in words)
+    return commas > 0 and 2 * sum(map(_is_number, words)) > len(words)
+
+
+def _with_points(column: Any) -> Any:
+    return column.map(lambda word: word.replace(",", ".") if isinstance(word, str) else word)
 
 
 def _numeric(column: Any) -> bool:
