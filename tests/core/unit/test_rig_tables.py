@@ -5,11 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import patagium as pt
 from patagium.errors import LogError
 from patagium.sensing.logs.mapping import conversion, parse_mapping
 from patagium.sensing.logs.sensor_log import sensor_log
+from patagium.sensing.motion.sensor_streams import EncoderModel
+from patagium.sensing.sensors import Encoder
 
 TIME = {"column": "t", "unit": "s"}
 
@@ -74,3 +77,37 @@ def test_decimal_commas_are_found_column_by_column(
         np.testing.assert_allclose(column(found.path, name), expected, atol=1e-6)
     channels = pt.sensing.inspect_log(tmp_path / "log.csv").topics[0].channels
     assert [one.name for one in channels] == ["t", "x", "y", "n"]
+
+
+@pytest.mark.parametrize("rate", [None, "33 Hz"])
+@pytest.mark.parametrize("low", [0.0, -180.0])
+def test_an_encoder_that_wraps_leaves_no_jump(low: float, rate: str | None, tmp_path: Path) -> None:
+    k = np.arange(200_000)  # of several blocks
+    middle = -10.0 if low == 0 else 170.0
+    angle = np.where(k < 70_000, middle, middle + 30.0 * np.sin(1e-3 * (k - 70_000)))
+    rows = np.column_stack([0.01 * k, (angle - low) % 360.0 + low])
+    np.savetxt(tmp_path / "log.csv", rows, fmt="%.6f", delimiter=",", header="t,h", comments="")
+    words = {"time": {**TIME, **({"rate": rate} if rate else {})},
+             "channels": [{"column": "h", "unit": "deg"}]}  # fmt: skip
+    pt.import_log(tmp_path / "log.csv", parse_mapping(words), tmp_path / "out.nc")
+    log = pt.load_log(tmp_path / "out.nc")
+    expected = np.radians(np.interp(log.time.values, rows[:, 0], angle))
+    np.testing.assert_allclose(log["h"].values, expected, atol=1e-6)
+
+
+def test_a_shaft_that_goes_round_stays_within_its_turn(tmp_path: Path) -> None:
+    k = np.arange(500)
+    text = "t,h\n" + "".join(f"{0.01 * i},{(10.0 * i + 5.0) % 360.0}\n" for i in k)
+    words = {"time": TIME, "channels": [{"column": "h", "unit": "deg"}]}
+    found = imported(tmp_path, text, words)
+    angle = np.degrees(column(found.path, "h"))
+    np.testing.assert_allclose(angle, (10.0 * k + 5.0) % 360.0, atol=1e-9)
+
+
+def test_joints_of_a_sensor_log_are_unwrapped() -> None:
+    robot = pt.load_robot("yeo-wing")
+    model = EncoderModel(Encoder(rate=100.0), robot)
+    angle = np.linspace(-0.5, 0.5, 50)[:, None] * [1.0, -1.0]
+    angle[20] = np.nan
+    reading = xr.Dataset({"position": (("time", "joint"), angle % (2 * np.pi))})
+    np.testing.assert_allclose(model.rows(reading), angle, atol=1e-12)

@@ -109,6 +109,7 @@ class EncoderModel(_NoBias):
     def __init__(self, sensor: Encoder, robot: Robot) -> None:
         self.linear = True
         self.columns = [robot.index(name) for name in joint_names(sensor.joints, robot)]
+        self._turning = [k for k, i in enumerate(self.columns) if robot.dof_units[i] == "rad"]
         self.width = len(self.columns)
         self.std = max(sensor.sample_std, FLOOR["rad"])
         self._slope = np.zeros((len(self.columns), 1, robot.dof))
@@ -117,8 +118,12 @@ class EncoderModel(_NoBias):
         self.parts: tuple[Part, ...] = (Part("angle", "rad", len(self.columns)),)
 
     def rows(self, reading: xr.Dataset) -> Array:
-        """Coordinates, (N, k) [m, rad]."""
-        return values_of(reading, "position", len(self.columns))
+        """Coordinates, (N, k) [m, rad]; an angle that wraps goes on by whole turns."""
+        rows = values_of(reading, "position", len(self.columns)).copy()
+        for k in self._turning:
+            seen = np.isfinite(rows[:, k])
+            rows[seen, k] = _unwrapped(rows[seen, k])
+        return rows
 
     def residual(
         self, motion: Motion, observation: Observation, bias: Array | None
@@ -132,6 +137,15 @@ class EncoderModel(_NoBias):
         """Residuals of many samples and their Jacobian; see `MeasurementModel`."""
         slope = np.broadcast_to(self._slope, (len(rows), *self._slope.shape))
         return rows - levels[:, 0, self.columns], slope
+
+
+def _unwrapped(angles: Array) -> Array:
+    """Angles without the jumps of an encoder that wraps, around zero up to half a turn [rad]."""
+    if np.abs(np.diff(angles)).max(initial=0.0) <= np.pi:
+        return angles
+    found = np.unwrap(angles)
+    turns = np.rint(np.median(found) / (2.0 * np.pi))
+    return np.asarray(found - 2.0 * np.pi * turns)
 
 
 class ImuModel:

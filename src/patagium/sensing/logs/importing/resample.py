@@ -60,6 +60,7 @@ class Spool:
     ) -> None:
         self.plan = plan
         self.findings: list[Finding] = []
+        self._turns: dict[str, float | None] = {}
         with ExitStack() as stack:
             self._stamps, self._values = (
                 [stack.enter_context(TemporaryFile(dir=folder)) for _ in plan.wanted]
@@ -95,6 +96,35 @@ class Spool:
         file.seek(begin * columns * 8)
         content = np.fromfile(file, float, (end - begin) * columns)
         return content.reshape(-1, columns)
+
+    def turn_of(self, item: Quantity) -> float | None:
+        """Begin of the turn in which an angle comes out, in its unit; None if it never wraps.
+
+        The turn lies around the middle of an angle that stays within one, so that no jump is left.
+        """
+        label = item.column.label
+        if label not in self._turns:
+            self._turns[label] = self._found_turn(item) if item.is_angle else None
+        return self._turns[label]
+
+    def _found_turn(self, item: Quantity) -> float | None:
+        count, turn = len(self.stamps_of(item.stream)), item.turn
+        last: Array = np.empty(0)
+        low, high, least, wraps = np.inf, -np.inf, np.inf, False
+        for begin in range(0, count, CHUNK):
+            rows = self.values_of(item.stream, begin, min(begin + CHUNK, count))
+            values = item.converted(rows[:, list(item.places)])[:, 0]
+            values = values[np.isfinite(values)]
+            unrolled = np.unwrap(np.append(last, values), period=turn)
+            wraps |= bool(np.abs(unrolled[len(last) :] - values).max(initial=0.0) > 0.5 * turn)
+            low, high = unrolled.min(initial=low), unrolled.max(initial=high)
+            least, last = values.min(initial=least), unrolled[-1:]
+        if not wraps:
+            return None
+        if high - low >= turn:
+            return -0.5 * turn if least < 0 else 0.0
+        middle = 0.5 * (low + high)
+        return float(middle - turn * np.rint(middle / turn) - 0.5 * turn)
 
     def _keep(self, block: Block, advances: Bools) -> Array:
         """Rows of a block that are kept, which go to the files."""
@@ -262,20 +292,18 @@ def _resampled(spool: Spool, item: Quantity, stamps: Stamps, gap: float) -> tupl
     valid &= ~np.isin(stamps, np.array(known[begin:end])[~finite])
     origin = own[0]
     seconds, wanted = (own - origin) / SECOND, (stamps - origin) / SECOND
-    return _between(item, seconds, values, np.clip(wanted, 0.0, seconds[-1])), valid
+    wanted = np.clip(wanted, 0.0, seconds[-1])
+    return _between(item, seconds, values, wanted, spool.turn_of(item)), valid
 
 
-def _between(item: Quantity, seconds: Array, values: Array, wanted: Array) -> Array:
+def _between(
+    item: Quantity, seconds: Array, values: Array, wanted: Array, begin: float | None
+) -> Array:
     if item.is_attitude:
         return slerp(seconds, continuous(values), wanted)
-    turns = item.si == "rad" and item.column.size == 1
-    if turns:
-        half = np.pi * item.factor / item.si_factor
-        if np.abs(np.diff(values[:, 0])).max(initial=0.0) > half:
-            unrolled = np.unwrap(values[:, 0], period=2 * half)
-            low = -half if values.min() < 0 else 0.0
-            mixed = np.interp(wanted, seconds, unrolled)
-            return np.asarray((mixed - low) % (2 * half) + low)[:, None]
+    if begin is not None:
+        mixed = np.interp(wanted, seconds, np.unwrap(values[:, 0], period=item.turn))
+        return np.asarray((mixed - begin) % item.turn + begin)[:, None]
     return np.column_stack([np.interp(wanted, seconds, column) for column in values.T])
 
 
