@@ -260,10 +260,7 @@ def mount_wrench(machine: Robot, q: ca.SX, force: ca.SX) -> ca.SX:
 
 
 def _through_cells(layout: StateLayout, q: ca.SX, constraint: ca.SX, damping: ca.SX) -> ca.SX:
-    """Wrench through each cell, in its axes, (6 cells, 1) [N, N m].
-
-    The damper of a floating base acts on the body, as in free flight, and so beyond its cell.
-    """
+    """Wrench through each cell, in its axes; a base's damper is beyond, (6 cells, 1) [N, N m]."""
     machine, count = layout.machine, CELL_COORDINATES * layout.cells
     wrenches = ca.SX(constraint[:count])
     for link, pose in zip(machine.bodies, body_poses(machine, q), strict=True):

@@ -69,7 +69,7 @@ def sensor_log(
 
     Raises:
         LogError: If the log has no quantity that tells of motion, one of a pair is missing, or a
-            coordinate such as `q.roll` has another unit than its own.
+            coordinate has another unit than its own.
         ParameterError: If no robot is given, or `bodies` names a quantity that is not there.
     """
     machine = _machine(log, robot)

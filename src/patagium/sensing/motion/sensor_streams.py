@@ -109,7 +109,7 @@ class EncoderModel(_NoBias):
     def __init__(self, sensor: Encoder, robot: Robot) -> None:
         self.linear = True
         self.columns = [robot.index(name) for name in joint_names(sensor.joints, robot)]
-        self._turning = [k for k, i in enumerate(self.columns) if robot.dof_units[i] == "rad"]
+        self._turns = [robot.dof_units[i] == "rad" for i in self.columns]
         self.width = len(self.columns)
         self.std = max(sensor.sample_std, FLOOR["rad"])
         self._slope = np.zeros((len(self.columns), 1, robot.dof))
@@ -118,11 +118,11 @@ class EncoderModel(_NoBias):
         self.parts: tuple[Part, ...] = (Part("angle", "rad", len(self.columns)),)
 
     def rows(self, reading: xr.Dataset) -> Array:
-        """Coordinates, (N, k) [m, rad]; an angle that wraps goes on by whole turns."""
+        """Coordinates, (N, k) [m, rad]; angles without whole turns that an encoder jumps by."""
         rows = values_of(reading, "position", len(self.columns)).copy()
-        for k in self._turning:
+        for k in np.flatnonzero(self._turns):
             seen = np.isfinite(rows[:, k])
-            rows[seen, k] = _unwrapped(rows[seen, k])
+            rows[seen, k] = np.unwrap(np.append(0.0, rows[seen, k]))[1:]
         return rows
 
     def residual(
@@ -137,15 +137,6 @@ class EncoderModel(_NoBias):
         """Residuals of many samples and their Jacobian; see `MeasurementModel`."""
         slope = np.broadcast_to(self._slope, (len(rows), *self._slope.shape))
         return rows - levels[:, 0, self.columns], slope
-
-
-def _unwrapped(angles: Array) -> Array:
-    """Angles without the jumps of an encoder that wraps, around zero up to half a turn [rad]."""
-    if np.abs(np.diff(angles)).max(initial=0.0) <= np.pi:
-        return angles
-    found = np.unwrap(angles)
-    turns = np.rint(np.median(found) / (2.0 * np.pi))
-    return np.asarray(found - 2.0 * np.pi * turns)
 
 
 class ImuModel:

@@ -11,7 +11,6 @@ from patagium.robot import Robot
 from patagium.sensing.force.air_force import packet_columns
 from patagium.sensing.logs.importing.findings import Finding, StreamSurvey
 from patagium.sensing.logs.importing.plan import Plan
-from patagium.sensing.logs.mapping import conversion
 
 _DENSE = (
     "networks of strips are pointless without them: map measured angles, or learn a dense network "
@@ -20,29 +19,9 @@ _DENSE = (
 _SHOWN = 6
 
 
-def flight_labels(robot: Robot | None) -> frozenset[str]:
-    """Names of the numbers that make a log a flight of a robot; none without a robot."""
-    if robot is None:
-        return frozenset()
-    return frozenset(c.name for c in packet_columns(robot)[1:])
-
-
-def check_flight_units(robot: Robot | None, plan: Plan, source: str) -> None:
-    """Refuse a coordinate of a flight in a unit of another dimension.
-
-    Args:
-        robot: The machine; None for a log without one.
-        plan: Quantities of the mapping.
-        source: Name of the mapping, for messages.
-
-    Raises:
-        LogError: If a unit is of another dimension; the message names one that is expected.
-    """
-    columns = () if robot is None else packet_columns(robot)[1:]
-    units = {column.name: column.unit for column in columns}
-    for item in plan.items:
-        name = item.column.label
-        conversion(item.column.unit, units.get(name), f"{source}: {name}")
+def flight_labels(robot: Robot | None) -> dict[str, str]:
+    """Units of the numbers that make a log a flight of a robot, by name; none without a robot."""
+    return {} if robot is None else {c.name: c.unit for c in packet_columns(robot)[1:]}
 
 
 def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...]) -> list[Finding]:
@@ -70,7 +49,7 @@ def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...])
     elif robot.strips and joints and {f"q.{name}" for name in joints} <= set(still):
         text = f"no joint moves in the whole log ({_some(joints)}): were they measured? {_DENSE}"
         found.append(Finding("warning", "flight", "joints", text))
-    missing = sorted(wanted - set(held) - {f"q.{name}" for name in joints})
+    missing = sorted(set(wanted) - set(held) - {f"q.{name}" for name in joints})
     if missing:
         text = f"found no {_some(missing)}: the log is no flight of {robot.name!r} yet"
         found.append(Finding("note", "flight", "missing", text))

@@ -28,7 +28,6 @@ from patagium.sensing.logs.files.channels import LogFile
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.importing.consistency import consistency
 from patagium.sensing.logs.importing.findings import SECOND, Finding, Progress, StampSurvey
-from patagium.sensing.logs.importing.flight_findings import check_flight_units
 from patagium.sensing.logs.importing.log_findings import log_findings
 from patagium.sensing.logs.importing.plan import Plan, plan_import, variable_name
 from patagium.sensing.logs.importing.resample import (
@@ -195,7 +194,6 @@ def import_log(
                 raise LogError(f"{target}: expected another name than that of the log itself")
         plan = plan_import(log, words, source)
         robot = _robot(words, source)
-        check_flight_units(robot, plan, source)
         place = Draft(target)  # refused before anything is read
         place.discard()  # and nothing is left if the program is killed while it reads
         with (

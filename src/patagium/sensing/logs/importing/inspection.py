@@ -20,7 +20,7 @@ from patagium.errors import LogError
 from patagium.sensing.logs.files.channels import ColumnError, LogFile, Request, StampSource, Topic
 from patagium.sensing.logs.files.message_files import NO_MESSAGE
 from patagium.sensing.logs.files.opening import open_log
-from patagium.sensing.logs.files.table_files import guessed_base
+from patagium.sensing.logs.files.table_files import TIME_NAME, guessed_base
 from patagium.sensing.logs.importing.findings import (
     SECOND,
     Finding,
@@ -39,6 +39,7 @@ from patagium.sensing.logs.importing.findings import (
 GAP = 3.0
 """Length from which a step is a gap, in median steps."""
 _VECTOR = (".x", "[0]", "_x")
+_TIMES = "time is read as numbers or as ISO 8601, such as 2026-03-01 12:00:00.5"
 
 
 @dataclass(frozen=True)
@@ -322,6 +323,12 @@ def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
     never = [name for name, count in zip(fields, values.count, strict=True) if not count]
     if never and survey.stamps.rows:
         found.append(Finding("note", where, "no number", ", ".join(never)))
+    if topic.base.kind == "rows":
+        found += [
+            Finding("warning", where, "time", f"column {name!r} cannot be read: {reason}; {_TIMES}")
+            for name, reason in topic.unplaced.items()
+            if TIME_NAME.match(name.lower())
+        ]
     for k, name in enumerate(fields):
         own = f"{topic.name} {name}".strip()
         unit = topic.channels[name].unit

@@ -63,16 +63,6 @@ class Quantity:
         return self.order is not None
 
     @property
-    def is_angle(self) -> bool:
-        """Whether the quantity is one angle."""
-        return self.si == "rad" and self.column.size == 1
-
-    @property
-    def turn(self) -> float:
-        """Whole turn of an angle, in the unit that the model sees."""
-        return 2.0 * np.pi * self.factor / self.si_factor
-
-    @property
     def norm(self) -> float | None:
         """Length of the components of an attitude by plain numbers; None for other quantities."""
         return {"wxyz": 1.0, "xyzw": 1.0, "matrix": float(np.sqrt(3.0))}.get(self.order or "")

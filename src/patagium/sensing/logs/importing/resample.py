@@ -48,6 +48,7 @@ class Spool:
         plan: Streams that were read.
         surveys: Statistics of each stream, after it was restamped.
         findings: Findings about the streams that were restamped.
+        angles: Last value of each angle that was resampled, by its name, from which it goes on.
 
     Raises:
         LogError: If the log is damaged, a column holds text, or a stream was not sampled at the
@@ -60,7 +61,7 @@ class Spool:
     ) -> None:
         self.plan = plan
         self.findings: list[Finding] = []
-        self._turns: dict[str, float | None] = {}
+        self.angles: dict[str, float] = {}
         with ExitStack() as stack:
             self._stamps, self._values = (
                 [stack.enter_context(TemporaryFile(dir=folder)) for _ in plan.wanted]
@@ -96,35 +97,6 @@ class Spool:
         file.seek(begin * columns * 8)
         content = np.fromfile(file, float, (end - begin) * columns)
         return content.reshape(-1, columns)
-
-    def turn_of(self, item: Quantity) -> float | None:
-        """Begin of the turn in which an angle comes out, in its unit; None if it never wraps.
-
-        The turn lies around the middle of an angle that stays within one, so that no jump is left.
-        """
-        label = item.column.label
-        if label not in self._turns:
-            self._turns[label] = self._found_turn(item) if item.is_angle else None
-        return self._turns[label]
-
-    def _found_turn(self, item: Quantity) -> float | None:
-        count, turn = len(self.stamps_of(item.stream)), item.turn
-        last: Array = np.empty(0)
-        low, high, least, wraps = np.inf, -np.inf, np.inf, False
-        for begin in range(0, count, CHUNK):
-            rows = self.values_of(item.stream, begin, min(begin + CHUNK, count))
-            values = item.converted(rows[:, list(item.places)])[:, 0]
-            values = values[np.isfinite(values)]
-            unrolled = np.unwrap(np.append(last, values), period=turn)
-            wraps |= bool(np.abs(unrolled[len(last) :] - values).max(initial=0.0) > 0.5 * turn)
-            low, high = unrolled.min(initial=low), unrolled.max(initial=high)
-            least, last = values.min(initial=least), unrolled[-1:]
-        if not wraps:
-            return None
-        if high - low >= turn:
-            return -0.5 * turn if least < 0 else 0.0
-        middle = 0.5 * (low + high)
-        return float(middle - turn * np.rint(middle / turn) - 0.5 * turn)
 
     def _keep(self, block: Block, advances: Bools) -> Array:
         """Rows of a block that are kept, which go to the files."""
@@ -292,18 +264,20 @@ def _resampled(spool: Spool, item: Quantity, stamps: Stamps, gap: float) -> tupl
     valid &= ~np.isin(stamps, np.array(known[begin:end])[~finite])
     origin = own[0]
     seconds, wanted = (own - origin) / SECOND, (stamps - origin) / SECOND
-    wanted = np.clip(wanted, 0.0, seconds[-1])
-    return _between(item, seconds, values, wanted, spool.turn_of(item)), valid
+    return _between(spool, item, seconds, values, np.clip(wanted, 0.0, seconds[-1])), valid
 
 
-def _between(
-    item: Quantity, seconds: Array, values: Array, wanted: Array, begin: float | None
-) -> Array:
+def _between(spool: Spool, item: Quantity, seconds: Array, values: Array, wanted: Array) -> Array:
     if item.is_attitude:
         return slerp(seconds, continuous(values), wanted)
-    if begin is not None:
-        mixed = np.interp(wanted, seconds, np.unwrap(values[:, 0], period=item.turn))
-        return np.asarray((mixed - begin) % item.turn + begin)[:, None]
+    if item.si == "rad" and item.column.size == 1:  # whole turns are taken off, also of blocks
+        turn, name = 2.0 * np.pi * item.factor / item.si_factor, item.column.label
+        mixed = np.interp(wanted, seconds, np.unwrap(values[:, 0], period=turn))
+        wraps = np.abs(np.diff(values[:, 0])).max(initial=0.0) > 0.5 * turn
+        before = spool.angles.get(name, 0.0 if wraps else mixed[0])
+        mixed += turn * np.rint((before - mixed[0]) / turn)
+        spool.angles[name] = mixed[-1]
+        return np.asarray(mixed)[:, None]
     return np.column_stack([np.interp(wanted, seconds, column) for column in values.T])
 
 
