@@ -110,7 +110,11 @@ def written_as_unit(text: str) -> bool:
 
 
 def unit_for_pint(text: str) -> str:
-    """Unit in the spelling that pint reads: `Nm` is a unit of yarn to it, `m/s2` is unknown."""
+    """Unit in the spelling that pint reads: `Nm` is a unit of yarn to it, `m/s2` is unknown.
+
+    Args:
+        text: A text such as "mNm", "m/s2" or "m/s²".
+    """
     raised = text.translate({ord("²"): "^2", ord("³"): "^3"})
     return _TORQUE.sub(r"(\1 \2 \3\4)", _DIGIT.sub(r"\1^\2", raised))
 

@@ -302,15 +302,14 @@ def _channel_facts(part: _Part, survey: StreamSurvey) -> tuple[ChannelFacts, ...
 def _unreadable(topic: Topic) -> TopicFacts:
     part = _Part(topic, topic.name)
     empty = _topic_facts(part, StreamSurvey(StampSurvey(), ValueSurvey(0)), 0)
-    nothing = math.nan
     return replace(
         empty,
         rows=topic.count or 0,
         stamps="",
-        begin=nothing,
-        duration=nothing,
-        rate=nothing,
-        longest=nothing,
+        begin=math.nan,
+        duration=math.nan,
+        rate=math.nan,
+        longest=math.nan,
         problem=topic.problem,
     )
 
@@ -323,12 +322,10 @@ def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
     never = [name for name, count in zip(fields, values.count, strict=True) if not count]
     if never and survey.stamps.rows:
         found.append(Finding("note", where, "no number", ", ".join(never)))
-    if topic.base.kind == "rows":
-        found += [
-            Finding("warning", where, "time", f"column {name!r} cannot be read: {reason}; {_TIMES}")
-            for name, reason in topic.unplaced.items()
-            if TIME_NAME.match(name.lower())
-        ]
+    lost = [n for n in topic.unplaced if topic.base.kind == "rows" and TIME_NAME.match(n.lower())]
+    for name in lost:
+        text = f"column {name!r} cannot be read: {topic.unplaced[name]}; {_TIMES}"
+        found.append(Finding("warning", where, "time", text))
     for k, name in enumerate(fields):
         own = f"{topic.name} {name}".strip()
         unit = topic.channels[name].unit

@@ -58,9 +58,8 @@ def log_findings(
         if item.si == "m/s^2"
     )
     for item in plan.items:
-        name = item.column.label
-        known = name in flown  # a coordinate of the robot, not of a sensor
-        conversion(item.column.unit, flown.get(name), f"mapping: {name}")
+        known = item.column.label in flown  # a coordinate of the robot, not of a sensor
+        conversion(item.column.unit, flown.get(item.column.label), f"mapping: {item.column.label}")
         found += _item_findings(item, spool.surveys[item.stream].values, known, still)
         found += _range_findings(item, spool)
         found += _matrix_findings(item, spool, log.path)
