@@ -85,12 +85,18 @@ def inspect(
 def _mapping(found: Inspection, topics: Sequence[str]) -> str:
     """Mapping to begin from: forces and moments of the topics, or the last field, are outputs."""
     time = "{rate: 100 Hz}"
+    if not found.topics[0].name:
+        time = f"{{column: {json.dumps(found.topics[0].stamps)}}}"
+        if found.topics[0].stamps == "rows":
+            time = '{restamp: "??? Hz"}  # rate of the rows: no column of the table is read as time'
     inputs, outputs = list[str](), list[str]()
     for one in found.topics:
         place = "column"
         if one.name:
             place = f"topic: {json.dumps(one.name)}, field"
         for field in one.channels if one.name in topics else ():
+            if not (field.name and field.low <= field.high):
+                continue  # an index, or a column without a number
             name = json.dumps(_UNIT.sub("", field.name))
             unit = field.unit or ("s" if field.name == one.stamps else json.dumps("1"))
             text = f"{{{place}: {name}, unit: {unit}}}"

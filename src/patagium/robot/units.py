@@ -24,6 +24,8 @@ _NAME = r"[A-Za-zµμ°][A-Za-z0-9_µμ°]*+"
 _EXPONENT = r"[+-]?\d(?:\.\d{1,2}|/\d)?"
 _POWER = rf"(?:\^|\*\*)\s*+(?:{_EXPONENT}|\(\s*{_EXPONENT}\s*\))(?!\d|\.\d|\s*(?:\^|\*\*))"
 _RAISED = re.compile(r"\)\s*(?:\^|\*\*)")
+_TORQUE = re.compile(r"\b([kMmuµ]?N)([cm]?m)(s?)\b(\s*(?:\^|\*\*)\s*\d)?")
+_DIGIT = re.compile(r"(?<![\w^])([A-Za-z]{1,4})([234])\b")
 _UNIT = re.compile(rf"(?:(?:{_NAME}|\))\s*+(?:{_POWER})?+|1\s*+/|[\s*/·.(])*+")
 
 
@@ -79,12 +81,12 @@ def _parts(written: float | str, expected: str) -> tuple[float, str]:
 
 
 def _factor(label: str, unit: str, expected: str, found: str) -> float:
-    if not unit or not written_as_unit(label):
+    plain = re.sub(r"^1\s*/", "1/", unit_for_pint(label))  # no other unit starts with a number
+    if not unit or not written_as_unit(plain):
         raise UnitMismatch(expected, found)
     registry = _registry()
     try:
-        # "1/s" is the only unit that starts with a number
-        parsed = registry.Quantity(1.0, registry.parse_units(re.sub(r"^1\s*/", "1/", label)))
+        parsed = registry.Quantity(1.0, registry.parse_units(plain))
         base = parsed.to_base_units()
         wanted = registry.Quantity(1.0, registry.parse_units(unit)).to_base_units()
     except Exception:
@@ -105,6 +107,16 @@ def written_as_unit(text: str) -> bool:
     """
     few = len(text) <= UNIT and len(_RAISED.findall(text)) < 2
     return few and _UNIT.fullmatch(text) is not None
+
+
+def unit_for_pint(text: str) -> str:
+    """Unit in the spelling that pint reads: `Nm` is a unit of yarn to it, `m/s2` is unknown.
+
+    Args:
+        text: A text such as "mNm", "m/s2" or "m/s²".
+    """
+    raised = text.translate({ord("²"): "^2", ord("³"): "^3"})
+    return _TORQUE.sub(r"(\1 \2 \3\4)", _DIGIT.sub(r"\1^\2", raised))
 
 
 def _dimension(quantity: Any) -> str:

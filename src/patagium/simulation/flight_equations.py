@@ -29,7 +29,7 @@ from patagium.dynamics.equations import (
     potential_energy,
     total_mass,
 )
-from patagium.dynamics.kinematics import coordinate_rates
+from patagium.dynamics.kinematics import body_poses, coordinate_rates
 from patagium.robot import Robot
 from patagium.simulation.mounts import CELL_COORDINATES, InternalLoadCell, Mount, floating_dofs
 from patagium.simulation.state_layout import ADDED_WORK, StateLayout, state_layout
@@ -146,7 +146,7 @@ def _equations(
         recorded["fluid_energy"] = fluid_energy(machine, q, v, air.added)
         recorded["fluid_momentum"] = fluid_momentum(machine, q, v, air.added)
     if layout.cells:
-        recorded[LOAD_CELLS] = constraint[: CELL_COORDINATES * layout.cells]
+        recorded[LOAD_CELLS] = _through_cells(layout, q, constraint, damping)
     if layout.met:
         recorded[STRIP_WIND] = air.wind
     return rate, {name: recorded[name] for name in recorded_names(layout)}
@@ -242,12 +242,12 @@ def external_force(machine: Robot, force: ca.SX) -> ca.SX:
 
 
 def mount_wrench(machine: Robot, q: ca.SX, force: ca.SX) -> ca.SX:
-    """Force of the mount and its moment about the world's origin, (6, 1) [N, N m].
+    """Force on the floating body and its moment about the world's origin, (6, 1) [N, N m].
 
     Args:
         machine: A machine with a floating body, the one that is held.
         q: Generalized coordinates, (n_q, 1) [m, rad, 1].
-        force: Generalized force of the mount, (n, 1) [N, N m].
+        force: Generalized force, such as the mount's, (n, 1) [N, N m].
     """
     body = next(body for body in machine.bodies if body.floating_dofs is not None)
     dofs, places = floating_dofs(machine)[:6], machine.floating_coordinates(body)
@@ -257,6 +257,19 @@ def mount_wrench(machine: Robot, q: ca.SX, force: ca.SX) -> ca.SX:
     else:
         moment = _moment_on_angles(q[list(places[3:])], force[list(dofs[3:])])
     return ca.vertcat(push, moment + cross(position, push))
+
+
+def _through_cells(layout: StateLayout, q: ca.SX, constraint: ca.SX, damping: ca.SX) -> ca.SX:
+    """Wrench through each cell, in its axes; a base's damper is beyond, (6 cells, 1) [N, N m]."""
+    machine, count = layout.machine, CELL_COORDINATES * layout.cells
+    wrenches = ca.SX(constraint[:count])
+    for link, pose in zip(machine.bodies, body_poses(machine, q), strict=True):
+        first = link.joints[0].dof if link.joints else count
+        if first < count and machine.bodies[link.parent].floating_dofs is not None:
+            force, moment = ca.vertsplit(mount_wrench(machine, q, damping), 3)
+            moment, turn = moment - cross(pose.position, force), pose.rotation.T
+            wrenches[first : first + CELL_COORDINATES] -= ca.vertcat(turn @ force, turn @ moment)
+    return wrenches
 
 
 def _moment_on_angles(angles: ca.SX, force: ca.SX) -> ca.SX:

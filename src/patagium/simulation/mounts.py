@@ -5,10 +5,10 @@ force on the robot. A robot without a floating body is always fixed: its equatio
 written on a massless mount at the world's origin that is held still, so that the
 reaction comes out the same way. A load cell is a massless, rigid link with six coordinates that
 are held at zero, anywhere in the tree: the force that holds them is the wrench through it, in
-its own axes, whatever acts beyond it: inertia, weight, air, added mass. The damping of a
-floating base's coordinates acts outside of its cell. Neglected: elastic stands, what the robot
-does to the arm's motion, the cell's mass and elasticity; noise belongs to the sensor that reads
-a cell.
+its own axes, whatever acts beyond it: inertia, weight, air, added mass. The damper of a floating
+base acts on the body, beyond its cell, as in free flight: a cell under the base shows the mount's
+wrench. Neglected: elastic stands, what the robot does to the arm's motion, the cell's mass and
+elasticity; noise belongs to the sensor that reads a cell.
 """
 
 from __future__ import annotations

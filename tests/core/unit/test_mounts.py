@@ -9,6 +9,7 @@ from tests.flights import stored
 import patagium as pt
 from patagium.errors import ParameterError
 from patagium.robot.planform import poses
+from patagium.sensing.force.measured_force import Measured, Wrench
 from patagium.simulation.mounts import with_load_cells
 
 ROCKING = pt.paths.sinusoid(
@@ -44,11 +45,30 @@ def test_the_base_is_on_the_path_to_the_last_bit(carried):
 
 
 def test_a_cell_under_the_body_reads_the_mounts_force(carried):
-    """At rest but for the damper of the base, which the cell does not see."""
-    force = carried["mount_wrench"].values[:, :3]
-    cell = carried["load_cell_wrench"].values[:, 0]
-    size = np.linalg.norm(force, axis=1)
-    np.testing.assert_allclose(np.linalg.norm(cell[:, :3], axis=1), size, rtol=1e-12)
+    """As a sensor does that reads the mount's wrench: the damper of the base is beyond both."""
+    cell = pt.sensors.LoadCell(body="body", rate=1.0 / STEP["time_step"])
+    shown = pt.sense(carried, [cell])["loadcell"]["wrench"]
+    inside = carried["load_cell_wrench"].sel(load_cell="body").interp(time=shown["time"])
+    assert np.abs(carried["damping_force"].sel(dof="pitch")).max() > 0.1
+    np.testing.assert_allclose(inside, shown, atol=1e-9)
+
+
+def test_a_cell_in_a_flight_tells_the_force_of_the_air(carried):
+    """Inverse dynamics of the true motion less the cell's wrench is the force of the air."""
+    time, n = carried["time"].values, carried.sizes["dof"]
+    motion = carried.assign(
+        covariance=(("time", "one", "other"), np.zeros((len(time), 3 * n, 3 * n)))
+    )
+    held = carried["load_cell_wrench"].sel(load_cell="body").values
+    joints = carried["u1"].values
+    forces = pt.inverse_dynamics_force(
+        motion,
+        joints=Measured(joints, np.zeros_like(joints)),
+        mount=Wrench(
+            Measured(held, np.zeros_like(held)), pt.sensors.LoadCell(body="body", rate=1.0)
+        ),
+    )
+    np.testing.assert_allclose(forces.force, carried["aero_force"].values, atol=1e-9)
 
 
 def test_a_cell_in_its_joints_axis_reads_the_joints_torque(carried):

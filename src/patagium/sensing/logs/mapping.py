@@ -16,7 +16,7 @@ from patagium.arguments import checked
 from patagium.errors import LogError, shown
 from patagium.limits import YAML_TEXT
 from patagium.reading import parsed_yaml, refused, text_of
-from patagium.robot.units import written_as_unit
+from patagium.robot.units import unit_for_pint, written_as_unit
 from patagium.sensing.logs.axes import AXES_WORDS, axes_of
 
 _DERIVED = {
@@ -302,9 +302,10 @@ def _registry() -> Any:
 
 def _unit(text: str, where: str) -> Any:
     try:
-        if text.strip() != "1" and not written_as_unit(text):
+        plain = unit_for_pint("" if text.strip() == "1" else text)
+        if plain and not written_as_unit(plain):
             raise ValueError("no unit is written like this")
-        return _registry().Unit("" if text.strip() == "1" else text)
+        return _registry().Unit(plain)
     except Exception as problem:  # pint raises its own, tokenize's and Python's for bad text
         raise LogError(
             f"{where}: expected a unit such as 'm/s^2', 'deg/s', 'g_0' or '1', found {shown(text)}"

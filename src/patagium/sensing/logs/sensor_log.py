@@ -68,7 +68,8 @@ def sensor_log(
         The sensor log; `quantities` among the attributes of each reading names what it was made of.
 
     Raises:
-        LogError: If the log has no quantity that tells of motion, or one of a pair is missing.
+        LogError: If the log has no quantity that tells of motion, one of a pair is missing, or a
+            coordinate has another unit than its own.
         ParameterError: If no robot is given, or `bodies` names a quantity that is not there.
     """
     machine = _machine(log, robot)
@@ -82,7 +83,11 @@ def sensor_log(
             raise ParameterError("bodies", f"quantities among {held}", name)
         machine.body_index(body)
     found = _Found(machine, np.asarray(table["time"].values, float))
+    units = {column.name: column.unit for column in packet_columns(machine)[1:]}
     for name in map(str, table.data_vars):
+        unit = str(table[name].attrs.get("units", ""))
+        if unit != units.get(name, unit):
+            raise LogError(f"{name}: expected a quantity in {units[name]}, found one in {unit!r}")
         _place(found, name, table[name], given.get(name))
     readings, sensors = found.sensors()
     if not readings:

@@ -109,6 +109,7 @@ class EncoderModel(_NoBias):
     def __init__(self, sensor: Encoder, robot: Robot) -> None:
         self.linear = True
         self.columns = [robot.index(name) for name in joint_names(sensor.joints, robot)]
+        self._turns = [robot.dof_units[i] == "rad" for i in self.columns]
         self.width = len(self.columns)
         self.std = max(sensor.sample_std, FLOOR["rad"])
         self._slope = np.zeros((len(self.columns), 1, robot.dof))
@@ -117,8 +118,12 @@ class EncoderModel(_NoBias):
         self.parts: tuple[Part, ...] = (Part("angle", "rad", len(self.columns)),)
 
     def rows(self, reading: xr.Dataset) -> Array:
-        """Coordinates, (N, k) [m, rad]."""
-        return values_of(reading, "position", len(self.columns))
+        """Coordinates, (N, k) [m, rad]; angles without whole turns that an encoder jumps by."""
+        rows = values_of(reading, "position", len(self.columns)).copy()
+        for k in np.flatnonzero(self._turns):
+            seen = np.isfinite(rows[:, k])
+            rows[seen, k] = np.unwrap(np.append(0.0, rows[seen, k]))[1:]
+        return rows
 
     def residual(
         self, motion: Motion, observation: Observation, bias: Array | None

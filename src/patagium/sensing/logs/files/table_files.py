@@ -46,10 +46,10 @@ from patagium.sensing.logs.mapping import conversion
 
 _HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 _NANOSECONDS = {"s": 1e9, "sec": 1e9, "ms": 1e6, "us": 1e3, "usec": 1e3, "µs": 1e3, "ns": 1.0}
-_TIME = re.compile(
+TIME_NAME = re.compile(
     r"^(time|t|timestamp|stamp|tout|clock)(?:[_ .(\[]*(s|sec|ms|us|usec|µs|ns)\W?)?$"
 )
-_IN_GRAVITIES = re.compile(r"(^|[^a-z])a(cc[a-z]*)?_?[xyz]?_g$")
+_IN_GRAVITIES = re.compile(r"(^|[^a-z])a(cc[a-z]*)?[_. ]?[xyz]?_g$")
 _SUFFIXES = {
     "_rad_s": "rad/s", "_rad": "rad", "_deg_s": "deg/s", "_deg": "deg", "_m_s2": "m/s^2",
     "_m_s": "m/s", "_mm": "mm", "_pa": "Pa", "_celsius": "degC", "_ms": "ms", "_us": "µs",
@@ -83,6 +83,7 @@ def table_topic(
         plain = column.lstrip("#%").strip()
         short, unit = _parted(plain)
         unit = (units or {}).get(column) or unit
+        unit = (unit_of_suffix(f"{short}_g") or unit) if unit == "g" else unit
         own = (rows or {}).get(column)
         channels[column] = Channel(column, dtype, unit or unit_of_suffix(plain), own)
         if plain != column:
@@ -108,7 +109,7 @@ def unit_of_suffix(name: str) -> str:
     stem = re.sub(r"(\[\d+\]|\.[wxyz])+$", "", name.lower())
     if stem.startswith("gyro") and stem.endswith("_rad"):
         return "rad/s"  # as PX4 has it
-    timed = _TIME.match(stem)
+    timed = TIME_NAME.match(stem)
     if timed and timed[2]:
         return {"sec": "s", "us": "µs", "usec": "µs"}.get(timed[2], timed[2])
     if _IN_GRAVITIES.search(stem):
@@ -128,7 +129,7 @@ def guessed_base(
     for column, factor in stamped.items():
         return StampSource("column", column, factor), ""
     for column in channels:
-        match = _TIME.match(column.lower().lstrip("#%").strip().rpartition(".")[2])
+        match = TIME_NAME.match(column.lower().lstrip("#%").strip().rpartition(".")[2])
         if match:
             unit = match[2] or channels[column].unit or "s"
             plain = not match[2] and unit == "s"
@@ -262,6 +263,8 @@ _BEYOND = "\0beyond the names"
 _ALIKE = 0.9
 """Share of the lines below the names that have as many entries."""
 _BRACKETS = str.maketrans("[](){},;", " " * 8)
+_MOST_TEXT = 20
+"""Most rows of text at the end that are left out; more are a column that turned to text."""
 _MOST_COLUMNS = 64
 """Most entries of an array or list that are read as columns."""
 
@@ -408,8 +411,10 @@ class CsvFile(LogFile):
             self.notes.append("the last line has no end: it may be cut off")
         look = "".join(lines[self._skip :])
         rows = [_cells(line, self._separator) for line in lines[self._skip :]]
-        self._decimal = "," if self._separator == ";" and _comma_decimal(rows) else "."
+        self._decimal = "," if self._separator != "," and _comma_decimal(rows) else "."
         self._lists: dict[str, tuple[str, int]] = {}
+        self._commas = list(self._names) if self._decimal == "," else []
+        self._numbers: list[str] = []
         stated = dict(zip(self._names, units or (), strict=False))
         try:
             topic = self._table(look, stated)
@@ -444,6 +449,8 @@ class CsvFile(LogFile):
                 columns[name] = parsed[source][:, place]
             elif name in self._calendar:
                 columns[name] = _calendar(frame[name])
+            elif name in self._commas and frame[name].dtype.kind not in "fiub":
+                columns[name] = frame[name].astype(str).str.replace(",", ".")
             else:
                 columns[name] = frame[name]
         return columns
@@ -500,7 +507,7 @@ class CsvFile(LogFile):
                             f"are names, found more in row {row + int(more[0]) + 1}; {remedy}"
                         )
                     row += len(frame)
-                    yield frame
+                    yield frame if len(frame) == BLOCK else self._without_text(frame)
         except pd.errors.EmptyDataError:
             return
         except pd.errors.ParserError as problem:
@@ -525,12 +532,19 @@ class CsvFile(LogFile):
         if not frames or not len(frames[0]):
             raise LogError(f"{self.path}: expected samples below the line of names, found none")
         types, unplaced, stated = {}, {}, dict(units)
+        commas = [name for name in self._names if _has_decimal_commas(frames[0][name])]
+        self._commas += commas
+        self.notes += [f"commas are decimal points in {', '.join(commas)}"] if commas else []
         self._calendar: list[str] = []
         for name in self._names:
             column = frames[0][name]
-            size = 0 if _numeric(column) else _list_size(column)
-            if _numeric(column):
-                types[name] = str(column.dtype)
+            if re.fullmatch(r"(\.\d+)?", name) and column.isna().all():
+                continue  # a separator at the end of each line
+            numeric = name in commas or _numeric(column)
+            size = 0 if numeric else _list_size(column)
+            if numeric:
+                self._numbers.append(name)
+                types[name] = "float64" if name in commas else str(column.dtype)
             elif size:
                 plain, unit = _parted(name)
                 entries = {f"{plain}[{k}]": (name, k) for k in range(size)}
@@ -554,6 +568,18 @@ class CsvFile(LogFile):
         packed = self.path.stat().st_size * (_PACKED if self._is_gzip() else 1.0)
         return replace(topic, about=int(packed * lines / max(1, len(look))))
 
+    def _without_text(self, frame: Any) -> Any:
+        """Last rows of the file, less those of text at its end."""
+        tail = frame.filter(self._numbers).tail(_MOST_TEXT)
+        text = tail.map(lambda word: isinstance(word, str) and not _is_number(word)).any(axis=1)
+        samples = np.flatnonzero(~text & tail.notna().any(axis=1))
+        last = samples[-1] + 1 if len(samples) else len(tail)
+        if not text[last:].any():
+            return frame
+        note = f"rows of text at the end are left out, such as {tail[text].iloc[-1].iloc[0]!r}"
+        self.notes.extend([note] if note not in self.notes else [])
+        return frame.head(len(frame) - len(tail) + last)
+
     def _opened(self) -> io.TextIOWrapper:
         binary: Any = gzip.open(self.path) if self._is_gzip() else self.path.open("rb")
         return io.TextIOWrapper(binary, encoding="utf-8-sig", newline="")
@@ -567,6 +593,15 @@ def _ends_with_line(path: Path) -> bool:
     with path.open("rb") as file:
         file.seek(max(0, path.stat().st_size - 1))
         return file.read() in (b"\n", b"\r")
+
+
+def _has_decimal_commas(column: Any) -> bool:
+    """Whether most entries of a column of text are numbers, some with commas not of thousands."""
+    words = [word for word in column if isinstance(word, str) and word.strip()]
+    numbers = [word for word in words if _is_number(word)]
+    commas = [word for word in numbers if "," in word]
+    decimal = len(commas) == len(words) or any(len(w.partition(",")[2]) != 3 for w in commas)
+    return bool(commas) and decimal and 2 * len(numbers) > len(words)
 
 
 def _numeric(column: Any) -> bool:

@@ -19,11 +19,9 @@ _DENSE = (
 _SHOWN = 6
 
 
-def flight_labels(robot: Robot | None) -> frozenset[str]:
-    """Names of the numbers that make a log a flight of a robot; none without a robot."""
-    if robot is None:
-        return frozenset()
-    return frozenset(c.name for c in packet_columns(robot)[1:])
+def flight_labels(robot: Robot | None) -> dict[str, str]:
+    """Units of the numbers that make a log a flight of a robot, by name; none without a robot."""
+    return {} if robot is None else {c.name: c.unit for c in packet_columns(robot)[1:]}
 
 
 def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...]) -> list[Finding]:
@@ -51,7 +49,7 @@ def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...])
     elif robot.strips and joints and {f"q.{name}" for name in joints} <= set(still):
         text = f"no joint moves in the whole log ({_some(joints)}): were they measured? {_DENSE}"
         found.append(Finding("warning", "flight", "joints", text))
-    missing = sorted(wanted - set(held) - {f"q.{name}" for name in joints})
+    missing = sorted(set(wanted) - set(held) - {f"q.{name}" for name in joints})
     if missing:
         text = f"found no {_some(missing)}: the log is no flight of {robot.name!r} yet"
         found.append(Finding("note", "flight", "missing", text))

@@ -20,7 +20,7 @@ from patagium.errors import LogError
 from patagium.sensing.logs.files.channels import ColumnError, LogFile, Request, StampSource, Topic
 from patagium.sensing.logs.files.message_files import NO_MESSAGE
 from patagium.sensing.logs.files.opening import open_log
-from patagium.sensing.logs.files.table_files import guessed_base
+from patagium.sensing.logs.files.table_files import TIME_NAME, guessed_base
 from patagium.sensing.logs.importing.findings import (
     SECOND,
     Finding,
@@ -39,6 +39,7 @@ from patagium.sensing.logs.importing.findings import (
 GAP = 3.0
 """Length from which a step is a gap, in median steps."""
 _VECTOR = (".x", "[0]", "_x")
+_TIMES = "time is read as numbers or as ISO 8601, such as 2026-03-01 12:00:00.5"
 
 
 @dataclass(frozen=True)
@@ -301,15 +302,14 @@ def _channel_facts(part: _Part, survey: StreamSurvey) -> tuple[ChannelFacts, ...
 def _unreadable(topic: Topic) -> TopicFacts:
     part = _Part(topic, topic.name)
     empty = _topic_facts(part, StreamSurvey(StampSurvey(), ValueSurvey(0)), 0)
-    nothing = math.nan
     return replace(
         empty,
         rows=topic.count or 0,
         stamps="",
-        begin=nothing,
-        duration=nothing,
-        rate=nothing,
-        longest=nothing,
+        begin=math.nan,
+        duration=math.nan,
+        rate=math.nan,
+        longest=math.nan,
         problem=topic.problem,
     )
 
@@ -322,6 +322,10 @@ def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
     never = [name for name, count in zip(fields, values.count, strict=True) if not count]
     if never and survey.stamps.rows:
         found.append(Finding("note", where, "no number", ", ".join(never)))
+    lost = [n for n in topic.unplaced if topic.base.kind == "rows" and TIME_NAME.match(n.lower())]
+    for name in lost:
+        text = f"column {name!r} cannot be read: {topic.unplaced[name]}; {_TIMES}"
+        found.append(Finding("warning", where, "time", text))
     for k, name in enumerate(fields):
         own = f"{topic.name} {name}".strip()
         unit = topic.channels[name].unit

@@ -10,6 +10,7 @@ from patagium.errors import LogError
 from patagium.robot import Robot
 from patagium.sensing.logs.axes import is_rotation
 from patagium.sensing.logs.files.channels import LogFile
+from patagium.sensing.logs.files.table_files import unit_of_suffix
 from patagium.sensing.logs.importing.findings import (
     Finding,
     ValueSurvey,
@@ -32,7 +33,8 @@ def log_findings(
     """Findings about the stamps and numbers of a log, before it is resampled.
 
     Raises:
-        LogError: If most rows of an attitude are no rotation matrices.
+        LogError: If most rows of an attitude are no rotation matrices, or a coordinate of a flight
+            is in a unit of another dimension.
     """
     plan, gap, flown = spool.plan, mapping.gap, flight_labels(robot)
     found = [Finding("note", str(log.path), "file", note) for note in log.notes]
@@ -57,6 +59,7 @@ def log_findings(
     )
     for item in plan.items:
         known = item.column.label in flown  # a coordinate of the robot, not of a sensor
+        conversion(item.column.unit, flown.get(item.column.label), f"mapping: {item.column.label}")
         found += _item_findings(item, spool.surveys[item.stream].values, known, still)
         found += _range_findings(item, spool)
         found += _matrix_findings(item, spool, log.path)
@@ -137,10 +140,16 @@ def _range_findings(item: Quantity, spool: Spool) -> list[Finding]:
 
 
 def _stated_unit(item: Quantity, plan: Plan, log: LogFile) -> list[Finding]:
-    """Finding that the file states another unit than the mapping."""
+    """Finding that the file states another unit, or order of a quaternion, than the mapping."""
     wanted = plan.wanted[item.stream]
     path = wanted.fields[item.places[0]]
     stated = log.topics[wanted.topic].channels[path].unit
+    if not stated and item.column.unit == "g":
+        stated = unit_of_suffix(f"{path}_g")
+    named = "".join(wanted.fields[k][-1:].lower() for k in item.places)
+    if sorted(named) == list("wxyz") and item.order and named != item.order:
+        text = f"the mapping says order: {item.order}, but its columns are named {named}"
+        return [Finding("warning", item.column.label, "attitude", text)]
     if not stated or item.norm is not None:
         return []
     try:

@@ -48,6 +48,7 @@ class Spool:
         plan: Streams that were read.
         surveys: Statistics of each stream, after it was restamped.
         findings: Findings about the streams that were restamped.
+        angles: Last value of each angle that was resampled, by its name, from which it goes on.
 
     Raises:
         LogError: If the log is damaged, a column holds text, or a stream was not sampled at the
@@ -60,6 +61,7 @@ class Spool:
     ) -> None:
         self.plan = plan
         self.findings: list[Finding] = []
+        self.angles: dict[str, float] = {}
         with ExitStack() as stack:
             self._stamps, self._values = (
                 [stack.enter_context(TemporaryFile(dir=folder)) for _ in plan.wanted]
@@ -262,20 +264,20 @@ def _resampled(spool: Spool, item: Quantity, stamps: Stamps, gap: float) -> tupl
     valid &= ~np.isin(stamps, np.array(known[begin:end])[~finite])
     origin = own[0]
     seconds, wanted = (own - origin) / SECOND, (stamps - origin) / SECOND
-    return _between(item, seconds, values, np.clip(wanted, 0.0, seconds[-1])), valid
+    return _between(spool, item, seconds, values, np.clip(wanted, 0.0, seconds[-1])), valid
 
 
-def _between(item: Quantity, seconds: Array, values: Array, wanted: Array) -> Array:
+def _between(spool: Spool, item: Quantity, seconds: Array, values: Array, wanted: Array) -> Array:
     if item.is_attitude:
         return slerp(seconds, continuous(values), wanted)
-    turns = item.si == "rad" and item.column.size == 1
-    if turns:
-        half = np.pi * item.factor / item.si_factor
-        if np.abs(np.diff(values[:, 0])).max(initial=0.0) > half:
-            unrolled = np.unwrap(values[:, 0], period=2 * half)
-            low = -half if values.min() < 0 else 0.0
-            mixed = np.interp(wanted, seconds, unrolled)
-            return np.asarray((mixed - low) % (2 * half) + low)[:, None]
+    if item.si == "rad" and item.column.size == 1:  # whole turns are taken off, also of blocks
+        turn, name = 2.0 * np.pi * item.factor / item.si_factor, item.column.label
+        mixed = np.interp(wanted, seconds, np.unwrap(values[:, 0], period=turn))
+        wraps = np.abs(np.diff(values[:, 0])).max(initial=0.0) > 0.5 * turn
+        before = spool.angles.get(name, 0.0 if wraps else mixed[0])
+        mixed += turn * np.rint((before - mixed[0]) / turn)
+        spool.angles[name] = mixed[-1]
+        return np.asarray(mixed)[:, None]
     return np.column_stack([np.interp(wanted, seconds, column) for column in values.T])
 
 

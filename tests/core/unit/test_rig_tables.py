@@ -1,0 +1,219 @@
+"""Tables as rigs write them: units without a space, decimal commas, wraps, footers."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import patagium as pt
+from patagium.cli.main import run
+from patagium.errors import LogError
+from patagium.sensing.logs.mapping import conversion, parse_mapping
+from patagium.sensing.logs.sensor_log import sensor_log
+from patagium.sensing.motion.sensor_streams import EncoderModel
+from patagium.sensing.sensors import Encoder
+
+TIME = {"column": "t", "unit": "s"}
+
+
+def imported(folder: Path, text: str, words: dict[str, Any], name: str = "log.csv") -> Any:
+    (folder / name).write_text(text, encoding="utf-8")
+    return pt.import_log(folder / name, parse_mapping(words), folder / "out.nc")
+
+
+def column(log: Path, name: str) -> Any:
+    return pt.load_log(log)[name].values
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "si"),
+    [
+        *((unit, 1.0, "N m") for unit in ("Nm", "N m", "N.m", "N·m")),
+        *((unit, 1e-3, "N m") for unit in ("mNm", "Nmm", "mN.m", "N mm")),
+        ("kNm", 1e3, "N m"),
+        ("Nm/rad", 1.0, "kg m^2/rad/s^2"),
+        ("1/Nm", 1.0, "s^2/kg/m^2"),
+        *((unit, 1.0, "m/s^2") for unit in ("m/s2", "m/s²", "m/s^2")),
+        *((unit, 1.0, "rad/s^2") for unit in ("rad/s2", "rad/s²")),
+        ("nm", 1e-9, "m"),
+    ],
+)
+def test_units_are_read_as_rigs_write_them(unit: str, factor: float, si: str) -> None:
+    assert conversion(unit, None, "here") == (pytest.approx(factor, rel=1e-12), si)
+
+
+def test_a_coordinate_in_a_unit_of_another_dimension_is_refused(tmp_path: Path) -> None:
+    text = "t,torque\n" + "".join(f"{0.01 * k},{np.sin(k)}\n" for k in range(50))
+    words = {"time": TIME, "robot": "yeo-wing",
+             "channels": [{"column": "torque", "unit": "g", "name": "u1.left_plunge"}]}  # fmt: skip
+    with pytest.raises(LogError, match=r"u1\.left_plunge: expected a unit of .* such as 'N m'"):
+        imported(tmp_path, text, words)
+    words.pop("robot")
+    imported(tmp_path, text, words)
+    with pytest.raises(LogError, match=r"u1\.left_plunge: expected a quantity in N m, found .*kg"):
+        sensor_log(tmp_path / "out.nc", "yeo-wing")
+
+
+@pytest.mark.parametrize(
+    ("mark", "quote", "points"),
+    [("\t", "", False), (",", '"', False), (";", "", False), (";", "", True), ("\t", "", True)],
+)
+def test_decimal_commas_are_found_column_by_column(
+    mark: str, quote: str, points: bool, tmp_path: Path
+) -> None:
+    k = np.arange(300)
+    t, x, y = 0.01 * k, 0.4 * np.sin(0.1 * k), np.cos(0.1 * k)
+    lines = [mark.join(("t", "x", "y", "n"))]
+    for row in zip(t, x, y, k, strict=True):
+        cells = [f"{number:.6f}" for number in row[:3]]
+        cells = [cell if points and i == 2 else cell.replace(".", ",")
+                 for i, cell in enumerate(cells)]  # fmt: skip
+        lines.append(mark.join(f"{quote}{cell}{quote}" for cell in (*cells, str(row[3]))))
+    words = {"time": TIME, "channels": [{"column": name, "unit": "1"} for name in "xyn"]}
+    found = imported(tmp_path, "\n".join([*lines, ""]), words)
+    assert found.samples == 300
+    for name, expected in (("x", x), ("y", y), ("n", k)):
+        np.testing.assert_allclose(column(found.path, name), expected, atol=1e-6)
+    channels = pt.sensing.inspect_log(tmp_path / "log.csv").topics[0].channels
+    assert [one.name for one in channels] == ["t", "x", "y", "n"]
+
+
+@pytest.mark.parametrize("rate", [None, "33 Hz"])
+@pytest.mark.parametrize("low", [0.0, -180.0])
+def test_an_encoder_that_wraps_leaves_no_jump(low: float, rate: str | None, tmp_path: Path) -> None:
+    k = np.arange(200_000)  # of several blocks
+    middle = -10.0 if low == 0 else 170.0
+    angle = np.where(k < 70_000, middle, middle + 30.0 * np.sin(1e-3 * (k - 70_000)))
+    rows = np.column_stack([0.01 * k, (angle - low) % 360.0 + low])
+    np.savetxt(tmp_path / "log.csv", rows, fmt="%.6f", delimiter=",", header="t,h", comments="")
+    words = {"time": {**TIME, **({"rate": rate} if rate else {})},
+             "channels": [{"column": "h", "unit": "deg"}]}  # fmt: skip
+    pt.import_log(tmp_path / "log.csv", parse_mapping(words), tmp_path / "out.nc")
+    log = pt.load_log(tmp_path / "out.nc")
+    expected = np.radians(np.interp(log.time.values, rows[:, 0], angle))
+    turns = np.rint((log["h"].values - expected) / (2 * np.pi))
+    np.testing.assert_allclose(log["h"].values, expected + 2 * np.pi * turns[0], atol=1e-6)
+
+
+def test_a_shaft_that_goes_round_goes_on(tmp_path: Path) -> None:
+    k = np.arange(500)
+    text = "t,h\n" + "".join(f"{0.01 * i},{(10.0 * i + 5.0) % 360.0}\n" for i in k)
+    words = {"time": TIME, "channels": [{"column": "h", "unit": "deg"}]}
+    found = imported(tmp_path, text, words)
+    angle = np.degrees(column(found.path, "h"))
+    np.testing.assert_allclose(angle, 10.0 * k + 5.0, atol=1e-9)
+
+
+def test_joints_of_a_sensor_log_are_unwrapped() -> None:
+    robot = pt.load_robot("yeo-wing")
+    model = EncoderModel(Encoder(rate=100.0), robot)
+    angle = np.linspace(-0.5, 0.5, 50)[:, None] * [1.0, -1.0]
+    angle[20] = np.nan
+    reading = xr.Dataset({"position": (("time", "joint"), angle % (2 * np.pi))})
+    np.testing.assert_allclose(model.rows(reading), angle, atol=1e-12)
+
+
+ROWS = "".join(f"{0.01 * k:.2f},{np.sin(k):.5f},{np.cos(k):.5f}\n" for k in range(300))
+PLAIN = {"time": TIME, "channels": [{"column": name, "unit": "1"} for name in "xy"]}
+
+
+@pytest.mark.parametrize("count", [300, 5])
+@pytest.mark.parametrize("end", ["\nEnd of data\nMean,0,0\n", "Max,1,1", "# done\n\n"])
+def test_rows_of_text_at_the_end_are_left_out_and_told(
+    end: str, count: int, tmp_path: Path
+) -> None:
+    rows = "".join(ROWS.splitlines(keepends=True)[:count])
+    found = imported(tmp_path, f"t,x,y\n{rows}{end}", PLAIN)
+    assert found.samples == count
+    assert any("rows of text at the end are left out" in note for note in found.notes)
+    topic = pt.sensing.inspect_log(tmp_path / "log.csv").topics[0]
+    assert topic.stamps == "t" and topic.rows == count
+
+
+def test_a_column_that_turns_to_text_is_no_end_of_the_table(tmp_path: Path) -> None:
+    rows = "".join(f"{3 + 0.01 * k:.2f},lost,1\n" for k in range(30))
+    with pytest.raises(LogError, match="column x: expected numbers, found 'lost' in row 301"):
+        imported(tmp_path, f"t,x,y\n{ROWS}{rows}", PLAIN)
+
+
+def template(path: Path) -> str:
+    """Mapping that `inspect` writes to begin from."""
+    mapping = path.with_suffix(".yaml")
+    with pytest.raises(SystemExit) as left:
+        run(["inspect", str(path), "-o", str(mapping)])
+    assert left.value.code in (0, None)
+    return mapping.read_text("utf-8")
+
+
+def test_the_mapping_to_begin_from_names_calendar_stamps(tmp_path: Path) -> None:
+    rows = "".join(f"2026-03-01 12:00:00.{k:03d},{np.sin(k)},{np.cos(k)}\n" for k in range(300))
+    (tmp_path / "log.csv").write_text(f"Time,x,y\n{rows}")
+    assert 'time: {column: "Time"}' in template(tmp_path / "log.csv")
+    found = pt.import_log(tmp_path / "log.csv", tmp_path / "log.yaml", tmp_path / "out.nc")
+    assert found.samples == 300
+
+
+def test_the_mapping_to_begin_from_asks_for_the_rate_of_rows_without_time(tmp_path: Path) -> None:
+    rows = "".join(f"01.03.2026 12:00:00.{k:03d},{np.sin(k)},1\n" for k in range(300))
+    (tmp_path / "log.csv").write_text(f"Time,x,y\n{rows}")
+    (warning,) = [one.text for one in pt.sensing.inspect_log(tmp_path / "log.csv").findings]
+    assert "column 'Time' cannot be read" in warning and "ISO 8601" in warning
+    words = template(tmp_path / "log.csv")
+    assert 'time: {restamp: "??? Hz"}  # rate of the rows' in words
+    with pytest.raises(LogError, match=r"time.restamp: expected a rate such as .* '\?\?\? Hz'"):
+        pt.import_log(tmp_path / "log.csv", tmp_path / "log.yaml", tmp_path / "out.nc")
+    (tmp_path / "log.yaml").write_text(words.replace("??? Hz", "1 kHz"))
+    found = pt.import_log(tmp_path / "log.csv", tmp_path / "log.yaml", tmp_path / "out.nc")
+    assert found.samples == 300
+
+
+def test_columns_without_a_number_are_not_in_the_mapping_to_begin_from(tmp_path: Path) -> None:
+    rows = "".join(f"{0.01 * k},{np.sin(k)},,{np.cos(k)},\n" for k in range(300))
+    (tmp_path / "log.csv").write_text(f"t,x,empty,y,\n{rows}")
+    topic = pt.sensing.inspect_log(tmp_path / "log.csv").topics[0]
+    assert [one.name for one in topic.channels] == ["t", "x", "empty", "y"]
+    words = template(tmp_path / "log.csv")
+    assert "empty" not in words and '""' not in words
+    found = pt.import_log(tmp_path / "log.csv", tmp_path / "log.yaml", tmp_path / "out.nc")
+    assert found.samples == 300
+
+
+def test_g_of_an_acceleration_is_gravity(tmp_path: Path) -> None:
+    rows = "".join(f"{0.01 * k},{np.sin(k)},{1 + 0.1 * np.cos(k)}\n" for k in range(300))
+    text = f"t,ax [g],acc.z [g]\n{rows}"
+    words = {"time": TIME, "channels": [{"column": "ax", "unit": "g"}]}
+    found = imported(tmp_path, text, words)
+    assert any("say [g_0], the mapping [g]" in one.text for one in found.findings)
+    units = [one.unit for one in pt.sensing.inspect_log(tmp_path / "log.csv").topics[0].channels]
+    assert units == ["", "g_0", "g_0"]
+    words = {"time": TIME, "channels": [{"column": "m", "unit": "g"}]}
+    assert not imported(tmp_path, f"t,m [g],z\n{rows}", words).findings
+
+
+@pytest.mark.parametrize(("order", "warned"), [("wxyz", True), ("xyzw", False)])
+def test_an_order_that_contradicts_the_names_is_told(
+    order: str, warned: bool, tmp_path: Path
+) -> None:
+    rows = "".join(
+        f"{0.01 * k},0,0,{np.sin(0.01 * k):.9f},{np.cos(0.01 * k):.9f}\n" for k in range(300)
+    )
+    words = {"time": TIME, "channels": [
+        {"column": ["qx", "qy", "qz", "qw"], "order": order, "frame": "nwu", "body": "flu",
+         "name": "attitude"}]}  # fmt: skip
+    found = imported(tmp_path, f"t,qx,qy,qz,qw\n{rows}", words)
+    assert warned == any("order: wxyz" in one.text for one in found.findings)
+
+
+def test_commas_of_thousands_are_refused(tmp_path: Path) -> None:
+    rows = "".join(f'{k},"{900 + k:,}",1\n' for k in range(300))
+    with pytest.raises(LogError, match="column x: expected numbers, found '1,000'"):
+        imported(tmp_path, f"t,x,y\n{rows}", PLAIN)
+
+
+def test_decimal_commas_above_rows_of_text_are_read(tmp_path: Path) -> None:
+    rows = ROWS.replace(",", ";").replace(".", ",")
+    found = imported(tmp_path, f"t;x;y\n{rows}End\n", PLAIN)
+    assert found.samples == 300
+    np.testing.assert_allclose(column(found.path, "x"), np.sin(np.arange(300)), atol=1e-5)
