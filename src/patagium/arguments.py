@@ -26,6 +26,7 @@ _WORDS = MappingProxyType({
     "Event": "an Event such as pt.control.GustEvent(...)",
     "Callable": "a function", "Estimator": "a function",
     "Dataset": "a Dataset such as pt.load_flight('flight.nc')",
+    "LogTable": "a LogTable such as pt.sensing.read_table('log.csv', 'map.yaml')",
     "Learner": "a learner such as pt.CubatureLearner(network)",
     "Trained": "a model such as pt.load_model('model.json')",
     "NoneType": "None", "Mount": "a Mount such as pt.mounts.fixed()",
