@@ -65,7 +65,8 @@ def opening_figures(
         lift = _forces(runs, ("z",), beat)
     lift.axes[0].set_title("Force of the air, upward", loc="left", fontsize="medium")
     caption = (
-        "The robot at its greatest lift; arrows: force on each strip; a click in the report plays the flight."
+        "The robot at its greatest lift; arrows: force on each strip; a click in the report "
+        "plays the flight."
     )
     gallery.add(f"{flight}_still", moment, caption)
     caption = (
