@@ -184,7 +184,7 @@ EVENTS: dict[str, type[Event]] = {
 
 
 def _kept(event: object) -> object:
-    """Event of a plan whose type was not removed."""
+    """Event of a plan; refused where its type was removed."""
     if isinstance(event, dict):
         refuse_removed("type", event.get("type"))
     return event

@@ -114,8 +114,8 @@ def fly(
     check_attitude(robot)
     period_of(controller, robot, orbit.gait)
     start = orbit.start() | {k: one for k, one in (("q", q), ("v", v)) if one is not None}
-    loop = _Loop(robot, aero, controller, orbit, tuple(events), duration, time_step)
-    loop.begin(start, added_mass)
+    given = tuple(events), start, added_mass
+    loop = _Loop(robot, aero, controller, orbit, *given, duration, time_step)
     known = NoisyState() if sensors is None else sensors
     own = controller if isinstance(controller, Learner) else None
     learner = learner or own
@@ -133,6 +133,7 @@ class _Loop:
     """Loop of one flight.
 
     Attributes:
+        start: Where the flight begins: `q`, `v` and `aero_state`.
         gait: The gait as it is steered.
         simulator: The truth.
         period: Steps of a period of the controller.
@@ -146,6 +147,8 @@ class _Loop:
     controller: LoopController
     orbit: Orbit
     events: tuple[Event, ...]
+    start: dict[str, Any]
+    added_mass: AddedMass | None
     duration: float
     time_step: float
     gait: SteeredGait = field(init=False)
@@ -166,13 +169,10 @@ class _Loop:
         steps = max(1, round(min(positive("duration", self.duration) / step, 1e300)))
         self.duration = steps * step
         self.gait = SteeredGait(self.robot, self.orbit.gait)
-
-    def begin(self, start: dict[str, Any], added: AddedMass | None) -> None:
-        """Begin at a start, `q`, `v` and `aero_state`, and find when events happen."""
-        aero, step = with_gusts(self.aero, self.events), self.time_step
-        lags = start.pop("aero_state")
+        aero, added = with_gusts(self.aero, self.events), self.added_mass
+        lags = self.start.pop("aero_state")
         self.simulator = Simulator(
-            self.robot, aero, self.gait, duration=self.duration, time_step=step, **start,
+            self.robot, aero, self.gait, duration=self.duration, time_step=step, **self.start,
             aero_state=lags if len(lags) == aero.state_size else None,
             added_mass=None if added is None else replace(added, air=aero.air),
         )  # fmt: skip

@@ -596,7 +596,7 @@ def _ends_with_line(path: Path) -> bool:
 
 
 def _has_decimal_commas(column: Any) -> bool:
-    """Whether most entries of a column of text are numbers, some with commas not of thousands."""
+    """Whether most entries of a text column are numbers that have a comma as decimal point."""
     words = [word for word in column if isinstance(word, str) and word.strip()]
     numbers = [word for word in words if _is_number(word)]
     commas = [word for word in numbers if "," in word]
