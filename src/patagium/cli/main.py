@@ -12,16 +12,17 @@ import sys
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import cache
 from io import TextIOWrapper
 from types import ModuleType
 from typing import Annotated, Any, TextIO, cast
 
 import typer
-from typer.core import TyperCommand, TyperOption
+from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from patagium.cli import (  # isort: skip
-    cache, check, cycles, evaluate, export, figures, fly, identify, import_log, inspect, motion,
-    optimize, robots, send, simulate, stream, trim, tune, view,
+    cache as cache_verb, check, cycles, evaluate, export, figures, fly, identify, import_log,
+    inspect, motion, optimize, robots, send, simulate, stream, trim, tune, view,
 )  # fmt: skip
 from patagium.cli.interruption import repeated_interrupt
 from patagium.cli.outputs import check_files
@@ -99,7 +100,7 @@ def _command(verb: ModuleType) -> type[TyperCommand]:
 
 for _verb in (
     simulate, trim, optimize, fly, cycles, figures, view, export, inspect, import_log, motion,
-    identify, tune, evaluate, stream, send, robots, check, cache,
+    identify, tune, evaluate, stream, send, robots, check, cache_verb,
 ):  # fmt: skip
     _add(_verb)
 _study = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown")
@@ -129,6 +130,12 @@ def _program(
     """Morphing-wing robots: their equations, their flight, and what the air does to them."""
 
 
+@cache
+def program() -> TyperGroup:
+    """Program with all its verbs, made once per process: Typer reads each signature for long."""
+    return cast(TyperGroup, typer.main.get_command(app))
+
+
 def run(arguments: Sequence[str] | None = None) -> None:
     """Run the program, and leave with its exit code.
 
@@ -148,7 +155,7 @@ def run(arguments: Sequence[str] | None = None) -> None:
             warnings.simplefilter("always", RobotFileWarning)
             warnings.showwarning = _say_warning
             said = [word for word in words if word != "--debug"]
-            code = app(said, prog_name="patagium", standalone_mode=False)
+            code = program()(said, prog_name="patagium", standalone_mode=False)
             raise SystemExit(code if isinstance(code, int) else 0)
     except UsageError as error:
         if not said or said == ["study"]:  # the help of a program without words
