@@ -12,17 +12,18 @@ import sys
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
-from functools import cache
+from functools import lru_cache, partial
 from io import TextIOWrapper
 from types import ModuleType
 from typing import Annotated, Any, TextIO, cast
 
 import typer
-from typer.core import TyperCommand, TyperGroup, TyperOption
+from typer.core import TyperCommand, TyperOption
+from typer.main import get_command
 
 from patagium.cli import (  # isort: skip
-    cache as cache_verb, check, cycles, evaluate, export, figures, fly, identify, import_log,
-    inspect, motion, optimize, robots, send, simulate, stream, trim, tune, view,
+    cache, check, cycles, evaluate, export, figures, fly, identify, import_log, inspect, motion,
+    optimize, robots, send, simulate, stream, trim, tune, view,
 )  # fmt: skip
 from patagium.cli.interruption import repeated_interrupt
 from patagium.cli.outputs import check_files
@@ -100,7 +101,7 @@ def _command(verb: ModuleType) -> type[TyperCommand]:
 
 for _verb in (
     simulate, trim, optimize, fly, cycles, figures, view, export, inspect, import_log, motion,
-    identify, tune, evaluate, stream, send, robots, check, cache_verb,
+    identify, tune, evaluate, stream, send, robots, check, cache,
 ):  # fmt: skip
     _add(_verb)
 _study = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown")
@@ -130,10 +131,8 @@ def _program(
     """Morphing-wing robots: their equations, their flight, and what the air does to them."""
 
 
-@cache
-def program() -> TyperGroup:
-    """Program with all its verbs, made once per process: Typer reads each signature for long."""
-    return cast(TyperGroup, typer.main.get_command(app))
+program = lru_cache(partial(get_command, app))
+"""Its parser, made once per process: Typer reads each signature for long."""
 
 
 def run(arguments: Sequence[str] | None = None) -> None:

@@ -85,7 +85,7 @@ def _factor(label: str, unit: str, expected: str, found: str) -> float:
     if not unit or not written_as_unit(plain):
         raise UnitMismatch(expected, found)
     try:
-        base, wanted = _in_base_units(plain), _in_base_units(unit)
+        base, wanted = _base(plain), _base(unit)
     except Exception:
         raise UnitMismatch(expected, f"{found} (unknown unit {label!r})") from None
     is_angle = str(wanted.units) == "radian"
@@ -96,11 +96,9 @@ def _factor(label: str, unit: str, expected: str, found: str) -> float:
     return float(base.magnitude) / float(wanted.magnitude)
 
 
-@lru_cache(maxsize=1024)
-def _in_base_units(unit: str) -> Any:
-    """One of a unit as a quantity in base units; a robot file asks for the same few."""
-    registry = _registry()
-    return registry.Quantity(1.0, registry.parse_units(unit)).to_base_units()
+@lru_cache
+def _base(unit: str) -> Any:
+    return pint_units().Quantity(1.0, unit).to_base_units()
 
 
 def written_as_unit(text: str) -> bool:
@@ -128,10 +126,11 @@ def _dimension(quantity: Any) -> str:
 
 
 @cache
-def _registry() -> Any:
+def pint_units() -> Any:
+    """Units of pint, read once."""
     import pint  # a fifth of a second: only where a unit is written
 
-    return pint.UnitRegistry(autoconvert_offset_to_baseunit=False)
+    return pint.UnitRegistry()
 
 
 _EXAMPLES = {
