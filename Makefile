@@ -23,6 +23,9 @@ EXTRAS := ardupilot bench cluster dev docs export film logs tune viewer
 BIN := .venv/bin
 STAMP := .venv/installed
 
+# every program here starts other interpreters: without bytecode each compiles the package anew
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: install demo test test-core golden lint check docs bench attack pages lock
 
 install: $(STAMP)

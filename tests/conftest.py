@@ -5,12 +5,16 @@ from __future__ import annotations
 import os
 import random
 import socket
+import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 for _threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_threads, "1")
+# tests start hundreds of interpreters: without bytecode each compiles the package for seconds
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 import numpy as np
 import pytest
@@ -26,9 +30,12 @@ settings.load_profile("repeatable")
 
 
 SLOW = (
-    *("test_reproduce.py", "test_live_browser.py", "test_validation.py", "test_rig.py"),
-    *("test_documentation.py", "test_quaternion_base.py", "test_stall_delay_invariants.py"),
-    *("test_readme.py", "test_command_line.py", "test_flight_fallback.py", "test_cycles.py"),
+    *("test_documentation.py", "test_reproduce.py", "test_live_browser.py", "test_optimal_gait.py"),
+    *("test_attack.py", "test_validation.py", "test_rig.py", "test_robot_parameters.py"),
+    *("test_tuned_settings.py", "test_stress.py", "test_adaptive_controller.py", "test_bounds.py"),
+    *("test_live_stream.py", "test_command_line.py", "test_crazyflie_log.py", "test_first_hour.py"),
+    *("test_raw_stream.py", "test_quaternion_base.py", "test_stall_delay_invariants.py"),
+    *("test_readme.py", "test_flight_fallback.py", "test_cycles.py"),
 )
 """Files that take longest, the longest first."""
 
@@ -172,7 +179,5 @@ def ornithopter_orbit() -> Orbit:
 def closed_figures() -> Iterator[None]:
     """Figures left open by a test do not pile up."""
     yield
-    import sys
-
     if "matplotlib.pyplot" in sys.modules:
         sys.modules["matplotlib.pyplot"].close("all")

@@ -12,12 +12,14 @@ import sys
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import lru_cache, partial
 from io import TextIOWrapper
 from types import ModuleType
 from typing import Annotated, Any, TextIO, cast
 
 import typer
 from typer.core import TyperCommand, TyperOption
+from typer.main import get_command
 
 from patagium.cli import (  # isort: skip
     cache, check, cycles, evaluate, export, figures, fly, identify, import_log, inspect, motion,
@@ -129,6 +131,10 @@ def _program(
     """Morphing-wing robots: their equations, their flight, and what the air does to them."""
 
 
+program = lru_cache(partial(get_command, app))
+"""Its parser, made once per process: Typer reads each signature for long."""
+
+
 def run(arguments: Sequence[str] | None = None) -> None:
     """Run the program, and leave with its exit code.
 
@@ -148,7 +154,7 @@ def run(arguments: Sequence[str] | None = None) -> None:
             warnings.simplefilter("always", RobotFileWarning)
             warnings.showwarning = _say_warning
             said = [word for word in words if word != "--debug"]
-            code = app(said, prog_name="patagium", standalone_mode=False)
+            code = program()(said, prog_name="patagium", standalone_mode=False)
             raise SystemExit(code if isinstance(code, int) else 0)
     except UsageError as error:
         if not said or said == ["study"]:  # the help of a program without words

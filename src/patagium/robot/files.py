@@ -9,7 +9,11 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from copy import deepcopy
 from dataclasses import replace
+from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
@@ -61,16 +65,8 @@ def load_robot(name_or_path: str | Path) -> Robot:
     other = path.suffix.lower() in (".nc", ".json", ".csv", ".parquet")
     if path.suffix not in (".yaml", ".yml") and (other or not os.path.exists(path)):
         known = ", ".join(preset_names())
-        raise RobotFileError(
-            name,
-            [
-                (
-                    "",
-                    f"a preset ({known}) or the path of a robot file (.yaml, .urdf)",
-                    shown(name) + similar(name, preset_names()),
-                )
-            ],
-        )
+        expected = f"a preset ({known}) or the path of a robot file (.yaml, .urdf)"
+        raise RobotFileError(name, [("", expected, shown(name) + similar(name, preset_names()))])
     return _reviewed(load_robot_text(_text(path), name), name)
 
 
@@ -115,7 +111,7 @@ def load_urdf_text(
     if base not in ("fixed", "floating"):
         raise ParameterError("base", "fixed or floating", base)
     reading = read_urdf(text, name, base == "floating")
-    robot = _robot(_parsed(reading.text, name), reading.text, name, numbered=False)
+    robot = _robot(deepcopy(_content(reading.text, name)), reading.text, name, numbered=False)
     for where, what in reading.left_out:
         warnings.warn(f"{name}: {where}: {what}", RobotFileWarning, stacklevel=2)
     return robot
@@ -127,7 +123,7 @@ def load_robot_text(text: str, name: str = "robot text") -> Robot:
     Raises:
         RobotFileError: If it describes no robot.
     """
-    return _robot(_parsed(text, name), text, name)
+    return _robot(deepcopy(_content(text, name)), text, name)
 
 
 def _robot(described: Any, text: str, name: str, numbered: bool = True) -> Robot:
@@ -213,22 +209,24 @@ def write_template(name: str) -> Path:
     return write_whole(path, text)
 
 
+@contextmanager
+def _reading() -> Iterator[None]:
+    try:
+        yield
+    except Unreadable as error:
+        raise RobotFileError(error.file, [(error.where, error.expected, error.found)]) from None
+
+
 def _text(path: Path) -> str:
-    try:
+    with _reading():
         return text_of(path, ROBOT_FILE)
-    except Unreadable as error:
-        raise _refusal(error) from None
 
 
-def _parsed(text: str, name: str) -> Any:
-    try:
+@lru_cache(maxsize=32)
+def _content(text: str, name: str) -> Any:
+    """Content of YAML, kept: a flight and all that is learned from it carry the same text."""
+    with _reading():
         return parsed_yaml(text, name, aliases=False)
-    except Unreadable as error:
-        raise _refusal(error) from None
-
-
-def _refusal(error: Unreadable) -> RobotFileError:
-    return RobotFileError(error.file, [(error.where, error.expected, error.found)])
 
 
 def _page(robot: Robot) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from functools import cache
+from functools import cache, lru_cache
 from typing import Annotated, Any, TypeAlias
 
 from pydantic import BeforeValidator, Field
@@ -84,11 +84,8 @@ def _factor(label: str, unit: str, expected: str, found: str) -> float:
     plain = re.sub(r"^1\s*/", "1/", unit_for_pint(label))  # no other unit starts with a number
     if not unit or not written_as_unit(plain):
         raise UnitMismatch(expected, found)
-    registry = _registry()
     try:
-        parsed = registry.Quantity(1.0, registry.parse_units(plain))
-        base = parsed.to_base_units()
-        wanted = registry.Quantity(1.0, registry.parse_units(unit)).to_base_units()
+        base, wanted = _base(plain), _base(unit)
     except Exception:
         raise UnitMismatch(expected, f"{found} (unknown unit {label!r})") from None
     is_angle = str(wanted.units) == "radian"
@@ -97,6 +94,11 @@ def _factor(label: str, unit: str, expected: str, found: str) -> float:
     ):
         raise UnitMismatch(expected, f"{found}, {_dimension(base)}")
     return float(base.magnitude) / float(wanted.magnitude)
+
+
+@lru_cache
+def _base(unit: str) -> Any:
+    return pint_units().Quantity(1.0, unit).to_base_units()
 
 
 def written_as_unit(text: str) -> bool:
@@ -124,10 +126,11 @@ def _dimension(quantity: Any) -> str:
 
 
 @cache
-def _registry() -> Any:
+def pint_units() -> Any:
+    """Units of pint, read once."""
     import pint  # a fifth of a second: only where a unit is written
 
-    return pint.UnitRegistry(autoconvert_offset_to_baseunit=False)
+    return pint.UnitRegistry()
 
 
 _EXAMPLES = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
@@ -26,6 +26,11 @@ class Module:
     name: str
     path: Path
     tree: ast.Module
+
+    @cached_property
+    def nodes(self) -> tuple[ast.AST, ...]:
+        """All nodes of the tree."""
+        return tuple(ast.walk(self.tree))
 
     @property
     def is_package(self) -> bool:
@@ -93,7 +98,8 @@ def all_modules() -> tuple[Module, ...]:
     return tuple(module for folder in FOLDERS for module in modules(folder))
 
 
-def functions(module: Module) -> Iterator[Function]:
+@cache
+def functions(module: Module) -> tuple[Function, ...]:
     """Functions and methods of a module, those inside functions too."""
 
     def below(node: ast.AST, before: str) -> Iterator[Function]:
@@ -105,7 +111,7 @@ def functions(module: Module) -> Iterator[Function]:
                 yield Function(module, name, child)
             yield from below(child, name)
 
-    return below(module.tree, "")
+    return tuple(below(module.tree, ""))
 
 
 @cache
@@ -123,7 +129,7 @@ def imports() -> dict[str, frozenset[str]]:
 
 
 def _targets(module: Module, known: set[str]) -> Iterator[str]:
-    for node in ast.walk(module.tree):
+    for node in module.nodes:
         names: list[str] = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -135,9 +141,14 @@ def _targets(module: Module, known: set[str]) -> Iterator[str]:
                 base = ".".join([*parts[: len(parts) - above], *base.split(".")]).rstrip(".")
             full = [f"{base}.{alias.name}" for alias in node.names]
             names = [name if name in known else base for name in full]
-        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+        elif isinstance(node, ast.Call) and _called(node) == "import_module":
             names = [a.value for a in node.args[:1] if isinstance(a, ast.Constant)]
         yield from (name for name in names if name in known)
+
+
+def _called(node: ast.Call) -> str:
+    """Last name of what is called."""
+    return str(getattr(node.func, "attr", getattr(node.func, "id", "")))
 
 
 def cycles(graph: dict[str, frozenset[str]]) -> list[list[str]]:
@@ -189,7 +200,7 @@ def classes() -> dict[str, Class]:
     exported: dict[str, dict[str, str]] = {}
     for module in all_modules():
         names = exported[module.name] = {}
-        for node in ast.walk(module.tree):
+        for node in module.nodes:
             if isinstance(node, ast.ImportFrom) and node.module and not node.level:
                 for alias in node.names:
                     names[alias.asname or alias.name] = f"{node.module}.{alias.name}"

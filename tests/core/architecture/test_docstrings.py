@@ -29,7 +29,7 @@ def documented(module: Module) -> Iterator[tuple[str, ast.AST, str]]:
     text = ast.get_docstring(module.tree)
     if text:
         yield f"{module.name} ({path})", module.tree, text
-    for node in ast.walk(module.tree):
+    for node in module.nodes:
         if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             text = ast.get_docstring(node)
             if text:

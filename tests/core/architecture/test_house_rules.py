@@ -15,6 +15,8 @@ import pytest
 
 import patagium
 
+from .source_tree import modules
+
 ROOT = Path(__file__).parents[3]
 PACKAGE = ROOT / "src" / "patagium"
 TEXT = {
@@ -35,10 +37,6 @@ def tracked(*patterns: str) -> list[Path]:
     found = {path for pattern in patterns or ("**/*",) for path in ROOT.glob(f"**/{pattern}")}
     hidden = {".venv", ".git", "out"}
     return sorted(p for p in found if p.is_file() and not hidden & set(p.relative_to(ROOT).parts))
-
-
-def modules() -> list[Path]:
-    return sorted(PACKAGE.rglob("*.py"))
 
 
 def name_of(path: Path) -> str:
@@ -73,8 +71,8 @@ def test_every_locked_requirement_has_a_hash() -> None:
     assert all("--hash=sha256:" in block for block in blocks)
 
 
-def public_definitions(path: Path) -> Iterator[ast.FunctionDef | ast.ClassDef]:
-    for node in ast.parse(path.read_text("utf-8")).body:
+def public_definitions(tree: ast.Module) -> Iterator[ast.FunctionDef | ast.ClassDef]:
+    for node in tree.body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
             yield node
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
@@ -83,25 +81,25 @@ def public_definitions(path: Path) -> Iterator[ast.FunctionDef | ast.ClassDef]:
                     yield inner
 
 
-@pytest.mark.parametrize("path", modules(), ids=name_of)
-def test_every_module_says_what_it_is(path: Path) -> None:
-    text = path.read_text("utf-8")
-    assert not text.strip() or ast.get_docstring(ast.parse(text))
+def test_every_module_says_what_it_is() -> None:
+    assert len(modules()) > 100
+    silent = [one for one in modules() if one.tree.body and not ast.get_docstring(one.tree)]
+    assert [name_of(one.path) for one in silent] == []
 
 
-@pytest.mark.parametrize("path", modules(), ids=name_of)
-def test_names_are_words_of_the_field(path: Path) -> None:
+def test_names_are_words_of_the_field() -> None:
     guilty = set()
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-        names = []
-        if isinstance(node, ast.FunctionDef | ast.ClassDef):
-            names.append(node.name)
-        if isinstance(node, ast.FunctionDef):
-            names += [a.arg for a in (*node.args.args, *node.args.kwonlyargs)]
-        for name in names:
-            words = set(re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower().strip("_").split("_"))
-            if words & BANNED and name not in ALLOWED_NAMES:
-                guilty.add(name)
+    for module in modules():
+        for node in module.nodes:
+            names = []
+            if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                names.append(node.name)
+            if isinstance(node, ast.FunctionDef):
+                names += [a.arg for a in (*node.args.args, *node.args.kwonlyargs)]
+            for name in names:
+                words = set(re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower().strip("_").split("_"))
+                if words & BANNED and name not in ALLOWED_NAMES:
+                    guilty.add(f"{name_of(module.path)}: {name}")
     assert guilty == set()
 
 
@@ -116,12 +114,14 @@ PHYSICAL = ("robot", "dynamics", "aerodynamics", "simulation")
 @pytest.mark.parametrize("layer", PHYSICAL)
 def test_arrays_of_physical_layers_carry_units(layer: str) -> None:
     without = []
-    for path in sorted((PACKAGE / layer).rglob("*.py")):
-        for node in public_definitions(path):
+    for module in modules():
+        if not module.path.is_relative_to(PACKAGE / layer):
+            continue
+        for node in public_definitions(module.tree):
             text = ast.get_docstring(node) or ""
             if isinstance(node, ast.FunctionDef) and "Args:" in text:
                 if describes_an_array(text) and not UNIT.search(text):
-                    without.append(f"{name_of(path)}: {node.name}")
+                    without.append(f"{name_of(module.path)}: {node.name}")
     assert not without, "\n".join(without)
 
 
@@ -148,9 +148,9 @@ def test_public_names_explain_every_argument(name: str) -> None:
 
 def test_no_user_input_is_checked_by_assert() -> None:
     guilty = [
-        f"{name_of(path)}:{node.lineno}"
-        for path in modules()
-        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        f"{name_of(module.path)}:{node.lineno}"
+        for module in modules()
+        for node in module.nodes
         if isinstance(node, ast.Assert)
     ]
     assert guilty == []

@@ -14,6 +14,8 @@ import patagium
 from patagium.cli.learner_options import setting_options
 from patagium.learning.settings import leaves
 
+from .source_tree import modules
+
 SOURCE = Path(patagium.__file__).parent
 DOCS = Path(__file__).parents[3] / "docs"
 OLD_FIELD = "    prior_share: float = setting(\n"
@@ -113,14 +115,14 @@ def test_no_other_module_lists_settings() -> None:
     """A dict, set, list or tuple with four settings or more would be a second registry."""
     names = {path.rpartition(".")[2] for path, _ in leaves()} | {"screening", "noise_estimation"}
     guilty = []
-    for path in SOURCE.rglob("*.py"):
-        if path.name == "settings.py" and path.parent.name == "learning":
+    for module in modules():
+        if module.name == "patagium.learning.settings":
             continue
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        for node in module.nodes:
             listed = getattr(node, "keys" if isinstance(node, ast.Dict) else "elts", None) or []
             words = {one.value for one in listed if isinstance(one, ast.Constant)}
             if len({word for word in words if isinstance(word, str)} & names) > 3:
-                guilty.append(f"{path.relative_to(SOURCE)}:{node.lineno}")
+                guilty.append(f"{module.name}:{node.lineno}")
     assert guilty == []
 
 

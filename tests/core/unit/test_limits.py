@@ -71,10 +71,10 @@ def test_units_of_people_are_read(unit, factor):
 
 
 def test_many_unknown_keys_make_a_short_message():
-    words = yaml.safe_load(preset_text("aerobat")) | {f"unknown_{k}": k for k in range(3000)}
+    words = yaml.safe_load(preset_text("aerobat")) | {f"unknown_{k}": k for k in range(300)}
     with pytest.raises(RobotFileError) as caught:
         load_robot_text(yaml.safe_dump(words), "many.yaml")
-    assert f"and {3000 - PROBLEMS} more" in str(caught.value)
+    assert f"and {300 - PROBLEMS} more" in str(caught.value)
     assert len(str(caught.value)) < 2000
 
 

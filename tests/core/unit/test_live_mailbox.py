@@ -51,7 +51,7 @@ def _write(box, count):
 
 
 def test_another_process_is_read_without_a_torn_letter():
-    box, count = Mailbox(LAYOUT, 4), 20_000
+    box, count = Mailbox(LAYOUT, 4), 2_000
     writer = get_context("spawn").Process(target=_write, args=(box, count))
     writer.start()
     seen = []
@@ -62,6 +62,49 @@ def test_another_process_is_read_without_a_torn_letter():
             seen.append(int(letter["number"]))
     writer.join()
     assert seen == sorted(set(seen)) and 1 < len(seen) <= count
+
+
+class Interrupted:
+    """Slots of a mailbox, or fields of them, that let another run after each step."""
+
+    def __init__(self, inner, step):
+        self.inner, self.step = inner, step
+
+    def __len__(self):
+        return len(self.inner)
+
+    def __getitem__(self, key):
+        return Interrupted(self.inner[key], self.step) if key != "number" else self.inner[key]
+
+    def __setitem__(self, key, value):
+        self.inner[key] = value
+        self.step()
+
+    def copy(self):
+        found = self.inner.copy()
+        self.step()
+        return found
+
+
+def test_a_letter_is_not_taken_while_it_is_written_or_overwritten():
+    box = Mailbox(LAYOUT, 1)
+    reader = Mailbox.__new__(Mailbox)
+    reader.__setstate__(box.__getstate__())
+    box.put({"number": 1, "values": 1.0})
+    slots, seen = box._slots, []
+
+    def look():
+        reader._seen = 0
+        seen.extend(reader.take())
+
+    look()
+    assert [int(letter["number"]) for letter in seen] == [1]
+    box._slots = Interrupted(slots, look)
+    box.put({"number": 2, "values": 2.0})
+    assert len(seen) == 1  # the former one was being overwritten, the new one was not yet sent
+    box._slots, reader._seen = slots, 0
+    reader._slots = Interrupted(reader._slots, lambda: box.put({"number": 3, "values": 3.0}))
+    assert reader.take() == []  # it changed while it was copied
 
 
 @pytest.fixture

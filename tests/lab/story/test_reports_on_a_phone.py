@@ -22,6 +22,8 @@ SCREENS = {"screen": (1400, 900), "phone": (390, 844)}
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder with a flight, the report of what was learned from it, and its figures."""
+    if found() is None:
+        pytest.skip("no Chromium on this machine")
     out = tmp_path_factory.mktemp("report")
     flight = str(out / "flight.nc")
     for words in (
@@ -45,9 +47,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
-    if found() is None:
-        pytest.skip("no Chromium on this machine")
+def browser(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
     with Chromium(tmp_path_factory.mktemp("chromium"), *SCREENS["screen"]) as opened:
         yield opened
 

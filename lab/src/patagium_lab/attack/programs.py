@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import typer
 
 import patagium as pt
 from patagium_lab.attack.disk_faults import FULL, KINDS, injector
@@ -144,9 +143,9 @@ def option_parameters(verb: str) -> list[Any]:
     Args:
         verb: Its name, with that of its group.
     """
-    from patagium.cli.main import app
+    from patagium.cli.main import program
 
-    command: Any = typer.main.get_command(app)
+    command: Any = program()
     for word in verb.split():
         command = command.commands[word]
     options = [p for p in command.params if p.param_type_name == "option"]

@@ -6,7 +6,6 @@ no other expressions. `docs/logs.md` has an example for each kind of file.
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,7 +15,7 @@ from patagium.arguments import checked
 from patagium.errors import LogError, shown
 from patagium.limits import YAML_TEXT
 from patagium.reading import parsed_yaml, refused, text_of
-from patagium.robot.units import unit_for_pint, written_as_unit
+from patagium.robot.units import pint_units, unit_for_pint, written_as_unit
 from patagium.sensing.logs.axes import AXES_WORDS, axes_of
 
 _DERIVED = {
@@ -280,7 +279,7 @@ def conversion(unit: str, target: str | None, where: str) -> tuple[float, str]:
 
     known = _unit(unit, where)
     wanted = None if target is None else _unit(target, where)
-    numbers = [_registry().Quantity(number, known) for number in (0.0, 1.0)]
+    numbers = [pint_units().Quantity(number, known) for number in (0.0, 1.0)]
     try:
         zero, one = (n.to_base_units() if wanted is None else n.to(wanted) for n in numbers)
     except DimensionalityError as problem:
@@ -293,19 +292,12 @@ def conversion(unit: str, target: str | None, where: str) -> tuple[float, str]:
     return float(one.magnitude), _written(f"{one.units:~}")
 
 
-@cache
-def _registry() -> Any:
-    import pint  # a fifth of a second: only where a table is read
-
-    return pint.UnitRegistry()
-
-
 def _unit(text: str, where: str) -> Any:
     try:
         plain = unit_for_pint("" if text.strip() == "1" else text)
         if plain and not written_as_unit(plain):
             raise ValueError("no unit is written like this")
-        return _registry().Unit(plain)
+        return pint_units().Unit(plain)
     except Exception as problem:  # pint raises its own, tokenize's and Python's for bad text
         raise LogError(
             f"{where}: expected a unit such as 'm/s^2', 'deg/s', 'g_0' or '1', found {shown(text)}"
