@@ -188,7 +188,9 @@ class LiftingLine(Aerodynamics):
         gains = surface_gains(self.robot, robot, p.surface_constant)
         late = geometric - wash.effective
         stalls = [
-            self._stall(motion, (wash.lagged[i], late[i]), gains[i], state[self._own(i)], p)
+            self._stall(
+                motion, (wash.lagged[i], late[i]), gains[i] * net.cosines[i], state[self._own(i)], p
+            )
             for i, motion in enumerate(motions)
         ]
         loads = [
@@ -235,7 +237,7 @@ class LiftingLine(Aerodynamics):
         gains = surface_gains(robot, robot, p.surface_constant)
         derivative = lag_relaxation(motions, wash.effective, p.lags).derivative(state)
         lift = [
-            gain * net.shares[i] * _pressure(motion, p) * wash.lagged[i]
+            gain * net.cosines[i] * net.shares[i] * _pressure(motion, p) * wash.lagged[i]
             for i, (motion, gain) in enumerate(zip(motions, gains, strict=True))
         ]
         results = [
