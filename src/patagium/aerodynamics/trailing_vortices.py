@@ -4,9 +4,9 @@ Each strip carries a bound vortex at its quarter chord and sheds a straight semi
 from each end, along the wind relative to that end but at most 45 degrees from the plane across
 the span; neighbors share a leg. A lifting line and the networks built on one share the linear
 system of the circulations of all strips, and a step of the lag states in which vortices and lags
-at its end feel each other. Neglected: what bound vortices induce on other strips, the bending of
-the wake by its own velocity and by the motion of long ago, in aspect ratios and the factor of low
-ones any difference between the strips of a wing.
+at its end feel each other. Neglected: what bound vortices induce on their own wing (sweep is in
+the section's slope) and in the ground's image, the bending of the wake by its own velocity and by
+the motion of long ago, in aspect ratios and the factor of low ones any difference between strips.
 """
 
 from __future__ import annotations
