@@ -3,7 +3,7 @@
 Every strip is an unsteady thin airfoil in the wind that all strips' trailing vortices
 induce; its memory of the wake shed across the span is a few lagged normalwashes.
 Neglected: added mass (apart, `added_mass`), wake that bends, bound vortices' wind on
-other strips, lift of a body between wings.
+strips of the same wing, lift of a body between wings.
 """
 
 from __future__ import annotations
@@ -85,7 +85,8 @@ class LiftingLine(Aerodynamics):
         lift         L = 1/2 rho c ds a0 U W,                       W = phi(0) w_e + sum_k a_k z_k,
 
     perpendicular to the wind u + Q G + (W - w_e) along the lift: induced drag is the tilt.
-    Low aspect ratio takes a gain off L and G; profile drag is 1/2 rho c ds C_d |u| u; the
+    a0 is the section's slope times the cosine of the sweep of the quarter chord. Low aspect
+    ratio takes a gain off L and G; profile drag is 1/2 rho c ds C_d |u| u; the
     section says what share of the flow is separated at the effective incidence
     atan2(W, |u_chord|), and its loads. A wing that moves backward is its mirror image.
     Signs and norms are smoothed within `smooth_functions.SWITCH_SPEED` of zero.
@@ -188,7 +189,9 @@ class LiftingLine(Aerodynamics):
         gains = surface_gains(self.robot, robot, p.surface_constant)
         late = geometric - wash.effective
         stalls = [
-            self._stall(motion, (wash.lagged[i], late[i]), gains[i], state[self._own(i)], p)
+            self._stall(
+                motion, (wash.lagged[i], late[i]), gains[i] * net.cosines[i], state[self._own(i)], p
+            )
             for i, motion in enumerate(motions)
         ]
         loads = [
@@ -235,7 +238,7 @@ class LiftingLine(Aerodynamics):
         gains = surface_gains(robot, robot, p.surface_constant)
         derivative = lag_relaxation(motions, wash.effective, p.lags).derivative(state)
         lift = [
-            gain * net.shares[i] * _pressure(motion, p) * wash.lagged[i]
+            gain * net.cosines[i] * net.shares[i] * _pressure(motion, p) * wash.lagged[i]
             for i, (motion, gain) in enumerate(zip(motions, gains, strict=True))
         ]
         results = [

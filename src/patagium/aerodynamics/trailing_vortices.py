@@ -4,9 +4,9 @@ Each strip carries a bound vortex at its quarter chord and sheds a straight semi
 from each end, along the wind relative to that end but at most 45 degrees from the plane across
 the span; neighbors share a leg. A lifting line and the networks built on one share the linear
 system of the circulations of all strips, and a step of the lag states in which vortices and lags
-at its end feel each other. Neglected: what bound vortices induce on other strips, the bending of
-the wake by its own velocity and by the motion of long ago, in aspect ratios and the factor of low
-ones any difference between the strips of a wing.
+at its end feel each other. Neglected: what bound vortices induce on their own wing (sweep is in
+the section's slope) and in the ground's image, the bending of the wake by its own velocity and by
+the motion of long ago, in aspect ratios and the factor of low ones any difference between strips.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
-from typing import Any
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -24,6 +24,7 @@ from patagium.aerodynamics.ground import GroundPlane
 from patagium.aerodynamics.indicial import Lags, Relaxation, lag_relaxation, lag_step
 from patagium.aerodynamics.local_flow import StripMotion, strip_airflows, velocity_at
 from patagium.aerodynamics.smooth_functions import SWITCH_SPEED, smooth_norm, smooth_sign
+from patagium.arrays import Bools
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import Pose, Twist, body_poses
 from patagium.robot.model import Robot, Strip
@@ -105,6 +106,7 @@ class Lattice:
         directions: Directions of the legs, (3, m) [-]; of unit length but near rest.
         core_squares: Squared core radii, (m, 1) [m^2].
         shares: Length of each bound vortex, from leg to leg, over the strip's width, (n, 1) [-].
+        cosines: Of the sweep of the quarter chord against the strips' own axes, (n, 1) [-].
     """
 
     points: ca.SX
@@ -114,6 +116,7 @@ class Lattice:
     directions: ca.SX
     core_squares: ca.SX
     shares: ca.SX
+    cosines: ca.SX
 
 
 def lattice(robot: Robot, chains: Sequence[StripChain], q: ca.SX, v: ca.SX, wind: ca.SX) -> Lattice:
@@ -138,6 +141,7 @@ def lattice(robot: Robot, chains: Sequence[StripChain], q: ca.SX, v: ca.SX, wind
         directions=ca.horzcat(*[leg[1] for leg in legs]),
         core_squares=ca.vertcat(*[leg[2] for leg in legs]),
         shares=_shares(robot, chains),
+        cosines=_cosines(robot, chains),
     )
 
 
@@ -228,65 +232,95 @@ def _across(velocity: ca.SX, span: ca.SX) -> ca.SX:
 
 
 def _end_offsets(strips: Sequence[Strip], right: Sequence[int], k: int) -> tuple[ca.SX, ca.SX]:
-    """Beginnings of the legs of a strip, body axes, (3, 1) each [m].
-
-    On the line through the quarter chords of neighbors on the same body, which goes on
-    beyond the last of them; inside of a free end.
-    """
-    strip = strips[k]
-    center, width = vector(strip.quarter_chord), strip.width
-    slopes: dict[int, ca.SX] = {}
-    for side, i in ((-1, k - 1), (1, k + 1)):
-        if 0 <= i < len(strips) and strips[i].body == strip.body:
-            step = (vector(strips[i].quarter_chord) - center) * side
-            slopes[side] = step / (width + strips[i].width)
-    alone = vector(np.cross(strip.forward, strip.normal) * right[k]) / 2
-    before = slopes.get(-1, slopes.get(1, alone))
-    after = slopes.get(1, slopes.get(-1, alone))
-    inset = 2 * _inset(strip)
-    begin = width - (inset if k == 0 else 0.0)
-    end = width - (inset if k == len(strips) - 1 else 0.0)
+    """Beginnings of the legs of a strip, body axes, (3, 1) each [m]; inside of a free end."""
+    strip, (before, after) = strips[k], _line(strips, right, k)
+    center, inset = vector(strip.quarter_chord), 2 * _inset(strip)
+    begin = strip.width - (inset if k == 0 else 0.0)
+    end = strip.width - (inset if k == len(strips) - 1 else 0.0)
     return center - before * begin, center + after * end
 
 
+def _line(strips: Sequence[Strip], right: Sequence[int], k: int) -> tuple[ca.SX, ca.SX]:
+    """Line through the quarter chords of neighbors on the same body, over a strip's width.
+
+    It goes on beyond the last of them. Half of it before the strip's middle and half after it,
+    body axes, (3, 1) each [-].
+    """
+    strip = strips[k]
+    slopes: dict[int, ca.SX] = {}
+    for side, i in ((-1, k - 1), (1, k + 1)):
+        if 0 <= i < len(strips) and strips[i].body == strip.body:
+            step = (vector(strips[i].quarter_chord) - vector(strip.quarter_chord)) * side
+            slopes[side] = step / (strip.width + strips[i].width)
+    alone = vector(np.cross(strip.forward, strip.normal) * right[k]) / 2
+    before = slopes.get(-1, slopes.get(1, alone))
+    return before, slopes.get(1, slopes.get(-1, alone))
+
+
+def _cosines(robot: Robot, chains: Sequence[StripChain]) -> ca.SX:
+    """Cosine of the angle of each quarter chord to its strip's own axis across, (n, 1)."""
+    cosines = ca.SX.ones(len(robot.strips), 1)
+    for chain in chains:
+        strips = [robot.strips[i] for i in chain.strips]
+        for k, index in enumerate(chain.strips):
+            line, forward = sum(_line(strips, chain.right, k), ca.SX(0)), strips[k].forward
+            along, square = ca.dot(line, vector(forward)), ca.dot(line, line)
+            cosines[index] = ca.sqrt(1.0 - along * along / square)
+    return cosines
+
+
 @functools.cache
-def horseshoe_function(sizes: tuple[int, ...]) -> ca.Function:
-    """Circulation of chains of strips, and the velocity that their legs induce.
+def horseshoe_function(sizes: tuple[int, ...], images: bool = False) -> ca.Function:
+    """Circulation of chains of strips, and the velocity that their vortices induce.
 
     A leg that begins at E and goes along the unit vector d gives a point at r = p - E
         K = d x r (1 + d.r/|r|) / (4 pi |d x r|^2)
-    for unit circulation along d (a polynomial within its core). With the circulation
-    c_i of strip i along the chain, leg k carries c_(k-1) - c_k, and
-        c_i = gain_i (wash_i + feedthrough n_i . sum_k K_ki (c_(k-1) - c_k)).
+    for unit circulation along d (a polynomial within its core), without d.r/|r| on strips of its
+    own chain: there, each strip has its legs begin abreast of it, since without the wind of bound
+    vortices on their own wing, which is left out, a swept wing has no solution that strips
+    converge to. On strips of other chains the bound vortex from the beginning E of one leg to
+    that of the next, at r and s = r - L, gives
+        B = r x s (r/|r| - s/|s|).L / (4 pi (|r x s|^2 + core^2 |L|^2)).
+    With the circulation c_i of strip i along the chain, leg k carries c_(k-1) - c_k, and
+        c_i = gain_i (wash_i + feedthrough n_i . (sum_k K_ki (c_(k-1) - c_k) + sum_j B_ji c_j)).
     One call in compiled code: `kernels/horseshoes.h`.
+
+    Args:
+        sizes: Strips of each chain.
+        images: Whether the second half of the chains are images of the first half in the ground,
+            whose bound vortices are left out as those of the own wing are.
 
     Returns:
         (points (3, n) [m], normals (3, n), edges (3, m) [m], directions (3, m),
         core_squares (m,) [m^2], gain (n,) [m], wash (n,) [m/s], feedthrough)
         -> (circulation (n,) [m^2/s], velocity (3, n) [m/s]).
     """
-    count, legs = sum(sizes), sum(sizes) + len(sizes)
+    count, legs, wings = sum(sizes), sum(sizes) + len(sizes), len(sizes) // (1 + images)
     points, normals = ca.SX.sym("points", 3, count), ca.SX.sym("normals", 3, count)
     edges, directions = ca.SX.sym("edges", 3, legs), ca.SX.sym("directions", 3, legs)
     core_squares, gain = ca.SX.sym("core_squares", legs), ca.SX.sym("gain", count)
     wash, feedthrough = ca.SX.sym("wash", count), ca.SX.sym("feedthrough")
-    influence = _influence(points, edges, directions, core_squares)
-    normalwash = sum((k * ca.repmat(n, legs, 1) for k, n in _pairs(influence, normals)), ca.SX(0))
+    chain = np.repeat(np.arange(len(sizes)), sizes)
+    first = np.arange(count) + chain  # leg at which each strip begins
     # which strips' circulation each leg carries: + of the one before, - of the one after
     carried = np.zeros((legs, count))
-    leg = strip = 0
-    for size in sizes:
-        for k in range(size):
-            carried[leg + k, strip + k], carried[leg + k + 1, strip + k] = -1.0, 1.0
-        leg, strip = leg + size + 1, strip + size
+    carried[first, range(count)], carried[first + 1, range(count)] = -1.0, 1.0
+    apart = np.repeat(np.arange(len(sizes)), np.array(sizes) + 1)[:, None] != chain
+    influence = _influence(points, edges, directions, core_squares, apart)
+    strange = chain[:, None] % wings != chain % wings
+    begins = [int(leg) for leg in first]
+    bound = _bound_influence(points, edges, core_squares, begins, strange)
     carries = ca.sparsify(ca.DM(carried))
-    matrix = ca.SX.eye(count) - ca.diag(gain * feedthrough) @ (normalwash.T @ carries)
+    by_strip = [k.T @ carries + one.T for k, one in zip(influence, bound, strict=True)]
+    normalwash = ca.SX(0)
+    for axis, one in enumerate(by_strip):
+        normalwash += one * ca.repmat(normals[axis, :].T, 1, count)
+    matrix = ca.SX.eye(count) - ca.diag(gain * feedthrough) @ normalwash
     circulation = _solve(ca.densify(matrix), gain * wash)
-    trailing = carries @ circulation
-    velocity = ca.vertcat(*[(k.T @ trailing).T for k in influence])
+    velocity = ca.vertcat(*[(one @ circulation).T for one in by_strip])
     inputs = [points, normals, edges, directions, core_squares, gain, wash, feedthrough]
     return ca.Function(
-        "_".join(["horseshoes", *map(str, sizes)]),
+        "_".join(["horseshoes", *map(str, (wings, *sizes))]),
         inputs,
         [circulation, ca.densify(velocity)],
         ["points", "normals", "edges", "directions", "core_squares", "gain", "wash", "feedthrough"],
@@ -295,30 +329,61 @@ def horseshoe_function(sizes: tuple[int, ...]) -> ca.Function:
     )
 
 
-def _pairs(influence: Sequence[ca.SX], normals: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
-    return [(influence[axis], normals[axis, :]) for axis in range(3)]
+Vectors: TypeAlias = list[ca.SX]
+"""x, y and z of vectors, each a matrix whose columns are those of strips."""
 
 
 def _influence(
-    points: ca.SX, edges: ca.SX, directions: ca.SX, core_squares: ca.SX
-) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """x, y and z of K for every leg (row) and strip (column), (m, n) each [1/m]."""
-    legs, count = edges.shape[1], points.shape[1]
+    points: ca.SX, edges: ca.SX, directions: ca.SX, core_squares: ca.SX, apart: Bools
+) -> Vectors:
+    """K for every leg (row) and strip (column), (m, n) each [1/m]; `apart` are other chains'."""
+    count = points.shape[1]
     d = [ca.repmat(directions[axis, :].T, 1, count) for axis in range(3)]
-    r = [
-        ca.repmat(points[axis, :], legs, 1) - ca.repmat(edges[axis, :].T, 1, count)
-        for axis in range(3)
-    ]
+    r = _from(edges, points)
     core = ca.repmat(core_squares, 1, count)
-    across = [d[i] * r[j] - d[j] * r[i] for i, j in ((1, 2), (2, 0), (0, 1))]
-    distance = across[0] ** 2 + across[1] ** 2 + across[2] ** 2
-    square = r[0] ** 2 + r[1] ** 2 + r[2] ** 2 + NEAR * core
-    along = d[0] * r[0] + d[1] * r[1] + d[2] * r[2]
+    across = _crossed(d, r)
+    distance = _dot(across, across)
+    square = _dot(r, r) + NEAR * core
     e = ca.fmin(distance / core, 1.0) - 1.0
     inverse = 1.0 / ca.fmax(distance, core) - e * (1.0 - e * (1.0 - e)) / core
-    strength = inverse * (1.0 + along / ca.sqrt(square)) / (4 * pi)
-    x, y, z = (component * strength for component in across)
-    return x, y, z
+    ahead = ca.sparsify(ca.DM(apart.astype(float))) * _dot(d, r) / ca.sqrt(square)
+    strength = inverse * (1.0 + ahead) / (4 * pi)
+    return [component * strength for component in across]
+
+
+def _bound_influence(
+    points: ca.SX, edges: ca.SX, core_squares: ca.SX, begins: list[int], strange: Bools
+) -> Vectors:
+    """B for every strip's bound vortex (row) and strip (column), (n, n) each [1/m]."""
+    count = points.shape[1]
+    ends = [k + 1 for k in begins]
+    r, s = _from(edges[:, begins], points), _from(edges[:, ends], points)
+    length = [ca.repmat((edges[a, ends] - edges[a, begins]).T, 1, count) for a in range(3)]
+    core = ca.repmat(core_squares[begins], 1, count)
+    across = _crossed(r, s)
+    near = [ca.sqrt(_dot(x, x) + NEAR * core) for x in (r, s)]
+    along = _dot(r, length) / near[0] - _dot(s, length) / near[1]
+    square = _dot(across, across) + core * _dot(length, length)
+    others = ca.sparsify(ca.DM(strange.astype(float)))
+    strength = others * along / square / (4 * pi)
+    return [component * strength for component in across]
+
+
+def _from(begins: ca.SX, points: ca.SX) -> Vectors:
+    """From every beginning (row) to every point (column) [m]."""
+    sizes = begins.shape[1], points.shape[1]
+    return [
+        ca.repmat(points[a, :], sizes[0], 1) - ca.repmat(begins[a, :].T, 1, sizes[1])
+        for a in range(3)
+    ]
+
+
+def _crossed(a: Vectors, b: Vectors) -> Vectors:
+    return [a[i] * b[j] - a[j] * b[i] for i, j in ((1, 2), (2, 0), (0, 1))]
+
+
+def _dot(a: Vectors, b: Vectors) -> ca.SX:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def _solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
@@ -463,15 +528,17 @@ def _induced(
     for i, along in zip(order, right, strict=True):
         sign = along * smooth_sign(motions[i].forward)
         share = shares[i] if isinstance(shares, list) else shares
-        gain.append(sign * motions[i].strip.chord * lift_slope / 2 * share)
+        slope = lift_slope * net.cosines[i]
+        gain.append(sign * motions[i].strip.chord * slope / 2 * share)
     given = [
         *(net.points[:, order], net.normals[:, order]),
         *(net.edges, net.directions, net.core_squares),
         *(ca.vertcat(*gain), ca.vertcat(*[bound[i] for i in order])),
     ]
+    images = vortices.ground is not None
     if vortices.ground is not None:
         sizes, given = 2 * sizes, _with_images(vortices.ground, given)
-    circulation, induced = horseshoe_function(sizes)(*given, feedthrough)
+    circulation, induced = horseshoe_function(sizes, images)(*given, feedthrough)
     of_strip = [order.index(i) for i in range(len(order))]
     signed = [circulation[k] * right[k] for k in of_strip]
     return ca.vertcat(*signed), induced[:, of_strip]
@@ -524,5 +591,6 @@ def attached_lift(
     wind_forward = -forward + gain * ca.dot(net.forwards[:, strip], induced) - shed * normal
     wind_normal = -normal + gain * ca.dot(net.normals[:, strip], induced) + shed * forward
     wind = smooth_norm(wind_forward * wind_forward + wind_normal * wind_normal)
-    lift = sign * gain * net.shares[strip] * pressure * wash.lagged[strip] / wind
+    swept = net.cosines[strip] * net.shares[strip]
+    lift = sign * gain * swept * pressure * wash.lagged[strip] / wind
     return lift * wind_normal, -lift * wind_forward

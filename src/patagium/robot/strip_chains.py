@@ -118,9 +118,17 @@ def _near(robot: Robot, places: list[Pose], first: StripChain, second: StripChai
 
 
 def _gap(robot: Robot, places: list[Pose], first: StripChain, second: StripChain) -> float:
-    """Distance from the end of a chain to the beginning of another [m]."""
+    """Distance from the end of a chain to the beginning of another [m].
+
+    On one body without its part along the chord: strips of a swept wing lie behind each other.
+    """
+    last, next_ = robot.strips[first.strips[-1]], robot.strips[second.strips[0]]
     end = _end(robot, places, first.strips[-1], first.right[-1])
-    return float(np.linalg.norm(end - _end(robot, places, second.strips[0], -second.right[0])))
+    apart = end - _end(robot, places, second.strips[0], -second.right[0])
+    if last.body == next_.body:
+        forward = places[last.body][1] @ np.asarray(last.forward)
+        apart = apart - forward * (forward @ apart)
+    return float(np.linalg.norm(apart))
 
 
 def _end(robot: Robot, places: list[Pose], index: int, right: int) -> Array:

@@ -40,9 +40,11 @@ def test_wings_that_meet_share_legs_and_wings_apart_do_not(aerobat: Robot) -> No
     assert whole.reverse.reverse == whole
 
 
-def test_the_kernel_is_the_symbolic_function(rng: np.random.Generator) -> None:
-    sizes = (3, 9, 1)
-    function = horseshoe_function(sizes)
+@pytest.mark.parametrize(("sizes", "images"), [((3, 9, 1), False), ((3, 1, 3, 1), True)])
+def test_the_kernel_is_the_symbolic_function(
+    sizes: tuple[int, ...], images: bool, rng: np.random.Generator
+) -> None:
+    function = horseshoe_function(sizes, images)
     inputs = [ca.SX.sym(n, *function.size_in(k)) for k, n in enumerate(function.name_in())]
     outer = ca.Function("outer", inputs, function(*inputs), function.name_in(), ["c", "u"])
     compiled = load_functions(f"test {sizes}", lambda: [outer], label="horseshoes")["outer"]

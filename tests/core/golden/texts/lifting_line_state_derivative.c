@@ -306,7 +306,7 @@ void state_derivative(const double *const *arg, double *const *res) {
   double call298_a7[] = {t291};
   double call298_r0[1];
   double call298_r1[3];
-  horseshoes_double(1, (const int[]){1},
+  horseshoes_double(2, (const int[]){1, 1},
     (const double *const[]){call298_a0, call298_a1, call298_a2, call298_a3, call298_a4, call298_a5, call298_a6, call298_a7}, (double *const[]){call298_r0, call298_r1});
   const double t299 = call298_r0[0];
   const double t300 = call298_r1[0];
