@@ -1,4 +1,4 @@
-"""`patagium export`: a flight or its forces for Foxglove and PlotJuggler."""
+"""`patagium export`: a flight or its forces for Foxglove, PlotJuggler and Rerun."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from patagium.errors import LogError
 EXAMPLES = (
     "patagium export flight.nc -o flight.mcap",
     "patagium export flight.nc -o flight.mcap --model model.json",
-    "patagium export stream.nc -o stream.mcap",
+    "patagium export stream.nc -o stream.rrd",
 )
 
 
@@ -22,10 +22,10 @@ def export(
     file: Annotated[
         Path, typer.Argument(help="Flight, recorded stream, motion or predictions (.nc).")
     ],
-    out: Annotated[Path, typer.Option(*OUTPUT, help="File to write (.mcap).")],
+    out: Annotated[Path, typer.Option(*OUTPUT, help="File to write (.mcap or .rrd).")],
     model: PredictedOption = None,
 ) -> None:
-    """Write a flight, its forces and predictions for Foxglove and PlotJuggler.
+    """Write a flight, its forces and predictions for Foxglove and PlotJuggler, or for Rerun.
 
     Each quantity over time is a topic with the names of its numbers and its unit; the bodies of
     the robot are frames in the world.

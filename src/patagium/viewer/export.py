@@ -1,4 +1,4 @@
-"""Flights, forces and predictions as MCAP recordings for other tools.
+"""Flights, forces and predictions as recordings of other tools: MCAP and Rerun.
 
 A topic is a variable over time. Its names along the other axes are those of the file, its unit
 is in the schema; bodies are frames in the world. Neglected: what is not over time.
@@ -84,7 +84,7 @@ def body_frames(record: xr.Dataset) -> dict[str, tuple[Array, Array]]:
 
 
 def export(record: xr.Dataset, path: str | Path) -> Path:
-    """Write a record for Foxglove and PlotJuggler (.mcap), whole or not at all.
+    """Write a record for Foxglove and PlotJuggler (.mcap) or Rerun (.rrd), whole or not at all.
 
     Args:
         record: A flight, a stream, a motion or predictions, over time.
@@ -96,15 +96,19 @@ def export(record: xr.Dataset, path: str | Path) -> Path:
         OutputError: If the file cannot be written.
     """
     target = Path(path)
-    if target.suffix.lower() != ".mcap":
-        raise ParameterError("out", "a file of the kind .mcap", target.name)
+    kinds = {".mcap": ("mcap.writer", _write_mcap), ".rrd": ("rerun", _write_rerun)}
+    if target.suffix.lower() not in kinds:
+        raise ParameterError("out", "a file of the kind .mcap or .rrd", target.name)
+    package, write = kinds[target.suffix.lower()]
     try:
-        library = import_module("mcap.writer")
+        library = import_module(package)
     except ImportError:
-        raise ParameterError("export", "mcap: pip install 'patagium[export]'", None) from None
+        name, extra = ("rerun",) * 2 if package == "rerun" else ("mcap", "export")
+        expected = f"{name}: pip install 'patagium[{extra}]'"
+        raise ParameterError("export", expected, None) from None
     topics = topics_of(record)
     with whole_file(target) as draft:
-        _write_mcap(library, draft, record, topics)
+        write(library, draft, record, topics)
     return target
 
 
@@ -195,3 +199,21 @@ _FRAMES = _object(
         ),
     }
 )
+
+
+def _write_rerun(library: Any, path: Path, record: xr.Dataset, topics: list[Topic]) -> None:
+    """Scalars of each topic, and the frames of the bodies, over time."""
+    recording = library.RecordingStream("patagium")
+    recording.save(path)
+    time = library.TimeColumn("time", duration=record["time"].to_numpy())
+    for topic in topics:
+        words = [f"{label} [{topic.unit}]" for label in topic.labels]
+        recording.log(topic.name, library.SeriesLines(names=words), static=True)
+        columns = library.Scalars.columns(scalars=topic.values)
+        recording.send_columns(topic.name, indexes=[time], columns=columns)
+    for name, (place, turn) in body_frames(record).items():
+        columns = library.Transform3D.columns(translation=place, quaternion=turn)
+        recording.send_columns(f"world/{name}", indexes=[time], columns=columns)
+        recording.log(f"world/{name}", library.TransformAxes3D(0.05), static=True)
+    recording.flush()
+    recording.disconnect()

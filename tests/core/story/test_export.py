@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -85,11 +86,63 @@ def test_predictions_go_with_it(flight: xr.Dataset, tmp_path: Path) -> None:
 def test_what_cannot_be_written_is_told(
     flight: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with pytest.raises(ParameterError, match="a file of the kind .mcap"):
+    with pytest.raises(ParameterError, match="a file of the kind .mcap or .rrd"):
         export(flight, tmp_path / "flight.bag")
     with pytest.raises(LogError, match="quantities over time, found none"):
         export(xr.Dataset({"time": [0.0]}), tmp_path / "flight.mcap")
-    monkeypatch.setitem(__import__("sys").modules, "mcap.writer", None)
-    with pytest.raises(ParameterError, match=r"mcap: pip install 'patagium\[export\]'"):
-        export(flight, tmp_path / "flight.mcap")
+    monkeypatch.setitem(__import__("sys").modules, "rerun", None)
+    with pytest.raises(ParameterError, match=r"rerun: pip install 'patagium\[rerun\]'"):
+        export(flight, tmp_path / "flight.rrd")
     assert not list(tmp_path.iterdir())
+
+
+def test_rerun_is_given_every_number_with_its_name(
+    flight: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A stand-in that keeps what it is given: the package has 500 MB and is not in the lock."""
+    sent: dict = {}
+    logged: dict = {}
+
+    class Recording:
+        def __init__(self, name: str) -> None:
+            assert name == "patagium"
+
+        def save(self, path: Path) -> None:
+            path.write_bytes(b"RRF2")
+
+        def log(self, name: str, what: object, static: bool) -> None:
+            assert static
+            logged[name] = what
+
+        def send_columns(self, name: str, indexes: list, columns: object) -> None:
+            sent[name] = indexes[0], columns
+
+        def flush(self) -> None: ...
+
+        def disconnect(self) -> None: ...
+
+    keep = SimpleNamespace(columns=lambda **given: given)
+    library = SimpleNamespace(
+        RecordingStream=Recording,
+        TimeColumn=lambda name, duration: np.asarray(duration),
+        SeriesLines=lambda names: names,
+        Scalars=keep,
+        Transform3D=keep,
+        TransformAxes3D=lambda length: length,
+    )
+    monkeypatch.setitem(__import__("sys").modules, "rerun", library)
+    export(flight, tmp_path / "flight.rrd")
+    time, given = sent["v"]
+    np.testing.assert_array_equal(time, flight["time"])
+    np.testing.assert_array_equal(given["scalars"], flight["v"])
+    names = flight["dof"].values
+    assert [word.split(" [")[0] for word in logged["v"]] == list(names)
+    origins, axes = body_frames(flight)["body"]
+    np.testing.assert_array_equal(sent["world/body"][1]["translation"], origins)
+    np.testing.assert_array_equal(sent["world/body"][1]["quaternion"], axes)
+
+
+def test_rerun_takes_it_where_it_is_installed(flight: xr.Dataset, tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    path = export(flight, tmp_path / "flight.rrd")
+    assert path.stat().st_size > 10_000 and path.read_bytes()[:3] == b"RRF"
