@@ -33,14 +33,14 @@ class _Layer:
 
     def __init__(self, eye: Array) -> None:
         self.eye = eye
-        self._faces: list[Array] = []
-        self._colors: list[Array] = []
+        self._parts: list[tuple[Array, Array]] = []
 
     def add(self, faces: Array, color: Any, alpha: Any = 1.0, nearer: float = 0.0) -> None:
         """Add faces, (m, 4, 3) [m], of one color or of one each, sorted as if nearer [m]."""
         toward = self.eye - faces
-        self._faces.append(faces + nearer * toward / np.linalg.norm(toward, axis=2, keepdims=True))
-        self._colors.append(np.broadcast_to(to_rgba_array(color, alpha), (len(faces), 4)))
+        moved = faces + nearer * toward / np.linalg.norm(toward, axis=2, keepdims=True)
+        colors = np.broadcast_to(to_rgba_array(color, alpha), (len(faces), 4))
+        self._parts.append((moved[colors[:, 3] > 0], colors[colors[:, 3] > 0]))
 
     def lit(self, faces: Array, color: str, under: str | None = None, nearer: float = 0.0) -> None:
         """Add faces in sunlight, counterclockwise, and their other side if it has a color."""
@@ -77,14 +77,9 @@ class _Layer:
 
     def paint(self, figure: Figure) -> None:
         """Draw what was added, over what was drawn before."""
-        colors = np.concatenate(self._colors)
-        seen = colors[:, 3] > 0
-        drawn = Poly3DCollection(
-            np.concatenate(self._faces)[seen],
-            facecolors=colors[seen],
-            edgecolors=(colors * (colors[:, 3:] == 1.0))[seen],  # close seams
-            linewidths=0.25,
-        )
+        faces, colors = (np.concatenate(part) for part in zip(*self._parts, strict=True))
+        edges = colors * (colors[:, 3:] == 1.0)  # close seams
+        drawn = Poly3DCollection(faces, facecolors=colors, edgecolors=edges, linewidths=0.25)
         figure.axes[0].add_collection3d(drawn)  # type: ignore[attr-defined]
         drawn.set_clip_box(figure.bbox)
 
