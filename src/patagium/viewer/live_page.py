@@ -36,8 +36,14 @@ from patagium.viewer.replay import center_of_mass, quaternions
 Row = tuple[str, str]
 
 
-def _flight_rows(letter: Any, subject: Subject, pace: float) -> list[Row]:
-    """Rows about the flight; the pace is time flown over time on the clock."""
+def flight_rows(letter: Any, subject: Subject, pace: float) -> list[Row]:
+    """Rows about the flight.
+
+    Args:
+        letter: The last frame.
+        subject: Subject of the page.
+        pace: Time flown over time on the clock.
+    """
     rows = [("Time", f"{letter['time']:.2f} s")]
     base = next((b for b in subject.robot.bodies if b.floating_dofs is not None), None)
     if base is not None:
@@ -53,8 +59,13 @@ def _flight_rows(letter: Any, subject: Subject, pace: float) -> list[Row]:
     return rows
 
 
-def _learner_rows(letter: Any, rate: float) -> list[Row]:
-    """Rows about the learner and its rate, in samples a second on the clock [1/s]."""
+def learner_rows(letter: Any, rate: float) -> list[Row]:
+    """Rows about the learner.
+
+    Args:
+        letter: The last frame.
+        rate: Samples a second on the clock [1/s].
+    """
     rows = [
         ("Error (NMSE)", _number(letter["nmse"], ".2e")),
         ("In the 95 % interval", _number(100 * letter["coverage"], ".1f", " %")),
@@ -71,8 +82,15 @@ def _learner_rows(letter: Any, rate: float) -> list[Row]:
     return rows
 
 
-def _picture_rows(drawn: int, sent: int, scales: Mapping[str, float], refused: int) -> list[Row]:
-    """Rows about frames, the length of the arrows of each kind [m/N], and what was refused."""
+def picture_rows(drawn: int, sent: int, scales: Mapping[str, float], refused: int) -> list[Row]:
+    """Rows about the picture and the page.
+
+    Args:
+        drawn: Frames drawn.
+        sent: Frames sent.
+        scales: Length of the arrows of each kind [m/N].
+        refused: Requests and messages that were refused.
+    """
     rows = [("Frames drawn", f"{drawn} of {sent} sent")]
     for kind, scale in scales.items():
         rows.append((f"Arrow of 0.1 N, {kind}", f"{10 * scale:g} cm"))
@@ -81,12 +99,18 @@ def _picture_rows(drawn: int, sent: int, scales: Mapping[str, float], refused: i
     return rows
 
 
-def _table(
+def table(
     *groups: Sequence[Row], key: Sequence[tuple[str, str]], letter: Any, steered: bool = False
 ) -> str:
-    """Groups of rows as HTML, with the frame's message above and the key of the colors below.
+    """Groups of rows as HTML, with a message above them and the key of the colors below.
 
     Without a group it says what is waited for.
+
+    Args:
+        *groups: Names and values.
+        key: What each color stands for.
+        letter: The last frame, for its words; None before the first.
+        steered: Whether the gait can be steered.
     """
     return _template().render(
         words="" if letter is None else message_of_frame(letter),
@@ -588,7 +612,7 @@ class LivePage:
         camera.position, camera.look_at, camera.up = place, target, (0.0, 0.0, 1.0)
         camera.fov = np.radians(32.0)
         gui.set_panel_label(subject.title)
-        self._numbers = gui.add_html(_table(key=[], letter=None), order=0)
+        self._numbers = gui.add_html(table(key=[], letter=None), order=0)
         if subject.steering is not None:
             self._build_steering(gui, subject.steering)
         with gui.add_folder("View", order=20):
@@ -697,10 +721,10 @@ class LivePage:
         rate = (int(letter["samples"]) - since[2]) / passed
         pace = (float(letter["time"]) - since[1]) / passed
         subject = self._subject
-        self._numbers.content = _table(
-            _flight_rows(letter, subject, pace),
-            _learner_rows(letter, rate) if subject.network is not None else [],
-            _picture_rows(self._asked["drawn"], sent, self._scene.scales, self._door.refused),
+        self._numbers.content = table(
+            flight_rows(letter, subject, pace),
+            learner_rows(letter, rate) if subject.network is not None else [],
+            picture_rows(self._asked["drawn"], sent, self._scene.scales, self._door.refused),
             key=[("true", TRUTH), *([("learned", COLORS[0])] if subject.network else [])],
             letter=letter,
             steered=subject.steering is not None,
