@@ -185,8 +185,9 @@ def paths(
     t = np.asarray(time, float)
     found = _columns("value", value, t.size, len(names))
     spread = _columns("std", std, t.size, len(names))
+    start = real_array("prior", prior, (len(names),))
     figure, axes = _grid(len(names), 1)
-    for k, (panel, before) in enumerate(zip(axes, _row("prior", prior, len(names)), strict=True)):
+    for k, (panel, before) in enumerate(zip(axes, start, strict=True)):
         _band(panel, t, found[:, k], 2 * spread[:, k])
         _curve(panel, t, found[:, k], "estimate", color=color(1))
         panel.axhline(before, color="0.5", linestyle="--", linewidth=0.8)
@@ -219,9 +220,10 @@ def curves(
     along = np.asarray(x, float)
     figure, axes = _grid(1, 1, height=3.0)
     few = {"marker": "o"} if along.size < 12 else {}
-    _curve(axes[0], along, _row("expected", expected, along.size), "expected", color=TRUTH, **few)
+    row = real_array("expected", expected, along.shape)
+    _curve(axes[0], along, row, "expected", color=TRUTH, **few)
     for i, (name, values) in enumerate(found.items()):
-        row = _row(name, values, along.size)
+        row = real_array(name, values, along.shape)
         _curve(axes[0], along, row, name, color=color(i), linestyle=dash(i), **few)
     axes[0].set_xlabel(abscissa)
     axes[0].set_ylabel(ordinate)
@@ -279,10 +281,6 @@ def _columns(name: str, values: ArrayLike, rows: int, width: int) -> Array:
     if array.ndim == 1:
         array = array[:, None]
     return real_array(name, array, (rows, width))
-
-
-def _row(name: str, values: ArrayLike, width: int) -> Array:
-    return real_array(name, values, (width,))
 
 
 _ATTITUDE = ("roll", "pitch", "yaw")

@@ -186,30 +186,20 @@ def _json(words: dict[str, Any]) -> str:
 
 def _content(replay: Replay) -> dict[str, Any]:
     """Content of a page as JSON-able values."""
-    return {
-        "title": replay.title,
-        "period": replay.period,
-        "bodies": list(replay.bodies),
-        "names": list(replay.names),
+    return _encoded(replay) | {
         "colors": [TRUTH, COLORS[0]],
         "look": SCENE,
         "time": encode_array(replay.time, "f8"),
         "origin": encode_array(replay.origin, "f8"),
-        "position": encode_array(replay.position),
-        "quaternion": encode_array(replay.quaternion),
-        "speed": encode_array(replay.speed),
-        "ground": replay.ground,
-        "solids": list(replay.solids),
         "surfaces": [vars(surface) for surface in replay.surfaces],
         "marks": [vars(mark) for mark in replay.marks],
         "arrows": None if replay.arrows is None else _encoded(replay.arrows),
-        "events": list(replay.events),
         "series": [_encoded(series) for series in replay.series],
         "other": None if replay.other is None else _content(replay.other),
     }
 
 
-def _encoded(record: Arrows | Series) -> dict[str, Any]:
+def _encoded(record: Arrows | Series | Replay) -> dict[str, Any]:
     """Fields of a record, arrays encoded."""
     return {
         name: encode_array(value) if isinstance(value, np.ndarray) else value

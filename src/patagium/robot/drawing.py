@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 
 from patagium.arrays import Array
 from patagium.report.figures import Hinge, machine
+from patagium.report.still import solid_faces
 from patagium.robot.model import Joint, Robot
 from patagium.robot.planform import mirrored_bodies, placed, poses, strip_corners, wing_span
-from patagium.robot.solids import solids, surface_points
+from patagium.robot.solids import solids
 from patagium.robot.strip_chains import strip_chains
 
 
@@ -44,7 +45,7 @@ def draw_robot(robot: Robot, q: ArrayLike | None = None) -> Figure:
             for b, pose in zip(robot.bodies, places, strict=True)
         },
         outlines=[
-            placed(places[solid.body], surface_points(solid))
+            placed(places[solid.body], solid_faces(*solid[1:]).reshape(-1, 3))
             for solid in solids(robot)
             if solid.kind != "capsule" or solid.body not in winged
         ],

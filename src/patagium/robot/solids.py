@@ -61,24 +61,6 @@ def solids(robot: Robot) -> list[Solid]:
     return found
 
 
-def surface_points(solid: Solid) -> Array:
-    """Points around a solid for the outline of a picture, body axes, (n, 3) [m]."""
-    turns = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
-    tilts = np.linspace(-np.pi / 2, np.pi / 2, 9)[:, None]
-    ball = np.stack(
-        [np.cos(tilts) * np.cos(turns), np.cos(tilts) * np.sin(turns), np.sin(tilts) + 0 * turns]
-    ).reshape(3, -1)
-    if solid.kind == "ellipsoid":
-        return np.asarray(solid.center + (ball.T * solid.size))
-    if solid.kind == "box":
-        return np.asarray(solid.center + np.sign(ball.T + 1e-9) * np.array(solid.size) / 2)
-    radius, length = solid.size
-    axis = np.array(solid.axis)
-    round_end = ball.T if solid.kind == "capsule" else ball.T - np.outer(ball.T @ axis, axis)
-    sides = [solid.center + k * length / 2 * axis + radius * round_end for k in (-1, 1)]
-    return np.concatenate(sides)
-
-
 def tube(body: int, start: Array, end: Array, radius: float) -> Solid:
     """A tube of a radius [m] from one point to another, in the axes of its body, (3,) [m]."""
     link = end - start

@@ -194,10 +194,8 @@ class LiveFlight:
 
     def _show(self, times: Array, samples: dict[str, Array]) -> None:
         """Samples that nobody learns from."""
-        packets = self._packets(times, samples)
-        self._feed.append(
-            packets, records_without_learner(packets, samples["aero_force"][:, self._felt])
-        )
+        records = records_without_learner(samples["aero_force"][:, self._felt])
+        self._feed.append(self._packets(times, samples), records)
 
     def _packets(self, times: Array, samples: dict[str, Array]) -> Array:
         """Packets that sensors would have sent, known forces beside the torque in u1."""

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.arrays import Array
-from patagium.errors import LogError
 from patagium.learning.learners.learner import Learner
 from patagium.learning.models.network import Network
 from patagium.live.pipeline import Records
@@ -241,18 +240,12 @@ def message_of_frame(letter: Any) -> str:
     return bytes(letter["words"]).decode(errors="replace")
 
 
-def records_without_learner(packets: Array, force: Array) -> Records:
+def records_without_learner(force: Array) -> Records:
     """Records of samples that nobody learned from.
 
     Args:
-        packets: Samples, (N, 1 + n_q + 3 n) [SI].
         force: Force of the air, (N, m) [N, N m].
-
-    Raises:
-        LogError: If they differ in length.
     """
-    if len(packets) != len(force):
-        raise LogError(f"forces: expected {len(packets)} rows, found {len(force)}")
     m = force.shape[1]
     rows = np.full((len(force), 3 * m + 4), np.nan)
     rows[:, 2 * m : 3 * m], rows[:, -3:] = force, 0.0

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import viser
 from jinja2 import Environment, StrictUndefined, Template
+from PIL.ImageColor import getrgb as rgb
 
 from patagium.arrays import Array
 from patagium.dynamics.dynamics import Poses
@@ -260,12 +261,6 @@ _AWAY = 5.2  # times the reach
 _TRAIL = 240  # points
 _FADING = 0.995  # of the largest force, from frame to frame
 _STILL = 0.2  # s over which the path is averaged where there is no wingbeat
-
-
-def rgb(color: str) -> tuple[int, int, int]:
-    """A color such as "#336699" as numbers from 0 to 255."""
-    red, green, blue = (int(color[k : k + 2], 16) for k in (1, 3, 5))
-    return red, green, blue
 
 
 def arrow_rgb(color: str) -> tuple[int, int, int]:
@@ -608,7 +603,9 @@ class LivePage:
 
     def _build(self) -> None:
         gui, subject = self._server.gui, self._subject
-        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=rgb(COLORS[1]))
+        gui.configure_theme(
+            show_logo=False, show_share_button=False, brand_color=rgb(COLORS[1])[:3]
+        )
         self._scene = LiveScene(self._server.scene, subject.robot, subject.beat)
         place, target = self._scene.camera
         camera = self._server.initial_camera

@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from patagium.arguments import checked
 from patagium.arrays import Array
@@ -291,8 +292,6 @@ def replay_content(
 
 def quaternions(rotation: Array) -> Array:
     """Unit quaternions x y z w of rotation matrices, (..., 4), one sign along the first axis."""
-    from scipy.spatial.transform import Rotation
-
     found = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_quat()
     turns = found.reshape(*rotation.shape[:-2], 4)
     flips = np.where((turns[1:] * turns[:-1]).sum(axis=-1) < 0, -1.0, 1.0)
@@ -468,16 +467,10 @@ def _tip_error(robot: Robot, inside: Frames, position: Array, rotation: Array) -
     between = places[:-1] + part * (places[1:] - places[:-1])
     errors = [0.0]
     for body, offset in wing_tips(robot).values():
-        guess = between[:, body] + _turned(mixed[:, body], offset)
+        guess = between[:, body] + Rotation.from_quat(mixed[:, body]).apply(offset)
         truth = position[middle, body] + rotation[middle, body] @ offset
         errors.append(float(np.linalg.norm(guess - truth, axis=1).max()))
     return max(errors)
-
-
-def _turned(quaternion: Array, vector: Array) -> Array:
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_quat(quaternion).apply(vector))
 
 
 _FORCES = "Generalized force of the air"

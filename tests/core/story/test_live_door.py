@@ -67,7 +67,7 @@ class Served:
         q = robot.coordinates()
         packet = np.concatenate([[0.0], q, np.zeros(3 * robot.dof)])[None]
         self.feed = Feed(self.letters, self.subject)
-        self.feed.append(packet, records_without_learner(packet, np.zeros((1, robot.dof))))
+        self.feed.append(packet, records_without_learner(np.zeros((1, robot.dof))))
 
     def show(self) -> None:
         self.feed.post(strip_force=np.zeros((len(self.subject.robot.strips), 3)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,12 +12,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
 import patagium as pt
 from patagium.errors import ParameterError
+from patagium.report.replay_page import Replay
+from patagium.report.still import draw_still, solid_faces
+from patagium.report.style import SCENE, figures_for
 from patagium.viewer import film as films
+from patagium.viewer.replay import replay_content
 
 from ...chromium import Chromium, found
 
@@ -154,3 +162,104 @@ def test_a_film_has_its_pictures_and_the_robot_stays_in_them(
 def test_a_film_of_another_kind_is_refused(flight: xr.Dataset, tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="gif or"):
         films.film(flight, tmp_path / "flight.webm")
+
+
+PAINTS = {
+    **{"upper": "#00ff00", "lower": "#ff0000", "bodies": "#0000ff", "shadow": "#ff00ff"},
+    **{"grid": "#ffff00", "gridMajor": "#ffff00", "trace": "#00ffff", "paper": "#ffffff"},
+}
+
+
+@pytest.fixture
+def shown(flight: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> Replay:
+    for part, color in PAINTS.items():
+        monkeypatch.setitem(SCENE, part, color)
+    return replay_content(flight)
+
+
+def dots_of(figure: Figure) -> dict[str, NDArray[np.bool_]]:
+    """Where a picture has the hue of each part, and where it is black."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()  # type: ignore[no-untyped-call]
+    dots = np.asarray(canvas.buffer_rgba())[..., :3] / 255.0  # type: ignore[no-untyped-call]
+    light = dots.max(axis=2)
+    hues = dots / np.maximum(light, 0.1)[..., None]
+    found = {
+        part: (np.abs(hues - to_rgb(color)).max(axis=2) < 0.2) & (light > 0.3)
+        for part, color in PAINTS.items()
+    }
+    return found | {"black": light < 0.2}
+
+
+def test_a_still_shows_every_part_and_the_side_of_the_wing_that_is_turned_to_the_eye(
+    shown: Replay,
+) -> None:
+    above = dots_of(draw_still(shown, 1000, seen_from=(-0.3, -0.2, 1.0)))
+    below = dots_of(draw_still(shown, 1000, seen_from=(-0.3, -0.2, -1.0)))
+    wide = {"upper": 0.02, "bodies": 0.01, "shadow": 0.01, "paper": 0.2}
+    for part, least in {**wide, "grid": 1e-4, "trace": 5e-4, "black": 5e-4}.items():
+        assert above[part].mean() > least, part  # black: arrows
+    assert below["lower"].mean() > 0.02
+    assert above["lower"].mean() < 1e-4 and below["upper"].mean() < 1e-4
+    without = dots_of(draw_still(replace(shown, arrows=None), 1000, seen_from=(-0.3, -0.2, 1.0)))
+    assert not without["black"].any()
+
+
+def test_wings_of_a_still_move_and_stand_on_both_sides_of_the_body(shown: Replay) -> None:
+    heights = []
+    for frame in (250, 750):  # a quarter of a wingbeat is 250 samples
+        dots = dots_of(draw_still(shown, frame, seen_from=(-1.0, 0.0, 0.02)))
+        wing = dots["upper"] | dots["lower"]
+        (row, column), middle = np.argwhere(dots["bodies"]).mean(axis=0), wing.shape[1] / 2
+        assert column == pytest.approx(middle, abs=0.05 * middle)
+        left, right = wing[:, : int(middle)].sum(), wing[:, int(middle) :].sum()
+        assert left == pytest.approx(right, rel=0.2) and left > 100
+        heights.append(row - np.argwhere(wing).mean(axis=0)[0])
+    assert min(heights) < -20 < 20 < max(heights)
+
+
+def test_what_is_nearer_hides_what_is_behind_it(shown: Replay) -> None:
+    ball = {"kind": "ellipsoid", "body": 0, "axis": (0.0, 0.0, 1.0), "size": (0.15, 0.15, 0.15)}
+    behind, front = (
+        dots_of(
+            draw_still(
+                replace(shown, arrows=None, solids=[{**ball, "center": (at, 0.0, 0.0)}]),
+                *(500,), seen_from=(-1.0, 0.0, 0.3),
+            )
+        )
+        for at in (0.6, -0.6)
+    )  # fmt: skip
+    assert front["bodies"].sum() > 1.2 * behind["bodies"].sum()  # nearer and whole
+    wing = [(dots["upper"] | dots["lower"]).sum() for dots in (behind, front)]
+    assert wing[1] < 0.8 * wing[0]
+
+
+def test_words_of_a_still_are_large_on_slides(shown: Replay) -> None:
+    sizes = []
+    for look in ("page", "slides"):
+        with figures_for(look):
+            (words,) = draw_still(shown, 500).texts
+        sizes.append(words.get_fontsize())
+        assert words.get_text().startswith("arrows: ") and "grid" in words.get_text()
+    assert sizes == pytest.approx([9.0, 16.0], rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "volume"),
+    [
+        ("box", (0.1, 0.2, 0.3), 0.006),
+        ("ellipsoid", (0.1, 0.2, 0.3), 4 / 3 * np.pi * 0.006),
+        ("capsule", (0.1, 0.5), np.pi * 0.01 * (0.5 + 4 / 3 * 0.1)),
+        ("cylinder", (0.1, 0.5), np.pi * 0.01 * 0.5),
+    ],
+)
+def test_faces_of_a_solid_enclose_its_volume_and_look_outward(
+    kind: str, size: tuple[float, ...], volume: float
+) -> None:
+    axis = np.array([0.6, 0.0, 0.8])
+    a, b, c, d = solid_faces(kind, (1.0, 2.0, 3.0), tuple(axis), size).swapaxes(0, 1)
+    parts = [(np.cross(a, b) * c).sum() / 6, (np.cross(a, c) * d).sum() / 6]
+    assert sum(parts) == pytest.approx(volume, rel=0.04)  # of few faces, rims rounded
+    along = (np.concatenate([a, b, c, d]) - [1.0, 2.0, 3.0]) @ axis
+    if kind in ("capsule", "cylinder"):
+        assert np.ptp(along) == pytest.approx(0.5 + (0.2 if kind == "capsule" else 0.0))
