@@ -83,7 +83,7 @@ def assemble(file: RobotFile, source: str) -> Robot:
         AssemblyError: If the parts contradict each other.
     """
     bodies = flexed(file.bodies)
-    drafts = _in_tree_order(_mirrored(file, [_draft(n, b) for n, b in bodies.items()]))
+    drafts = _in_tree_order(_mirrored(file, [_draft(n, b, bodies) for n, b in bodies.items()]))
     _check_masses(drafts)
     coordinates = _coordinates(drafts)
     order = _ordered(file, tuple(coordinates))
@@ -211,10 +211,16 @@ def _check_actuators(robot: Robot, actuators: Mapping[str, Actuator]) -> None:
                 raise AssemblyError((f"actuators.{name}.range", expected, found))
 
 
-def _draft(name: str, part: BodyPart) -> _Draft:
+def _draft(name: str, part: BodyPart, bodies: Mapping[str, BodyPart]) -> _Draft:
     joints = tuple((k.name, k.type, k.axis) for k in part.joints)
     orientation = rotation_from_angles(part.orientation)
-    return _Draft(name, part.parent, part, joints, orientation, False, f"bodies.{name}")
+    path, parent = f"bodies.{name}", part.parent
+    floating = [k for k, body in bodies.items() if body.floating]
+    if parent is None and floating and not part.floating:
+        expected = f"`parent: {floating[0]}`, or `parent: world` for what hangs on the world"
+        raise AssemblyError((f"{path}.parent", expected, "nothing"))
+    parent = None if parent == "world" and parent not in bodies else parent
+    return _Draft(name, parent, part, joints, orientation, False, path)
 
 
 def _mirrored(file: RobotFile, drafts: list[_Draft]) -> list[_Draft]:
@@ -369,9 +375,10 @@ def _coordinates(drafts: list[_Draft]) -> dict[str, _Coordinate]:
     """Coordinates of all bodies by name."""
     found: dict[str, _Coordinate] = {}
     for draft in drafts:
-        for name, coordinate in _coordinates_of(draft):
+        for i, (name, coordinate) in enumerate(_coordinates_of(draft)):
             if name in found:
-                raise AssemblyError((draft.path, "coordinates named once", f"{name} again"))
+                place = f"{draft.path}.joints.{i}.name" if draft.joints else draft.path
+                raise AssemblyError((place, "coordinates named once", f"{name} again"))
             found[name] = coordinate
     if not found:
         raise AssemblyError(("bodies", "a floating body or at least one joint", "none"))

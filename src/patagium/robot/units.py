@@ -25,6 +25,8 @@ _EXPONENT = r"[+-]?\d(?:\.\d{1,2}|/\d)?"
 _POWER = rf"(?:\^|\*\*)\s*+(?:{_EXPONENT}|\(\s*{_EXPONENT}\s*\))(?!\d|\.\d|\s*(?:\^|\*\*))"
 _RAISED = re.compile(r"\)\s*(?:\^|\*\*)")
 _TORQUE = re.compile(r"\b([kMmuµ]?N)([cm]?m)(s?)\b(\s*(?:\^|\*\*)\s*\d)?")
+_TRAPS = {"gr": "g", "Mm": "mm", "Mg": "mg", "Ms": "ms"}
+"""Units that hardly anybody means (grain, megameter), and those of the same kind that are meant."""
 _DIGIT = re.compile(r"(?<![\w^])([A-Za-z]{1,4})([234])\b")
 _UNIT = re.compile(rf"(?:(?:{_NAME}|\))\s*+(?:{_POWER})?+|1\s*+/|[\s*/·.(])*+")
 
@@ -84,6 +86,9 @@ def _factor(label: str, unit: str, expected: str, found: str) -> float:
     plain = re.sub(r"^1\s*/", "1/", unit_for_pint(label))  # no other unit starts with a number
     if not unit or not written_as_unit(plain):
         raise UnitMismatch(expected, found)
+    trap = next((k for k in re.findall(r"[A-Za-z]+", plain) if k in _TRAPS), "")
+    if trap:
+        raise UnitMismatch(expected, f"{found}; did you mean {_TRAPS[trap]}?")
     registry = _registry()
     try:
         parsed = registry.Quantity(1.0, registry.parse_units(plain))
@@ -91,12 +96,11 @@ def _factor(label: str, unit: str, expected: str, found: str) -> float:
         wanted = registry.Quantity(1.0, registry.parse_units(unit)).to_base_units()
     except Exception:
         raise UnitMismatch(expected, f"{found} (unknown unit {label!r})") from None
-    is_angle = str(wanted.units) == "radian"
-    if base.dimensionality != wanted.dimensionality or (
-        is_angle and str(base.units) != str(wanted.units)
-    ):
+    turns, wanted_turns = (dict(k.unit_items()).get("radian", 0) for k in (base, wanted))
+    if base.dimensionality != wanted.dimensionality or turns != wanted_turns > 0:
         raise UnitMismatch(expected, f"{found}, {_dimension(base)}")
-    return float(base.magnitude) / float(wanted.magnitude)
+    cycle = (2 * math.pi) ** turns if "Hz" in unit else 1.0  # 60 rpm are 1 Hz
+    return float(base.magnitude) / (float(wanted.magnitude) * cycle)
 
 
 def written_as_unit(text: str) -> bool:

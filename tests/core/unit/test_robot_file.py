@@ -236,7 +236,7 @@ FAULTS = {
     ),
     "name taken twice": (
         ("name: left_fold", "name: left_slide"),
-        "bodies.left_tip",
+        "bodies.left_tip.joints.1.name",
         "coordinates named once",
         "left_slide again",
     ),
@@ -384,6 +384,8 @@ def test_a_fault_is_named_with_its_place(fault):
         ("mass: 5 g", "", "line 5, bodies.left_tip.mass: expected `mass: 20 g`, found nothing"),
         ("from: left", "form: left", "line 56, mirror.0.form: expected one of the keys from, to"),
         ("parent: hull", "parent: hul", "line 25, bodies.fin.parent: expected one of fin, hull"),
+        ("    parent: hull\n", "", "line 24, bodies.fin.parent: expected `parent: hull`, or `parent"),
+        ("left_fold", "left_slide", "line 15, bodies.left_tip.joints.1.name: expected coordinates"),
     ],
 )
 def test_a_fault_is_told_once_with_its_line(old, new, message):
@@ -427,6 +429,11 @@ def test_a_likely_slip_is_told_with_what_to_write(slip, tmp_path):
     path.write_text(text.replace(old, new, 1))
     with pytest.warns(RobotFileWarning, match=sentence):
         load_robot(path)
+
+
+def test_the_world_is_a_parent():
+    stand = load_robot_text(GLIDER.replace("parent: hull", "parent: world", 1))
+    assert stand.bodies[stand.body_index("fin")].parent == -1
 
 
 def test_a_loop_of_parents_is_named():
