@@ -34,6 +34,7 @@ from patagium.cli.words import (
     vector,
 )
 from patagium.errors import ParameterError
+from patagium.limits import SWING, TILT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -47,7 +48,7 @@ AirModel: TypeAlias = Literal[GreyModel, "published"]
 """Models of the air."""
 
 
-_ANGLE = {"parser": quantity("rad", "an angle")}
+_ANGLE = {"parser": quantity("rad", "an angle", SWING)}
 _PLACE = {"parser": vector("m", "a length")}
 _TURN = {"parser": vector("rad", "an angle")}
 _WAY = {"parser": vector("", "a pure number")}
@@ -142,7 +143,11 @@ def simulate(
         typer.Option(parser=quantity("m/s", "a speed"), help="Initial speed forward, in m/s."),
     ] = None,
     pitch: Annotated[
-        float | None, typer.Option(**_ANGLE, help="Initial pitch, positive nose down, in rad.")
+        float | None,
+        typer.Option(
+            parser=quantity("rad", "an angle", TILT),
+            help="Initial pitch, positive nose down, in rad.",
+        ),
     ] = None,
     attitude: Annotated[
         Literal["euler", "quaternion"] | None,

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
-from patagium.errors import LogError, ParameterError
+from patagium.errors import LogError, ParameterError, PatagiumError
+from patagium.limits import TURN
 from patagium.reading import regular_file
 
 if TYPE_CHECKING:
@@ -44,31 +45,27 @@ BETWEEN_LINES = 10.0
 """Time between two lines of progress where stderr is no terminal [s]."""
 
 
-def quantity(unit: str, noun: str) -> Callable[[str], float]:
+def quantity(unit: str, noun: str, most: float = TURN) -> Callable[[str], float]:
     """A reader of quantities such as "5 Hz" or, bare, in SI.
 
     Args:
         unit: SI unit wanted.
         noun: Noun with its article, for the message.
+        most: Magnitude beyond which an angle needs a unit [rad].
     """
 
     def read(text: str) -> float:
         from patagium.robot.units import UnitMismatch, in_si
 
         try:
-            value = in_si(text, unit, noun)
+            return in_si(text, unit, noun, most)
         except UnitMismatch as error:
             raise typer.BadParameter(str(error)) from None
-        if unit == "rad" and abs(value) > _TURN and text.strip()[-1:].isdigit():
-            seen = f"{text} rad, more than a turn; did you mean '{text} deg'?"
-            raise typer.BadParameter(f"expected an angle such as '30 deg', found {seen}")
-        return value
 
     read.__name__ = unit or "NUMBER"
     return read
 
 
-_TURN = 2 * 3.14159265358979
 FLIGHT = Path("flight.nc")
 """Flight that simulate writes and the verbs after it read, where none is named."""
 
@@ -127,6 +124,8 @@ def named_quantities(
     Raises:
         ParameterError: If a word is not NAME=VALUE, or a name comes twice.
     """
+    from patagium.robot.units import UnitMismatch, in_si
+
     values: dict[str, float] = {}
     for word in words:
         name, equals, value = (part.strip() for part in word.partition("="))
@@ -137,9 +136,9 @@ def named_quantities(
             raise ParameterError(option, f"{name} once", word)
         try:
             wanted = unit if isinstance(unit, str) else unit(name)
-            values[name] = quantity(wanted, noun)(value)
-        except typer.BadParameter as error:
-            raise ParameterError(f"{option} {name}", error.message, value) from None
+            values[name] = in_si(value, wanted, noun)
+        except UnitMismatch as error:
+            raise PatagiumError(f"{option} {name}: {error}") from None
     return values
 
 

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from math import copysign, isfinite
 from typing import Any
 
 import numpy as np
 
 from patagium.arrays import Array
 from patagium.errors import ParameterError, similar
-from patagium.limits import LEAST_INERTIA
+from patagium.limits import LEAST_INERTIA, TURN
 from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.flexible import flexed, pieces_of
 from patagium.robot.model import (
@@ -41,7 +42,7 @@ from patagium.robot.schema import (
     WingPart,
 )
 from patagium.robot.strip_chains import joined_images
-from patagium.robot.units import UnitMismatch, in_si
+from patagium.robot.units import UnitMismatch, in_si, meant, spoken
 
 _REFLECTION = np.diag([1.0, -1.0, 1.0])
 
@@ -150,7 +151,37 @@ def _cruise(robot: Robot, part: CruisePart | None) -> Cruise | None:
                 expected = f"an actuated joint ({', '.join(known)}) or a pair"
                 found = name + similar(name, [*pairs, *known])
                 raise AssemblyError((f"cruise.{key}.{name}", expected, found))
+    named = [(key, k) for key in ("amplitude", "offset") for k in getattr(part, key)]
+    moved = [(key, name, joint) for key, name in named for joint in robot.joints_named(name)]
+    values = {(key, joint): getattr(part, key)[name] for key, name, joint in moved}
+    for key, name, joint in moved:
+        size, mean = (values.get((k, joint), 0.0) for k in ("amplitude", "offset"))
+        beyond = beyond_limits(robot, robot.index(joint), mean - abs(size), mean + abs(size))
+        if beyond:
+            raise AssemblyError((f"cruise.{key}.{name}", *beyond))
     return Cruise(**dict(part))
+
+
+def beyond_limits(robot: Robot, dof: int, least: float, most: float) -> tuple[str, str] | None:
+    """What is expected of a joint's motion and what was found, where it is beyond its limits.
+
+    Args:
+        robot: The machine.
+        dof: Index of the joint; where it has no limits, of a turn either way.
+        least: Least coordinate on the way [rad, m].
+        most: Greatest one [rad, m].
+    """
+    unit, (lower, upper) = robot.dof_units[dof], (robot.lower[dof], robot.upper[dof])
+    if unit == "rad":
+        lower, upper = (k if isfinite(k) else copysign(TURN, k) for k in (lower, upper))
+    if lower - _MARGIN <= least and most <= upper + _MARGIN:
+        return None
+    expected = f"a gait within its limits {spoken(unit, lower, upper)}"
+    return expected, spoken(unit, least, most) + (meant(most, least) if unit == "rad" else "")
+
+
+_MARGIN = 1e-9
+"""Rounding allowed beyond a joint limit [rad, m]."""
 
 
 def _actuator(robot: Robot, name: str, part: ActuatorPart) -> Actuator:
@@ -179,11 +210,13 @@ def _actuator(robot: Robot, name: str, part: ActuatorPart) -> Actuator:
         least = 0.0 if kind in ("frequency", "amplitude") else -np.inf
         if not least <= low < high:
             sign = "" if least else ", none below 0"
-            found = f"{low:g} to {high:g} {unit}"
+            found = spoken(unit, low, high)
             raise AssemblyError((f"{path}.range", f"the lower before the upper{sign}", found))
     rate = np.inf if part.rate_limit is None else si("rate_limit", part.rate_limit, "/s")
     if not rate > 0:
-        raise AssemblyError((f"{path}.rate_limit", "a positive quantity", f"{rate:g} {unit}/s"))
+        raise AssemblyError(
+            (f"{path}.rate_limit", "a positive quantity", f"{rate:g}")
+        )
     return Actuator(unit, (low, high), rate, part.response_time, part.cost)
 
 
@@ -206,8 +239,8 @@ def _check_actuators(robot: Robot, actuators: Mapping[str, Actuator]) -> None:
             named = kind == "frequency" or set(robot.joints_named(key)) & set(joints)
             low, high = actuator.range
             if named and not low <= value <= high:
-                expected = f"a range that holds the cruise's {value:g} {actuator.unit}"
-                found = f"{low:g} to {high:g} {actuator.unit}"
+                expected = f"a range that holds the cruise's {spoken(actuator.unit, value)}"
+                found = spoken(actuator.unit, low, high)
                 raise AssemblyError((f"actuators.{name}.range", expected, found))
 
 

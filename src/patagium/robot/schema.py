@@ -21,12 +21,12 @@ from pydantic import (
 )
 
 from patagium.arrays import Array
-from patagium.limits import LEAST_MASS
+from patagium.limits import LEAST_MASS, TURN
 from patagium.robot.model import CAPACITIES, capacity_units
 
 from patagium.robot.units import (  # isort: skip
     Acceleration, Angle, BeamStiffness, Duration, Frequency, Inertia, Length, Mass, PureNumber,
-    Speed, UnitMismatch, in_si, mismatch,
+    Speed, Swing, Tilt, UnitMismatch, in_si, mismatch, spoken,
 )  # fmt: skip
 
 
@@ -237,7 +237,8 @@ class JointPart(_Part):
                     raise mismatch("a positive quantity", f"{most:g}", key)
         if isinstance(written.get("limits"), list):
             converted["limits"] = tuple(
-                _converted(k, unit, noun, f"limits.{i}") for i, k in enumerate(written["limits"])
+                _converted(k, unit, noun, f"limits.{i}", np.inf)
+                for i, k in enumerate(written["limits"])
             )
         for key, (own_unit, own_noun) in units.items():
             if key in written:
@@ -248,8 +249,7 @@ class JointPart(_Part):
     def _ordered(self) -> JointPart:
         if self.limits is not None and not self.limits[0] < self.limits[1]:
             unit, _ = _joint_units(self.type)["rest"]
-            found = f"[{self.limits[0]:.4g}, {self.limits[1]:.4g}] {unit}"
-            raise mismatch("the lower before the upper", found, "limits")
+            raise mismatch("the lower before the upper", spoken(unit, *self.limits), "limits")
         for key in ("damping", "stiffness"):
             if getattr(self, key) < 0:
                 raise mismatch("a quantity that is not negative", f"{getattr(self, key):g}", key)
@@ -258,9 +258,9 @@ class JointPart(_Part):
         return self
 
 
-def _converted(written: object, unit: str, noun: str, key: str) -> float:
+def _converted(written: object, unit: str, noun: str, key: str, most: float = TURN) -> float:
     try:
-        return in_si(written, unit, noun)
+        return in_si(written, unit, noun, most)
     except UnitMismatch as error:
         raise mismatch(error.expected, error.found, key) from None
 
@@ -375,7 +375,7 @@ class Station(_Part):
     span: Length
     leading: Length
     trailing: Length
-    incidence: Angle = 0.0
+    incidence: Tilt = 0.0
 
     @model_validator(mode="after")
     def _chord(self) -> Station:
@@ -445,11 +445,11 @@ class CruisePart(_Part):
     """Flight where nothing else is asked for: one sine a joint, or joints held."""
 
     frequency: Annotated[Frequency, AfterValidator(_positive)] | None = None
-    amplitude: dict[Name, Angle] = {}
+    amplitude: dict[Name, Swing] = {}
     phase: dict[Name, Angle] = {}
     offset: dict[Name, Angle] = {}
     speed: Annotated[Speed, AfterValidator(_not_negative)] = 0.0
-    pitch: Angle = 0.0
+    pitch: Tilt = 0.0
     duration: Annotated[Duration, AfterValidator(_positive)] = 1.0
 
     @model_validator(mode="after")

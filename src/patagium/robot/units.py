@@ -17,7 +17,7 @@ from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
 from patagium.errors import shown
-from patagium.limits import LARGEST, QUANTITY, UNIT
+from patagium.limits import LARGEST, QUANTITY, SWING, TILT, TURN, UNIT
 
 _WRITTEN = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 _NAME = r"[A-Za-zµμ°][A-Za-z0-9_µμ°]*+"
@@ -44,19 +44,20 @@ class UnitMismatch(ValueError):
         self.expected, self.found = expected, found
 
 
-def in_si(written: object, unit: str, noun: str) -> float:
+def in_si(written: object, unit: str, noun: str, most: float = TURN) -> float:
     """The SI value of a quantity as written in a file.
 
     Args:
         written: A number (already SI) or text such as "12 cm".
         unit: SI unit wanted, such as "kg m^2"; "" for a pure number.
         noun: What it is, for the message.
+        most: Magnitude beyond which an angle without a unit is refused [rad].
 
     Returns:
         Value [unit].
 
     Raises:
-        UnitMismatch: If it is no number below 1e30, or has another dimension.
+        UnitMismatch: If it is no number below 1e30, has another dimension, or seems to be degrees.
     """
     expected = f"{noun} such as {_EXAMPLES.get(unit, f'1 {unit}')!r}, or a number [{unit or '-'}]"
     if isinstance(written, bool) or not isinstance(written, (int, float, str)):
@@ -67,7 +68,28 @@ def in_si(written: object, unit: str, noun: str) -> float:
     if not abs(value) <= LARGEST:
         finite = f"a finite {expected}" if not math.isfinite(value) else expected
         raise UnitMismatch(f"{finite}, below {LARGEST:g}", shown(written))
+    if unit == "rad" and not label and abs(value) > most:
+        seen = f"{value:g}, without a unit {spoken(unit, value)}"
+        raise UnitMismatch(expected, f"{seen}; write '{value:g} deg' or '{value:g} rad'")
     return value
+
+
+def spoken(unit: str, *values: float) -> str:
+    """Quantity or range for a person, angles in degrees: "-50 to 60 deg".
+
+    Args:
+        unit: SI unit.
+        *values: One value, or several in order [unit].
+    """
+    turned = unit.startswith("rad")
+    words = (f"{math.degrees(k) if turned else k:.4g}" for k in values)
+    return f"{' to '.join(words)} {f'deg{unit[3:]}' if turned else unit}"
+
+
+def meant(*angles: float) -> str:
+    """Question after angles [rad] of a program that seem to be degrees, or nothing."""
+    far = max(angles, key=abs)
+    return f"; are degrees meant? np.radians({far:g})" if abs(far) > SWING else ""
 
 
 def _parts(written: float | str, expected: str) -> tuple[float, str]:
@@ -148,12 +170,12 @@ _EXAMPLES = {
 }
 
 
-def quantity_type(unit: str, noun: str) -> Any:
+def quantity_type(unit: str, noun: str, most: float = TURN) -> Any:
     """Pydantic field type of a quantity: text with a unit in, an SI float out."""
 
     def convert(written: object) -> float:
         try:
-            return in_si(written, unit, noun)
+            return in_si(written, unit, noun, most)
         except UnitMismatch as error:
             raise mismatch(error.expected, error.found) from None
 
@@ -171,6 +193,8 @@ def mismatch(expected: str, found: str, at: str = "") -> PydanticCustomError:
 Length: TypeAlias = quantity_type("m", "a length")
 Mass: TypeAlias = quantity_type("kg", "a mass")
 Angle: TypeAlias = quantity_type("rad", "an angle")
+Swing: TypeAlias = quantity_type("rad", "an angle", SWING)
+Tilt: TypeAlias = quantity_type("rad", "an angle", TILT)
 Speed: TypeAlias = quantity_type("m/s", "a speed")
 Frequency: TypeAlias = quantity_type("Hz", "a frequency")
 Duration: TypeAlias = quantity_type("s", "a time")

@@ -182,7 +182,7 @@ FAULTS = {
         ("limits: [-30 deg, 1]", "limits: [2, 1]"),
         "bodies.left_tip.joints.1.limits",
         "the lower before the upper",
-        "[2, 1] rad",
+        "114.6 to 57.3 deg",
     ),
     "damping of a slide": (
         ("0.1 N s/m", "0.1 N m s"),
@@ -279,6 +279,27 @@ FAULTS = {
     ),
     "half a strip": (("strips: 2", "strips: 2.5"), "wings.0.segments.0.strips", "", "2.5"),
     "bodies in a list": (("bodies:", "bodies: []\nother:"), "bodies", "a mapping", "[]"),
+    "degrees of an orientation": (
+        ("[10 deg, 20 deg, 30 deg]", "[35, 0, 0]"),
+        "bodies.left_tip.orientation.0",
+        "an angle",
+        "35, without a unit 2005 deg; write '35 deg' or '35 rad'",
+    ),
+    "degrees of an incidence": (
+        ("trailing: -0.03}", "trailing: -0.03, incidence: 5}"),
+        "wings.0.segments.0.stations.0.incidence",
+        "an angle",
+        "write '5 deg' or '5 rad'",
+    ),
+    "degrees of a cruise": (
+        ("mirror:", "cruise: {pitch: -8}\nmirror:"), "cruise.pitch", "an angle", "'-8 deg'",
+    ),
+    "cruise beyond the limits": (
+        ("mirror:", "cruise: {frequency: 5, amplitude: {slide: 0.03}}\nmirror:"),
+        "cruise.amplitude.slide",
+        "a gait within its limits -0.01 to 0.02 m",
+        "-0.03 to 0.03 m",
+    ),
     "unknown parameter": (
         ("name: glider", "name: glider\nparameters: {hull.moss: 1}"),
         "parameters.hull.moss",
@@ -322,7 +343,7 @@ FAULTS |= {
     ),
     "rate of zero": (
         with_actuator("frequency: {rate_limit: 0}"), "actuators.frequency.rate_limit",
-        "a positive quantity", "0 Hz/s",
+        "a positive quantity", "0",
     ),
     "response without time": (
         with_actuator("frequency: {response_time: 0 s}"), "actuators.frequency.response_time",

@@ -125,6 +125,7 @@ def test_a_robot_without_a_floating_body_cannot_fly_freely():
         ({"q": [0.0] * 13 + [np.nan]}, "right_feather"),
         ({"v": np.full(14, np.inf)}, "finite"),
         ({"q": np.eye(14)[4] * 1.56}, "pitch"),
+        ({"q": np.eye(14)[4] * 10.0}, r"573 deg; are degrees meant\? np.radians\(10\)"),
         ({"v": np.eye(14)[0] * 400.0}, "velocity of x"),
     ],
 )
