@@ -422,6 +422,14 @@ SLIPS = {
         "limits: [-45, 60]",
         "joint left_plunge: limits: -45 rad are -2578 deg, .*Write '-45 deg'$",
     ),
+    "grams without a unit": (
+        "mass: 380 g", "mass: 380",
+        "line 16, bodies.body.mass: 380 without a unit is 380 kg.*write '380 g' or '380 kg'$",
+    ),
+    "centimeters without a unit": (
+        "trailing: -22 cm", "trailing: -22",
+        r"wings.0.segments.0.stations.0.trailing: -22 .* '-22 cm' or '-22 m'$",
+    ),
     "mass at the hinge": (
         "    center_of_mass: [-2 cm, 28 cm, 0]\n",
         "",

@@ -83,12 +83,15 @@ def test_the_length_of_a_chunk_changes_nothing(robot, aero, gait, flight, monkey
     assert seen[0] == (7, 200) and seen[-1] == (200, 200) and len(seen) == 29
 
 
-def test_initial_wing_coordinates_are_overwritten_by_the_gait(robot, aero, gait, flight):
-    again = pt.simulate(
-        robot, aero, gait, duration=0.02, time_step=1e-4,
-        q=robot.coordinates(left_plunge=1.0), v=robot.coordinates(x=4.0, left_feather=3.0),
-    )  # fmt: skip
-    assert again.equals(flight)
+def test_a_start_of_a_joint_is_the_gaits_or_not_given(robot, aero, gait, flight):
+    span = {"duration": 0.02, "time_step": 1e-4}
+    own = {"left_plunge": float(gait.motion(np.zeros(1)).velocity[0, 0])}
+    again = pt.simulate(robot, aero, gait, v=robot.velocities(x=4.0, **own), **span)
+    assert own["left_plunge"] > 1 and again.equals(flight)
+    with pytest.raises(ParameterError, match="q of left_plunge: .*its gait prescribes it .0 there"):
+        pt.simulate(robot, aero, gait, q=robot.coordinates(left_plunge=1.0), **span)
+    with pytest.raises(ParameterError, match="v of left_feather: .*, found 3.0"):
+        pt.simulate(robot, aero, gait, v=robot.velocities(left_feather=3.0), **span)
 
 
 def test_a_fixed_mount_holds_the_body_and_reports_the_force(robot, aero, gait):
