@@ -325,11 +325,12 @@ def flight_table(facts: dict[str, Any]) -> dict[str, Any]:
     return rows
 
 
-_TITLE = "Flight (means are over its second half)"
 _TOLD = ("robot_name", "mount", "stepping", "time_step", "outcome", "message")
 _AUDITS = ("energy_audit", "fluid_energy_audit", "momentum_audit", "aero_power_largest")
 _LABELS = {
     "time_step": "time step [s]",
+    "means_over": "means are over",
+    "frequency": "frequency of the gait [Hz]",
     "speed": "mean speed along the nose [m/s]",
     "climb_rate": "mean climb rate [m/s]",
     "height_change": "height change, start to end [m]",
@@ -518,7 +519,7 @@ def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
         outputs.attempt("figure", lambda: save_figure(flight_overview(flight), figure))
     facts = flight_facts(flight) | ({"file": str(output)} if kept else {})
     shown = facts if as_json else flight_table(facts)
-    outputs.attempt("facts on stdout", lambda: answer(shown, as_json=as_json, title=_TITLE))
+    outputs.attempt("facts on stdout", lambda: answer(shown, as_json=as_json, title="Flight"))
     for warning in () if broken else facts["warnings"]:
         typer.echo(f"patagium: {warning}", err=True)
     outputs.check()

@@ -7,6 +7,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from math import degrees
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -40,7 +41,7 @@ class Numbers(tuple[float, ...]):
 Progress = Callable[[int, int], None]
 MEANING = "that says what the columns mean, which patagium inspect {} lists"
 """What a mapping is, for messages."""
-_UNIT = re.compile(r"_(m_s|J_m|rad_s|Hz|rad|W|SI|s)$")
+_UNIT = re.compile(r"_(m_s|J_m|deg_s|rad_s|Hz|deg|rad|W|SI|s)$")
 BETWEEN_LINES = 10.0
 """Time between two lines of progress where stderr is no terminal [s]."""
 
@@ -182,8 +183,17 @@ def answer(facts: dict[str, Any], *, as_json: bool, title: str = "") -> None:
         return
     from patagium.report.page import key_value_table
 
-    flat = {heading(name): _plain(value) for name, value in facts.items()}
-    show_table(key_value_table(flat, title))
+    show_table(key_value_table(for_person(facts), title))
+
+
+def for_person(facts: dict[str, Any]) -> dict[str, Any]:
+    """Facts by their headings, angles in degrees."""
+    told = {}
+    for name, value in facts.items():
+        turned = re.search(r"_rad(_s)?$", name) and isinstance(value, float)
+        key = name.replace("_rad", "_deg") if turned else name
+        told[heading(key)] = degrees(value) if turned else _plain(value)
+    return told
 
 
 def heading(name: str) -> str:

@@ -174,13 +174,13 @@ def beyond_limits(robot: Robot, dof: int, least: float, most: float) -> tuple[st
     unit, (lower, upper) = robot.dof_units[dof], (robot.lower[dof], robot.upper[dof])
     if unit == "rad":
         lower, upper = (k if isfinite(k) else copysign(TURN, k) for k in (lower, upper))
-    if lower - _MARGIN <= least and most <= upper + _MARGIN:
+    if lower - MARGIN <= least and most <= upper + MARGIN:
         return None
     expected = f"a gait within its limits {spoken(unit, lower, upper)}"
     return expected, spoken(unit, least, most) + (meant(most, least) if unit == "rad" else "")
 
 
-_MARGIN = 1e-9
+MARGIN = 1e-9
 """Rounding allowed beyond a joint limit [rad, m]."""
 
 
@@ -214,9 +214,7 @@ def _actuator(robot: Robot, name: str, part: ActuatorPart) -> Actuator:
             raise AssemblyError((f"{path}.range", f"the lower before the upper{sign}", found))
     rate = np.inf if part.rate_limit is None else si("rate_limit", part.rate_limit, "/s")
     if not rate > 0:
-        raise AssemblyError(
-            (f"{path}.rate_limit", "a positive quantity", f"{rate:g}")
-        )
+        raise AssemblyError((f"{path}.rate_limit", "a positive quantity", f"{rate:g}"))
     return Actuator(unit, (low, high), rate, part.response_time, part.cost)
 
 

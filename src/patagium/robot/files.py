@@ -61,16 +61,10 @@ def load_robot(name_or_path: str | Path) -> Robot:
     other = path.suffix.lower() in (".nc", ".json", ".csv", ".parquet")
     if path.suffix not in (".yaml", ".yml") and (other or not os.path.exists(path)):
         known = ", ".join(preset_names())
-        raise RobotFileError(
-            name,
-            [
-                (
-                    "",
-                    f"a preset ({known}) or the path of a robot file (.yaml, .urdf)",
-                    shown(name) + similar(name, preset_names()),
-                )
-            ],
-        )
+        expected = f"a preset ({known}) or the path of a robot file (.yaml, .urdf)"
+        kind = "a flight or log: " if path.suffix.lower() == ".nc" else ""
+        found = kind + shown(name) + similar(name, preset_names())
+        raise RobotFileError(name, [("", expected, found)])
     return _reviewed(load_robot_text(_text(path), name), name)
 
 

@@ -347,7 +347,10 @@ class BodyPart(_Part):
             raise mismatch(expected, f"{self.mass:g} kg", "mass")
         if (self.inertia is None) == (self.shape is None):
             both = "both" if self.shape is not None else "neither"
-            raise mismatch("either inertia or shape", both)
+            inertia = "`inertia: {xx: 2 g cm^2, yy: 3 g cm^2, zz: 4 g cm^2}`"
+            raise mismatch(
+                f"either inertia or shape, such as `shape: {{type: point}}` or {inertia}", both
+            )
         if self.floating and (self.joints or self.parent or any(self.at) or any(self.orientation)):
             raise mismatch(
                 "a floating body without parent, at, orientation and joints",
@@ -398,6 +401,16 @@ class Segment(_Part):
     at: Point = _ORIGIN
     span_axis: Direction = (0.0, 1.0, 0.0)
     stations: Annotated[tuple[Station, ...], Field(min_length=2, examples=[_STATIONS])]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _turned(cls, written: Any) -> Any:
+        if isinstance(written, dict) and "orientation" in written:
+            expected = (
+                "it on a body that carries the segment (`massless: true` if it weighs nothing)"
+            )
+            raise mismatch(expected, "one of a segment", "orientation")
+        return written
 
     @model_validator(mode="after")
     def _outline(self) -> Segment:

@@ -69,7 +69,7 @@ def in_si(written: object, unit: str, noun: str, most: float = TURN) -> float:
         finite = f"a finite {expected}" if not math.isfinite(value) else expected
         raise UnitMismatch(f"{finite}, below {LARGEST:g}", shown(written))
     if unit == "rad" and not label and abs(value) > most:
-        seen = f"{value:g}, without a unit {spoken(unit, value)}"
+        seen = f"{value:g}, which is {spoken(unit, value)} without a unit"
         raise UnitMismatch(expected, f"{seen}; write '{value:g} deg' or '{value:g} rad'")
     return value
 
@@ -81,9 +81,13 @@ def spoken(unit: str, *values: float) -> str:
         unit: SI unit.
         *values: One value, or several in order [unit].
     """
-    turned = unit.startswith("rad")
-    words = (f"{math.degrees(k) if turned else k:.4g}" for k in values)
-    return f"{' to '.join(words)} {f'deg{unit[3:]}' if turned else unit}"
+    factor, name = as_read(unit)
+    return f"{' to '.join(f'{factor * k:.4g}' for k in values)} {name}"
+
+
+def as_read(unit: str) -> tuple[float, str]:
+    """Factor from an SI unit to the unit that a person reads, degrees for radians, and its name."""
+    return (180 / math.pi, f"deg{unit[3:]}") if unit.startswith("rad") else (1.0, unit)
 
 
 def meant(*angles: float) -> str:

@@ -217,7 +217,7 @@ FAULTS = {
     "two inertias": (
         ("    shape: {type: box", "    inertia: {xx: 1, yy: 1, zz: 1}\n    shape: {type: box"),
         "bodies.left_wing",
-        "either inertia or shape",
+        "either inertia or shape, such as `shape: {type: point}` or `inertia: {xx: 2 g cm^2",
         "both",
     ),
     "axis": (("axis: -z", "axis: w"), "bodies.left_tip.joints.1.axis", "an axis", "'w'"),
@@ -283,7 +283,13 @@ FAULTS = {
         ("[10 deg, 20 deg, 30 deg]", "[35, 0, 0]"),
         "bodies.left_tip.orientation.0",
         "an angle",
-        "35, without a unit 2005 deg; write '35 deg' or '35 rad'",
+        "35, which is 2005 deg without a unit; write '35 deg' or '35 rad'",
+    ),
+    "a canted segment": (
+        ("        span_axis: z", "        orientation: [1, 0, 0]"),
+        "wings.1.segments.0.orientation",
+        "it on a body that carries the segment (`massless: true` if",
+        "one of a segment",
     ),
     "degrees of an incidence": (
         ("trailing: -0.03}", "trailing: -0.03, incidence: 5}"),
@@ -292,7 +298,10 @@ FAULTS = {
         "write '5 deg' or '5 rad'",
     ),
     "degrees of a cruise": (
-        ("mirror:", "cruise: {pitch: -8}\nmirror:"), "cruise.pitch", "an angle", "'-8 deg'",
+        ("mirror:", "cruise: {pitch: -8}\nmirror:"),
+        "cruise.pitch",
+        "an angle",
+        "'-8 deg'",
     ),
     "cruise beyond the limits": (
         ("mirror:", "cruise: {frequency: 5, amplitude: {slide: 0.03}}\nmirror:"),
@@ -405,8 +414,8 @@ def test_a_fault_is_named_with_its_place(fault):
         ("mass: 5 g", "", "line 5, bodies.left_tip.mass: expected `mass: 20 g`, found nothing"),
         ("from: left", "form: left", "line 56, mirror.0.form: expected one of the keys from, to"),
         ("parent: hull", "parent: hul", "line 25, bodies.fin.parent: expected one of fin, hull"),
-        ("    parent: hull\n", "", "line 24, bodies.fin.parent: expected `parent: hull`, or `parent"),
-        ("left_fold", "left_slide", "line 15, bodies.left_tip.joints.1.name: expected coordinates"),
+        ("    parent: hull\n", "", "line 24, bodies.fin.parent: expected `parent: hull`, or `pare"),
+        ("left_fold", "left_slide", "line 15, bodies.left_tip.joints.1.name: expected coordinat"),
     ],
 )
 def test_a_fault_is_told_once_with_its_line(old, new, message):
@@ -423,11 +432,13 @@ SLIPS = {
         "joint left_plunge: limits: -45 rad are -2578 deg, .*Write '-45 deg'$",
     ),
     "grams without a unit": (
-        "mass: 380 g", "mass: 380",
+        "mass: 380 g",
+        "mass: 380",
         "line 16, bodies.body.mass: 380 without a unit is 380 kg.*write '380 g' or '380 kg'$",
     ),
     "centimeters without a unit": (
-        "trailing: -22 cm", "trailing: -22",
+        "trailing: -22 cm",
+        "trailing: -22",
         r"wings.0.segments.0.stations.0.trailing: -22 .* '-22 cm' or '-22 m'$",
     ),
     "mass at the hinge": (
@@ -489,6 +500,24 @@ def test_all_faults_are_told_at_once():
 def test_a_duplicate_key_is_refused_with_its_line():
     with pytest.raises(RobotFileError, match="line 2.*each key once, found 'name' again"):
         load_robot_text("name: a\nname: b\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a:\n\tb: 1\n", "line 2, .* found a tab; indent by spaces$"),
+        (
+            "a:\n    b: 1\n\n   c: 2\n",
+            "line 4, .* found a line indented by 3 spaces after one by 4$",
+        ),
+        ("a:\n  b: 1\n   c: 2\n", "line 3, .* found a line indented by 3 spaces after one by 2$"),
+        ("a:\n  b: 1\nc: d: e\n", "line 3, .* found 'mapping values are not allowed here'$"),
+        ("[", 'line 1, .* found "expected the node content'),
+    ],
+)
+def test_a_wrong_indent_is_told(text, said):
+    with pytest.raises(RobotFileError, match=said):
+        load_robot_text(text)
 
 
 def test_an_alias_is_refused():

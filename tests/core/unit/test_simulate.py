@@ -10,6 +10,7 @@ import pytest
 import patagium as pt
 from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFailed
 from patagium.simulation import QUANTITIES
+from patagium.simulation.flight_summary import flight_summary
 
 
 @pytest.fixture(scope="module")
@@ -81,6 +82,19 @@ def test_the_length_of_a_chunk_changes_nothing(robot, aero, gait, flight, monkey
     )  # fmt: skip
     assert np.array_equal(again.v.values, flight.v.values)
     assert seen[0] == (7, 200) and seen[-1] == (200, 200) and len(seen) == 29
+
+
+def test_means_are_over_whole_wingbeats_or_say_so(robot, aero, gait, flight):
+    part = flight_summary(flight)
+    assert part["means_over"] == "its second half; it is shorter than a wingbeat"
+    assert part["frequency"] == pytest.approx(5.0) and not 0.7 < part["force_over_weight"] < 1.4
+    assert not [k for k in part["warnings"] if "weight" in k]
+    longer = pt.simulate(robot, aero, gait, duration=0.35, time_step=1e-3, v=robot.velocities(x=4))
+    assert flight_summary(longer)["means_over"] == "its last wingbeat"
+    last = longer.isel(time=slice(150, None))
+    weight = robot.gravity * sum(body.mass for body in robot.bodies)
+    lift = np.mean(last["aero_force"].sel(dof="z")) / weight
+    assert flight_summary(longer)["force_over_weight"] == pytest.approx(float(lift), rel=1e-9)
 
 
 def test_a_start_of_a_joint_is_the_gaits_or_not_given(robot, aero, gait, flight):
