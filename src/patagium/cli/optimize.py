@@ -15,7 +15,6 @@ from patagium.cli.options import (
     JsonOption,
     PolarOption,
     RobotArgument,
-    netcdf,
 )
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import Numbers, answer, numbers, quantity, say_json, show_table
@@ -72,8 +71,7 @@ def optimize(
     inflow: InflowOption = False,
     density: DensityOption = 1.225,
     output: Annotated[
-        Path | None,
-        typer.Option(*OUTPUT, callback=netcdf, help="File for a flight with the gait (.nc)."),
+        Path | None, typer.Option(*OUTPUT, help="File for a flight with the gait (.nc).")
     ] = None,
     beats: Annotated[
         float, typer.Option(min=1e-3, max=1e4, help="Wingbeats of that flight.")

@@ -20,13 +20,9 @@ ReportOption = Annotated[Path | None, typer.Option(help="File for an HTML page."
 LogArgument = Annotated[Path, typer.Argument(help="Flight or imported log (.nc), or another log.")]
 
 
-def netcdf(path: Path | None) -> Path | None:
-    """Name of a flight's file, which has no ending of another kind.
-
-    Raises:
-        BadParameter: If it has one.
-    """
-    if path and path.suffix not in ("", ".nc"):
+def netcdf(path: Path) -> Path:
+    """Name of a flight's file; one with another ending is refused."""
+    if path.suffix not in ("", ".nc"):
         raise typer.BadParameter(f"expected a name that ends in .nc (netCDF), found {str(path)!r}")
     return path
 

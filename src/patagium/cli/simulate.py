@@ -49,6 +49,7 @@ AirModel: TypeAlias = Literal[GreyModel, "published"]
 
 
 _ANGLE = {"parser": quantity("rad", "an angle", SWING)}
+_TILT = {"parser": quantity("rad", "an angle", TILT)}
 _PLACE = {"parser": vector("m", "a length")}
 _TURN = {"parser": vector("rad", "an angle")}
 _WAY = {"parser": vector("", "a pure number")}
@@ -143,11 +144,7 @@ def simulate(
         typer.Option(parser=quantity("m/s", "a speed"), help="Initial speed forward, in m/s."),
     ] = None,
     pitch: Annotated[
-        float | None,
-        typer.Option(
-            parser=quantity("rad", "an angle", TILT),
-            help="Initial pitch, positive nose down, in rad.",
-        ),
+        float | None, typer.Option(**_TILT, help="Initial pitch, positive nose down, in rad.")
     ] = None,
     attitude: Annotated[
         Literal["euler", "quaternion"] | None,
@@ -254,7 +251,9 @@ def simulate(
     moves = (
         gaits.cruise(machine, frequency)
         if own
-        else _gait(machine, gait, frequency, amplitudes, amplitude, phase, offset)
+        else _gait(
+            machine, gait, frequency, amplitudes, amplitude=amplitude, phase=phase, offset=offset
+        )
     )
     words = PathWords(
         path, path_center, path_size, path_speed, path_frequency, path_along, path_across,
@@ -268,7 +267,7 @@ def simulate(
         pitch = own.pitch if pitch is None else pitch
     q, v = _start(machine, speed or 0.0, pitch or 0.0)
     conditions = {
-        "duration": _duration(machine) if duration is None else duration,
+        "duration": duration or (machine.cruise.duration if machine.cruise else _DURATION),
         "time_step": time_step, "added_mass": carried, "mount": held,
         "load_cells": [mounts.load_cell(cell) for cell in load_cell or ()], "q": q, "v": v,
     }  # fmt: skip
@@ -276,10 +275,6 @@ def simulate(
     if not as_json:
         _tell_choice(machine, flight, own is not None, duration, time_step)
     keep(flight, output, figure, as_json)
-
-
-def _duration(machine: Robot) -> float:
-    return machine.cruise.duration if machine.cruise else _DURATION
 
 
 _DURATION = 1.0
@@ -371,16 +366,14 @@ def _gait(
     kind: str | None,
     frequency: float | None,
     amplitudes: Mapping[str, float | None],
-    more: list[str] | None,
-    phase: list[str] | None,
-    offset: list[str] | None,
+    **words: list[str] | None,
 ) -> Gait:
     from patagium.simulation import gaits
 
-    named = named_quantities("--amplitude", more or (), "rad", "an angle")
+    named, leads, means = (
+        named_quantities(f"--{k}", given or (), "rad", "an angle") for k, given in words.items()
+    )
     sizes = {name: size for name, size in amplitudes.items() if size is not None} | named
-    leads = named_quantities("--phase", phase or (), "rad", "an angle")
-    means = named_quantities("--offset", offset or (), "rad", "an angle")
     kind = kind or "sinusoidal"
     if frequency is None and machine.cruise is not None and kind in ("sinusoidal", "linkage"):
         frequency = machine.cruise.frequency
@@ -411,13 +404,8 @@ def _gait(
     return gaits.sinusoidal(machine, frequency=frequency, phase=leads, offset=means, **sizes)
 
 
-def _refuse_what_is_unused(
-    kind: str,
-    frequency: float | None,
-    sizes: Mapping[str, float],
-    leads: Mapping[str, float],
-    means: Mapping[str, float],
-) -> None:
+def _refuse_what_is_unused(kind: str, frequency: float | None, *named: Mapping[str, float]) -> None:
+    sizes, leads, means = named
     table = kind not in ("sinusoidal", "linkage", "still")
     unused = {
         "--frequency": frequency is not None and (kind == "still" or table),

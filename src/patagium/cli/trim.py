@@ -15,7 +15,6 @@ from patagium.cli.options import (
     JsonOption,
     PolarOption,
     RobotArgument,
-    netcdf,
 )
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import answer, for_person, heading, quantity, say_json, show_table
@@ -78,8 +77,7 @@ def trim(
         Path | None, typer.Option(help="File for a picture of the branch (.svg, .png, .pdf).")
     ] = None,
     output: Annotated[
-        Path | None,
-        typer.Option(*OUTPUT, callback=netcdf, help="File for a flight on the orbit (.nc)."),
+        Path | None, typer.Option(*OUTPUT, help="File for a flight on the orbit (.nc).")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

@@ -329,20 +329,17 @@ class OrbitSearch:
                 low, high = actuator.range
                 if not low - 1e-5 <= value <= high + 1e-5:
                     seen = _apart(actuator.unit, value, value, low, high)
-                    needed = f"{joint} would need {'' if joint == name else name + ' '}{seen[0]}"
-                    given = f"its actuator gives {seen[2]} to {seen[3]}"
-                    return f"{needed} {seen[4]}, and {given} {seen[4]}"
+                    needed = f"{'' if joint == name else name + ' '}{seen[0]} {seen[4]}"
+                    given = f"its actuator gives {seen[2]} to {seen[3]} {seen[4]}"
+                    return f"{joint} would need {needed}, and {given}"
         return ""
 
 
 def _apart(unit: str, *values: float) -> list[str]:
     """Two values and their limits in digits that tell each value from its limit, and the unit."""
     factor, name = as_read(unit)
-    for digits in range(3, 12):
-        told = [f"{factor * one:.{digits}g}" for one in values]
-        if told[0] != told[2] and told[1] != told[3]:
-            break
-    return [*told, name]
+    told = ([f"{factor * one:.{digits}g}" for one in values] for digits in range(3, 18))
+    return [*next(k for k in told if k[0] != k[2] and k[1] != k[3]), name]
 
 
 def state_sizes(names: Sequence[str]) -> Array:

@@ -163,13 +163,9 @@ def _cruise(robot: Robot, part: CruisePart | None) -> Cruise | None:
 
 
 def beyond_limits(robot: Robot, dof: int, least: float, most: float) -> tuple[str, str] | None:
-    """What is expected of a joint's motion and what was found, where it is beyond its limits.
+    """What is expected of a joint and what was found [rad, m], where it is beyond its limits.
 
-    Args:
-        robot: The machine.
-        dof: Index of the joint; where it has no limits, of a turn either way.
-        least: Least coordinate on the way [rad, m].
-        most: Greatest one [rad, m].
+    A joint that has none may go a turn either way.
     """
     unit, (lower, upper) = robot.dof_units[dof], (robot.lower[dof], robot.upper[dof])
     if unit == "rad":

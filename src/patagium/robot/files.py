@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -65,7 +66,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
         kind = "a flight or log: " if path.suffix.lower() == ".nc" else ""
         found = kind + shown(name) + similar(name, preset_names())
         raise RobotFileError(name, [("", expected, found)])
-    return _reviewed(load_robot_text(_text(path), name), name)
+    return _reviewed(load_robot_text(_read(text_of, path, ROBOT_FILE), name), name)
 
 
 def _reviewed(robot: Robot, name: str) -> Robot:
@@ -90,7 +91,7 @@ def load_urdf(path: str | Path, *, base: Literal["fixed", "floating"] = "fixed")
         RobotFileError: If it cannot be read, or holds what a robot cannot have.
     """
     path = Path(path)
-    return load_urdf_text(_text(path), str(path), base=base)
+    return load_urdf_text(_read(text_of, path, ROBOT_FILE), str(path), base=base)
 
 
 def load_urdf_text(
@@ -109,7 +110,9 @@ def load_urdf_text(
     if base not in ("fixed", "floating"):
         raise ParameterError("base", "fixed or floating", base)
     reading = read_urdf(text, name, base == "floating")
-    robot = _robot(_parsed(reading.text, name), reading.text, name, numbered=False)
+    robot = _robot(
+        _read(parsed_yaml, reading.text, name, aliases=False), reading.text, name, numbered=False
+    )
     for where, what in reading.left_out:
         warnings.warn(f"{name}: {where}: {what}", RobotFileWarning, stacklevel=2)
     return robot
@@ -121,7 +124,7 @@ def load_robot_text(text: str, name: str = "robot text") -> Robot:
     Raises:
         RobotFileError: If it describes no robot.
     """
-    return _robot(_parsed(text, name), text, name)
+    return _robot(_read(parsed_yaml, text, name, aliases=False), text, name)
 
 
 def _robot(described: Any, text: str, name: str, numbered: bool = True) -> Robot:
@@ -207,22 +210,12 @@ def write_template(name: str) -> Path:
     return write_whole(path, text)
 
 
-def _text(path: Path) -> str:
+def _read(reader: Callable[..., Any], *words: Any, **more: Any) -> Any:
     try:
-        return text_of(path, ROBOT_FILE)
+        return reader(*words, **more)
     except Unreadable as error:
-        raise _refusal(error) from None
-
-
-def _parsed(text: str, name: str) -> Any:
-    try:
-        return parsed_yaml(text, name, aliases=False)
-    except Unreadable as error:
-        raise _refusal(error) from None
-
-
-def _refusal(error: Unreadable) -> RobotFileError:
-    return RobotFileError(error.file, [(error.where, error.expected, error.found)])
+        problem = (error.where, error.expected, error.found)
+        raise RobotFileError(error.file, [problem]) from None
 
 
 def _page(robot: Robot) -> str:

@@ -23,11 +23,9 @@ _HINGE = 0.05
 """Distance of a center of mass that is at the hinge, over that of the wing's middle."""
 
 _KINDS = {
-    ("kg", "g"): {"mass"},
-    ("m", "cm"): {
-        *("at", "position", "center_of_mass", "leading", "trailing", "span", "chord"),
-        *("thickness", "radius", "length", "size", "semi_axes"),
-    },
+    ("kg", "g"): "mass",
+    ("m", "cm"): "at position center_of_mass leading trailing span chord thickness radius length "
+    "size semi_axes",
 }
 """Keys of a robot file by the unit of a bare number and the one that may be meant."""
 
@@ -46,7 +44,7 @@ def robot_warnings(robot: Robot) -> list[str]:
 def _bare_numbers(text: str) -> Iterator[str]:
     """Masses and lengths of 1 and more without a unit, where others of the file have one."""
     for (unit, small), keys in _KINDS.items():
-        found = list(_written(yaml.safe_load(text), keys))
+        found = list(_written(yaml.safe_load(text), keys.split()))
         bare = {k: x for k, x in found if isinstance(x, int | float) and abs(x) >= 1}
         lines = lines_of(text, bare)
         for place, x in bare.items() if any(isinstance(one, str) for _, one in found) else ():
@@ -54,14 +52,13 @@ def _bare_numbers(text: str) -> Iterator[str]:
             yield f"line {lines[place]}, {place}: {seen}; write '{x:g} {small}' or '{x:g} {unit}'"
 
 
-def _written(node: Any, keys: set[str], place: str = "", own: bool = False) -> Iterator[Any]:
+def _written(node: Any, keys: list[str], place: str = "", own: bool = False) -> Iterator[Any]:
     """Places and values of these keys in a file, entries of a list one by one."""
-    if not isinstance(node, dict | list):
-        yield from [(place[1:], node)] if own else []
-        return
-    for key, value in node.items() if isinstance(node, dict) else enumerate(node):
-        below = own if isinstance(node, list) else key in keys
-        yield from _written(value, keys, f"{place}.{key}", below)
+    listed = isinstance(node, list)
+    if own and not isinstance(node, dict | list):
+        yield place[1:], node
+    for key, value in enumerate(node) if listed else getattr(node, "items", tuple)():
+        yield from _written(value, keys, f"{place}.{key}", own if listed else key in keys)
 
 
 def _wide_limits(robot: Robot, images: set[int]) -> Iterator[str]:

@@ -26,7 +26,7 @@ from patagium.robot.model import CAPACITIES, capacity_units
 
 from patagium.robot.units import (  # isort: skip
     Acceleration, Angle, BeamStiffness, Duration, Frequency, Inertia, Length, Mass, PureNumber,
-    Speed, Swing, Tilt, UnitMismatch, in_si, mismatch, spoken,
+    SlidingDamping, Speed, Swing, Tilt, TurningDamping, UnitMismatch, in_si, mismatch, spoken,
 )  # fmt: skip
 
 
@@ -48,11 +48,8 @@ def _not_negative(value: float) -> float:
 
 def _unit_vector(written: object) -> object:
     """Axis as a letter with a sign ("x", "-z") or as three numbers, made a unit vector."""
-    if isinstance(written, str):
-        sign, letter = (-1.0, written[1:]) if written.startswith("-") else (1.0, written)
-        if letter not in ("x", "y", "z"):
-            raise mismatch("an axis: x, y, z, -x, -y, -z or three numbers", repr(written)[:40])
-        return tuple(sign if letter == k else 0.0 for k in "xyz")
+    if isinstance(written, str) and written.removeprefix("-") in ("x", "y", "z"):
+        return tuple((-1.0) ** written.startswith("-") * (written[-1] == k) + 0.0 for k in "xyz")
     if not isinstance(written, (list, tuple)) or len(written) != 3:
         raise mismatch("an axis: x, y, z, -x, -y, -z or three numbers", repr(written)[:40])
     try:
@@ -268,31 +265,12 @@ def _converted(written: object, unit: str, noun: str, key: str, most: float = TU
 class FloatingDamping(_Part):
     """Passive damping of a floating body's velocities: force = -damping v."""
 
-    x: float = 0.0
-    y: float = 0.0
-    z: float = 0.0
-    roll: float = 0.0
-    pitch: float = 0.0
-    yaw: float = 0.0
-
-    @model_validator(mode="before")
-    @classmethod
-    def _in_si(cls, written: Any) -> Any:
-        if not isinstance(written, dict):
-            return written
-        units = dict.fromkeys(("x", "y", "z"), "N s/m")
-        units |= dict.fromkeys(("roll", "pitch", "yaw"), "N m s/rad")
-        return {
-            key: _converted(value, units[key], "a damping", key) if key in units else value
-            for key, value in written.items()
-        }
-
-    @model_validator(mode="after")
-    def _dissipates(self) -> FloatingDamping:
-        for key, value in self:
-            if value < 0:
-                raise mismatch("a quantity that is not negative", f"{value:g}", key)
-        return self
+    x: Annotated[SlidingDamping, AfterValidator(_not_negative)] = 0.0
+    y: Annotated[SlidingDamping, AfterValidator(_not_negative)] = 0.0
+    z: Annotated[SlidingDamping, AfterValidator(_not_negative)] = 0.0
+    roll: Annotated[TurningDamping, AfterValidator(_not_negative)] = 0.0
+    pitch: Annotated[TurningDamping, AfterValidator(_not_negative)] = 0.0
+    yaw: Annotated[TurningDamping, AfterValidator(_not_negative)] = 0.0
 
 
 class FlexiblePart(_Part):

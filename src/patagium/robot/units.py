@@ -75,12 +75,7 @@ def in_si(written: object, unit: str, noun: str, most: float = TURN) -> float:
 
 
 def spoken(unit: str, *values: float) -> str:
-    """Quantity or range for a person, angles in degrees: "-50 to 60 deg".
-
-    Args:
-        unit: SI unit.
-        *values: One value, or several in order [unit].
-    """
+    """One value [unit] or several for a person, angles in degrees: "-50 to 60 deg"."""
     factor, name = as_read(unit)
     return f"{' to '.join(f'{factor * k:.4g}' for k in values)} {name}"
 
@@ -201,6 +196,8 @@ Swing: TypeAlias = quantity_type("rad", "an angle", SWING)
 Tilt: TypeAlias = quantity_type("rad", "an angle", TILT)
 Speed: TypeAlias = quantity_type("m/s", "a speed")
 Frequency: TypeAlias = quantity_type("Hz", "a frequency")
+SlidingDamping: TypeAlias = quantity_type("N s/m", "a damping")
+TurningDamping: TypeAlias = quantity_type("N m s/rad", "a damping")
 Duration: TypeAlias = quantity_type("s", "a time")
 Acceleration: TypeAlias = quantity_type("m/s^2", "an acceleration")
 Inertia: TypeAlias = quantity_type("kg m^2", "a moment of inertia")

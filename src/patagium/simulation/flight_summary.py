@@ -87,8 +87,8 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     if held is not None:
         facts["held_samples"] = sum(held.values())
     if "speed" in facts:
-        judged = not beat or beats > 0
-        warnings = _warnings(facts, judged, judged and flight.attrs.get("mount") == "free")
+        free = flight.attrs.get("mount") == "free"
+        warnings = _warnings(facts, free, judged=not beat or beats > 0)
     warnings += _hover(robot, flight.isel(time=chosen))
     audit = flight.attrs.get("energy_audit", 0.0)
     if audit > UNEXPLAINED:
@@ -137,8 +137,8 @@ def _of_body(robot: Robot, flight: xr.Dataset, chosen: slice) -> dict[str, Any]:
     }
 
 
-def _warnings(facts: dict[str, Any], judged: bool, free: bool) -> list[str]:
-    """Sentences about what is wrong; of a mean force where `judged`, of steadiness if `free`."""
+def _warnings(facts: dict[str, Any], free: bool, judged: bool) -> list[str]:
+    """Sentences about what is wrong; `free` if nothing holds it, `judged` by its mean force."""
     warnings = []
     for name in ("roll", "pitch"):
         most = max(abs(one) for one in facts[name])
@@ -148,7 +148,9 @@ def _warnings(facts: dict[str, Any], judged: bool, free: bool) -> list[str]:
     if speed < 0:
         warnings.append(f"It flies backwards, at {-speed:.2g} m/s.")
     share = facts["force_over_weight"]
-    if judged and sinking > max(SLOWEST_FALL, np.tan(STEEPEST) * abs(speed)):
+    if not judged:
+        return warnings
+    if sinking > max(SLOWEST_FALL, np.tan(STEEPEST) * abs(speed)):
         warnings.append(
             f"It sinks at {sinking:.2g} m/s: the air carries {share:.0%} of the weight."
         )
