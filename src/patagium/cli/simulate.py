@@ -266,8 +266,9 @@ def simulate(
         speed = own.speed if speed is None else speed
         pitch = own.pitch if pitch is None else pitch
     q, v = _start(machine, speed or 0.0, pitch or 0.0)
+    usual = machine.cruise.duration if machine.cruise else _DURATION
     conditions = {
-        "duration": duration or (machine.cruise.duration if machine.cruise else _DURATION),
+        "duration": usual if duration is None else duration,
         "time_step": time_step, "added_mass": carried, "mount": held,
         "load_cells": [mounts.load_cell(cell) for cell in load_cell or ()], "q": q, "v": v,
     }  # fmt: skip

@@ -37,8 +37,8 @@ def robot_warnings(robot: Robot) -> list[str]:
     """Sentences on likely slips, each with what to write; none for a robot without."""
     images = mirrored_bodies(robot)  # the other side is told
     checks = (_wide_limits(robot, images), _masses_at_hinges(robot, images), _small_strips(robot))
-    checks = (_bare_numbers(robot.source), *checks, _overlaps(robot))
-    return [sentence for check in checks for sentence in check]
+    every = (_bare_numbers(robot.source), *checks, _overlaps(robot))
+    return [sentence for check in every for sentence in check]
 
 
 def _bare_numbers(text: str) -> Iterator[str]:
