@@ -281,7 +281,7 @@ def parsed_yaml(text: str, name: str, *, aliases: bool = True) -> Any:
 
 
 def _indented(text: str, line: int, problem: str) -> str:
-    """What is wrong with the indentation where YAML ended, or nothing."""
+    """Fault of the indentation where YAML ended, or nothing."""
     rows = [row for row in text.splitlines()[: line + 1] if row.split("#")[0].strip()]
     sizes = [len(row) - len(row.lstrip()) for row in ["", *rows]]
     if "\t" in rows[-1][: sizes[-1]]:

@@ -163,7 +163,7 @@ def _cruise(robot: Robot, part: CruisePart | None) -> Cruise | None:
 
 
 def beyond_limits(robot: Robot, dof: int, least: float, most: float) -> tuple[str, str] | None:
-    """What is expected of a joint and what was found [rad, m], where it is beyond its limits.
+    """Expected and found motion of a joint [rad, m] in words, where it is beyond its limits.
 
     A joint that has none may go a turn either way.
     """
