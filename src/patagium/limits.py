@@ -32,6 +32,9 @@ LARGEST = 1e30
 """Magnitude of a physical quantity [SI]: products of ten of them are still finite numbers."""
 LEAST_MASS = 1e-20
 """Mass of a body that has one [kg]: a bacterium has 1e-15 kg."""
+TURN, SWING, TILT = 6.2832, 3.1416, 1.571
+"""Largest angle of any kind, amplitude, and incidence or pitch that is written without a unit
+[rad]: larger numbers are degrees whose unit was forgotten."""
 MEMORY_SHARE = 0.125
 """Share of the free memory that samples of a flight take before they go to the disk."""
 DISK_SHARE = 0.9

@@ -264,7 +264,8 @@ def parsed_yaml(text: str, name: str, *, aliases: bool = True) -> Any:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        found = shown(error.problem or error.context, 200)
+        found = _indented(text, mark.line if mark else 0, str(error.problem))
+        found = found or shown(error.problem or error.context, 200)
         raise Unreadable(name, where, "readable YAML", found) from None
     except (
         yaml.YAMLError,
@@ -277,6 +278,18 @@ def parsed_yaml(text: str, name: str, *, aliases: bool = True) -> Any:
     ) as error:
         found = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
         raise Unreadable(name, "", "readable YAML", found) from None
+
+
+def _indented(text: str, line: int, problem: str) -> str:
+    """Fault of the indentation where YAML ended, or nothing."""
+    rows = [row for row in text.splitlines()[: line + 1] if row.split("#")[0].strip()]
+    sizes = [len(row) - len(row.lstrip()) for row in ["", *rows]]
+    if "\t" in rows[-1][: sizes[-1]]:
+        return "a tab; indent by spaces"
+    deeper = problem.startswith("mapping values") and sizes[-1] > sizes[-2]
+    if deeper or (problem.startswith("expected <block end>") and sizes[-1] != sizes[-2]):
+        return f"a line indented by {sizes[-1]} spaces after one by {sizes[-2]}"
+    return ""
 
 
 def refused(source: str, errors: Sequence[Any], model: Any, text: str = "") -> LogError:

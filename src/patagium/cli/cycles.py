@@ -75,5 +75,5 @@ _LABELS = {
     "mean_power": "mean power of the joints [W]",
     "mean_positive_power": "mean power of the joints where positive [W]",
     "airspeed": "airspeed [m/s]",
-    "cost_of_transport": "cost of transport [1]",
+    "cost_of_transport": "cost of transport, of positive power [1]",
 }

@@ -18,7 +18,18 @@ ScoresOption = Annotated[bool, typer.Option("--json", help="All scores as JSON o
 RobotArgument = Annotated[str, typer.Argument(help="Preset (see patagium robots) or robot file.")]
 ReportOption = Annotated[Path | None, typer.Option(help="File for an HTML page.")]
 LogArgument = Annotated[Path, typer.Argument(help="Flight or imported log (.nc), or another log.")]
-FlightOutput = Annotated[Path, typer.Option(*OUTPUT, help="File for the flight (netCDF).")]
+
+
+def netcdf(path: Path) -> Path:
+    """Name of a flight's file; one with another ending is refused."""
+    if path.suffix not in ("", ".nc"):
+        raise typer.BadParameter(f"expected a name that ends in .nc (netCDF), found {str(path)!r}")
+    return path
+
+
+FlightOutput = Annotated[
+    Path, typer.Option(*OUTPUT, callback=netcdf, help="File for the flight (.nc).")
+]
 _FILES = "A CSV, Parquet, MAT, ULog, ArduPilot or MCAP file, a ROS bag, or parts of one."
 FilesArgument = Annotated[list[Path], typer.Argument(help=_FILES)]
 MappingOption = Annotated[

@@ -35,6 +35,8 @@ def check_files(given: Mapping[str, Any]) -> None:
         for word in value if isinstance(value, list) else [value]:
             if not isinstance(word, (str, Path)) or "\0" in str(word):
                 continue
+            if name == "robot" and str(word).endswith(".nc"):
+                continue  # no robot, as its reader will say
             place = os.path.realpath(word)
             written = name in _WRITTEN
             if written and place in named:

@@ -34,6 +34,7 @@ from patagium.cli.words import (
     vector,
 )
 from patagium.errors import ParameterError
+from patagium.limits import SWING, TILT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -47,7 +48,8 @@ AirModel: TypeAlias = Literal[GreyModel, "published"]
 """Models of the air."""
 
 
-_ANGLE = {"parser": quantity("rad", "an angle")}
+_ANGLE = {"parser": quantity("rad", "an angle", SWING)}
+_TILT = {"parser": quantity("rad", "an angle", TILT)}
 _PLACE = {"parser": vector("m", "a length")}
 _TURN = {"parser": vector("rad", "an angle")}
 _WAY = {"parser": vector("", "a pure number")}
@@ -142,7 +144,7 @@ def simulate(
         typer.Option(parser=quantity("m/s", "a speed"), help="Initial speed forward, in m/s."),
     ] = None,
     pitch: Annotated[
-        float | None, typer.Option(**_ANGLE, help="Initial pitch, positive nose down, in rad.")
+        float | None, typer.Option(**_TILT, help="Initial pitch, positive nose down, in rad.")
     ] = None,
     attitude: Annotated[
         Literal["euler", "quaternion"] | None,
@@ -249,7 +251,9 @@ def simulate(
     moves = (
         gaits.cruise(machine, frequency)
         if own
-        else _gait(machine, gait, frequency, amplitudes, amplitude, phase, offset)
+        else _gait(
+            machine, gait, frequency, amplitudes, amplitude=amplitude, phase=phase, offset=offset
+        )
     )
     words = PathWords(
         path, path_center, path_size, path_speed, path_frequency, path_along, path_across,
@@ -262,8 +266,9 @@ def simulate(
         speed = own.speed if speed is None else speed
         pitch = own.pitch if pitch is None else pitch
     q, v = _start(machine, speed or 0.0, pitch or 0.0)
+    usual = machine.cruise.duration if machine.cruise else _DURATION
     conditions = {
-        "duration": _duration(machine) if duration is None else duration,
+        "duration": usual if duration is None else duration,
         "time_step": time_step, "added_mass": carried, "mount": held,
         "load_cells": [mounts.load_cell(cell) for cell in load_cell or ()], "q": q, "v": v,
     }  # fmt: skip
@@ -271,10 +276,6 @@ def simulate(
     if not as_json:
         _tell_choice(machine, flight, own is not None, duration, time_step)
     keep(flight, output, figure, as_json)
-
-
-def _duration(machine: Robot) -> float:
-    return machine.cruise.duration if machine.cruise else _DURATION
 
 
 _DURATION = 1.0
@@ -320,11 +321,12 @@ def flight_table(facts: dict[str, Any]) -> dict[str, Any]:
     return rows
 
 
-_TITLE = "Flight (means are over its second half)"
 _TOLD = ("robot_name", "mount", "stepping", "time_step", "outcome", "message")
 _AUDITS = ("energy_audit", "fluid_energy_audit", "momentum_audit", "aero_power_largest")
 _LABELS = {
     "time_step": "time step [s]",
+    "means_over": "means are over",
+    "frequency": "frequency of the gait [Hz]",
     "speed": "mean speed along the nose [m/s]",
     "climb_rate": "mean climb rate [m/s]",
     "height_change": "height change, start to end [m]",
@@ -365,16 +367,14 @@ def _gait(
     kind: str | None,
     frequency: float | None,
     amplitudes: Mapping[str, float | None],
-    more: list[str] | None,
-    phase: list[str] | None,
-    offset: list[str] | None,
+    **words: list[str] | None,
 ) -> Gait:
     from patagium.simulation import gaits
 
-    named = named_quantities("--amplitude", more or (), "rad", "an angle")
+    named, leads, means = (
+        named_quantities(f"--{k}", given or (), "rad", "an angle") for k, given in words.items()
+    )
     sizes = {name: size for name, size in amplitudes.items() if size is not None} | named
-    leads = named_quantities("--phase", phase or (), "rad", "an angle")
-    means = named_quantities("--offset", offset or (), "rad", "an angle")
     kind = kind or "sinusoidal"
     if frequency is None and machine.cruise is not None and kind in ("sinusoidal", "linkage"):
         frequency = machine.cruise.frequency
@@ -405,13 +405,8 @@ def _gait(
     return gaits.sinusoidal(machine, frequency=frequency, phase=leads, offset=means, **sizes)
 
 
-def _refuse_what_is_unused(
-    kind: str,
-    frequency: float | None,
-    sizes: Mapping[str, float],
-    leads: Mapping[str, float],
-    means: Mapping[str, float],
-) -> None:
+def _refuse_what_is_unused(kind: str, frequency: float | None, *named: Mapping[str, float]) -> None:
+    sizes, leads, means = named
     table = kind not in ("sinusoidal", "linkage", "still")
     unused = {
         "--frequency": frequency is not None and (kind == "still" or table),
@@ -513,7 +508,7 @@ def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
         outputs.attempt("figure", lambda: save_figure(flight_overview(flight), figure))
     facts = flight_facts(flight) | ({"file": str(output)} if kept else {})
     shown = facts if as_json else flight_table(facts)
-    outputs.attempt("facts on stdout", lambda: answer(shown, as_json=as_json, title=_TITLE))
+    outputs.attempt("facts on stdout", lambda: answer(shown, as_json=as_json, title="Flight"))
     for warning in () if broken else facts["warnings"]:
         typer.echo(f"patagium: {warning}", err=True)
     outputs.check()

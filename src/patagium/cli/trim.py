@@ -17,7 +17,7 @@ from patagium.cli.options import (
     RobotArgument,
 )
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import answer, heading, quantity, say_json, show_table
+from patagium.cli.words import answer, for_person, heading, quantity, say_json, show_table
 from patagium.errors import ParameterError, PatagiumError
 
 if TYPE_CHECKING:
@@ -158,8 +158,8 @@ def _branch(found: Branch, figure: Path | None, as_json: bool) -> None:
         ]
         say_json({"orbits": rows, "bifurcations": points, "ends": [*found.ends]})
     else:
-        heads = [name.replace("_", " ") for name in rows[0]]
-        show_table(Table(heads, [[*row.values()] for row in rows], repr(found)))
+        told = [for_person(row) for row in rows]
+        show_table(Table([*told[0]], [[*row.values()] for row in told], repr(found)))
     if figure is not None:
         save_figure(_picture(found), figure)
 

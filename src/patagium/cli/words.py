@@ -7,13 +7,15 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from math import degrees
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
-from patagium.errors import LogError, ParameterError
+from patagium.errors import LogError, ParameterError, PatagiumError
+from patagium.limits import TURN
 from patagium.reading import regular_file
 
 if TYPE_CHECKING:
@@ -39,36 +41,32 @@ class Numbers(tuple[float, ...]):
 Progress = Callable[[int, int], None]
 MEANING = "that says what the columns mean, which patagium inspect {} lists"
 """What a mapping is, for messages."""
-_UNIT = re.compile(r"_(m_s|J_m|rad_s|Hz|rad|W|SI|s)$")
+_UNIT = re.compile(r"_(m_s|J_m|deg_s|rad_s|Hz|deg|rad|W|SI|s)$")
 BETWEEN_LINES = 10.0
 """Time between two lines of progress where stderr is no terminal [s]."""
 
 
-def quantity(unit: str, noun: str) -> Callable[[str], float]:
+def quantity(unit: str, noun: str, most: float = TURN) -> Callable[[str], float]:
     """A reader of quantities such as "5 Hz" or, bare, in SI.
 
     Args:
         unit: SI unit wanted.
         noun: Noun with its article, for the message.
+        most: Magnitude beyond which an angle needs a unit [rad].
     """
 
     def read(text: str) -> float:
         from patagium.robot.units import UnitMismatch, in_si
 
         try:
-            value = in_si(text, unit, noun)
+            return in_si(text, unit, noun, most)
         except UnitMismatch as error:
             raise typer.BadParameter(str(error)) from None
-        if unit == "rad" and abs(value) > _TURN and text.strip()[-1:].isdigit():
-            seen = f"{text} rad, more than a turn; did you mean '{text} deg'?"
-            raise typer.BadParameter(f"expected an angle such as '30 deg', found {seen}")
-        return value
 
     read.__name__ = unit or "NUMBER"
     return read
 
 
-_TURN = 2 * 3.14159265358979
 FLIGHT = Path("flight.nc")
 """Flight that simulate writes and the verbs after it read, where none is named."""
 
@@ -127,6 +125,8 @@ def named_quantities(
     Raises:
         ParameterError: If a word is not NAME=VALUE, or a name comes twice.
     """
+    from patagium.robot.units import UnitMismatch, in_si
+
     values: dict[str, float] = {}
     for word in words:
         name, equals, value = (part.strip() for part in word.partition("="))
@@ -137,9 +137,9 @@ def named_quantities(
             raise ParameterError(option, f"{name} once", word)
         try:
             wanted = unit if isinstance(unit, str) else unit(name)
-            values[name] = quantity(wanted, noun)(value)
-        except typer.BadParameter as error:
-            raise ParameterError(f"{option} {name}", error.message, value) from None
+            values[name] = in_si(value, wanted, noun)
+        except UnitMismatch as error:
+            raise PatagiumError(f"{option} {name}: {error}") from None
     return values
 
 
@@ -183,8 +183,17 @@ def answer(facts: dict[str, Any], *, as_json: bool, title: str = "") -> None:
         return
     from patagium.report.page import key_value_table
 
-    flat = {heading(name): _plain(value) for name, value in facts.items()}
-    show_table(key_value_table(flat, title))
+    show_table(key_value_table(for_person(facts), title))
+
+
+def for_person(facts: dict[str, Any]) -> dict[str, Any]:
+    """Facts by their headings, angles in degrees."""
+    told = {}
+    for name, value in facts.items():
+        turned = re.search(r"_rad(_s)?$", name) and isinstance(value, float)
+        key = name.replace("_rad", "_deg") if turned else name
+        told[heading(key)] = degrees(value) if turned else _plain(value)
+    return told
 
 
 def heading(name: str) -> str:

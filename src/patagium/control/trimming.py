@@ -32,7 +32,9 @@ from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.dynamics import Dynamics
 from patagium.errors import ParameterError
 from patagium.robot import Robot
+from patagium.robot.assembly import MARGIN
 from patagium.robot.model import FLOATING_COORDINATES
+from patagium.robot.units import as_read
 from patagium.simulation import gaits
 from patagium.simulation.gait_models import Gait
 from patagium.simulation.simulator import check_robots
@@ -312,9 +314,9 @@ class OrbitSearch:
         position = gait.motion(np.arange(64) / 64 / gait.frequency).position
         for joint, i, motion in zip(gait.joints, robot.actuated, position.T, strict=True):
             low, high = robot.lower[i], robot.upper[i]
-            if motion.min() < low - gaits.MARGIN or motion.max() > high + gaits.MARGIN:
-                seen = _apart([motion.min(), motion.max()], [low, high])
-                way = f"{joint} would go from {seen[0]} to {seen[1]} {robot.dof_units[i]}"
+            if motion.min() < low - MARGIN or motion.max() > high + MARGIN:
+                seen = _apart(robot.dof_units[i], motion.min(), motion.max(), low, high)
+                way = f"{joint} would go from {seen[0]} to {seen[1]} {seen[4]}"
                 return f"{way}, and its limits are {seen[2]} to {seen[3]}"
         for name, actuator in robot.actuators.items():
             kind, joints = robot.command(name)
@@ -326,20 +328,18 @@ class OrbitSearch:
                     value = {"amplitude": half, "offset": float(gait.mean[place])}.get(kind, 0.0)
                 low, high = actuator.range
                 if not low - 1e-5 <= value <= high + 1e-5:
-                    seen = _apart([value] * 2, [low, high])
-                    needed = f"{joint} would need {'' if joint == name else name + ' '}{seen[0]}"
-                    given = f"its actuator gives {seen[2]} to {seen[3]}"
-                    return f"{needed} {actuator.unit}, and {given} {actuator.unit}"
+                    seen = _apart(actuator.unit, value, value, low, high)
+                    needed = f"{'' if joint == name else name + ' '}{seen[0]} {seen[4]}"
+                    given = f"its actuator gives {seen[2]} to {seen[3]} {seen[4]}"
+                    return f"{joint} would need {needed}, and {given}"
         return ""
 
 
-def _apart(values: Sequence[float], limits: Sequence[float]) -> list[str]:
-    """Values and limits in digits that tell each value from its limit."""
-    for digits in range(3, 12):
-        told = [f"{one:.{digits}g}" for one in (*values, *limits)]
-        if told[0] != told[2] and told[1] != told[3]:
-            break
-    return told
+def _apart(unit: str, *values: float) -> list[str]:
+    """Two values and their limits in digits that tell each value from its limit, and the unit."""
+    factor, name = as_read(unit)
+    told = ([f"{factor * one:.{digits}g}" for one in values] for digits in range(3, 18))
+    return [*next(k for k in told if k[0] != k[2] and k[1] != k[3]), name]
 
 
 def state_sizes(names: Sequence[str]) -> Array:

@@ -518,7 +518,7 @@ def _draw_joints(
     """Places, ways between limits, and the axes that lie in the plane of the view."""
     swept = [k.sweep[:, list(view)] for k in joints if len(k.sweep)]
     for i, way in enumerate(swept):
-        label = "way between limits" if i == 0 else None
+        label = "path of the tip between its limits" if i == 0 else None
         panel.plot(*way.T, color=color(1), linewidth=1.0, label=label)
     places = np.array([k.place for k in joints]).reshape(-1, 3)[:, list(view)]
     panel.plot(*places.T, "o", color=TRUTH, markersize=4, label="joint")

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from math import copysign, isfinite
 from typing import Any
 
 import numpy as np
 
 from patagium.arrays import Array
 from patagium.errors import ParameterError, similar
-from patagium.limits import LEAST_INERTIA
+from patagium.limits import LEAST_INERTIA, TURN
 from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.flexible import flexed, pieces_of
 from patagium.robot.model import (
@@ -41,7 +42,7 @@ from patagium.robot.schema import (
     WingPart,
 )
 from patagium.robot.strip_chains import joined_images
-from patagium.robot.units import UnitMismatch, in_si
+from patagium.robot.units import UnitMismatch, in_si, meant, spoken
 
 _REFLECTION = np.diag([1.0, -1.0, 1.0])
 
@@ -83,7 +84,7 @@ def assemble(file: RobotFile, source: str) -> Robot:
         AssemblyError: If the parts contradict each other.
     """
     bodies = flexed(file.bodies)
-    drafts = _in_tree_order(_mirrored(file, [_draft(n, b) for n, b in bodies.items()]))
+    drafts = _in_tree_order(_mirrored(file, [_draft(n, b, bodies) for n, b in bodies.items()]))
     _check_masses(drafts)
     coordinates = _coordinates(drafts)
     order = _ordered(file, tuple(coordinates))
@@ -150,7 +151,33 @@ def _cruise(robot: Robot, part: CruisePart | None) -> Cruise | None:
                 expected = f"an actuated joint ({', '.join(known)}) or a pair"
                 found = name + similar(name, [*pairs, *known])
                 raise AssemblyError((f"cruise.{key}.{name}", expected, found))
+    named = [(key, k) for key in ("amplitude", "offset") for k in getattr(part, key)]
+    moved = [(key, name, joint) for key, name in named for joint in robot.joints_named(name)]
+    values = {(key, joint): getattr(part, key)[name] for key, name, joint in moved}
+    for key, name, joint in moved:
+        size, mean = (values.get((k, joint), 0.0) for k in ("amplitude", "offset"))
+        beyond = beyond_limits(robot, robot.index(joint), mean - abs(size), mean + abs(size))
+        if beyond:
+            raise AssemblyError((f"cruise.{key}.{name}", *beyond))
     return Cruise(**dict(part))
+
+
+def beyond_limits(robot: Robot, dof: int, least: float, most: float) -> tuple[str, str] | None:
+    """Expected and found motion of a joint [rad, m] in words, where it is beyond its limits.
+
+    A joint that has none may go a turn either way.
+    """
+    unit, (lower, upper) = robot.dof_units[dof], (robot.lower[dof], robot.upper[dof])
+    if unit == "rad":
+        lower, upper = (k if isfinite(k) else copysign(TURN, k) for k in (lower, upper))
+    if lower - MARGIN <= least and most <= upper + MARGIN:
+        return None
+    expected = f"a gait within its limits {spoken(unit, lower, upper)}"
+    return expected, spoken(unit, least, most) + (meant(most, least) if unit == "rad" else "")
+
+
+MARGIN = 1e-9
+"""Rounding allowed beyond a joint limit [rad, m]."""
 
 
 def _actuator(robot: Robot, name: str, part: ActuatorPart) -> Actuator:
@@ -179,11 +206,11 @@ def _actuator(robot: Robot, name: str, part: ActuatorPart) -> Actuator:
         least = 0.0 if kind in ("frequency", "amplitude") else -np.inf
         if not least <= low < high:
             sign = "" if least else ", none below 0"
-            found = f"{low:g} to {high:g} {unit}"
+            found = spoken(unit, low, high)
             raise AssemblyError((f"{path}.range", f"the lower before the upper{sign}", found))
     rate = np.inf if part.rate_limit is None else si("rate_limit", part.rate_limit, "/s")
     if not rate > 0:
-        raise AssemblyError((f"{path}.rate_limit", "a positive quantity", f"{rate:g} {unit}/s"))
+        raise AssemblyError((f"{path}.rate_limit", "a positive quantity", f"{rate:g}"))
     return Actuator(unit, (low, high), rate, part.response_time, part.cost)
 
 
@@ -206,15 +233,21 @@ def _check_actuators(robot: Robot, actuators: Mapping[str, Actuator]) -> None:
             named = kind == "frequency" or set(robot.joints_named(key)) & set(joints)
             low, high = actuator.range
             if named and not low <= value <= high:
-                expected = f"a range that holds the cruise's {value:g} {actuator.unit}"
-                found = f"{low:g} to {high:g} {actuator.unit}"
+                expected = f"a range that holds the cruise's {spoken(actuator.unit, value)}"
+                found = spoken(actuator.unit, low, high)
                 raise AssemblyError((f"actuators.{name}.range", expected, found))
 
 
-def _draft(name: str, part: BodyPart) -> _Draft:
+def _draft(name: str, part: BodyPart, bodies: Mapping[str, BodyPart]) -> _Draft:
     joints = tuple((k.name, k.type, k.axis) for k in part.joints)
     orientation = rotation_from_angles(part.orientation)
-    return _Draft(name, part.parent, part, joints, orientation, False, f"bodies.{name}")
+    path, parent = f"bodies.{name}", part.parent
+    floating = [k for k, body in bodies.items() if body.floating]
+    if parent is None and floating and not part.floating:
+        expected = f"`parent: {floating[0]}`, or `parent: world` for what hangs on the world"
+        raise AssemblyError((f"{path}.parent", expected, "nothing"))
+    parent = None if parent == "world" and parent not in bodies else parent
+    return _Draft(name, parent, part, joints, orientation, False, path)
 
 
 def _mirrored(file: RobotFile, drafts: list[_Draft]) -> list[_Draft]:
@@ -369,9 +402,10 @@ def _coordinates(drafts: list[_Draft]) -> dict[str, _Coordinate]:
     """Coordinates of all bodies by name."""
     found: dict[str, _Coordinate] = {}
     for draft in drafts:
-        for name, coordinate in _coordinates_of(draft):
+        for i, (name, coordinate) in enumerate(_coordinates_of(draft)):
             if name in found:
-                raise AssemblyError((draft.path, "coordinates named once", f"{name} again"))
+                place = f"{draft.path}.joints.{i}.name" if draft.joints else draft.path
+                raise AssemblyError((place, "coordinates named once", f"{name} again"))
             found[name] = coordinate
     if not found:
         raise AssemblyError(("bodies", "a floating body or at least one joint", "none"))

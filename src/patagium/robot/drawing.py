@@ -43,6 +43,7 @@ def draw_robot(robot: Robot, q: ArrayLike | None = None) -> Figure:
         centers={
             b.name: placed(pose, np.array(b.center_of_mass, float))
             for b, pose in zip(robot.bodies, places, strict=True)
+            if b.mass
         },
         outlines=[
             placed(places[solid.body], solid_faces(*solid[1:]).reshape(-1, 3))

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import replace
 from functools import lru_cache
@@ -66,8 +65,10 @@ def load_robot(name_or_path: str | Path) -> Robot:
     if path.suffix not in (".yaml", ".yml") and (other or not os.path.exists(path)):
         known = ", ".join(preset_names())
         expected = f"a preset ({known}) or the path of a robot file (.yaml, .urdf)"
-        raise RobotFileError(name, [("", expected, shown(name) + similar(name, preset_names()))])
-    return _reviewed(load_robot_text(_text(path), name), name)
+        kind = "a flight or log: " if path.suffix.lower() == ".nc" else ""
+        found = kind + shown(name) + similar(name, preset_names())
+        raise RobotFileError(name, [("", expected, found)])
+    return _reviewed(load_robot_text(_read(text_of, path, ROBOT_FILE), name), name)
 
 
 def _reviewed(robot: Robot, name: str) -> Robot:
@@ -92,7 +93,7 @@ def load_urdf(path: str | Path, *, base: Literal["fixed", "floating"] = "fixed")
         RobotFileError: If it cannot be read, or holds what a robot cannot have.
     """
     path = Path(path)
-    return load_urdf_text(_text(path), str(path), base=base)
+    return load_urdf_text(_read(text_of, path, ROBOT_FILE), str(path), base=base)
 
 
 def load_urdf_text(
@@ -209,24 +210,18 @@ def write_template(name: str) -> Path:
     return write_whole(path, text)
 
 
-@contextmanager
-def _reading() -> Iterator[None]:
+def _read(reader: Callable[..., Any], *words: Any, **more: Any) -> Any:
     try:
-        yield
+        return reader(*words, **more)
     except Unreadable as error:
-        raise RobotFileError(error.file, [(error.where, error.expected, error.found)]) from None
-
-
-def _text(path: Path) -> str:
-    with _reading():
-        return text_of(path, ROBOT_FILE)
+        problem = (error.where, error.expected, error.found)
+        raise RobotFileError(error.file, [problem]) from None
 
 
 @lru_cache(maxsize=32)
 def _content(text: str, name: str) -> Any:
     """Content of YAML, kept: a flight and all that is learned from it carry the same text."""
-    with _reading():
-        return parsed_yaml(text, name, aliases=False)
+    return _read(parsed_yaml, text, name, aliases=False)
 
 
 def _page(robot: Robot) -> str:

@@ -7,9 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import degrees, isfinite, pi
+from typing import Any
 
 import numpy as np
+import yaml
 
+from patagium.reading import lines_of
 from patagium.robot.model import Robot
 from patagium.robot.planform import mirrored_bodies, placed, poses, strip_corners
 
@@ -19,6 +22,13 @@ _SMALL = 1e-6
 _HINGE = 0.05
 """Distance of a center of mass that is at the hinge, over that of the wing's middle."""
 
+_KINDS = {
+    ("kg", "g"): "mass",
+    ("m", "cm"): "at position center_of_mass leading trailing span chord thickness radius length "
+    "size semi_axes",
+}
+"""Keys of a robot file by the unit of a bare number and the one that may be meant."""
+
 _OVERLAP = 0.1
 """Share of its chord and its width that a strip may lie on another one."""
 
@@ -27,7 +37,28 @@ def robot_warnings(robot: Robot) -> list[str]:
     """Sentences on likely slips, each with what to write; none for a robot without."""
     images = mirrored_bodies(robot)  # the other side is told
     checks = (_wide_limits(robot, images), _masses_at_hinges(robot, images), _small_strips(robot))
-    return [sentence for check in (*checks, _overlaps(robot)) for sentence in check]
+    every = (_bare_numbers(robot.source), *checks, _overlaps(robot))
+    return [sentence for check in every for sentence in check]
+
+
+def _bare_numbers(text: str) -> Iterator[str]:
+    """Masses and lengths of 1 and more without a unit, where others of the file have one."""
+    for (unit, small), keys in _KINDS.items():
+        found = list(_written(yaml.safe_load(text), keys.split()))
+        bare = {k: x for k, x in found if isinstance(x, int | float) and abs(x) >= 1}
+        lines = lines_of(text, bare)
+        for place, x in bare.items() if any(isinstance(one, str) for _, one in found) else ():
+            seen = f"{x:g} without a unit is {x:g} {unit}, and others have their units"
+            yield f"line {lines[place]}, {place}: {seen}; write '{x:g} {small}' or '{x:g} {unit}'"
+
+
+def _written(node: Any, keys: list[str], place: str = "", own: bool = False) -> Iterator[Any]:
+    """Places and values of these keys in a file, entries of a list one by one."""
+    listed = isinstance(node, list)
+    if own and not isinstance(node, dict | list):
+        yield place[1:], node
+    for key, value in enumerate(node) if listed else getattr(node, "items", tuple)():
+        yield from _written(value, keys, f"{place}.{key}", own if listed else key in keys)
 
 
 def _wide_limits(robot: Robot, images: set[int]) -> Iterator[str]:

@@ -21,12 +21,12 @@ from pydantic import (
 )
 
 from patagium.arrays import Array
-from patagium.limits import LEAST_MASS
+from patagium.limits import LEAST_MASS, TURN
 from patagium.robot.model import CAPACITIES, capacity_units
 
 from patagium.robot.units import (  # isort: skip
     Acceleration, Angle, BeamStiffness, Duration, Frequency, Inertia, Length, Mass, PureNumber,
-    Speed, UnitMismatch, in_si, mismatch,
+    SlidingDamping, Speed, Swing, Tilt, TurningDamping, UnitMismatch, in_si, mismatch, spoken,
 )  # fmt: skip
 
 
@@ -48,11 +48,8 @@ def _not_negative(value: float) -> float:
 
 def _unit_vector(written: object) -> object:
     """Axis as a letter with a sign ("x", "-z") or as three numbers, made a unit vector."""
-    if isinstance(written, str):
-        sign, letter = (-1.0, written[1:]) if written.startswith("-") else (1.0, written)
-        if letter not in ("x", "y", "z"):
-            raise mismatch("an axis: x, y, z, -x, -y, -z or three numbers", repr(written)[:40])
-        return tuple(sign if letter == k else 0.0 for k in "xyz")
+    if isinstance(written, str) and written.removeprefix("-") in ("x", "y", "z"):
+        return tuple((-1.0) ** written.startswith("-") * (written[-1] == k) + 0.0 for k in "xyz")
     if not isinstance(written, (list, tuple)) or len(written) != 3:
         raise mismatch("an axis: x, y, z, -x, -y, -z or three numbers", repr(written)[:40])
     try:
@@ -237,7 +234,8 @@ class JointPart(_Part):
                     raise mismatch("a positive quantity", f"{most:g}", key)
         if isinstance(written.get("limits"), list):
             converted["limits"] = tuple(
-                _converted(k, unit, noun, f"limits.{i}") for i, k in enumerate(written["limits"])
+                _converted(k, unit, noun, f"limits.{i}", np.inf)
+                for i, k in enumerate(written["limits"])
             )
         for key, (own_unit, own_noun) in units.items():
             if key in written:
@@ -248,8 +246,7 @@ class JointPart(_Part):
     def _ordered(self) -> JointPart:
         if self.limits is not None and not self.limits[0] < self.limits[1]:
             unit, _ = _joint_units(self.type)["rest"]
-            found = f"[{self.limits[0]:.4g}, {self.limits[1]:.4g}] {unit}"
-            raise mismatch("the lower before the upper", found, "limits")
+            raise mismatch("the lower before the upper", spoken(unit, *self.limits), "limits")
         for key in ("damping", "stiffness"):
             if getattr(self, key) < 0:
                 raise mismatch("a quantity that is not negative", f"{getattr(self, key):g}", key)
@@ -258,9 +255,9 @@ class JointPart(_Part):
         return self
 
 
-def _converted(written: object, unit: str, noun: str, key: str) -> float:
+def _converted(written: object, unit: str, noun: str, key: str, most: float = TURN) -> float:
     try:
-        return in_si(written, unit, noun)
+        return in_si(written, unit, noun, most)
     except UnitMismatch as error:
         raise mismatch(error.expected, error.found, key) from None
 
@@ -268,31 +265,12 @@ def _converted(written: object, unit: str, noun: str, key: str) -> float:
 class FloatingDamping(_Part):
     """Passive damping of a floating body's velocities: force = -damping v."""
 
-    x: float = 0.0
-    y: float = 0.0
-    z: float = 0.0
-    roll: float = 0.0
-    pitch: float = 0.0
-    yaw: float = 0.0
-
-    @model_validator(mode="before")
-    @classmethod
-    def _in_si(cls, written: Any) -> Any:
-        if not isinstance(written, dict):
-            return written
-        units = dict.fromkeys(("x", "y", "z"), "N s/m")
-        units |= dict.fromkeys(("roll", "pitch", "yaw"), "N m s/rad")
-        return {
-            key: _converted(value, units[key], "a damping", key) if key in units else value
-            for key, value in written.items()
-        }
-
-    @model_validator(mode="after")
-    def _dissipates(self) -> FloatingDamping:
-        for key, value in self:
-            if value < 0:
-                raise mismatch("a quantity that is not negative", f"{value:g}", key)
-        return self
+    x: Annotated[SlidingDamping, AfterValidator(_not_negative)] = 0.0
+    y: Annotated[SlidingDamping, AfterValidator(_not_negative)] = 0.0
+    z: Annotated[SlidingDamping, AfterValidator(_not_negative)] = 0.0
+    roll: Annotated[TurningDamping, AfterValidator(_not_negative)] = 0.0
+    pitch: Annotated[TurningDamping, AfterValidator(_not_negative)] = 0.0
+    yaw: Annotated[TurningDamping, AfterValidator(_not_negative)] = 0.0
 
 
 class FlexiblePart(_Part):
@@ -347,7 +325,10 @@ class BodyPart(_Part):
             raise mismatch(expected, f"{self.mass:g} kg", "mass")
         if (self.inertia is None) == (self.shape is None):
             both = "both" if self.shape is not None else "neither"
-            raise mismatch("either inertia or shape", both)
+            inertia = "`inertia: {xx: 2 g cm^2, yy: 3 g cm^2, zz: 4 g cm^2}`"
+            raise mismatch(
+                f"either inertia or shape, such as `shape: {{type: point}}` or {inertia}", both
+            )
         if self.floating and (self.joints or self.parent or any(self.at) or any(self.orientation)):
             raise mismatch(
                 "a floating body without parent, at, orientation and joints",
@@ -375,7 +356,7 @@ class Station(_Part):
     span: Length
     leading: Length
     trailing: Length
-    incidence: Angle = 0.0
+    incidence: Tilt = 0.0
 
     @model_validator(mode="after")
     def _chord(self) -> Station:
@@ -398,6 +379,16 @@ class Segment(_Part):
     at: Point = _ORIGIN
     span_axis: Direction = (0.0, 1.0, 0.0)
     stations: Annotated[tuple[Station, ...], Field(min_length=2, examples=[_STATIONS])]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _turned(cls, written: Any) -> Any:
+        if isinstance(written, dict) and "orientation" in written:
+            expected = (
+                "it on a body that carries the segment (`massless: true` if it weighs nothing)"
+            )
+            raise mismatch(expected, "one of a segment", "orientation")
+        return written
 
     @model_validator(mode="after")
     def _outline(self) -> Segment:
@@ -445,11 +436,11 @@ class CruisePart(_Part):
     """Flight where nothing else is asked for: one sine a joint, or joints held."""
 
     frequency: Annotated[Frequency, AfterValidator(_positive)] | None = None
-    amplitude: dict[Name, Angle] = {}
+    amplitude: dict[Name, Swing] = {}
     phase: dict[Name, Angle] = {}
     offset: dict[Name, Angle] = {}
     speed: Annotated[Speed, AfterValidator(_not_negative)] = 0.0
-    pitch: Angle = 0.0
+    pitch: Tilt = 0.0
     duration: Annotated[Duration, AfterValidator(_positive)] = 1.0
 
     @model_validator(mode="after")

@@ -17,7 +17,7 @@ from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
 from patagium.errors import shown
-from patagium.limits import LARGEST, QUANTITY, UNIT
+from patagium.limits import LARGEST, QUANTITY, SWING, TILT, TURN, UNIT
 
 _WRITTEN = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 _NAME = r"[A-Za-zµμ°][A-Za-z0-9_µμ°]*+"
@@ -25,6 +25,8 @@ _EXPONENT = r"[+-]?\d(?:\.\d{1,2}|/\d)?"
 _POWER = rf"(?:\^|\*\*)\s*+(?:{_EXPONENT}|\(\s*{_EXPONENT}\s*\))(?!\d|\.\d|\s*(?:\^|\*\*))"
 _RAISED = re.compile(r"\)\s*(?:\^|\*\*)")
 _TORQUE = re.compile(r"\b([kMmuµ]?N)([cm]?m)(s?)\b(\s*(?:\^|\*\*)\s*\d)?")
+_TRAPS = {"gr": "g", "Mm": "mm", "Mg": "mg", "Ms": "ms"}
+"""Units that hardly anybody means (grain, megameter), and those of the same kind that are meant."""
 _DIGIT = re.compile(r"(?<![\w^])([A-Za-z]{1,4})([234])\b")
 _UNIT = re.compile(rf"(?:(?:{_NAME}|\))\s*+(?:{_POWER})?+|1\s*+/|[\s*/·.(])*+")
 
@@ -42,19 +44,20 @@ class UnitMismatch(ValueError):
         self.expected, self.found = expected, found
 
 
-def in_si(written: object, unit: str, noun: str) -> float:
+def in_si(written: object, unit: str, noun: str, most: float = TURN) -> float:
     """The SI value of a quantity as written in a file.
 
     Args:
         written: A number (already SI) or text such as "12 cm".
         unit: SI unit wanted, such as "kg m^2"; "" for a pure number.
         noun: What it is, for the message.
+        most: Magnitude beyond which an angle without a unit is refused [rad].
 
     Returns:
         Value [unit].
 
     Raises:
-        UnitMismatch: If it is no number below 1e30, or has another dimension.
+        UnitMismatch: If it is no number below 1e30, has another dimension, or seems to be degrees.
     """
     expected = f"{noun} such as {_EXAMPLES.get(unit, f'1 {unit}')!r}, or a number [{unit or '-'}]"
     if isinstance(written, bool) or not isinstance(written, (int, float, str)):
@@ -65,7 +68,27 @@ def in_si(written: object, unit: str, noun: str) -> float:
     if not abs(value) <= LARGEST:
         finite = f"a finite {expected}" if not math.isfinite(value) else expected
         raise UnitMismatch(f"{finite}, below {LARGEST:g}", shown(written))
+    if unit == "rad" and not label and abs(value) > most:
+        seen = f"{value:g}, which is {spoken(unit, value)} without a unit"
+        raise UnitMismatch(expected, f"{seen}; write '{value:g} deg' or '{value:g} rad'")
     return value
+
+
+def spoken(unit: str, *values: float) -> str:
+    """One value [unit] or several for a person, angles in degrees: "-50 to 60 deg"."""
+    factor, name = as_read(unit)
+    return f"{' to '.join(f'{factor * k:.4g}' for k in values)} {name}"
+
+
+def as_read(unit: str) -> tuple[float, str]:
+    """Factor from an SI unit to the unit that a person reads, degrees for radians, and its name."""
+    return (180 / math.pi, f"deg{unit[3:]}") if unit.startswith("rad") else (1.0, unit)
+
+
+def meant(*angles: float) -> str:
+    """Question after angles [rad] of a program that seem to be degrees, or nothing."""
+    far = max(angles, key=abs)
+    return f"; are degrees meant? np.radians({far:g})" if abs(far) > SWING else ""
 
 
 def _parts(written: float | str, expected: str) -> tuple[float, str]:
@@ -84,16 +107,18 @@ def _factor(label: str, unit: str, expected: str, found: str) -> float:
     plain = re.sub(r"^1\s*/", "1/", unit_for_pint(label))  # no other unit starts with a number
     if not unit or not written_as_unit(plain):
         raise UnitMismatch(expected, found)
+    trap = next((k for k in re.findall(r"[A-Za-z]+", plain) if k in _TRAPS), "")
+    if trap:
+        raise UnitMismatch(expected, f"{found}; did you mean {_TRAPS[trap]}?")
     try:
         base, wanted = _base(plain), _base(unit)
     except Exception:
         raise UnitMismatch(expected, f"{found} (unknown unit {label!r})") from None
-    is_angle = str(wanted.units) == "radian"
-    if base.dimensionality != wanted.dimensionality or (
-        is_angle and str(base.units) != str(wanted.units)
-    ):
+    turns, wanted_turns = (dict(k.unit_items()).get("radian", 0) for k in (base, wanted))
+    if base.dimensionality != wanted.dimensionality or turns != wanted_turns > 0:
         raise UnitMismatch(expected, f"{found}, {_dimension(base)}")
-    return float(base.magnitude) / float(wanted.magnitude)
+    cycle = (2 * math.pi) ** turns if "Hz" in unit else 1.0  # 60 rpm are 1 Hz
+    return float(base.magnitude) / (float(wanted.magnitude) * cycle)
 
 
 @lru_cache
@@ -147,12 +172,12 @@ _EXAMPLES = {
 }
 
 
-def quantity_type(unit: str, noun: str) -> Any:
+def quantity_type(unit: str, noun: str, most: float = TURN) -> Any:
     """Pydantic field type of a quantity: text with a unit in, an SI float out."""
 
     def convert(written: object) -> float:
         try:
-            return in_si(written, unit, noun)
+            return in_si(written, unit, noun, most)
         except UnitMismatch as error:
             raise mismatch(error.expected, error.found) from None
 
@@ -170,8 +195,12 @@ def mismatch(expected: str, found: str, at: str = "") -> PydanticCustomError:
 Length: TypeAlias = quantity_type("m", "a length")
 Mass: TypeAlias = quantity_type("kg", "a mass")
 Angle: TypeAlias = quantity_type("rad", "an angle")
+Swing: TypeAlias = quantity_type("rad", "an angle", SWING)
+Tilt: TypeAlias = quantity_type("rad", "an angle", TILT)
 Speed: TypeAlias = quantity_type("m/s", "a speed")
 Frequency: TypeAlias = quantity_type("Hz", "a frequency")
+SlidingDamping: TypeAlias = quantity_type("N s/m", "a damping")
+TurningDamping: TypeAlias = quantity_type("N m s/rad", "a damping")
 Duration: TypeAlias = quantity_type("s", "a time")
 Acceleration: TypeAlias = quantity_type("m/s^2", "an acceleration")
 Inertia: TypeAlias = quantity_type("kg m^2", "a moment of inertia")

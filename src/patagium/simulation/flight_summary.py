@@ -1,6 +1,6 @@
 """Summary of a flight: how fast it flew, how high, how it turned, what it cost.
 
-Means are over the second half, in whole wingbeats where the gait has a period. Neglected: what
+Means are over the second half, in whole wingbeats where the flight holds one. Neglected: what
 happened in between; a mean hides a loop.
 """
 
@@ -59,22 +59,26 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     """Summary of a flight, and what is wrong with it in sentences.
 
     Returns:
-        `force_over_weight`: mean vertical force of the air, added mass included, over the weight
-        [1]; `joint_power`: mean power of the joints [W]; where a body floats also `speed`: mean
-        speed along the nose [m/s], `climb_rate` [m/s], `height_change` [m], and `roll`, `pitch`,
-        `yaw`: least and greatest angle [rad]; of a closed loop `held_samples`: samples at which
-        the last command was held; `warnings`: sentences.
+        `means_over`: part of the flight that means are over, in words; `frequency` of the gait
+        [Hz], where it has one; `force_over_weight`: mean vertical force of the air, added mass
+        included, over the weight [1]; `joint_power`: mean power of the joints [W]; where a body
+        floats also `speed`: mean speed along the nose [m/s], `climb_rate` [m/s], `height_change`
+        [m], and `roll`, `pitch`, `yaw`: least and greatest angle [rad]; of a closed loop
+        `held_samples`: samples at which the last command was held; `warnings`: sentences.
 
     Raises:
         FlightError: If the flight does not carry its robot.
     """
     robot, time, beat = robot_of(flight), flight["time"].to_numpy(), gait_period(flight)
-    chosen = _second_half(time, beat)
+    chosen, beats = _averaged(time, beat)
+    words = {0: "its second half", 1: "its last wingbeat"}.get(beats, f"its last {beats} wingbeats")
     weight = float(robot.gravity) * sum(float(body.mass) for body in robot.bodies)
     lift = air_force(flight, robot, time)[chosen, 2].mean()
     span = time[chosen][-1] - time[chosen][0]
     work = flight["joint_work"].to_numpy()[chosen]
     facts: dict[str, Any] = {
+        "means_over": f"{words}; it is shorter than a wingbeat" if beat and not beats else words,
+        **({"frequency": 1.0 / beat} if beat else {}),
         "force_over_weight": float(lift / weight) if weight else float("nan"),
         "joint_power": float((work[-1] - work[0]) / span) if span else 0.0,
     }
@@ -83,7 +87,8 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     if held is not None:
         facts["held_samples"] = sum(held.values())
     if "speed" in facts:
-        warnings = _warnings(facts, flight.attrs.get("mount") == "free")
+        free = flight.attrs.get("mount") == "free"
+        warnings = _warnings(facts, free, judged=not beat or beats > 0)
     warnings += _hover(robot, flight.isel(time=chosen))
     audit = flight.attrs.get("energy_audit", 0.0)
     if audit > UNEXPLAINED:
@@ -94,18 +99,19 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     if held:
         causes = ", ".join(f"{count} {cause}" for cause, count in sorted(held.items()))
         warnings.append(f"Its last command was held at {facts['held_samples']} samples: {causes}.")
-    whole = chosen if beat and beat <= 1.01 * span else None  # to a sample
+    whole = chosen if beats else None
     facts["warnings"] = warnings + _overloads(robot, flight) + air_findings(robot, flight, whole)
     return FlightSummary(facts, flight)
 
 
-def _second_half(time: Array, beat: float | None) -> slice:
-    """Samples of the second half, whole wingbeats where there is one."""
-    half = 0.5 * (time[-1] - time[0])
-    if beat and beat <= half:
-        half = np.floor(half / beat + 1e-9) * beat
+def _averaged(time: Array, beat: float | None) -> tuple[slice, int]:
+    """Samples of the second half, in whole wingbeats where there is one, and how many it has."""
+    half, beats = 0.5 * (time[-1] - time[0]), 0
+    if beat:
+        beats = int(half / beat + 1e-9) or int(2 * half / beat + 0.01)  # to a sample
+        half = beats * beat or half
     first = int(np.searchsorted(time, time[-1] - half * (1 + 1e-9)))
-    return slice(min(first, max(len(time) - 2, 0)), None)
+    return slice(min(first, max(len(time) - 2, 0)), None), beats
 
 
 def _of_body(robot: Robot, flight: xr.Dataset, chosen: slice) -> dict[str, Any]:
@@ -131,8 +137,8 @@ def _of_body(robot: Robot, flight: xr.Dataset, chosen: slice) -> dict[str, Any]:
     }
 
 
-def _warnings(facts: dict[str, Any], free: bool) -> list[str]:
-    """Sentences about what is wrong; `free` if nothing holds the robot."""
+def _warnings(facts: dict[str, Any], free: bool, judged: bool) -> list[str]:
+    """Sentences about what is wrong; `free` if nothing holds it, `judged` by its mean force."""
     warnings = []
     for name in ("roll", "pitch"):
         most = max(abs(one) for one in facts[name])
@@ -142,6 +148,8 @@ def _warnings(facts: dict[str, Any], free: bool) -> list[str]:
     if speed < 0:
         warnings.append(f"It flies backwards, at {-speed:.2g} m/s.")
     share = facts["force_over_weight"]
+    if not judged:
+        return warnings
     if sinking > max(SLOWEST_FALL, np.tan(STEEPEST) * abs(speed)):
         warnings.append(
             f"It sinks at {sinking:.2g} m/s: the air carries {share:.0%} of the weight."

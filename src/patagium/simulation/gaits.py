@@ -18,6 +18,7 @@ from patagium.arguments import checked, of_kind
 from patagium.arrays import Array
 from patagium.errors import ParameterError, finite, positive, suggest_names
 from patagium.robot import Robot
+from patagium.robot.assembly import beyond_limits
 from patagium.robot.linkage import Linkage
 from patagium.simulation.arm import carried_gait
 from patagium.simulation.gait_models import (
@@ -52,9 +53,6 @@ suggest_names(__name__)
 AnyGait = TypeVar("AnyGait", bound=Gait)
 LIMIT_SAMPLES = 2001
 """Times in one period at which a gait is held against the joint limits."""
-
-MARGIN = 1e-9
-"""Rounding allowed beyond a joint limit [rad, m]."""
 
 
 @checked
@@ -319,10 +317,7 @@ def _within_limits(robot: Robot, gait: AnyGait) -> AnyGait:
     times = np.linspace(0.0, gait.period or 0.0, LIMIT_SAMPLES)
     position = gait.motion(times).position
     for k, (joint, dof) in enumerate(zip(gait.joints, robot.actuated, strict=True)):
-        least, most = position[:, k].min(), position[:, k].max()
-        lower, upper = robot.lower[dof], robot.upper[dof]
-        if least < lower - MARGIN or most > upper + MARGIN:
-            unit = robot.dof_units[dof]
-            expected = f"a gait within its limits {lower:.4g} to {upper:.4g} {unit}"
-            raise ParameterError(joint, expected, f"{least:.4g} to {most:.4g} {unit}")
+        beyond = beyond_limits(robot, dof, position[:, k].min(), position[:, k].max())
+        if beyond:
+            raise ParameterError(joint, *beyond)
     return gait

@@ -169,6 +169,18 @@ def _finite(name: str, values: ArrayLike, names: tuple[str, ...]) -> Array:
     return vector
 
 
+def _check_joints(robot: Robot, gait: Gait, q: Array, v: Array) -> None:
+    """Refuse a start of a joint that is not its gait's, nor zero as where it is not named."""
+    start, dofs = gait.motion(np.zeros(1)), list(robot.actuated)
+    places = [robot.coordinate_indices[i] for i in dofs]
+    for name, given, own in (("q", q[places], start.position), ("v", v[dofs], start.velocity)):
+        other = (given != 0) & ~np.isclose(given, own[0], rtol=1e-6, atol=1e-6)  # as written
+        if other.any():
+            k = int(np.argmax(other))
+            expected = f"no start, as its gait prescribes it ({own[0, k]:.6g} there)"
+            raise ParameterError(f"{name} of {gait.joints[k]}", expected, given[k])
+
+
 Controller: TypeAlias = Callable[[float, "FlightState"], Mapping[str, float] | None]
 """Function from time [s] and state to commands by name, as `SteeredGait` takes them.
 
@@ -277,6 +289,7 @@ class Simulator:
         check_cells(robot, cells, held.kind != "free")
         layout = state_layout(robot, aero, held, added_mass, cells)
         place, speed = initial_coordinates(robot, q), initial_velocities(robot, v)
+        _check_joints(robot, gait, place, speed)
         base = _base_motion(robot, layout, held, place, speed)
         self._robot, self._aero, self._gait, self._layout = robot, aero, gait, layout
         rows = partial(self._row_table, base)
@@ -710,8 +723,9 @@ def simulate(
         time_step: Step [s]; None chooses one (`Simulator`) and says it in the flight's attributes.
         mount: Free, fixed, carried along a path or on an arm (`patagium.mounts`); by
             default free if the robot has a floating body, else fixed.
-        q: Initial coordinates, (n_q,) [m, rad, 1], as `robot.coordinates(pitch=0.1)` makes.
-        v: Initial velocities, (n,) [m/s, rad/s], as `robot.velocities(x=3.0)` makes.
+        q: Initial coordinates, (n_q,) [m, rad, 1], as `robot.coordinates(pitch=0.1)` makes; of
+            joints of the gait zero, or where the gait starts.
+        v: Initial velocities, (n,) [m/s, rad/s], as `robot.velocities(x=3.0)` makes, like q.
         controller: Function from time [s] and `FlightState` to commands (`SteeredGait`).
         control_period: Time between two calls of it [s]; its own `period` where it has one.
         added_mass: Inertia of the air that moves with the wings, in the same air as the model.

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from patagium.arrays import Array
 from patagium.errors import Outcome, ParameterError
 from patagium.robot import Robot
+from patagium.robot.units import meant, spoken
 from patagium.simulation.implicit_steps import rate_jacobian
 from patagium.simulation.runge_kutta import Equations, IntegrationResult, integrate
 
@@ -275,7 +276,7 @@ def limits(
         machine: The machine.
         coordinates: Places in q of what is integrated.
         passive: Places in v of what is integrated.
-        state: Where it starts, (size,); pitch keeps to the branch it starts on.
+        state: Where it starts, (size,).
 
     Returns:
         Lower and upper bounds, (size,) each.
@@ -288,9 +289,8 @@ def limits(
         if units[place] != "1":  # a quaternion goes where it likes
             lower[k], upper[k] = machine.lower[dof_of[place]], machine.upper[dof_of[place]]
     for k in singular_places(machine, coordinates):
-        upright = np.pi * np.round(state[k] / np.pi)
-        lower[k] = max(lower[k], upright - np.pi / 2 + PITCH_MARGIN)
-        upper[k] = min(upper[k], upright + np.pi / 2 - PITCH_MARGIN)
+        lower[k] = max(lower[k], PITCH_MARGIN - np.pi / 2)
+        upper[k] = min(upper[k], np.pi / 2 - PITCH_MARGIN)
     for k, dof in enumerate(passive, start=len(coordinates)):
         upper[k] = SPEED_LIMIT if machine.dof_units[dof] == "m" else RATE_LIMIT
         lower[k] = -upper[k]
@@ -316,8 +316,10 @@ def check_start(
     for k, name in enumerate(names):
         low, high = equations.lower[k], equations.upper[k]
         if not low <= state[k] <= high:
-            hint = f" ({SINGULARITY_REMEDY})" if k in singular else ""
-            raise ParameterError(name, f"a start from {low:.4g} to {high:.4g}{hint}", state[k])
+            if k in singular:
+                expected = f"a start from {spoken('rad', low, high)} ({SINGULARITY_REMEDY})"
+                raise ParameterError(name, expected, spoken("rad", state[k]) + meant(state[k]))
+            raise ParameterError(name, f"a start from {low:.4g} to {high:.4g}", state[k])
 
 
 def outcome_message(

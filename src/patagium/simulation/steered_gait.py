@@ -28,6 +28,7 @@ from patagium.arrays import Array, real_array
 from patagium.errors import ParameterError, ShapeError, finite
 from patagium.robot import Robot
 from patagium.robot.model import COMMANDS, Actuator
+from patagium.robot.units import spoken
 from patagium.simulation.gait_models import Gait, PrescribedMotion
 
 SHARPNESS = 8.0
@@ -341,8 +342,8 @@ class SteeredGait:
             place = int(np.argmin(inside))
             gait = own[place] / factor[place] + middle[place]
             low, high = actuator.range
-            expected = f"a range that holds the gait's {gait:.4g} {actuator.unit}"
-            found = f"{low:.4g} to {high:.4g} {actuator.unit}"
+            expected = f"a range that holds the gait's {spoken(actuator.unit, gait)}"
+            found = spoken(actuator.unit, low, high)
             raise ParameterError(f"actuators.{name}.range", expected, found)
         held = np.array([np.minimum(bounds[0], own), np.maximum(bounds[1], own)])
         return held, actuator.rate_limit * factor

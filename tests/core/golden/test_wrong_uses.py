@@ -27,6 +27,7 @@ FILES = {
     "shape.yaml": ORNITHOPTER.replace("type: plate, chord: 25", "type: plat, chord: 25"),
     "parent.yaml": ORNITHOPTER.replace("parent: body\n    at: [-2", "parent: boddy\n    at: [-2"),
     "strips.yaml": ORNITHOPTER.replace("strips: 8", "strips: eight"),
+    "bare.yaml": ORNITHOPTER.replace("incidence: 4 deg", "incidence: 4"),
     "limits.yaml": ORNITHOPTER.replace("[-45 deg, 60 deg]", "[60 deg, -45 deg]"),
     "cruise.yaml": ORNITHOPTER.replace("{plunge: 0.784 rad}", "{plung: 0.784 rad}"),
     "joins.yaml": ORNITHOPTER.replace(
@@ -89,6 +90,9 @@ simulate aerobat --mount arm
 simulate aerobat --figure flight.bmp
 simulate aerobat -o nowhere/flight.nc
 simulate aerobat -o .
+simulate aerobat -o flight.txt
+simulate aerobat --pitch 5
+simulate bare.yaml
 simulate aerobat -o
 robots aerobat --draw
 identify flght.nc

@@ -243,7 +243,7 @@ def test_machine_shows_every_strip_in_both_views() -> None:
     words = [[k.get_text() for k in panel.texts] for panel in (above, behind)]
     assert words == [["1", "nose"], []]  # the axis points at who looks from behind
     assert figure.get_supxlabel() == "1  plunge: about x, -45 to 60 deg"
-    assert "way between limits" in above.get_legend_handles_labels()[1]
+    assert "path of the tip between its limits" in above.get_legend_handles_labels()[1]
     assert [len(panel.collections[0].get_paths()) for panel in figure.axes] == [2, 2]
     with pytest.raises(ShapeError, match="left"):
         figures.machine("wing", strips={"left": [[0, 0, 0]]}, joints={}, centers={})

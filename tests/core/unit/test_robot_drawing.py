@@ -41,10 +41,10 @@ def test_a_figure_shows_nose_axes_limits_and_lifting_lines():
     )
     assert "right" not in figure.get_supxlabel()  # the other side is its image
     labels = above.get_legend_handles_labels()[1]
-    assert {"lifting line", "way between limits", "center of mass"} <= {*labels}
+    assert {"lifting line", "path of the tip between its limits", "center of mass"} <= {*labels}
     (line,) = [k for k in above.lines if k.get_label() == "lifting line"]
     assert len(line.get_xdata()) == 16  # the strips of both wings
-    plunge = [k for k in behind.lines if k.get_label() == "way between limits"]
+    plunge = [k for k in behind.lines if k.get_label() == "path of the tip between its limits"]
     heights = plunge[0].get_ydata()
     assert heights.max() > 0.6 and heights.min() < -0.4  # an arc, upwards and downwards
 

@@ -182,7 +182,7 @@ FAULTS = {
         ("limits: [-30 deg, 1]", "limits: [2, 1]"),
         "bodies.left_tip.joints.1.limits",
         "the lower before the upper",
-        "[2, 1] rad",
+        "114.6 to 57.3 deg",
     ),
     "damping of a slide": (
         ("0.1 N s/m", "0.1 N m s"),
@@ -217,7 +217,7 @@ FAULTS = {
     "two inertias": (
         ("    shape: {type: box", "    inertia: {xx: 1, yy: 1, zz: 1}\n    shape: {type: box"),
         "bodies.left_wing",
-        "either inertia or shape",
+        "either inertia or shape, such as `shape: {type: point}` or `inertia: {xx: 2 g cm^2",
         "both",
     ),
     "axis": (("axis: -z", "axis: w"), "bodies.left_tip.joints.1.axis", "an axis", "'w'"),
@@ -236,7 +236,7 @@ FAULTS = {
     ),
     "name taken twice": (
         ("name: left_fold", "name: left_slide"),
-        "bodies.left_tip",
+        "bodies.left_tip.joints.1.name",
         "coordinates named once",
         "left_slide again",
     ),
@@ -279,6 +279,36 @@ FAULTS = {
     ),
     "half a strip": (("strips: 2", "strips: 2.5"), "wings.0.segments.0.strips", "", "2.5"),
     "bodies in a list": (("bodies:", "bodies: []\nother:"), "bodies", "a mapping", "[]"),
+    "degrees of an orientation": (
+        ("[10 deg, 20 deg, 30 deg]", "[35, 0, 0]"),
+        "bodies.left_tip.orientation.0",
+        "an angle",
+        "35, which is 2005 deg without a unit; write '35 deg' or '35 rad'",
+    ),
+    "a canted segment": (
+        ("        span_axis: z", "        orientation: [1, 0, 0]"),
+        "wings.1.segments.0.orientation",
+        "it on a body that carries the segment (`massless: true` if",
+        "one of a segment",
+    ),
+    "degrees of an incidence": (
+        ("trailing: -0.03}", "trailing: -0.03, incidence: 5}"),
+        "wings.0.segments.0.stations.0.incidence",
+        "an angle",
+        "write '5 deg' or '5 rad'",
+    ),
+    "degrees of a cruise": (
+        ("mirror:", "cruise: {pitch: -8}\nmirror:"),
+        "cruise.pitch",
+        "an angle",
+        "'-8 deg'",
+    ),
+    "cruise beyond the limits": (
+        ("mirror:", "cruise: {frequency: 5, amplitude: {slide: 0.03}}\nmirror:"),
+        "cruise.amplitude.slide",
+        "a gait within its limits -0.01 to 0.02 m",
+        "-0.03 to 0.03 m",
+    ),
     "unknown parameter": (
         ("name: glider", "name: glider\nparameters: {hull.moss: 1}"),
         "parameters.hull.moss",
@@ -322,7 +352,7 @@ FAULTS |= {
     ),
     "rate of zero": (
         with_actuator("frequency: {rate_limit: 0}"), "actuators.frequency.rate_limit",
-        "a positive quantity", "0 Hz/s",
+        "a positive quantity", "0",
     ),
     "response without time": (
         with_actuator("frequency: {response_time: 0 s}"), "actuators.frequency.response_time",
@@ -384,6 +414,8 @@ def test_a_fault_is_named_with_its_place(fault):
         ("mass: 5 g", "", "line 5, bodies.left_tip.mass: expected `mass: 20 g`, found nothing"),
         ("from: left", "form: left", "line 56, mirror.0.form: expected one of the keys from, to"),
         ("parent: hull", "parent: hul", "line 25, bodies.fin.parent: expected one of fin, hull"),
+        ("    parent: hull\n", "", "line 24, bodies.fin.parent: expected `parent: hull`, or `pare"),
+        ("left_fold", "left_slide", "line 15, bodies.left_tip.joints.1.name: expected coordinat"),
     ],
 )
 def test_a_fault_is_told_once_with_its_line(old, new, message):
@@ -398,6 +430,16 @@ SLIPS = {
         "limits: [-45 deg, 60 deg]",
         "limits: [-45, 60]",
         "joint left_plunge: limits: -45 rad are -2578 deg, .*Write '-45 deg'$",
+    ),
+    "grams without a unit": (
+        "mass: 380 g",
+        "mass: 380",
+        "line 16, bodies.body.mass: 380 without a unit is 380 kg.*write '380 g' or '380 kg'$",
+    ),
+    "centimeters without a unit": (
+        "trailing: -22 cm",
+        "trailing: -22",
+        r"wings.0.segments.0.stations.0.trailing: -22 .* '-22 cm' or '-22 m'$",
     ),
     "mass at the hinge": (
         "    center_of_mass: [-2 cm, 28 cm, 0]\n",
@@ -429,6 +471,11 @@ def test_a_likely_slip_is_told_with_what_to_write(slip, tmp_path):
         load_robot(path)
 
 
+def test_the_world_is_a_parent():
+    stand = load_robot_text(GLIDER.replace("parent: hull", "parent: world", 1))
+    assert stand.bodies[stand.body_index("fin")].parent == -1
+
+
 def test_a_loop_of_parents_is_named():
     text = load_robot("yeo-wing").source.replace(
         "left_wing:\n", "left_wing:\n    parent: left_wing\n", 1
@@ -453,6 +500,24 @@ def test_all_faults_are_told_at_once():
 def test_a_duplicate_key_is_refused_with_its_line():
     with pytest.raises(RobotFileError, match="line 2.*each key once, found 'name' again"):
         load_robot_text("name: a\nname: b\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a:\n\tb: 1\n", "line 2, .* found a tab; indent by spaces$"),
+        (
+            "a:\n    b: 1\n\n   c: 2\n",
+            "line 4, .* found a line indented by 3 spaces after one by 4$",
+        ),
+        ("a:\n  b: 1\n   c: 2\n", "line 3, .* found a line indented by 3 spaces after one by 2$"),
+        ("a:\n  b: 1\nc: d: e\n", "line 3, .* found 'mapping values are not allowed here'$"),
+        ("[", 'line 1, .* found "expected the node content'),
+    ],
+)
+def test_a_wrong_indent_is_told(text, said):
+    with pytest.raises(RobotFileError, match=said):
+        load_robot_text(text)
 
 
 def test_an_alias_is_refused():

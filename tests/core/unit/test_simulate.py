@@ -10,6 +10,7 @@ import pytest
 import patagium as pt
 from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFailed
 from patagium.simulation import QUANTITIES
+from patagium.simulation.flight_summary import flight_summary
 
 
 @pytest.fixture(scope="module")
@@ -83,12 +84,28 @@ def test_the_length_of_a_chunk_changes_nothing(robot, aero, gait, flight, monkey
     assert seen[0] == (7, 200) and seen[-1] == (200, 200) and len(seen) == 29
 
 
-def test_initial_wing_coordinates_are_overwritten_by_the_gait(robot, aero, gait, flight):
-    again = pt.simulate(
-        robot, aero, gait, duration=0.02, time_step=1e-4,
-        q=robot.coordinates(left_plunge=1.0), v=robot.coordinates(x=4.0, left_feather=3.0),
-    )  # fmt: skip
-    assert again.equals(flight)
+def test_means_are_over_whole_wingbeats_or_say_so(robot, aero, gait, flight):
+    part = flight_summary(flight)
+    assert part["means_over"] == "its second half; it is shorter than a wingbeat"
+    assert part["frequency"] == pytest.approx(5.0) and not 0.7 < part["force_over_weight"] < 1.4
+    assert not [k for k in part["warnings"] if "weight" in k]
+    longer = pt.simulate(robot, aero, gait, duration=0.35, time_step=1e-3, v=robot.velocities(x=4))
+    assert flight_summary(longer)["means_over"] == "its last wingbeat"
+    last = longer.isel(time=slice(150, None))
+    weight = robot.gravity * sum(body.mass for body in robot.bodies)
+    lift = np.mean(last["aero_force"].sel(dof="z")) / weight
+    assert flight_summary(longer)["force_over_weight"] == pytest.approx(float(lift), rel=1e-9)
+
+
+def test_a_start_of_a_joint_is_the_gaits_or_not_given(robot, aero, gait, flight):
+    span = {"duration": 0.02, "time_step": 1e-4}
+    own = {"left_plunge": float(gait.motion(np.zeros(1)).velocity[0, 0])}
+    again = pt.simulate(robot, aero, gait, v=robot.velocities(x=4.0, **own), **span)
+    assert own["left_plunge"] > 1 and again.equals(flight)
+    with pytest.raises(ParameterError, match="q of left_plunge: .*its gait prescribes it .0 there"):
+        pt.simulate(robot, aero, gait, q=robot.coordinates(left_plunge=1.0), **span)
+    with pytest.raises(ParameterError, match="v of left_feather: .*, found 3.0"):
+        pt.simulate(robot, aero, gait, v=robot.velocities(left_feather=3.0), **span)
 
 
 def test_a_fixed_mount_holds_the_body_and_reports_the_force(robot, aero, gait):
@@ -125,6 +142,7 @@ def test_a_robot_without_a_floating_body_cannot_fly_freely():
         ({"q": [0.0] * 13 + [np.nan]}, "right_feather"),
         ({"v": np.full(14, np.inf)}, "finite"),
         ({"q": np.eye(14)[4] * 1.56}, "pitch"),
+        ({"q": np.eye(14)[4] * 10.0}, r"573 deg; are degrees meant\? np.radians\(10\)"),
         ({"v": np.eye(14)[0] * 400.0}, "velocity of x"),
     ],
 )

@@ -194,7 +194,7 @@ def test_a_limit_is_told_in_digits_that_show_it_and_no_iterate_as_a_need():
     assert over == "frequency would need 5.50003 Hz, and its actuator gives 2 to 5.5 Hz"
     top = pt.gaits.cruise(ornithopter).motion(np.arange(64) / 64 / 4.5).position[:, 0].max()
     over = search.excess(np.array([4.5, ornithopter.upper[joint] - top + 1e-5]))
-    low, high = over.partition("go from ")[2].partition(" rad")[0].split(" to ")
+    low, high = over.partition("go from ")[2].partition(" deg")[0].split(" to ")
     assert float(high) > float(over.rpartition(" ")[2]) and float(low) < 0.0
 
 
@@ -266,7 +266,7 @@ def test_the_verb_finds_writes_and_says_what_next(tmp_path, capsys):
     file = tmp_path / "trimmed.nc"
     code, out, err = say(capsys, "trim", "aerobat", "-o", file, "--beats", 2)
     assert code == 0
-    for word in ("frequency [Hz]", "speed [m/s]", "largest multiplier", "feather offset [rad]"):
+    for word in ("frequency [Hz]", "speed [m/s]", "largest multiplier", "feather offset [deg]"):
         assert word in out
     assert "Modes" in out and "roll subsidence" in out and "doubles in [s]" in out
     assert "free: frequency" in err and "Next: patagium view" in err
