@@ -393,7 +393,7 @@ def unit_findings(where: str, sizes: Sizes, *, still: bool = False) -> list[Find
     guess = ""
     if sizes.si == "m/s^2":
         guess = _acceleration_guess(sizes)
-    elif sizes.si == "rad/s":
+    elif sizes.si == "rad/s" and sizes.unit != "rpm":  # of a motor
         if sizes.largest > _FASTEST or (still and _is(sizes, 1.0) and sizes.rms.max() > _NOISY):
             guess = "deg/s"
         elif not still and _is(sizes, math.radians(1)) and 0.3 < written < 6.5:

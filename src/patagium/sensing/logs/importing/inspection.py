@@ -326,6 +326,10 @@ def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
     for name in lost:
         text = f"column {name!r} cannot be read: {topic.unplaced[name]}; {_TIMES}"
         found.append(Finding("warning", where, "time", text))
+    bare = [n for n in fields if not topic.channels[n].unit and n != topic.base.column]
+    if bare and topic.kind == "table":
+        text = f"no unit found for: {', '.join(bare)}; taken as a plain number"
+        found.append(Finding("note", where, "unit", text))
     for k, name in enumerate(fields):
         own = f"{topic.name} {name}".strip()
         unit = topic.channels[name].unit
