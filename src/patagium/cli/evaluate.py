@@ -22,9 +22,13 @@ def evaluate(
     file: LogArgument,
     mapping: MappingOption = None,
     every: Annotated[
-        int,
-        typer.Option(min=1, help="Samples over which the compared prediction holds a measurement."),
-    ] = 100,
+        int | None,
+        typer.Option(
+            min=1,
+            help="Samples over which the compared prediction holds a measurement; by default as "
+            "many as identify would leave between used ones.",
+        ),
+    ] = None,
     report: ReportOption = None,
     as_json: ScoresOption = False,
 ) -> None:

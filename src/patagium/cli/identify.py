@@ -25,7 +25,7 @@ from patagium.cli.learner_options import (
     winged_network,
     with_learner_options,
 )
-from patagium.cli.options import LogArgument, MappingOption, ReportOption, ScoresOption
+from patagium.cli.options import LogArgument, MappingOption, ReportOption, ScoresOption, output_file
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import FLIGHT, progress_bar, say_json, say_next, show_table
 from patagium.errors import Interrupted, Outcome, ParameterError, refuse_removed
@@ -84,21 +84,21 @@ def identify(
     refine: RefineOption = False,
     model: Annotated[
         Path | None,
-        typer.Option(
-            help="File for the learned model (.json), which predicts; model.json next to a flight."
+        output_file(
+            "File for the learned model (.json), which predicts; model.json next to a flight."
         ),
     ] = None,
     state: Annotated[
         Path | None,
-        typer.Option(
-            help="File of the learner's state: it is resumed if it is there, and written at the "
+        output_file(
+            "File of the learner's state: it is resumed if it is there, and written at the "
             "end and on Ctrl-C. A state, unlike a model, learns on, with the centers and scales it "
             "began with; that of a learner that diverged is not written."
         ),
     ] = None,
     report: ReportOption = None,
     predictions: Annotated[
-        Path | None, typer.Option(help="File for every prediction and score (.nc).")
+        Path | None, output_file("File for every prediction and score (.nc).")
     ] = None,
     as_json: ScoresOption = False,
 ) -> None:
@@ -198,7 +198,7 @@ def _learned(
 
 def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
     """Scores on stdout: a table by output and a line, or all of them as JSON."""
-    from patagium.learning.page import forecast_tables, score_table, summary
+    from patagium.learning.page import forecast_tables, score_table, silent_words, summary
     from patagium.learning.parameter_paths import parameter_table
 
     if as_json:
@@ -211,7 +211,7 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
     parameters = parameter_table(scores)
     if parameters is not None:
         show_table(parameters)
-    typer.echo("\n".join([summary(scores), *scores["verdict"]]))
+    typer.echo("\n".join([summary(scores), *silent_words(scores), *scores["verdict"]]))
 
 
 def flight_network(flight: Any, choice: LearnerChoice) -> Any:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from patagium.cli.words import MEANING, existing, flight_file, no_robot
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, command
 
 if TYPE_CHECKING:
     from patagium.sensing import LogTable
@@ -85,7 +85,7 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
             raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
         return load_flight(flight_file(file)), None
     if mapping is None:
-        raise ParameterError("--mapping", f"a YAML file {MEANING.format(no_robot(file))}", None)
+        raise ParameterError("--mapping", f"a YAML file {command(MEANING, no_robot(file))}", None)
     place = file if file.is_dir() else existing(file)
     tell = lambda found: show_findings(found, err=True)  # noqa: E731
     return None, read_table(place, existing(mapping), tell)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.options import OUTPUT, PredictedOption
+from patagium.cli.options import OUTPUT, PredictedOption, output_file
 from patagium.cli.words import FLIGHT, existing, flight_file, progress_bar, quantity, say_next
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, command
 
 if TYPE_CHECKING:
     from patagium.viewer.predicted_forces import Predicted
@@ -32,7 +32,7 @@ def view(
     ] = [FLIGHT],  # noqa: B006
     out: Annotated[
         Path | None,
-        typer.Option(*OUTPUT, help="File for the page; in the folder of the flight by default."),
+        output_file("File for the page; in the folder of the flight by default.", *OUTPUT),
     ] = None,
     model: PredictedOption = None,
     predictions: Annotated[
@@ -48,11 +48,11 @@ def view(
     ] = None,
     still: Annotated[
         Path | None,
-        typer.Option(help="File for a picture of one moment instead (.png, .svg, .pdf)."),
+        output_file("File for a picture of one moment instead (.png, .svg, .pdf)."),
     ] = None,
     film: Annotated[
         Path | None,
-        typer.Option(help="File for a film of --start to --end instead (.gif; .mp4: [film])."),
+        output_file("File for a film of --start to --end instead (.gif; .mp4: [film])."),
     ] = None,
     at: Annotated[
         Any,
@@ -91,7 +91,7 @@ def view(
         load_flight(flight_file(flight)), page, predicted=_predicted(model, predictions), **options
     )
     typer.echo(f"The page is in {page}", err=True)
-    say_next(f"open {page} in a browser", f"patagium cycles {flight}")
+    say_next(f"open {page} in a browser", command("patagium cycles {}", flight))
 
 
 def _draw(flight: Path, picture: Path, at: float | None, predicted: Predicted | None) -> None:

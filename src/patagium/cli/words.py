@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
-from patagium.errors import LogError, ParameterError
+from patagium.errors import LogError, ParameterError, command
 from patagium.reading import regular_file
 
 if TYPE_CHECKING:
@@ -252,7 +252,7 @@ def no_robot(path: Path) -> Path:
     if path == FLIGHT and not path.exists():
         raise LogError(f"{path}: expected a flight, found none; make it: patagium simulate aerobat")
     if path.suffix.lower() in (".yaml", ".yml", ".urdf") or str(path) in preset_names():
-        robot = f"a robot; fly it first: patagium simulate {path}"
+        robot = command("a robot; fly it first: patagium simulate {}", path)
         raise LogError(f"{path}: expected a flight or log, found {robot}")
     return path
 

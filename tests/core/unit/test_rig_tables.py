@@ -225,7 +225,8 @@ def test_decimal_commas_above_rows_of_text_are_read(tmp_path: Path) -> None:
 
 def test_only_a_name_of_time_is_in_milliseconds(tmp_path: Path) -> None:
     heads = {"airspeed_ms": "", "delay_ms": "ms", "Vz_mm_s": "mm/s", "az_ms2": "m/s^2",
-             "alpha_degrees": "deg", "lift_gf": "gf", "motor rpm": "rpm", "batt_mV": "mV"}  # fmt: skip
+             "alpha_degrees": "deg", "lift_gf": "gf", "motor rpm": "rpm",
+             "batt_mV": "mV"}  # fmt: skip
     rows = "".join(f"{10 * k},{','.join(str(1500 + k) for _ in heads)}\n" for k in range(100))
     (tmp_path / "log.csv").write_text(f"t_ms,{','.join(heads)}\n{rows}")
     found = pt.sensing.inspect_log(tmp_path / "log.csv")
