@@ -84,7 +84,8 @@ def shown(value: object, most: int = SHOWN) -> str:
         text = type(value).__name__
     if len(text) > SHOWN and type(value).__module__.startswith(("patagium", "xarray")):
         reason = getattr(value, "reason", "")  # of a NoOrbit
-        return f"a {type(value).__name__}" + (f": {reason}" if reason else "")
+        name = type(value).__name__
+        return f"{'an' if name[0] in 'AEIOU' else 'a'} {name}" + (f": {reason}" if reason else "")
     return text if len(text) <= most else text[: most - 3] + "..."
 
 

@@ -28,7 +28,7 @@ from patagium.cli.learner_options import (
 from patagium.cli.options import LogArgument, MappingOption, ReportOption, ScoresOption, output_file
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import FLIGHT, progress_bar, say_json, say_next, show_table
-from patagium.errors import Interrupted, Outcome, ParameterError, refuse_removed
+from patagium.errors import Interrupted, Outcome, ParameterError, command, refuse_removed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -85,7 +85,7 @@ def identify(
     model: Annotated[
         Path | None,
         output_file(
-            "File for the learned model (.json), which predicts; model.json next to a flight."
+            "File for the learned model (.json), which predicts; model.json next to the log."
         ),
     ] = None,
     state: Annotated[
@@ -147,7 +147,7 @@ def identify(
         with progress_bar(f"Refining what {file.name} taught"):
             result = refined(result, flight, result.scores["every"])
     names = None if table is None else table.input_names
-    model = model or (None if flight is None else file.with_name("model.json"))
+    model = model or file.with_name("model.json")
     outputs.attempt("model", lambda: keep_model(model, result.learner, names, file.name))
     if predictions is not None and outputs.attempt("predictions", lambda: result.save(predictions)):
         typer.echo(f"The predictions are in {predictions}", err=True)
@@ -159,9 +159,13 @@ def identify(
         typer.echo(f"patagium: {result.message}", err=True)
         raise typer.Exit(2)
     outputs.check()
-    if flight is not None and not as_json:
-        drawn = (f"patagium view {file} --model {model}", f"patagium cycles {file}")
-        say_next(*([f"patagium evaluate {model} ANOTHER.nc"] if "air" in flight.attrs else drawn))
+    if flight is not None and "air" not in flight.attrs and not as_json:
+        view = command("patagium view {} --model {}", file, model)
+        say_next(view, command("patagium cycles {}", file))
+    elif not as_json:
+        meant = () if mapping is None else (mapping,)
+        words = f"patagium evaluate {{}} ANOTHER{file.suffix}" + " --mapping {}" * len(meant)
+        say_next(command(words, model, *meant))
 
 
 def _learned(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -41,10 +41,12 @@ def view(
     ] = None,
     title: Annotated[str | None, typer.Option(help="Heading of the page.")] = None,
     start: Annotated[
-        Any, typer.Option(parser=quantity("s", "a time"), help="Show the flight from here.")
+        float | None,
+        typer.Option(parser=quantity("s", "a time"), help="Show the flight from here, in s."),
     ] = None,
     end: Annotated[
-        Any, typer.Option(parser=quantity("s", "a time"), help="Show the flight up to here.")
+        float | None,
+        typer.Option(parser=quantity("s", "a time"), help="Show the flight up to here, in s."),
     ] = None,
     still: Annotated[
         Path | None,
@@ -55,8 +57,8 @@ def view(
         output_file("File for a film of --start to --end instead (.gif; .mp4: [film])."),
     ] = None,
     at: Annotated[
-        Any,
-        typer.Option(parser=quantity("s", "a time"), help="That moment; the middle by default."),
+        float | None,
+        typer.Option(parser=quantity("s", "a time"), help="That moment, in s; else the middle."),
     ] = None,
 ) -> None:
     """Show a flight in three dimensions: one HTML file, opened by any browser, offline.
@@ -86,9 +88,14 @@ def view(
     if page.suffix.lower() not in (".html", ".htm"):
         raise ParameterError("--out", "a name ending in .html", page.name)
     beside = {other.stem: load_flight(flight_file(other)) for other in others}
-    options = {"title": title, "start": start, "end": end, "beside": beside}
     replay(
-        load_flight(flight_file(flight)), page, predicted=_predicted(model, predictions), **options
+        load_flight(flight_file(flight)),
+        page,
+        predicted=_predicted(model, predictions),
+        title=title,
+        start=start,
+        end=end,
+        beside=beside,
     )
     typer.echo(f"The page is in {page}", err=True)
     say_next(f"open {page} in a browser", command("patagium cycles {}", flight))

@@ -144,7 +144,12 @@ def _model_std(model: Trained, network: Network, seen: Array, time: Array) -> Ar
 def _check_strips(network: Any, robot: Robot) -> None:
     names, expected = ([s.name for s in one.strips] for one in (network.robot, robot))
     if names != expected:
-        raise ShapeError("strips of the model", ", ".join(expected), ", ".join(names))
+        pairs = zip(names, expected, strict=False)
+        first = next(
+            (f", {one} where the flight has {own}" for one, own in pairs if one != own), ""
+        )
+        found = f"{len(names)}{first}: the model is of another robot"
+        raise ShapeError("strips of the model", f"the {len(expected)} of the flight", found)
 
 
 def _with_measurements(network: Network, measured: Any) -> StripNetwork:

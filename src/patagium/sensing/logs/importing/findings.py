@@ -458,7 +458,7 @@ def constant_findings(where: str, values: ValueSurvey, places: Sequence[int]) ->
     low, high = values.low[chosen], values.high[chosen]
     if not chosen or not ((values.count[chosen] > 1) & (low == high)).all():
         return []
-    text = f"never changes from {', '.join(f'{v:.6g}' for v in low)}"
+    text = f"never changes from {', '.join(f'{v + 0.0:.6g}' for v in low)}"
     return [Finding("warning", where, "constant", text)]
 
 

@@ -28,6 +28,7 @@ from patagium.sensing.logs.importing.findings import (
     StampSurvey,
     StreamSurvey,
     ValueSurvey,
+    constant_findings,
     missing_findings,
     new_survey,
     sizes_of,
@@ -336,6 +337,9 @@ def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
         if not values.count[k]:
             continue
         found += missing_findings(own, values, [k])
+        if topic.kind == "table":
+            still = constant_findings(own, values, [k])
+            found += [replace(one, level="note") for one in still]  # it need not be mapped
         if not unit:
             continue
         with suppress(LogError):  # a unit that the file states need not be one that we know
