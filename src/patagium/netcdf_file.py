@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import netCDF4
 
 from patagium.errors import OutputError, PatagiumError, Unreadable, command
-from patagium.limits import SHOWN, free_memory, in_bytes
+from patagium.limits import free_memory, in_bytes
 from patagium.reading import regular_file
 from patagium.whole_file import Draft
 
@@ -168,16 +168,15 @@ _KINDS = {
     "aero": "a flight, which `pt.load_flight` reads",
 }
 """Kinds of files by their format, else by what only they hold."""
-_FORMAT = re.compile(rb"patagium (model|learner) ")
+_FORMAT = re.compile(rb"(?:\{\s*\"format\": \")?(patagium (?:model|learner)) ")
 _MAPPING = re.compile(rb"^(inputs|outputs|channels|time):", re.MULTILINE)
 
 
 def kind_of(path: str | Path) -> str:
     """Kind of a file of this program, with what takes it, for messages; empty where unknown."""
-    file, kinds = Path(path), set[str]()
-    head = b""
+    file, kinds, head = Path(path), set[str](), b""
     with suppress(OSError, ValueError), file.open("rb") as stream:
-        head = stream.read(_BLOCK if file.suffix in (".yaml", ".yml") else SHOWN)
+        head = stream.read(_BLOCK)
     if file.suffix.lower() in (".yaml", ".yml", ".urdf"):
         if _MAPPING.search(head):
             return "a mapping, which the option --mapping takes"
@@ -186,8 +185,8 @@ def kind_of(path: str | Path) -> str:
         with suppress(OSError, RuntimeError, PatagiumError), open_netcdf(file) as opened:
             known = getattr(opened, "format", "").rpartition(" ")[0]
             kinds = {known, *opened.ncattrs(), *opened.variables}
-    elif (found := _FORMAT.search(head)) and head.startswith((b"patagium", b"{")):
-        kinds = {found[0].decode().strip()}
+    elif found := _FORMAT.match(head):
+        kinds = {found[1].decode()}
     return next((words for kind, words in _KINDS.items() if kind in kinds), "")
 
 

@@ -34,12 +34,10 @@ def cycles(
         int, typer.Option(min=2, max=10_000, help="Number of points of a wingbeat.")
     ] = 100,
     figure: Annotated[
-        Path | None,
-        output_file("File for a drawing of a wingbeat with its spread (.png, .svg)."),
+        Path | None, output_file("File for a drawing of a wingbeat with its spread (.png, .svg).")
     ] = None,
     table: Annotated[
-        Path | None,
-        output_file("File for the wingbeat, phase by phase (.csv)."),
+        Path | None, output_file("File for the wingbeat, phase by phase (.csv).")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

@@ -25,8 +25,7 @@ def evaluate(
         int | None,
         typer.Option(
             min=1,
-            help="Samples over which the compared prediction holds a measurement; by default as "
-            "many as identify would leave between used ones.",
+            help="Samples over which the rival holds a measurement; as identify by default.",
         ),
     ] = None,
     report: ReportOption = None,

@@ -159,13 +159,15 @@ def identify(
         typer.echo(f"patagium: {result.message}", err=True)
         raise typer.Exit(2)
     outputs.check()
-    if flight is not None and "air" not in flight.attrs and not as_json:
-        view = command("patagium view {} --model {}", file, model)
-        say_next(view, command("patagium cycles {}", file))
-    elif not as_json:
-        meant = () if mapping is None else (mapping,)
-        words = f"patagium evaluate {{}} ANOTHER{file.suffix}" + " --mapping {}" * len(meant)
-        say_next(command(words, model, *meant))
+    if not as_json:
+        _say_what_next(file, mapping, model, flown=flight is not None and "air" not in flight.attrs)
+
+
+def _say_what_next(file: Path, mapping: Path | None, model: Path, *, flown: bool) -> None:
+    view = command("patagium view {} --model {}", file, model)
+    meant = "" if mapping is None else command(" --mapping {}", mapping)
+    again = command(f"patagium evaluate {{}} ANOTHER{file.suffix}", model) + meant
+    say_next(*((view, command("patagium cycles {}", file)) if flown else (again,)))
 
 
 def _learned(

@@ -26,8 +26,7 @@ def import_log(
         Path, typer.Option("--map", "--mapping", help="Meaning of its columns or fields (YAML).")
     ],
     out: Annotated[
-        Path | None,
-        output_file("The log to write: .nc, or .csv for `stream`.", *OUTPUT),
+        Path | None, output_file("The log to write: .nc, or .csv for `stream`.", *OUTPUT)
     ] = None,
     as_json: ResultOption = False,
 ) -> None:

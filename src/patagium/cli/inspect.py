@@ -36,8 +36,7 @@ def inspect(
         typer.Option(min=0, help="Lines before the line of names of a CSV file; found by default."),
     ] = None,
     output: Annotated[
-        Path | None,
-        output_file("New file for a mapping to begin from (.yaml).", *OUTPUT),
+        Path | None, output_file("New file for a mapping to begin from (.yaml).", *OUTPUT)
     ] = None,
     as_json: ResultOption = False,
 ) -> None:
@@ -136,22 +135,10 @@ def _show_topics(found: Inspection) -> None:
     columns = ["topic", "type", "rows", "stamps", "begin [s]", "duration [s]", "rate [Hz]",
                "gaps", "longest step [s]", "duplicate", "backward", "numbers"]  # fmt: skip
     rows: list[list[str | float | bool | None]] = [
-        [
-            one.name or "table",
-            one.kind,
-            one.rows,
-            one.problem or one.stamps,
-            one.begin,
-            one.duration,
-            one.rate,
-            one.gaps,
-            one.longest,
-            one.duplicates,
-            one.backwards,
-            len(one.channels),
-        ]
-        for one in found.topics
-    ]
+        [one.name or "table", one.kind, one.rows, one.problem or one.stamps, one.begin,
+         one.duration, one.rate, one.gaps, one.longest, one.duplicates, one.backwards,
+         len(one.channels)] for one in found.topics
+    ]  # fmt: skip
     show_table(Table(columns, rows, f"{found.path}: {found.format}"))
 
 

@@ -42,13 +42,9 @@ def motion(
         list[str] | None,
         typer.Option(help="Body of a quantity, QUANTITY=BODY; may be repeated."),
     ] = None,
-    out: Annotated[
-        Path | None,
-        output_file("File for motion and forces (.nc).", *OUTPUT),
-    ] = None,
+    out: Annotated[Path | None, output_file("File for motion and forces (.nc).", *OUTPUT)] = None,
     plot: Annotated[
-        Path | None,
-        output_file("Figure of attitude and forces (.png, .svg or .pdf)."),
+        Path | None, output_file("Figure of attitude and forces (.png, .svg or .pdf).")
     ] = None,
     as_json: ResultOption = False,
 ) -> None:

@@ -14,12 +14,7 @@ OUTPUT = ("--output", "--out", "-o")
 
 
 def output_file(text: str, *words: str) -> Any:
-    """Option for a file that a verb writes, which `check_files` checks before the work.
-
-    Args:
-        text: Help.
-        words: Words of the option; by default its name.
-    """
+    """Option for a file that a verb writes, with its help; `check_files` knows it by its kind."""
     return typer.Option(*words, writable=True, help=text)
 
 

@@ -89,13 +89,11 @@ def stream(
         int, typer.Option(min=1, help="Number of packets that may wait for the learner.")
     ] = 16_384,
     record: Annotated[
-        Path | None,
-        output_file("File for packets and predictions (.nc), written as they arrive."),
+        Path | None, output_file("File for packets and predictions (.nc), written as they arrive.")
     ] = None,
     model: Annotated[Path | None, output_file("File for the learned model (.json).")] = None,
     state: Annotated[
-        Path | None,
-        output_file("File of the learner's state: resumed, and written."),
+        Path | None, output_file("File of the learner's state: resumed, and written.")
     ] = None,
     autosave: Annotated[
         float, typer.Option(min=0.1, help="Time between two writes of the state [s].")

@@ -75,12 +75,10 @@ def trim(
         ),
     ] = None,
     figure: Annotated[
-        Path | None,
-        output_file("File for a picture of the branch (.svg, .png, .pdf)."),
+        Path | None, output_file("File for a picture of the branch (.svg, .png, .pdf).")
     ] = None,
     output: Annotated[
-        Path | None,
-        output_file("File for a flight on the orbit (.nc).", *OUTPUT),
+        Path | None, output_file("File for a flight on the orbit (.nc).", *OUTPUT)
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

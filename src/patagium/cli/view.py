@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -49,8 +49,7 @@ def view(
         typer.Option(parser=quantity("s", "a time"), help="Show the flight up to here, in s."),
     ] = None,
     still: Annotated[
-        Path | None,
-        output_file("File for a picture of one moment instead (.png, .svg, .pdf)."),
+        Path | None, output_file("File for a picture of one moment instead (.png, .svg, .pdf).")
     ] = None,
     film: Annotated[
         Path | None,
@@ -87,15 +86,10 @@ def view(
     page = flight.with_suffix(".html") if out is None else out
     if page.suffix.lower() not in (".html", ".htm"):
         raise ParameterError("--out", "a name ending in .html", page.name)
-    beside = {other.stem: load_flight(flight_file(other)) for other in others}
+    options: dict[str, Any] = {"title": title, "start": start, "end": end}
+    options["beside"] = {other.stem: load_flight(flight_file(other)) for other in others}
     replay(
-        load_flight(flight_file(flight)),
-        page,
-        predicted=_predicted(model, predictions),
-        title=title,
-        start=start,
-        end=end,
-        beside=beside,
+        load_flight(flight_file(flight)), page, predicted=_predicted(model, predictions), **options
     )
     typer.echo(f"The page is in {page}", err=True)
     say_next(f"open {page} in a browser", command("patagium cycles {}", flight))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -80,14 +80,14 @@ def _opening(scores: Mapping[str, Any], record: xr.Dataset) -> list[Block]:
     late = record.isel(time=slice(-max(2, record.sizes["time"] // _SHOWN), None)).sel(output=[name])
     with figures_for("phone"):
         plot = _compared(late)
-    words = sample_words(scores)
+    _, predicted, rival = _sample_words(scores)
     error, held = (scores[f"{key}_second_half_mean"] for key in ("nmse", "persistence"))
     return [
-        picture(plot, f"The last {100 // _SHOWN} %: measured, and {words.predicted}."),
+        picture(plot, f"The last {100 // _SHOWN} %: measured, and {predicted}."),
         KeyNumber(
             f"{cell_text(100 * error)} %",
             "Mean square error of the predictions over the variance of the output, second half.",
-            f"{words.held}, held: {cell_text(100 * held)} %.".capitalize(),
+            f"{rival}, held: {cell_text(100 * held)} %.".capitalize(),
         ),
         KeyNumber(
             f"{100 * scores['coverage_second_half']:.0f} %",
@@ -122,39 +122,25 @@ def _parameters(scores: Mapping[str, Any], record: xr.Dataset) -> list[PageSecti
     return [PageSection("Physical parameters", shown)]
 
 
-class SampleWords(NamedTuple):
-    """Words for the use of the samples of an identification, or of an evaluation.
-
-    Attributes:
-        used: Share of the samples that were learned.
-        predicted: How the measurements were predicted.
-        held: Rival without a model.
-    """
-
-    used: str
-    predicted: str
-    held: str
-
-
-def sample_words(scores: Mapping[str, Any]) -> SampleWords:
-    """Words for the use of samples, by the scores of an `Identification`."""
+def _sample_words(scores: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Words for the samples that were learned, for their predictions, and for the held sample."""
     every = scores["every"]
     if scores.get("frozen"):
         held = "the last sample" if every == 1 else f"one measured sample in {every}"
-        return SampleWords("none learned", "predicted with frozen weights", held)
+        return "none learned", "predicted with frozen weights", held
     used = "every sample used" if every == 1 else f"one in {every} used"
-    return SampleWords(used, "predicted before the sample was used", "the last used sample")
+    return used, "predicted before the sample was used", "the last used sample"
 
 
 def summary(scores: Mapping[str, Any]) -> str:
     """Summary of the scores in two sentences."""
     if "nmse_second_half_mean" not in scores:
         return str(scores["message"])
-    said = sample_words(scores)
+    used, _, held = _sample_words(scores)
     words = (
-        f"{scores['samples']} samples, {said.used}. Normalized mean square "
+        f"{scores['samples']} samples, {used}. Normalized mean square "
         f"error over the second half: mean {scores['nmse_second_half_mean']:.2e}, worst "
-        f"{scores['nmse_second_half_worst']:.2e} ({said.held}, held: "
+        f"{scores['nmse_second_half_worst']:.2e} ({held}, held: "
         f"{scores['persistence_second_half_mean']:.2e}, "
         f"{scores['persistence_second_half_worst']:.2e})."
     )
@@ -201,12 +187,9 @@ def score_table(scores: Mapping[str, Any]) -> Table:
     present = {head: scores[key] for head, key in columns.items() if key in scores}
     names = [name for name in next(iter(present.values()), {}) if name not in scores["silent"]]
     rows = [[name, *(column[name] for column in present.values())] for name in names]
-    return Table(
-        ["output", *present],
-        rows,
-        "Mean square error over the variance of the output, all samples "
-        f"{sample_words(scores).predicted}; held: {sample_words(scores).held}.",
-    )
+    _, predicted, held = _sample_words(scores)
+    text = f"Mean square error over the variance of the output, {predicted}; held: {held}."
+    return Table(["output", *present], rows, text)
 
 
 def silent_words(scores: Mapping[str, Any]) -> list[str]:
@@ -243,7 +226,7 @@ def reliability_picture(found: Mapping[str, Mapping[str, float]]) -> Picture:
         abscissa="probability of the predicted interval [1]",
         ordinate="share of errors inside [1]",
     )
-    return picture(figure, "Reliability, whole run: on the diagonal, intervals are what they say.")
+    return picture(figure, "Reliability: on the diagonal, intervals are what they say.")
 
 
 def _calibration(scores: Mapping[str, Any]) -> list[Any]:
@@ -265,7 +248,7 @@ def _calibration(scores: Mapping[str, Any]) -> list[Any]:
 def _prediction_picture(scores: Mapping[str, Any], record: xr.Dataset) -> Any:
     loud = [name for name in record["output"].values if name not in scores["silent"]]
     figure = _compared(record.sel(output=loud[:DRAWN]))
-    return picture(figure, f"Measured, and {sample_words(scores).predicted}.", "png")
+    return picture(figure, f"Measured, and {_sample_words(scores)[1]}.", "png")
 
 
 def _compared(record: xr.Dataset) -> Figure:

@@ -132,7 +132,9 @@ def _write_mcap(library: Any, path: Path, record: xr.Dataset, topics: list[Topic
         writer.start(library=f"patagium {__version__}")
         about = {name: str(value) for name, value in record.attrs.items()}
         writer.add_metadata("patagium", about)
-        units = _coordinate_units(record, topics)
+        forces = [one.name for one in topics if one.name not in PARTS]
+        known = packet_columns(robot_of(record), forces) if "robot" in about else ()
+        units = {one.name: one.unit for one in known}
         streams = [(_channel(writer, one, units), _messages(one)) for one in topics]
         frames = body_frames(record)
         if frames:
@@ -143,14 +145,6 @@ def _write_mcap(library: Any, path: Path, record: xr.Dataset, topics: list[Topic
             for channel, messages in streams:
                 writer.add_message(channel, time, next(messages).encode(), time, number)
         writer.finish()
-
-
-def _coordinate_units(record: xr.Dataset, topics: list[Topic]) -> dict[str, str]:
-    """Units of numbers such as `q.roll`, where those of a topic differ."""
-    if "robot" not in record.attrs:
-        return {}
-    forces = [one.name for one in topics if one.name not in PARTS]
-    return {one.name: one.unit for one in packet_columns(robot_of(record), forces)}
 
 
 def _channel(writer: Any, topic: Topic, units: dict[str, str]) -> int:

@@ -144,11 +144,8 @@ def _model_std(model: Trained, network: Network, seen: Array, time: Array) -> Ar
 def _check_strips(network: Any, robot: Robot) -> None:
     names, expected = ([s.name for s in one.strips] for one in (network.robot, robot))
     if names != expected:
-        pairs = zip(names, expected, strict=False)
-        first = next(
-            (f", {one} where the flight has {own}" for one, own in pairs if one != own), ""
-        )
-        found = f"{len(names)}{first}: the model is of another robot"
+        other = next((one for one in names if one not in expected), "fewer")
+        found = f"{len(names)} of another robot, such as {other}"
         raise ShapeError("strips of the model", f"the {len(expected)} of the flight", found)
 
 

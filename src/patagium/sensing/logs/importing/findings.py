@@ -307,15 +307,11 @@ def stamp_findings(
     gaps = stamps.gaps(gap)
     if gaps:
         at = (stamps.longest_at - (stamps.first or 0)) / SECOND
-        found.append(
-            Finding(
-                "warning",
-                where,
-                "gap",
-                f"{gaps} step(s) longer than {gap:g} times the median of {stamps.median:.4g} s, "
-                f"the longest {stamps.longest / SECOND:.4g} s at {at:.6g} s; not bridged",
-            )
+        text = (
+            f"{gaps} step(s) longer than {gap:g} times the median of {stamps.median:.4g} s, "
+            f"the longest {stamps.longest / SECOND:.4g} s at {at:.6g} s; not bridged"
         )
+        found.append(Finding("warning", where, "gap", text))
     median = stamps.median
     if written and not 2e-6 <= median <= _SLOW and math.isfinite(median):
         fit = next((u for u, f in (("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9), ("s", 1e3), ("s", 1e6))

@@ -285,34 +285,19 @@ def _channel_facts(part: _Part, survey: StreamSurvey) -> tuple[ChannelFacts, ...
     values, topic = survey.values, part.topic
     present, mean, rms = values.count > 0, values.mean, values.rms
     low, high = (np.where(present, ends, np.nan) for ends in (values.low, values.high))
+    numbers = zip(*(one.tolist() for one in (low, high, mean, rms, values.missing)), strict=True)
+    held = [topic.channels[name] for name in part.fields]
     return tuple(
-        ChannelFacts(
-            name=name,
-            dtype=topic.channels[name].dtype,
-            unit=topic.channels[name].unit,
-            low=float(low[k]),
-            high=float(high[k]),
-            mean=float(mean[k]),
-            rms=float(rms[k]),
-            missing=int(values.missing[k]),
-        )
-        for k, name in enumerate(part.fields)
+        ChannelFacts(name, one.dtype, one.unit, *row)
+        for name, one, row in zip(part.fields, held, numbers, strict=True)
     )
 
 
 def _unreadable(topic: Topic) -> TopicFacts:
     part = _Part(topic, topic.name)
     empty = _topic_facts(part, StreamSurvey(StampSurvey(), ValueSurvey(0)), 0)
-    return replace(
-        empty,
-        rows=topic.count or 0,
-        stamps="",
-        begin=math.nan,
-        duration=math.nan,
-        rate=math.nan,
-        longest=math.nan,
-        problem=topic.problem,
-    )
+    lost: Any = dict.fromkeys(("begin", "duration", "rate", "longest"), math.nan)
+    return replace(empty, rows=topic.count or 0, stamps="", problem=topic.problem, **lost)
 
 
 def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
