@@ -315,6 +315,10 @@ def test_identify_then_evaluate_a_table(
     assert answer.code == 0, answer.err
     assert "no gap" in answer.err
     assert json.loads(answer.out)["nmse_second_half_worst"] < 0.1  # it learned a parabola
+    said = speak("identify", table, *words[:-2]).out
+    beside = table.with_name("model.json")
+    following = f"Next: patagium evaluate {beside} ANOTHER.csv --mapping {mapping}"
+    assert said.splitlines()[-1] == following and beside.is_file()
     assert speak("evaluate", model, table, "--mapping", mapping).code == 0
     assert "200" in speak("check", table, "--mapping", mapping).out
 

@@ -9,8 +9,9 @@ import xarray as xr
 
 import patagium as pt
 from patagium.cli.words import no_robot
-from patagium.errors import FlightError, LogError, PatagiumError
+from patagium.errors import FlightError, LogError, PatagiumError, shown
 from patagium.netcdf_file import kind_of, write_netcdf
+from patagium.sensing.force.air_force import recorded
 
 
 @pytest.fixture
@@ -76,3 +77,19 @@ def test_a_record_of_a_stream_is_learned_like_a_flight(tmp_path: Path) -> None:
     )
     result = pt.identify(pt.load_log(tmp_path / "stream.nc"), learner, every=5)
     assert result.scores["updates"] == 40
+
+
+def test_what_was_found_is_named_in_plain_words() -> None:
+    robot = pt.load_robot("yeo-wing")
+    aero, gait = pt.QuasiSteady(robot), pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5)
+    with pytest.raises(PatagiumError, match=r"such as robot\.coordinates.* found 'a dict'"):
+        pt.simulate(robot, aero, gait, duration=0.1, v={"left_plunge": 3.0})
+    empty = xr.Dataset({"q": (("time", "dof"), np.zeros((3, robot.dof)))}, {"time": np.arange(3.0)})
+    with pytest.raises(FlightError, match=r"the quantity `a` over \(time, dof\)"):
+        recorded(empty, "a", robot)
+    with pytest.raises(
+        PatagiumError, match=r"every: expected a whole number such as 2, found 2\.0"
+    ):
+        pt.identify(empty, every=2.0)  # type: ignore[arg-type]
+    long = {"__module__": "patagium.x", "__repr__": lambda _: 100 * "x"}
+    assert shown(type("Identification", (), long)()) == "an Identification"

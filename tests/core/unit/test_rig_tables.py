@@ -235,3 +235,9 @@ def test_only_a_name_of_time_is_in_milliseconds(tmp_path: Path) -> None:
     assert notes == ["no unit found for: airspeed_ms; taken as a plain number"]
     assert 'column: "airspeed_ms", unit: "1"' in template(tmp_path / "log.csv")
     assert not [one for one in found.findings if "rpm" in one.where]
+
+
+def test_a_constant_column_is_noted_and_zero_has_no_sign(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("t,x [m]\n" + "".join(f"{k / 100},-0.0\n" for k in range(99)))
+    found = pt.sensing.inspect_log(tmp_path / "log.csv").findings
+    assert [(one.kind, one.text) for one in found] == [("constant", "never changes from 0")]
