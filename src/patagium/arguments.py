@@ -105,6 +105,8 @@ def _misfit(name: str, value: Any, kind: Any) -> tuple[str, str, Any]:
                 return f"{name}: a name", _words(inner[0]), key
             if not _fits(found, inner[1]):
                 return _misfit(f"{name}: {key}", found, inner[1])
+    if isinstance(value, float) and value.is_integer() and _fits(int(value), kind):
+        return name, f"a whole number such as {int(value)}", value
     return name, _words(kind), value
 
 

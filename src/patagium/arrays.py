@@ -94,13 +94,15 @@ def real_array(name: str, values: Any, shape: tuple[int | str, ...] | None = Non
     if type(values) is not np.ndarray or values.dtype != np.float64:
         try:
             found = np.asarray(values)
-            odd = "" if _of_reals(found) else f"an array of {found.dtype}"
+            odd = f"an array of {found.dtype}" if found.ndim else f"a {type(values).__name__}"
+            odd = "" if _of_reals(found) else odd
             kind = "masked numbers" if np.ma.is_masked(values) else odd
             found = found if kind else found.astype(np.float64)
         except (ValueError, TypeError, OverflowError, RuntimeError) as problem:  # 33 dimensions too
             kind = str(problem)[:200] or type(problem).__name__
     if kind:
-        raise ParameterError(name, "real numbers", kind)
+        named = ", such as robot.coordinates(x=3.0) gives" * isinstance(values, dict)
+        raise ParameterError(name, f"real numbers{named}", kind)
     if shape is not None:
         first = int(shape[:1] == ("N",) and found.ndim > 0)
         if found.shape[first:] != shape[first:]:

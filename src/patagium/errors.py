@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shlex
 import sys
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
@@ -83,8 +84,14 @@ def shown(value: object, most: int = SHOWN) -> str:
         text = type(value).__name__
     if len(text) > SHOWN and type(value).__module__.startswith(("patagium", "xarray")):
         reason = getattr(value, "reason", "")  # of a NoOrbit
-        return f"a {type(value).__name__}" + (f": {reason}" if reason else "")
+        name = type(value).__name__
+        return f"{'an' if name[0] in 'AEIOU' else 'a'} {name}" + (f": {reason}" if reason else "")
     return text if len(text) <= most else text[: most - 3] + "..."
+
+
+def command(words: str, *files: object) -> str:
+    """Words of a command with files, quoted for a shell, in place of `{}`."""
+    return words.format(*(shlex.quote(str(one)) for one in files))
 
 
 def similar(word: object, known: Iterable[str]) -> str:
@@ -269,7 +276,7 @@ class OutputError(PatagiumError, OSError):
 
     def __init__(self, path: str | os.PathLike[str], problem: Exception) -> None:
         number = getattr(problem, "errno", None)
-        remedy = _REMEDIES.get(number or 0, "name another place").format(folder=Path(path).parent)
+        remedy = command(_REMEDIES.get(number or 0, "name another place"), Path(path).parent)
         reason = getattr(problem, "strerror", None) or problem
         super().__init__(f"{path}: cannot be written: {reason}; {remedy}")
         self.path, self.errno = path, number
@@ -278,7 +285,7 @@ class OutputError(PatagiumError, OSError):
 _REMEDIES = {
     **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), "free space, or name another place"),
     **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), "name a place that may be written"),
-    **dict.fromkeys((errno.ENOENT, errno.ENOTDIR), "make its folder first: mkdir -p {folder}"),
+    **dict.fromkeys((errno.ENOENT, errno.ENOTDIR), "make its folder first: mkdir -p {}"),
     errno.EISDIR: "name a file, not a folder",
     errno.EAGAIN: "end that process, or name another file",
 }

@@ -13,6 +13,7 @@ or an endless loop in HDF5. HDF5 does not read this line, and removes it when it
 from __future__ import annotations
 
 import os
+import re
 import zlib
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -23,7 +24,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import netCDF4
 
-from patagium.errors import OutputError, PatagiumError, Unreadable
+from patagium.errors import OutputError, PatagiumError, Unreadable, command
 from patagium.limits import free_memory, in_bytes
 from patagium.reading import regular_file
 from patagium.whole_file import Draft
@@ -156,6 +157,39 @@ def _compression(one: xr.Variable) -> dict[str, Any]:
     return {"zlib": True, "complevel": 1, "shuffle": True, "chunksizes": pieces}
 
 
+_KINDS = {
+    "patagium model": "a learned model, which `pt.load_model` and the option --model take",
+    "patagium learner": "a learner's state, which `pt.load_learner` and the option --state take",
+    "patagium log": "an imported log, which `pt.load_log` reads",
+    "patagium stream": "a record of `patagium stream`, which `pt.load_log` reads",
+    "scores": "predictions, which `patagium view --predictions` takes",
+    "force_std": "a file of `patagium motion`; learn from its log in Python: "
+    "pt.identify(pt.inverse_dynamics_force(pt.estimate_motion(log)))",
+    "aero": "a flight, which `pt.load_flight` reads",
+}
+"""Kinds of files by their format, else by what only they hold."""
+_FORMAT = re.compile(rb"(?:\{\s*\"format\": \")?(patagium (?:model|learner)) ")
+_MAPPING = re.compile(rb"^(inputs|outputs|channels|time):", re.MULTILINE)
+
+
+def kind_of(path: str | Path) -> str:
+    """Kind of a file of this program, with what takes it, for messages; empty where unknown."""
+    file, kinds, head = Path(path), set[str](), b""
+    with suppress(OSError, ValueError), file.open("rb") as stream:
+        head = stream.read(_BLOCK)
+    if file.suffix.lower() in (".yaml", ".yml", ".urdf"):
+        if _MAPPING.search(head):
+            return "a mapping, which the option --mapping takes"
+        return command("a robot; fly it first: patagium simulate {}", path)
+    if head.startswith(b"\x89HDF"):
+        with suppress(OSError, RuntimeError, PatagiumError), open_netcdf(file) as opened:
+            known = getattr(opened, "format", "").rpartition(" ")[0]
+            kinds = {known, *opened.ncattrs(), *opened.variables}
+    elif found := _FORMAT.match(head):
+        kinds = {found[1].decode()}
+    return next((words for kind, words in _KINDS.items() if kind in kinds), "")
+
+
 @contextmanager
 def netcdf_content(path: str | Path, error: type[PatagiumError], expected: str) -> Iterator[None]:
     """Block that reads a netCDF file, its failures told as one error.
@@ -179,7 +213,7 @@ def netcdf_content(path: str | Path, error: type[PatagiumError], expected: str) 
         raise error(str(problem)) from problem
     except Exception as problem:  # of the libraries, in many kinds
         if isinstance(problem, OSError) and problem.strerror:  # of the C library, path included
-            said = "other or damaged content"
+            said = kind_of(path) or "other or damaged content"
         else:
             said = (str(problem) or type(problem).__name__)[:200]
         raise error(f"{path}: expected {expected}, found {said}") from problem

@@ -9,7 +9,7 @@ import typer
 
 from patagium.cli.options import JsonOption, MappingOption
 from patagium.cli.words import MEANING, answer, existing
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, command
 
 if TYPE_CHECKING:
     from patagium.robot import Robot
@@ -89,7 +89,7 @@ def _table_facts(file: Path, mapping: Path | None) -> dict[str, Any]:
     from patagium.sensing import read_table
 
     if mapping is None:
-        raise ParameterError("--mapping", f"a YAML file {MEANING.format(file)}", None)
+        raise ParameterError("--mapping", f"a YAML file {command(MEANING, file)}", None)
     table = read_table(existing(file), existing(mapping))
     return {
         "kind": "table",

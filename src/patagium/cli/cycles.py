@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
-from patagium.cli.options import FlightArgument, JsonOption
+from patagium.cli.options import FlightArgument, JsonOption, output_file
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import FLIGHT, answer, flight_file, quantity, say_next
+from patagium.errors import command
 
 EXAMPLES = (
     "patagium cycles flight.nc --figure wingbeat.svg",
@@ -33,11 +34,10 @@ def cycles(
         int, typer.Option(min=2, max=10_000, help="Number of points of a wingbeat.")
     ] = 100,
     figure: Annotated[
-        Path | None,
-        typer.Option(help="File for a drawing of a wingbeat with its spread (.png, .svg)."),
+        Path | None, output_file("File for a drawing of a wingbeat with its spread (.png, .svg).")
     ] = None,
     table: Annotated[
-        Path | None, typer.Option(help="File for the wingbeat, phase by phase (.csv).")
+        Path | None, output_file("File for the wingbeat, phase by phase (.csv).")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -62,7 +62,7 @@ def cycles(
     outputs.attempt("means on stdout", lambda: answer(shown, as_json=as_json, title=title))
     outputs.check()
     if not as_json:
-        say_next(f"patagium figures {flight}")
+        say_next(command("patagium figures {}", flight))
 
 
 _LABELS = {

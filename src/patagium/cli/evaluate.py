@@ -22,9 +22,12 @@ def evaluate(
     file: LogArgument,
     mapping: MappingOption = None,
     every: Annotated[
-        int,
-        typer.Option(min=1, help="Samples over which the compared prediction holds a measurement."),
-    ] = 100,
+        int | None,
+        typer.Option(
+            min=1,
+            help="Samples over which the rival holds a measurement; as identify by default.",
+        ),
+    ] = None,
     report: ReportOption = None,
     as_json: ScoresOption = False,
 ) -> None:

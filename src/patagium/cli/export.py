@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from patagium.cli.options import OUTPUT, PredictedOption
+from patagium.cli.options import OUTPUT, PredictedOption, output_file
 from patagium.cli.words import existing
 from patagium.errors import LogError
 
@@ -22,7 +22,7 @@ def export(
     file: Annotated[
         Path, typer.Argument(help="Flight, recorded stream, motion or predictions (.nc).")
     ],
-    out: Annotated[Path, typer.Option(*OUTPUT, help="File to write (.mcap or .rrd).")],
+    out: Annotated[Path, output_file("File to write (.mcap or .rrd).", *OUTPUT)],
     model: PredictedOption = None,
 ) -> None:
     """Write a flight, its forces and predictions for Foxglove and PlotJuggler, or for Rerun.

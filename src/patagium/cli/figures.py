@@ -11,6 +11,7 @@ import typer
 from patagium.cli.options import OUTPUT, FlightArgument, JsonOption, PredictedOption
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import FLIGHT, answer, existing, flight_file, say_next
+from patagium.errors import command
 
 EXAMPLES = (
     "patagium figures flight.nc --for paper",
@@ -56,4 +57,4 @@ def figures(
     outputs.attempt("names on stdout", lambda: answer(files, as_json=as_json, title=title))
     outputs.check()
     if not as_json:
-        say_next(f"patagium view {flight}", "patagium robots --new my_robot")
+        say_next(command("patagium view {}", flight), "patagium robots --new my_robot")

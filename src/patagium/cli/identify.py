@@ -25,10 +25,10 @@ from patagium.cli.learner_options import (
     winged_network,
     with_learner_options,
 )
-from patagium.cli.options import LogArgument, MappingOption, ReportOption, ScoresOption
+from patagium.cli.options import LogArgument, MappingOption, ReportOption, ScoresOption, output_file
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import FLIGHT, progress_bar, say_json, say_next, show_table
-from patagium.errors import Interrupted, Outcome, ParameterError, refuse_removed
+from patagium.errors import Interrupted, Outcome, ParameterError, command, refuse_removed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -84,21 +84,21 @@ def identify(
     refine: RefineOption = False,
     model: Annotated[
         Path | None,
-        typer.Option(
-            help="File for the learned model (.json), which predicts; model.json next to a flight."
+        output_file(
+            "File for the learned model (.json), which predicts; model.json next to the log."
         ),
     ] = None,
     state: Annotated[
         Path | None,
-        typer.Option(
-            help="File of the learner's state: it is resumed if it is there, and written at the "
+        output_file(
+            "File of the learner's state: it is resumed if it is there, and written at the "
             "end and on Ctrl-C. A state, unlike a model, learns on, with the centers and scales it "
             "began with; that of a learner that diverged is not written."
         ),
     ] = None,
     report: ReportOption = None,
     predictions: Annotated[
-        Path | None, typer.Option(help="File for every prediction and score (.nc).")
+        Path | None, output_file("File for every prediction and score (.nc).")
     ] = None,
     as_json: ScoresOption = False,
 ) -> None:
@@ -147,7 +147,7 @@ def identify(
         with progress_bar(f"Refining what {file.name} taught"):
             result = refined(result, flight, result.scores["every"])
     names = None if table is None else table.input_names
-    model = model or (None if flight is None else file.with_name("model.json"))
+    model = model or file.with_name("model.json")
     outputs.attempt("model", lambda: keep_model(model, result.learner, names, file.name))
     if predictions is not None and outputs.attempt("predictions", lambda: result.save(predictions)):
         typer.echo(f"The predictions are in {predictions}", err=True)
@@ -159,9 +159,15 @@ def identify(
         typer.echo(f"patagium: {result.message}", err=True)
         raise typer.Exit(2)
     outputs.check()
-    if flight is not None and not as_json:
-        drawn = (f"patagium view {file} --model {model}", f"patagium cycles {file}")
-        say_next(*([f"patagium evaluate {model} ANOTHER.nc"] if "air" in flight.attrs else drawn))
+    if not as_json:
+        _say_what_next(file, mapping, model, flown=flight is not None and "air" not in flight.attrs)
+
+
+def _say_what_next(file: Path, mapping: Path | None, model: Path, *, flown: bool) -> None:
+    view = command("patagium view {} --model {}", file, model)
+    meant = "" if mapping is None else command(" --mapping {}", mapping)
+    again = command(f"patagium evaluate {{}} ANOTHER{file.suffix}", model) + meant
+    say_next(*((view, command("patagium cycles {}", file)) if flown else (again,)))
 
 
 def _learned(
@@ -198,7 +204,7 @@ def _learned(
 
 def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
     """Scores on stdout: a table by output and a line, or all of them as JSON."""
-    from patagium.learning.page import forecast_tables, score_table, summary
+    from patagium.learning.page import forecast_tables, score_table, silent_words, summary
     from patagium.learning.parameter_paths import parameter_table
 
     if as_json:
@@ -211,7 +217,7 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
     parameters = parameter_table(scores)
     if parameters is not None:
         show_table(parameters)
-    typer.echo("\n".join([summary(scores), *scores["verdict"]]))
+    typer.echo("\n".join([summary(scores), *silent_words(scores), *scores["verdict"]]))
 
 
 def flight_network(flight: Any, choice: LearnerChoice) -> Any:

@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
-from patagium.cli.options import OUTPUT, FilesArgument, ResultOption
+from patagium.cli.options import OUTPUT, FilesArgument, ResultOption, output_file
 from patagium.cli.words import existing, progress_bar, say_json, say_next
+from patagium.errors import command
 
 NAME = "import"
 EXAMPLES = (
@@ -25,8 +26,7 @@ def import_log(
         Path, typer.Option("--map", "--mapping", help="Meaning of its columns or fields (YAML).")
     ],
     out: Annotated[
-        Path | None,
-        typer.Option(*OUTPUT, help="The log to write: .nc, or .csv for `stream`."),
+        Path | None, output_file("The log to write: .nc, or .csv for `stream`.", *OUTPUT)
     ] = None,
     as_json: ResultOption = False,
 ) -> None:
@@ -73,7 +73,7 @@ def import_log(
                 f"({spread}) m/s^2; the change itself is ({moved}) m/s^2 rms."
             )
     typer.echo(f"The log is in {found.path}")
-    say_next(*(f"patagium {verb} {found.path}" for verb in _verbs(found.path)))
+    say_next(*(command(f"patagium {verb} {{}}", found.path) for verb in _verbs(found.path)))
 
 
 def _verbs(path: Path) -> list[str]:

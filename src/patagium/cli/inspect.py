@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from patagium.cli.options import OUTPUT, FilesArgument, ResultOption
+from patagium.cli.options import OUTPUT, FilesArgument, ResultOption, output_file
 from patagium.cli.words import progress_bar, say_json, say_next, show_table
-from patagium.errors import LogError, ParameterError
+from patagium.errors import LogError, ParameterError, command
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,7 +36,7 @@ def inspect(
         typer.Option(min=0, help="Lines before the line of names of a CSV file; found by default."),
     ] = None,
     output: Annotated[
-        Path | None, typer.Option(*OUTPUT, help="New file for a mapping to begin from (.yaml).")
+        Path | None, output_file("New file for a mapping to begin from (.yaml).", *OUTPUT)
     ] = None,
     as_json: ResultOption = False,
 ) -> None:
@@ -74,12 +74,10 @@ def inspect(
     else:
         typer.echo("A map.yaml to begin from (-o map.yaml writes it):")
         typer.echo(_mapping(found, topic or names), nl=False)
-    words = " ".join(map(str, files))
     mapping = output or "map.yaml"
-    say_next(
-        f"say in {mapping} what the fields mean (docs/logs.md), "
-        f"then patagium import {words} --mapping {mapping}"
-    )
+    words = "patagium import" + " {}" * len(files) + " --mapping {}"
+    bring = command(words, *files, mapping)
+    say_next(f"say in {mapping} what the fields mean (docs/logs.md), then {bring}")
 
 
 def _mapping(found: Inspection, topics: Sequence[str]) -> str:
@@ -97,7 +95,7 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
         for field in one.channels if one.name in topics else ():
             if not (field.name and field.low <= field.high):
                 continue  # an index, or a column without a number
-            name = json.dumps(_UNIT.sub("", field.name))
+            name = json.dumps(field.name if one.name else _UNIT.sub("", field.name))
             unit = field.unit or ("s" if field.name == one.stamps else json.dumps("1"))
             text = f"{{{place}: {name}, unit: {unit}}}"
             if field.name == one.stamps:
@@ -137,22 +135,10 @@ def _show_topics(found: Inspection) -> None:
     columns = ["topic", "type", "rows", "stamps", "begin [s]", "duration [s]", "rate [Hz]",
                "gaps", "longest step [s]", "duplicate", "backward", "numbers"]  # fmt: skip
     rows: list[list[str | float | bool | None]] = [
-        [
-            one.name or "table",
-            one.kind,
-            one.rows,
-            one.problem or one.stamps,
-            one.begin,
-            one.duration,
-            one.rate,
-            one.gaps,
-            one.longest,
-            one.duplicates,
-            one.backwards,
-            len(one.channels),
-        ]
-        for one in found.topics
-    ]
+        [one.name or "table", one.kind, one.rows, one.problem or one.stamps, one.begin,
+         one.duration, one.rate, one.gaps, one.longest, one.duplicates, one.backwards,
+         len(one.channels)] for one in found.topics
+    ]  # fmt: skip
     show_table(Table(columns, rows, f"{found.path}: {found.format}"))
 
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from patagium.cli.words import MEANING, existing, flight_file, no_robot
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, command
+from patagium.netcdf_file import kind_of
 
 if TYPE_CHECKING:
     from patagium.sensing import LogTable
@@ -71,7 +72,7 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
         LogError: If the log cannot be read.
     """
     from patagium.cli.inspect import show_findings
-    from patagium.sensing import read_table
+    from patagium.sensing import load_log, read_table
     from patagium.simulation import load_flight
 
     record = record_of(file, mapping)
@@ -83,9 +84,10 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
     if file.suffix.lower() == ".nc":
         if mapping is not None:
             raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
-        return load_flight(flight_file(file)), None
+        streamed = kind_of(file).startswith("a record")
+        return load_log(file) if streamed else load_flight(flight_file(file)), None
     if mapping is None:
-        raise ParameterError("--mapping", f"a YAML file {MEANING.format(no_robot(file))}", None)
+        raise ParameterError("--mapping", f"a YAML file {command(MEANING, no_robot(file))}", None)
     place = file if file.is_dir() else existing(file)
     tell = lambda found: show_findings(found, err=True)  # noqa: E731
     return None, read_table(place, existing(mapping), tell)

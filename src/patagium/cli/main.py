@@ -93,7 +93,7 @@ def _command(verb: ModuleType) -> type[TyperCommand]:
             super().format_help(context, formatter)
 
         def invoke(self, context: Any) -> Any:
-            check_files(context.params)
+            check_files(getattr(verb, verb.__name__.rpartition(".")[2]), context.params)
             return super().invoke(context)
 
     return Command

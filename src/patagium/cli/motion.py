@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.options import OUTPUT, MappingOption, ResultOption
+from patagium.cli.options import OUTPUT, MappingOption, ResultOption, output_file
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import existing, say_json, show_table
 from patagium.errors import ParameterError
@@ -42,12 +42,9 @@ def motion(
         list[str] | None,
         typer.Option(help="Body of a quantity, QUANTITY=BODY; may be repeated."),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(*OUTPUT, help="File for motion and forces (.nc)."),
-    ] = None,
+    out: Annotated[Path | None, output_file("File for motion and forces (.nc).", *OUTPUT)] = None,
     plot: Annotated[
-        Path | None, typer.Option(help="Figure of attitude and forces (.png, .svg or .pdf).")
+        Path | None, output_file("Figure of attitude and forces (.png, .svg or .pdf).")
     ] = None,
     as_json: ResultOption = False,
 ) -> None:

@@ -15,6 +15,7 @@ from patagium.cli.options import (
     JsonOption,
     PolarOption,
     RobotArgument,
+    output_file,
 )
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import Numbers, answer, numbers, quantity, say_json, show_table
@@ -71,16 +72,16 @@ def optimize(
     inflow: InflowOption = False,
     density: DensityOption = 1.225,
     output: Annotated[
-        Path | None, typer.Option(*OUTPUT, help="File for a flight with the gait (.nc).")
+        Path | None, output_file("File for a flight with the gait (.nc).", *OUTPUT)
     ] = None,
     beats: Annotated[
         float, typer.Option(min=1e-3, max=1e4, help="Wingbeats of that flight.")
     ] = 10.0,
     gait: Annotated[
-        Path | None, typer.Option(help="File for the gait (.csv), as simulate --gait takes it.")
+        Path | None, output_file("File for the gait (.csv), as simulate --gait takes it.")
     ] = None,
     figure: Annotated[
-        Path | None, typer.Option(help="File for a picture of the front (.svg, .png, .pdf).")
+        Path | None, output_file("File for a picture of the front (.svg, .png, .pdf).")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

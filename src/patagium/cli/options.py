@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -11,12 +11,19 @@ from patagium.cli.words import quantity
 
 OUTPUT = ("--output", "--out", "-o")
 """Words of the option for the file that a verb writes."""
+
+
+def output_file(text: str, *words: str, callback: Any = None) -> Any:
+    """Option for a file that a verb writes, with its help; `check_files` knows it by its kind."""
+    return typer.Option(*words, writable=True, callback=callback, help=text)
+
+
 FlightArgument = Annotated[Path, typer.Argument(help="Flight that patagium simulate wrote (.nc).")]
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
 ResultOption = Annotated[bool, typer.Option("--json", help="Result as JSON on stdout.")]
 ScoresOption = Annotated[bool, typer.Option("--json", help="All scores as JSON on stdout.")]
 RobotArgument = Annotated[str, typer.Argument(help="Preset (see patagium robots) or robot file.")]
-ReportOption = Annotated[Path | None, typer.Option(help="File for an HTML page.")]
+ReportOption = Annotated[Path | None, output_file("File for an HTML page.")]
 LogArgument = Annotated[Path, typer.Argument(help="Flight or imported log (.nc), or another log.")]
 
 
@@ -27,9 +34,7 @@ def netcdf(path: Path) -> Path:
     return path
 
 
-FlightOutput = Annotated[
-    Path, typer.Option(*OUTPUT, callback=netcdf, help="File for the flight (.nc).")
-]
+FlightOutput = Annotated[Path, output_file("File for the flight (.nc).", *OUTPUT, callback=netcdf)]
 _FILES = "A CSV, Parquet, MAT, ULog, ArduPilot or MCAP file, a ROS bag, or parts of one."
 FilesArgument = Annotated[list[Path], typer.Argument(help=_FILES)]
 MappingOption = Annotated[
@@ -58,5 +63,5 @@ PredictedOption = Annotated[
     Path | None, typer.Option(help="Predicted forces too, by what identify --model wrote.")
 ]
 DrawingOption = Annotated[
-    Path | None, typer.Option(help="File for a drawing of the flight (.png, .svg).")
+    Path | None, output_file("File for a drawing of the flight (.png, .svg).")
 ]

@@ -9,28 +9,28 @@ from pathlib import Path
 from typing import Any
 
 import typer
+from typer.utils import get_params_from_function
 
 from patagium.cli.interruption import stop_repeating
 from patagium.errors import ParameterError, PatagiumError
 from patagium.whole_file import placed
 
-_WRITTEN = {
-    *("output", "out", "table", "report", "record"),
-    *("figure", "plot", "draw", "still", "film"),
-    *("state", "model", "predictions", "gait"),
-}
-"""Names of outputs."""
 
-
-def check_files(given: Mapping[str, Any]) -> None:
+def check_files(verb: Callable[..., object], given: Mapping[str, Any]) -> None:
     """Refuse outputs that would fail, or replace another file of the verb, before it works.
+
+    Args:
+        verb: Function of the verb; its outputs are those of its options that are `writable`.
+        given: Values of its options by name.
 
     Raises:
         OutputError: If an output cannot be written.
         ParameterError: If it is of no kind that can be, or is named twice.
     """
     named: dict[str, str] = {}
-    for name in sorted(given, key=_WRITTEN.__contains__):
+    known = get_params_from_function(verb).items()
+    outputs = {name for name, one in known if getattr(one.default, "writable", False)}
+    for name in sorted(given, key=outputs.__contains__):
         value = given[name]
         for word in value if isinstance(value, list) else [value]:
             if not isinstance(word, (str, Path)) or "\0" in str(word):
@@ -38,14 +38,14 @@ def check_files(given: Mapping[str, Any]) -> None:
             if name == "robot" and str(word).endswith(".nc"):
                 continue  # no robot, as its reader will say
             place = os.path.realpath(word)
-            written = name in _WRITTEN
+            written = name in outputs
             if written and place in named:
                 wanted = f"a file of its own, not that of {named[place]}"
                 raise ParameterError(f"--{name}", wanted, str(word))
             there = os.path.exists(place)
             if os.path.isfile(place) or (written and not there):
                 named[place] = name  # nothing else is lost by being written twice
-            if name in ("output", "figure"):
+            if written:
                 placed(word)
             if name == "figure":
                 from patagium.report.figures import figure_kind

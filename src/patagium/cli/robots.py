@@ -8,10 +8,10 @@ from typing import Annotated
 import typer
 
 from patagium.cli.check import robot_facts
-from patagium.cli.options import JsonOption
+from patagium.cli.options import JsonOption, output_file
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import answer, say_json, say_next, show_table
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, command
 
 EXAMPLES = (
     "patagium robots",
@@ -28,7 +28,7 @@ def robots(
         str | None, typer.Argument(help="Preset, robot file or URDF; all presets by default.")
     ] = None,
     draw: Annotated[
-        Path | None, typer.Option(help="Draw it from above and behind, as .png or .svg.")
+        Path | None, output_file("Draw it from above and behind, as .png or .svg.")
     ] = None,
     new: Annotated[
         str | None,
@@ -46,7 +46,8 @@ def robots(
             raise ParameterError("--new", "no other option with it", str(robot or draw))
         file = write_template(new)
         typer.echo(f"Written: {file}, a robot of two wings and a tail that flies; change it")
-        say_next(f"patagium robots {file} --draw {file.stem}.png", f"patagium simulate {file}")
+        drawn = command("patagium robots {} --draw {}", file, f"{file.stem}.png")
+        say_next(drawn, command("patagium simulate {}", file))
         return
     if robot is not None:
         machine, outputs = load_robot(robot), Outputs()

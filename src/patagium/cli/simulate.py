@@ -33,7 +33,7 @@ from patagium.cli.words import (
     say_next,
     vector,
 )
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, command
 from patagium.limits import SWING, TILT
 
 if TYPE_CHECKING:
@@ -516,4 +516,4 @@ def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
         typer.echo(f"patagium: {flight.attrs['message']}; the flight is kept in {output}", err=True)
         raise typer.Exit(130 if flight.attrs["outcome"] == "INTERRUPTED" else 2)
     if not as_json:
-        say_next(f"patagium view {output}", f"patagium identify {output}")
+        say_next(*(command(f"patagium {verb} {{}}", output) for verb in ("view", "identify")))

@@ -23,6 +23,7 @@ from patagium.cli.learner_options import (
     with_learner_options,
 )
 from patagium.cli.live import LiveAddressOption, LiveOption, Shown, live_stream
+from patagium.cli.options import output_file
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import answer
 from patagium.errors import FilterDiverged, ParameterError, PatagiumError
@@ -88,13 +89,11 @@ def stream(
         int, typer.Option(min=1, help="Number of packets that may wait for the learner.")
     ] = 16_384,
     record: Annotated[
-        Path | None,
-        typer.Option(help="File for packets and predictions (.nc), written as they arrive."),
+        Path | None, output_file("File for packets and predictions (.nc), written as they arrive.")
     ] = None,
-    model: Annotated[Path | None, typer.Option(help="File for the learned model (.json).")] = None,
+    model: Annotated[Path | None, output_file("File for the learned model (.json).")] = None,
     state: Annotated[
-        Path | None,
-        typer.Option(help="File of the learner's state: resumed, and written."),
+        Path | None, output_file("File of the learner's state: resumed, and written.")
     ] = None,
     autosave: Annotated[
         float, typer.Option(min=0.1, help="Time between two writes of the state [s].")

@@ -15,6 +15,7 @@ from patagium.cli.options import (
     JsonOption,
     PolarOption,
     RobotArgument,
+    output_file,
 )
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import answer, for_person, heading, quantity, say_json, show_table
@@ -74,10 +75,10 @@ def trim(
         ),
     ] = None,
     figure: Annotated[
-        Path | None, typer.Option(help="File for a picture of the branch (.svg, .png, .pdf).")
+        Path | None, output_file("File for a picture of the branch (.svg, .png, .pdf).")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option(*OUTPUT, help="File for a flight on the orbit (.nc).")
+        Path | None, output_file("File for a flight on the orbit (.nc).", *OUTPUT)
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from patagium.cli.learner_options import LearnerChoice, NetworkKind, nested, with_learner_options
-from patagium.cli.options import OUTPUT, MappingOption
+from patagium.cli.options import OUTPUT, MappingOption, output_file
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import progress_bar, say_json, show_table
 from patagium.errors import LogError
@@ -62,7 +62,7 @@ def tune(
     cluster: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler whose workers do the work.")
     ] = None,
-    out: Annotated[Path, typer.Option(*OUTPUT, help="File for the settings (.yaml).")] = (
+    out: Annotated[Path, output_file("File for the settings (.yaml).", *OUTPUT)] = (
         Path("settings.yaml")
     ),
     as_json: Annotated[bool, typer.Option("--json", help="The settings as JSON on stdout.")] = (

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.options import OUTPUT, PredictedOption
+from patagium.cli.options import OUTPUT, PredictedOption, output_file
 from patagium.cli.words import FLIGHT, existing, flight_file, progress_bar, quantity, say_next
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, command
 
 if TYPE_CHECKING:
     from patagium.viewer.predicted_forces import Predicted
@@ -32,7 +32,7 @@ def view(
     ] = [FLIGHT],  # noqa: B006
     out: Annotated[
         Path | None,
-        typer.Option(*OUTPUT, help="File for the page; in the folder of the flight by default."),
+        output_file("File for the page; in the folder of the flight by default.", *OUTPUT),
     ] = None,
     model: PredictedOption = None,
     predictions: Annotated[
@@ -41,22 +41,23 @@ def view(
     ] = None,
     title: Annotated[str | None, typer.Option(help="Heading of the page.")] = None,
     start: Annotated[
-        Any, typer.Option(parser=quantity("s", "a time"), help="Show the flight from here.")
+        float | None,
+        typer.Option(parser=quantity("s", "a time"), help="Show the flight from here, in s."),
     ] = None,
     end: Annotated[
-        Any, typer.Option(parser=quantity("s", "a time"), help="Show the flight up to here.")
+        float | None,
+        typer.Option(parser=quantity("s", "a time"), help="Show the flight up to here, in s."),
     ] = None,
     still: Annotated[
-        Path | None,
-        typer.Option(help="File for a picture of one moment instead (.png, .svg, .pdf)."),
+        Path | None, output_file("File for a picture of one moment instead (.png, .svg, .pdf).")
     ] = None,
     film: Annotated[
         Path | None,
-        typer.Option(help="File for a film of --start to --end instead (.gif; .mp4: [film])."),
+        output_file("File for a film of --start to --end instead (.gif; .mp4: [film])."),
     ] = None,
     at: Annotated[
-        Any,
-        typer.Option(parser=quantity("s", "a time"), help="That moment; the middle by default."),
+        float | None,
+        typer.Option(parser=quantity("s", "a time"), help="That moment, in s; else the middle."),
     ] = None,
 ) -> None:
     """Show a flight in three dimensions: one HTML file, opened by any browser, offline.
@@ -85,13 +86,13 @@ def view(
     page = flight.with_suffix(".html") if out is None else out
     if page.suffix.lower() not in (".html", ".htm"):
         raise ParameterError("--out", "a name ending in .html", page.name)
-    beside = {other.stem: load_flight(flight_file(other)) for other in others}
-    options = {"title": title, "start": start, "end": end, "beside": beside}
+    options: dict[str, Any] = {"title": title, "start": start, "end": end}
+    options["beside"] = {other.stem: load_flight(flight_file(other)) for other in others}
     replay(
         load_flight(flight_file(flight)), page, predicted=_predicted(model, predictions), **options
     )
     typer.echo(f"The page is in {page}", err=True)
-    say_next(f"open {page} in a browser", f"patagium cycles {flight}")
+    say_next(f"open {page} in a browser", command("patagium cycles {}", flight))
 
 
 def _draw(flight: Path, picture: Path, at: float | None, predicted: Predicted | None) -> None:

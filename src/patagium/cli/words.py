@@ -251,18 +251,20 @@ def flight_file(path: Path) -> Path:
 
 
 def no_robot(path: Path) -> Path:
-    """Path that is not a robot's, which is refused with what flies it.
+    """Path that is not a robot's, a model's or the like, which is refused with what takes it.
 
     Raises:
-        LogError: If it is a preset's name or a robot file, or the usual flight, not made yet.
+        LogError: If it is one, or the usual flight, not made yet.
     """
+    from patagium.netcdf_file import kind_of
     from patagium.robot import preset_names
 
     if path == FLIGHT and not path.exists():
         raise LogError(f"{path}: expected a flight, found none; make it: patagium simulate aerobat")
-    if path.suffix.lower() in (".yaml", ".yml", ".urdf") or str(path) in preset_names():
-        robot = f"a robot; fly it first: patagium simulate {path}"
-        raise LogError(f"{path}: expected a flight or log, found {robot}")
+    kind = f"a robot; fly it first: patagium simulate {path}"
+    kind = kind if str(path) in preset_names() else kind_of(path)
+    if kind.startswith(("a robot", "a mapping", "a learne", "predictions")):
+        raise LogError(f"{path}: expected a flight or log, found {kind}")
     return path
 
 

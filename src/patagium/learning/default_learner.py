@@ -21,6 +21,7 @@ from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.models.physical import own_prior
+from patagium.learning.parameter_paths import Trained
 from patagium.learning.samples import samples
 from patagium.learning.scores import normalized_error
 from patagium.learning.settings import FilterSettings, Structure, settings_from
@@ -168,13 +169,19 @@ def update_time(network: Network, structure: Structure = "full") -> float:
     return _OVERHEAD + _OPERATION * operations
 
 
-def _structure(learner: Learner) -> Structure:
+def _setting(learner: Any, name: str, default: Any) -> Any:
+    """Setting of a learner, or of the one that learned a model; the default if it has none."""
+    known = getattr(learner, "learner", {}).get(name, default)
+    return getattr(getattr(learner, "settings", None), name, known)
+
+
+def _structure(learner: Any) -> Structure:
     """Structure of a learner's covariance; full where it says none."""
-    found: Structure = getattr(getattr(learner, "settings", None), "covariance", "full")
+    found: Structure = _setting(learner, "covariance", "full")
     return found
 
 
-def chosen_every(learner: Learner, step: float, period: float | None = None) -> int:
+def chosen_every(learner: Trained, step: float, period: float | None = None) -> int:
     """Default number of samples from one used sample to the next; step and period in [s].
 
     One hundred updates a second, or twenty a wingbeat where that is more, but at most 1000, and
@@ -187,7 +194,7 @@ def chosen_every(learner: Learner, step: float, period: float | None = None) -> 
     return max(1, ceil(1 / (rate * step) - 1e-6))
 
 
-def table_every(learner: Learner, step: float) -> int:
+def table_every(learner: Trained, step: float) -> int:
     """Default interval between used samples of a table, in samples.
 
     A learner that forgets may use as many as the estimated time of an update allows, for it never
@@ -197,8 +204,7 @@ def table_every(learner: Learner, step: float) -> int:
         learner: What learns.
         step: Median time between two samples [s].
     """
-    settings = getattr(learner, "settings", None)
-    if not getattr(settings, "prior_share", 0.0):
+    if not _setting(learner, "prior_share", 0.0):
         return chosen_every(learner, step)
     return _kept_up(learner.network, _structure(learner), step)
 
@@ -220,10 +226,11 @@ def choices(
         learner_given: Whether network and learner were chosen by hand.
         every_given: Whether the share of the samples was.
     """
-    rate = f"one sample in {every}, {1 / (every * step):.4g} updates a second"
+    used = "every sample" if every == 1 else f"one sample in {every}"
+    rate = f"{used}, {1 / (every * step):.4g} updates a second"
     found = f"from {1 / step:.4g} samples a second, the wingbeat and the number of weights"
     words = learner_choices(learner, given=learner_given)
-    share = getattr(getattr(learner, "settings", None), "prior_share", 0.0)
+    share = _setting(learner, "prior_share", 0.0)
     if share:
         words["memory"] = f"{every * step / share:.4g} s, prior_share {share:.3g}"
     return words | {"every": f"{rate}; {'set by you' if every_given else found}"}
@@ -257,15 +264,15 @@ def _found_words(described: Mapping[str, Any], *, own: bool) -> dict[str, str]:
     """Noise and prior of a learner, in words; those that it has."""
     found, words = described.get("found", {}), {}
     sources = {
-        "measurement_std": ("noise", "from the samples and the innovations"),
-        "prior_std": ("prior", "the rule for dimensionless weights"),
+        "measurement_std": ("noise", " [unit of the output]; from the samples and the innovations"),
+        "prior_std": ("prior", "; the rule for dimensionless weights"),
     }
     for name, (label, source) in sources.items():
         value = described.get(name)
         if name in found:
-            words[label] = f"{_span(found[name])}; {source}"
+            words[label] = f"{_span(found[name])}{source}"
         elif value is not None:
-            words[label] = f"{_span(value)}; set by you"
+            words[label] = f"{_span(value)}{source.partition(';')[0]}; set by you"
         elif name == "prior_std" and own:
             words[label] = "that of the network, for each weight; the default"
     return words

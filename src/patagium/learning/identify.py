@@ -120,7 +120,7 @@ def evaluate(
     flight: xr.Dataset | ForceSamples | LogTable,
     model: Trained,
     *,
-    every: int = 100,
+    every: int | None = None,
     inputs: Sequence[str] | None = None,
     robot: Robot | None = None,
 ) -> Identification:
@@ -129,7 +129,8 @@ def evaluate(
     Args:
         flight: Record with q, v, a, u1; measured forces; or a table.
         model: A learner (it is not taught), or network and weights.
-        every: The rival holds one measured sample in so many; the model sees none.
+        every: The rival holds one measured sample in so many, and the model sees none; None: as
+            many as `identify` would have used with this model.
         inputs: Names of what the network sees; None: those of the model's file, or q, then v.
         robot: The machine; None for the one the flight carries.
 
@@ -146,13 +147,18 @@ def evaluate(
         _refuse_for_tables(inputs, robot)
         _check_columns(flight, model)
         rows, gaps, names = (flight.time, flight.x, flight.y), flight.gaps, flight.output_units
-        result = compare(model, *rows, every=every, units=names, gaps=gaps)
+        step = float(np.median(np.diff(flight.time)))
+        taken = table_every(model, step) if every is None else every
+        result = compare(model, *rows, every=taken, units=names, gaps=gaps)
         result.scores["gaps_found"] = flight.describe_gaps()
         return result
     if inputs is None and isinstance(model, Model):
         inputs = model.inputs
     time, x, y, units = samples(flight, model.network, inputs, robot)
-    return compare(model, time, x, y, every=every, units=units)
+    period = None if isinstance(flight, ForceSamples) else gait_period(flight)
+    step = float(np.median(np.diff(time)))
+    taken = chosen_every(model, step, period) if every is None else every
+    return compare(model, time, x, y, every=taken, units=units)
 
 
 def _check_columns(table: LogTable, model: Trained) -> None:
@@ -205,6 +211,7 @@ def compare(
         "samples": len(time),
         "samples_predicted": len(time),
         "every": every,
+        "frozen": True,
         "updates": 0,
         "median_step": float(np.median(np.diff(time))),
         "gaps": len(np.asarray(gaps)),

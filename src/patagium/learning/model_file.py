@@ -30,6 +30,7 @@ from patagium.learning.learners.learner import Learner, as_input
 from patagium.learning.models.network import Network, center_of
 from patagium.learning.models.registry import network_from_description
 from patagium.limits import free_memory
+from patagium.netcdf_file import kind_of
 from patagium.reading import json_object, made_again, text_of
 from patagium.version import __version__
 from patagium.whole_file import write_whole
@@ -173,9 +174,10 @@ def load_model(path: str | Path) -> Model:
         LogError: If there is no such file, or it is not a model of this version.
     """
     file = Path(path)
-    if file.suffix.lower() == ".nc":
+    kind = kind_of(file)
+    if kind and not kind.startswith("a learned model"):
         expected = "a model (.json) such as patagium identify writes"
-        raise LogError(f"{file}: expected {expected}, found a flight or log (.nc)")
+        raise LogError(f"{file}: expected {expected}, found {kind}")
     words = json_object(text_of(file, free_memory() // 8), str(file))
     found = words.get("format")
     if found != FORMAT:

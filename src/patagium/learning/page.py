@@ -56,7 +56,7 @@ def write_identification(
     sections = [
         PageSection("Scores", [*moving, summary(scores), *tables, *_remarks(scores)]),
         *_parameters(scores, record),
-        PageSection("Predicted before it was used", [_prediction_picture(scores, record)]),
+        PageSection("Predictions", [_prediction_picture(scores, record)]),
     ]
     if record.sizes["update_time"] > 1:
         sections.append(
@@ -80,13 +80,14 @@ def _opening(scores: Mapping[str, Any], record: xr.Dataset) -> list[Block]:
     late = record.isel(time=slice(-max(2, record.sizes["time"] // _SHOWN), None)).sel(output=[name])
     with figures_for("phone"):
         plot = _compared(late)
+    _, predicted, rival = _sample_words(scores)
     error, held = (scores[f"{key}_second_half_mean"] for key in ("nmse", "persistence"))
     return [
-        picture(plot, f"The last {100 // _SHOWN} %: measured, and predicted before it was used."),
+        picture(plot, f"The last {100 // _SHOWN} %: measured, and {predicted}."),
         KeyNumber(
             f"{cell_text(100 * error)} %",
             "Mean square error of the predictions over the variance of the output, second half.",
-            f"The last used sample, held: {cell_text(100 * held)} %.",
+            f"{rival}, held: {cell_text(100 * held)} %.".capitalize(),
         ),
         KeyNumber(
             f"{100 * scores['coverage_second_half']:.0f} %",
@@ -95,7 +96,8 @@ def _opening(scores: Mapping[str, Any], record: xr.Dataset) -> list[Block]:
         ),
         KeyNumber(
             cell_text(scores["nis_second_half"]),
-            "Squared error over its predicted variance (NIS), second half.",
+            "Squared error over its predicted variance (NIS), each output by itself, at samples "
+            "spread over the second half.",
             "Right: 1; below it intervals are too wide, above it too narrow.",
         ),
     ]
@@ -120,14 +122,25 @@ def _parameters(scores: Mapping[str, Any], record: xr.Dataset) -> list[PageSecti
     return [PageSection("Physical parameters", shown)]
 
 
+def _sample_words(scores: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Words for the samples that were learned, for their predictions, and for the held sample."""
+    every = scores["every"]
+    if scores.get("frozen"):
+        held = "the last sample" if every == 1 else f"one measured sample in {every}"
+        return "none learned", "predicted with frozen weights", held
+    used = "every sample used" if every == 1 else f"one in {every} used"
+    return used, "predicted before the sample was used", "the last used sample"
+
+
 def summary(scores: Mapping[str, Any]) -> str:
     """Summary of the scores in two sentences."""
     if "nmse_second_half_mean" not in scores:
         return str(scores["message"])
+    used, _, held = _sample_words(scores)
     words = (
-        f"{scores['samples']} samples, one in {scores['every']} used. Normalized mean square "
+        f"{scores['samples']} samples, {used}. Normalized mean square "
         f"error over the second half: mean {scores['nmse_second_half_mean']:.2e}, worst "
-        f"{scores['nmse_second_half_worst']:.2e} (last used sample held: "
+        f"{scores['nmse_second_half_worst']:.2e} ({held}, held: "
         f"{scores['persistence_second_half_mean']:.2e}, "
         f"{scores['persistence_second_half_worst']:.2e})."
     )
@@ -169,24 +182,25 @@ def score_table(scores: Mapping[str, Any]) -> Table:
         "NMSE, whole run [1]": "nmse",
         "second half [1]": "nmse_second_half",
         "held sample, second half [1]": "persistence_second_half",
-        "in the 95 % interval [1]": "coverage_by_output",
+        "in the 95 % interval, whole run [1]": "coverage_by_output",
     }
     present = {head: scores[key] for head, key in columns.items() if key in scores}
     names = [name for name in next(iter(present.values()), {}) if name not in scores["silent"]]
     rows = [[name, *(column[name] for column in present.values())] for name in names]
-    return Table(
-        ["output", *present],
-        rows,
-        "Mean square error over the variance of the output, of predictions made before the "
-        "sample was used; all samples of a hold interval count.",
-    )
+    _, predicted, held = _sample_words(scores)
+    text = f"Mean square error over the variance of the output, {predicted}; held: {held}."
+    return Table(["output", *present], rows, text)
+
+
+def silent_words(scores: Mapping[str, Any]) -> list[str]:
+    """Sentence that names the outputs that never move; none where all do."""
+    names = ", ".join(scores["silent"])
+    return [f"Silent, and left out of mean and worst: {names}."] if names else []
 
 
 def _remarks(scores: Mapping[str, Any]) -> list[Note]:
     remarks = [Note(scores["message"])] if scores["message"] else []
-    if scores["silent"]:
-        names = ", ".join(scores["silent"])
-        remarks.append(Note(f"Silent, and left out of mean and worst: {names}."))
+    remarks += map(Note, silent_words(scores))
     if scores.get("events"):
         events = ", ".join(f"{name.replace('_', ' ')} {n}" for name, n in scores["events"].items())
         remarks.append(Note(f"Events of samples: {events}."))
@@ -221,9 +235,11 @@ def _calibration(scores: Mapping[str, Any]) -> list[Any]:
         return shown
     color = [value for value in scores["innovation_correlation"].values() if np.isfinite(value)]
     words = (
-        f"Normalized innovation squared over the channels: {scores['nis_per_channel']:.3g} on "
-        f"average (1 if right, more if too sure); {100 * scores['nis_inside']:.0f} % of updates "
-        "lie in its 95 % interval. Normalized innovations one update apart correlate by "
+        f"Innovation squared over its predicted covariance (NIS), all outputs together, at the "
+        f"{scores['updates']} updates of the whole run: {scores['nis_per_channel']:.3g} a channel "
+        f"on average (1 if right, more if too sure); {100 * scores['nis_inside']:.0f} % of updates "
+        "lie in its 95 % interval. The NIS at the top leaves out the first half, and "
+        "takes each output by itself. Normalized innovations one update apart correlate by "
         f"{np.mean(color):.2f} on average (0 means no structure is left in the errors)."
     )
     return [Note(words), *shown]
@@ -232,7 +248,7 @@ def _calibration(scores: Mapping[str, Any]) -> list[Any]:
 def _prediction_picture(scores: Mapping[str, Any], record: xr.Dataset) -> Any:
     loud = [name for name in record["output"].values if name not in scores["silent"]]
     figure = _compared(record.sel(output=loud[:DRAWN]))
-    return picture(figure, "Measured, and predicted before the sample was used.", "png")
+    return picture(figure, f"Measured, and {_sample_words(scores)[1]}.", "png")
 
 
 def _compared(record: xr.Dataset) -> Figure:

@@ -22,7 +22,7 @@ from patagium.errors import LogError, Outcome
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.scores import json_ready
-from patagium.netcdf_file import loaded_dataset, write_netcdf
+from patagium.netcdf_file import kind_of, loaded_dataset, write_netcdf
 from patagium.reading import json_object, made_again
 
 if TYPE_CHECKING:
@@ -117,7 +117,8 @@ def load_identification(path: str | Path) -> Identification:
     file = Path(path)
     record = loaded_dataset(file, LogError, "an identification")
     if "scores" not in record.attrs:
-        raise LogError(f"{file}: expected an identification, found a file without scores")
+        found = kind_of(file) or "a file without scores"
+        raise LogError(f"{file}: expected an identification, found {found}")
     with made_again(f"{file}: the identification"):
         scores = json_object(record.attrs.pop("scores"), "scores")
         outcome = Outcome[scores.get("outcome", "COMPLETED")]

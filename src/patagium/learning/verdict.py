@@ -73,7 +73,7 @@ def _interval_words(scores: Mapping[str, Any]) -> list[str]:
 def _warnings(scores: Mapping[str, Any]) -> list[str]:
     warnings, error = [], scores["nmse_second_half"]
     rivals = {
-        "persistence_second_half": "the last used sample, held",
+        "persistence_second_half": "a measured sample, held",
         "physics_second_half": "physics alone, with nothing learned",
     }
     for key, rival in rivals.items():

@@ -71,7 +71,7 @@ def cycle_statistics(
     count = int(np.floor((time[-1] - begin) / beat + 1e-6))
     if count < 1:
         raise FlightError(
-            f"flight: expected {skip + 1} wingbeats of {beat:.6g} s at least, "
+            f"flight: expected {skip + 1} wingbeat{'s' * bool(skip)} of {beat:.6g} s at least, "
             f"found {time[-1] - time[0]:.6g} s; fly longer, or skip fewer"
         )
     robot = robot_of(flight)

@@ -27,7 +27,7 @@ from patagium.arguments import checked, of_kind
 from patagium.arrays import Array
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, Outcome
-from patagium.netcdf_file import loaded_dataset, netcdf_content, write_netcdf
+from patagium.netcdf_file import kind_of, loaded_dataset, netcdf_content, write_netcdf
 from patagium.reading import json_object, made_again, parsed_json
 from patagium.robot import Robot, load_robot_text
 from patagium.robot.strip_chains import chain_words
@@ -497,15 +497,9 @@ def load_flight(path: str | Path) -> xr.Dataset:
     """
     path = Path(path)
     flight = loaded_dataset(path, FlightError, "a flight such as patagium simulate writes")
-    if str(flight.attrs.get("format", "")).startswith("patagium log"):
-        raise FlightError(
-            f"{path}: expected a simulated flight, found an imported log, which `pt.load_log` reads"
-        )
-    if "force_std" in flight:
-        raise FlightError(
-            f"{path}: expected a simulated flight, found a file of `patagium motion`; learn from "
-            "its log in Python: pt.identify(pt.inverse_dynamics_force(pt.estimate_motion(log)))"
-        )
+    found = kind_of(path)
+    if found and not found.startswith("a flight"):
+        raise FlightError(f"{path}: expected a simulated flight, found {found}")
     with netcdf_content(path, FlightError, "a whole flight"):
         for name in SINGLE:
             if name in flight and flight[name].dtype == np.float32:

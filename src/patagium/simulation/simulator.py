@@ -485,7 +485,7 @@ class Simulator:
             SimulationFailed: If the run broke; it carries the flight.
         """
         if self._integration.done >= self.steps:
-            expected = "a longer flight: all its steps are flown"
+            expected = f"one longer than {self.time:g} s, whose steps are all flown"
             raise ParameterError("duration", expected, self.time)
         if self._fly_period(commands) is not Outcome.COMPLETED:
             raise SimulationFailed(self.message(), self.flight(), self.outcome)

@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 from patagium.arrays import Array
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import LogError, ParameterError
+from patagium.sensing.force.air_force import PARTS, packet_columns
 from patagium.simulation import robot_of
 from patagium.version import __version__
 from patagium.whole_file import whole_file
@@ -123,12 +124,22 @@ def _write_mcap(library: Any, path: Path, record: xr.Dataset, topics: list[Topic
     """Messages in JSON, each with the JSON schema of its topic."""
     times = (record["time"].to_numpy() * 1e9).round().astype(np.int64)
     times = times - min(0, int(times.min(initial=0)))  # stamps of MCAP are no less than zero
+    back = np.maximum.accumulate(times) - times
+    if back.max(initial=0) > _LATE:
+        row = int((back > _LATE).argmax())
+        raise LogError(
+            f"file: expected times that advance, found a step back by {back[row] / 1e9:.3g} s at "
+            f"sample {row}, where the clock was reset; cut it there, as with ncks -d time,{row},"
+        )
     with path.open("wb") as file:
         writer = library.Writer(file)
         writer.start(library=f"patagium {__version__}")
         about = {name: str(value) for name, value in record.attrs.items()}
         writer.add_metadata("patagium", about)
-        streams = [(_channel(writer, one), _messages(one)) for one in topics]
+        forces = [one.name for one in topics if one.name not in PARTS]
+        known = packet_columns(robot_of(record), forces) if "robot" in about else ()
+        units = {one.name: one.unit for one in known}
+        streams = [(_channel(writer, one, units), _messages(one)) for one in topics]
         frames = body_frames(record)
         if frames:
             kind = "foxglove.FrameTransforms"
@@ -140,10 +151,12 @@ def _write_mcap(library: Any, path: Path, record: xr.Dataset, topics: list[Topic
         writer.finish()
 
 
-def _channel(writer: Any, topic: Topic) -> int:
+def _channel(writer: Any, topic: Topic, units: dict[str, str]) -> int:
     """Channel of a topic with its schema."""
-    number = {"type": "number", "description": topic.unit}
-    schema = {"type": "object", "properties": dict.fromkeys(topic.labels, number)}
+    own = units if " or " in topic.unit else {}
+    named = {label: own.get(f"{topic.name}.{label}", topic.unit) for label in topic.labels}
+    numbers = {label: {"type": "number", "description": unit} for label, unit in named.items()}
+    schema = {"type": "object", "properties": numbers}
     return _registered(writer, f"patagium.{topic.name}", f"/{topic.name}", schema)
 
 
@@ -186,6 +199,7 @@ def _object(**properties: Any) -> dict[str, Any]:
     return {"type": "object", "properties": properties}
 
 
+_LATE = 10**9  # ns by which packets may come in another order
 _NUMBER = {"type": "number"}
 _FRAMES = _object(
     transforms={

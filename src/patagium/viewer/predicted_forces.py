@@ -144,7 +144,9 @@ def _model_std(model: Trained, network: Network, seen: Array, time: Array) -> Ar
 def _check_strips(network: Any, robot: Robot) -> None:
     names, expected = ([s.name for s in one.strips] for one in (network.robot, robot))
     if names != expected:
-        raise ShapeError("strips of the model", ", ".join(expected), ", ".join(names))
+        other = next((one for one in names if one not in expected), "fewer")
+        found = f"{len(names)} of another robot, such as {other}"
+        raise ShapeError("strips of the model", f"the {len(expected)} of the flight", found)
 
 
 def _with_measurements(network: Network, measured: Any) -> StripNetwork:

@@ -240,11 +240,13 @@ def test_identify_then_evaluate_a_flight(flight: Path, tmp_path: Path, speak: Sp
     frozen = speak("evaluate", model, flight, "--json")
     assert frozen.code == 0, frozen.err
     after = json.loads(frozen.out)
-    assert after["updates"] == 0
+    assert after["updates"] == 0 and after["frozen"]
+    said = speak("evaluate", model, flight, "--report", page).out
+    assert "none learned" in said and "predicted with frozen weights" in said
+    assert f"one measured sample in {after['every']}, held" in said and "used" not in said
+    assert "Silent, and left out" in said
+    assert "before the sample was used" not in page.read_text("utf-8")
     assert after["nmse"]["z"] < scores["nmse"]["z"]  # it has now seen this flight
-    lost = speak("evaluate", model, flight, "--report", tmp_path / "none" / "r.html")
-    assert lost.code == 2 and "not saved: report; all else was" in lost.err
-    assert "NMSE" in lost.out
 
 
 @pytest.mark.parametrize(
@@ -313,6 +315,10 @@ def test_identify_then_evaluate_a_table(
     assert answer.code == 0, answer.err
     assert "no gap" in answer.err
     assert json.loads(answer.out)["nmse_second_half_worst"] < 0.1  # it learned a parabola
+    said = speak("identify", table, *words[:-2]).out
+    beside = table.with_name("model.json")
+    following = f"Next: patagium evaluate {beside} ANOTHER.csv --mapping {mapping}"
+    assert said.splitlines()[-1] == following and beside.is_file()
     assert speak("evaluate", model, table, "--mapping", mapping).code == 0
     assert "200" in speak("check", table, "--mapping", mapping).out
 
@@ -421,6 +427,33 @@ def test_no_output_replaces_another_file_of_its_verb(
     assert answer.code == 2 and said in answer.err
     assert measured.read_bytes() == flight.read_bytes()
     assert {file.name for file in tmp_path.iterdir()} == {"measured.nc", "link.nc"}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "identify {} --report", "identify {} --predictions", "identify {} --state",
+        "identify {} --model", "evaluate {} {} --report", "cycles {} --table", "view {} --film",
+        "stream - --record", "robots aerobat --draw", "simulate aerobat -o",
+    ],
+)  # fmt: skip
+def test_an_output_without_a_folder_is_refused_before_the_work(
+    words: str, tmp_path: Path, speak: Speak
+) -> None:
+    """The files that are read are not there either: outputs come first."""
+    place = tmp_path / "my folder" / "out.png"
+    answer = speak(*words.replace("{}", "nothing.nc").split(), place)
+    assert answer.code == 2 and f"{place}: cannot be written" in answer.err
+    assert f"mkdir -p '{place.parent}'" in answer.err
+
+
+def test_commands_to_come_are_quoted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, speak: Speak
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("log 1.csv").write_text("t,x [m]\n0,1\n1,2\n2,4\n")
+    assert "import 'log 1.csv' --mapping map.yaml" in speak("inspect", "log 1.csv").out
+    assert "simulate 'my robot.yaml'" in speak("identify", "my robot.yaml").err
 
 
 def test_a_learner_is_not_given_what_it_does_not_take(flight: Path, speak: Speak) -> None:

@@ -58,12 +58,26 @@ def test_a_flight_is_read_back_as_it_was(flight: xr.Dataset, tmp_path: Path) -> 
     label = str(flight["strip"].values[3]) if "strip" in flight.coords else "3"
     said = messages["/strip_force"][50][1]
     np.testing.assert_allclose([said[f"{label}/{axis}"] for axis in "xyz"], strip, rtol=1e-11)
-    assert schemas["/v"]["properties"]["x"]["description"] == flight["v"].attrs["units"]
+    units = {name: schemas[f"/{name}"]["properties"] for name in ("q", "v", "aero_force")}
+    for name, (slides, turns) in {"q": ("m", "rad"), "aero_force": ("N", "N m")}.items():
+        assert units[name]["x"]["description"] == slides
+        assert units[name]["roll"]["description"] == turns
+    assert units["v"]["roll"]["description"] == "rad/s"
     frame = messages["/tf"][50][1]["transforms"][0]
     place, turn = body_frames(flight)["body"]
     assert frame["child_frame_id"] == "body"
     np.testing.assert_allclose([frame["translation"][k] for k in "xyz"], place[50])
     np.testing.assert_allclose([frame["rotation"][k] for k in "xyzw"], turn[50])
+
+
+def test_a_clock_that_was_reset_is_refused(flight: xr.Dataset, tmp_path: Path) -> None:
+    late = flight.isel(time=[0, 2, 1, *range(3, 50)])
+    assert len(read(export(late, tmp_path / "late.mcap"))[0]["/q"]) == 50
+    first = flight.assign_coords(time=flight["time"] + 100.0)
+    both = xr.concat([first, flight], "time")
+    with pytest.raises(LogError, match=f"at sample {len(first.time)}, where the clock was reset"):
+        export(both, tmp_path / "both.mcap")
+    assert not (tmp_path / "both.mcap").exists()
 
 
 def test_predictions_go_with_it(flight: xr.Dataset, tmp_path: Path) -> None:

@@ -65,7 +65,11 @@ def test_a_learner_that_finds_its_noise_is_calibrated(rng, tmp_path):
     assert late.mean() == pytest.approx(1.0, abs=0.1)  # 3000 draws: three deviations are 0.08
     found.report(tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
-    assert "Reliability" in page and "Normalized innovation squared" in page
+    assert (
+        "Reliability" in page
+        and "(NIS), all outputs together, at the" in page
+        and "updates of the whole run" in page
+    )
 
 
 def test_what_happened_to_samples_is_in_scores_and_page(rng, tmp_path):

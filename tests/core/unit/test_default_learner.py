@@ -45,7 +45,7 @@ def test_a_flight_is_learned_without_any_choice(flight: xr.Dataset) -> None:
     assert result.scores["every"] == 10
     chosen = result.scores["chosen"]
     assert all(word in chosen["learner"] for word in ("extended", "default"))
-    assert chosen["noise"].endswith("from the samples and the innovations")
+    assert chosen["noise"].endswith("[unit of the output]; from the samples and the innovations")
     json.dumps(chosen)
     again = pt.identify(flight)
     assert np.array_equal(again.learner.weights, result.learner.weights)

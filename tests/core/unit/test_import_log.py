@@ -1,12 +1,15 @@
 """Logs of other programs, brought to SI, our axes and one time base."""
 
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from patagium.cli.main import run
 from patagium.errors import LogError
+from patagium.sensing.logs.files.message_files import unit_in_message
 from patagium.sensing.logs.importing.findings import Finding
 from patagium.sensing.logs.importing.import_log import Imported, import_log
 from patagium.sensing.logs.mapping import TableMapping, parse_mapping
@@ -229,3 +232,32 @@ def test_slips_of_units_and_axes_are_found(
     found = warnings(import_log(bag, changed(name, **change), tmp_path / "log.nc"))
     hits = [one for one in found if one.kind == kind and words in one.text]
     assert bool(hits) == bool(kind), found
+
+
+def test_the_mapping_to_begin_from_names_joints(recordings: Any, tmp_path: Path) -> None:
+    bag, words = recordings.ros2(tmp_path / "bag"), tmp_path / "map.yaml"
+    with pytest.raises(SystemExit) as left:
+        run(["inspect", str(bag), "--topic", "/joints", "-o", str(words)])
+    assert left.value.code in (0, None)
+    assert 'field: "position[left_plunge]", unit: rad' in words.read_text("utf-8")
+    assert import_log(bag, words, tmp_path / "log.nc").samples > 10
+    units = {name: unit_in_message("sensor_msgs/msg/JointState", name)
+             for name in ("position[x]", "velocity[z]", "position[roll]")}  # fmt: skip
+    assert units == {"position[x]": "", "velocity[z]": "", "position[roll]": "rad"}
+
+
+def test_stamps_of_a_header_may_begin_at_zero(tmp_path: Path) -> None:
+    from mcap.writer import Writer
+
+    with (tmp_path / "log.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema(name="Sample", encoding="jsonschema", data=b"{}")
+        channel = writer.register_channel(topic="s", message_encoding="json", schema_id=schema)
+        for k in range(100):
+            words = {"header": {"stamp": {"sec": 0, "nsec": k * 10**7}}, "x": float(k)}
+            writer.add_message(channel, 5 * k * 10**7, json.dumps(words).encode(), 0, k)
+        writer.finish()
+    words = {"time": {"base": "header"}, "channels": [{"topic": "s", "field": "x", "unit": "1"}]}
+    found = import_log(tmp_path / "log.mcap", mapping(words), tmp_path / "log.nc")
+    assert found.duration == pytest.approx(0.99)

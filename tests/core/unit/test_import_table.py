@@ -273,7 +273,7 @@ def test_a_log_is_inspected_without_a_mapping(tmp_path: Path) -> None:
     by_name = {channel.name: channel for channel in topic.channels}
     assert by_name["gx"].missing == 1
     assert by_name["throttle"].low == 200 and by_name["throttle"].high == 499
-    assert {one.kind for one in facts.findings} == {"gap", "missing numbers"}
+    assert {one.kind for one in facts.findings} == {"gap", "missing numbers", "unit"}
 
 
 def test_rows_without_a_structure_are_missing_numbers_not_zero(tmp_path: Path) -> None:

@@ -97,7 +97,7 @@ def test_no_damaged_byte_goes_unseen(kept: Path, rng: np.random.Generator) -> No
     ("content", "message"),
     [
         (b"patagium learner 2\n", "expected a file of format 'patagium learner 1', found"),
-        (b'{"format": "patagium model 2"}', 'found \'{"format"'),
+        (b'{"format": "patagium model 2"}', "found a learned model, which `pt.load_model`"),
         (b"\x89HDF\r\n\x1a\n", "expected a file of format"),
     ],
 )

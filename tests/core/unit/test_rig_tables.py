@@ -158,7 +158,11 @@ def test_the_mapping_to_begin_from_names_calendar_stamps(tmp_path: Path) -> None
 def test_the_mapping_to_begin_from_asks_for_the_rate_of_rows_without_time(tmp_path: Path) -> None:
     rows = "".join(f"01.03.2026 12:00:00.{k:03d},{np.sin(k)},1\n" for k in range(300))
     (tmp_path / "log.csv").write_text(f"Time,x,y\n{rows}")
-    (warning,) = [one.text for one in pt.sensing.inspect_log(tmp_path / "log.csv").findings]
+    (warning,) = [
+        one.text
+        for one in pt.sensing.inspect_log(tmp_path / "log.csv").findings
+        if one.level == "warning"
+    ]
     assert "column 'Time' cannot be read" in warning and "ISO 8601" in warning
     words = template(tmp_path / "log.csv")
     assert 'time: {restamp: "??? Hz"}  # rate of the rows' in words
@@ -217,3 +221,23 @@ def test_decimal_commas_above_rows_of_text_are_read(tmp_path: Path) -> None:
     found = imported(tmp_path, f"t;x;y\n{rows}End\n", PLAIN)
     assert found.samples == 300
     np.testing.assert_allclose(column(found.path, "x"), np.sin(np.arange(300)), atol=1e-5)
+
+
+def test_only_a_name_of_time_is_in_milliseconds(tmp_path: Path) -> None:
+    heads = {"airspeed_ms": "", "delay_ms": "ms", "Vz_mm_s": "mm/s", "az_ms2": "m/s^2",
+             "alpha_degrees": "deg", "lift_gf": "gf", "motor rpm": "rpm",
+             "batt_mV": "mV"}  # fmt: skip
+    rows = "".join(f"{10 * k},{','.join(str(1500 + k) for _ in heads)}\n" for k in range(100))
+    (tmp_path / "log.csv").write_text(f"t_ms,{','.join(heads)}\n{rows}")
+    found = pt.sensing.inspect_log(tmp_path / "log.csv")
+    assert {one.name: one.unit for one in found.topics[0].channels} == {"t_ms": "ms", **heads}
+    notes = [one.text for one in found.findings if one.kind == "unit" and one.level == "note"]
+    assert notes == ["no unit found for: airspeed_ms; taken as a plain number"]
+    assert 'column: "airspeed_ms", unit: "1"' in template(tmp_path / "log.csv")
+    assert not [one for one in found.findings if "rpm" in one.where]
+
+
+def test_a_constant_column_is_noted_and_zero_has_no_sign(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("t,x [m]\n" + "".join(f"{k / 100},-0.0\n" for k in range(99)))
+    found = pt.sensing.inspect_log(tmp_path / "log.csv").findings
+    assert [(one.kind, one.text) for one in found] == [("constant", "never changes from 0")]

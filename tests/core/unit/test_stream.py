@@ -263,6 +263,7 @@ def test_the_page_shows_scores_gaps_and_silence(tmp_path: Path) -> None:
     assert (
         "Forecast 0.05 s ahead from samples up to a time alone" in text and "one in 5 used" in text
     )
+    assert "each output by itself" in text  # NIS
 
 
 @pytest.mark.parametrize("gaps", [[[1.0]], [-1], [1e9], ["a"]])

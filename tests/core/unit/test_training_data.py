@@ -103,6 +103,7 @@ def test_identify_streams_a_flight_and_evaluate_does_not_teach(flight: xr.Datase
     before = student.weights
     unseen = evaluate(flight, student, inputs=names)
     np.testing.assert_array_equal(student.weights, before)
+    assert unseen.scores["every"] == identify(flight, student, inputs=names).scores["every"]
     assert unseen.scores["updates"] == 0 and unseen.prediction.sizes["update_time"] == 0
     assert unseen.scores["nmse_mean"] < 0.5
     assert unseen.scores["coverage_checks"] > 100

@@ -20,7 +20,9 @@ Updates = Annotated[
     int, typer.Option(help="Updates in float32 and in float64; the glide has a tenth.")
 ]
 Captures = Annotated[int, typer.Option(help="Number of made-up logs of motion capture.")]
-Output = Annotated[Path, typer.Option("--output", "-o", help="Page to write (.md or HTML).")]
+Output = Annotated[
+    Path, typer.Option("--output", "-o", writable=True, help="Page to write (.md or HTML).")
+]
 
 
 def attack(
@@ -47,8 +49,9 @@ def attack(
     results: Annotated[
         Path | None,
         typer.Option(
+            writable=True,
             help="File of the results (.json), written; with --only, those of other areas in it "
-            "are kept and are on the page too."
+            "are kept and are on the page too.",
         ),
     ] = None,
 ) -> None:

@@ -30,7 +30,7 @@ def bench(
         Topic, typer.Argument(help="Times of the compiled functions (speed), or learners.")
     ] = Topic.SPEED,
     json_file: Annotated[
-        Path | None, typer.Option("--json", help="File for the figures as JSON.")
+        Path | None, typer.Option("--json", writable=True, help="File for the figures as JSON.")
     ] = None,
     quick: Annotated[
         bool,
@@ -47,6 +47,7 @@ def bench(
         typer.Option(
             "--output",
             "-o",
+            writable=True,
             help="Page to write (.md or HTML); benchmarks.md or learners.md by default.",
         ),
     ] = None,

@@ -23,7 +23,7 @@ def latency(
         typer.Option(help="Load: alone, other cores busy, or all cores busy; may be repeated."),
     ] = None,
     json_file: Annotated[
-        Path | None, typer.Option("--json", help="File for the figures as JSON.")
+        Path | None, typer.Option("--json", writable=True, help="File for the figures as JSON.")
     ] = None,
 ) -> None:
     """Time the whole pipeline, packet by packet, as fast as it can and at 10 kHz.

@@ -16,7 +16,7 @@ EXAMPLES = (
 
 def validate(
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="Page to write (.md or HTML).")
+        Path, typer.Option("--output", "-o", writable=True, help="Page to write (.md or HTML).")
     ] = Path("validation.html"),
     only: Annotated[
         list[str] | None, typer.Option(help="Name of a case; the option may be repeated.")

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from patagium.errors import LogError, ParameterError
 from patagium.limits import free_memory
+from patagium.netcdf_file import kind_of
 from patagium.reading import bytes_of, json_object, made_again
 from patagium.version import __version__
 from patagium.whole_file import write_whole
@@ -86,8 +87,9 @@ def _sound(file: Path, content: bytes) -> bytes:
     """
     first, _, content = content.partition(b"\n")
     if first != FORMAT.encode():
-        found = first[:40].decode("ascii", errors="replace")
-        raise LogError(f"{file}: expected a file of format {FORMAT!r}, found {found!r}")
+        other = "" if first.startswith(b"patagium learner") else kind_of(file)
+        found = other or repr(first[:40].decode("ascii", errors="replace"))
+        raise LogError(f"{file}: expected a file of format {FORMAT!r}, found {found}")
     digest, _, rest = content.partition(b"\n")
     if digest != hashlib.sha256(rest).hexdigest().encode():
         raise LogError(

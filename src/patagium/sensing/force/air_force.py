@@ -266,7 +266,9 @@ def recorded(flight: xr.Dataset, name: str, robot: Robot) -> Array:
     for part in ("time", name):
         if part not in flight.variables:
             held = ", ".join(map(str, flight.variables))
-            raise FlightError(f"flight: expected {part} (time, {dim}), but it holds {held}")
+            raise FlightError(
+                f"flight: expected the quantity `{part}` over (time, {dim}), but it holds {held}"
+            )
     if {*flight[name].dims} != {"time", dim}:
         raise FlightError(f"{name}: expected (time, {dim}), found {flight[name].dims}")
     values = real_array(name, flight[name].transpose("time", dim).values)

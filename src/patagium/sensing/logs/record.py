@@ -16,7 +16,7 @@ import xarray as xr
 from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.errors import FlightError, LogError
-from patagium.netcdf_file import netcdf_content, open_netcdf
+from patagium.netcdf_file import kind_of, loaded_dataset, netcdf_content, open_netcdf
 from patagium.reading import parsed_json
 from patagium.robot import Robot, load_robot_text
 from patagium.sensing.force.air_force import OPTIONAL_PARTS, PARTS, packet_columns
@@ -74,10 +74,11 @@ class LogRecord:
 
     def _read_header(self) -> None:
         """Read all but the numbers."""
-        found = self._file.__dict__
-        if found.get("format") != FORMAT:
-            other = "; it is a flight, which `pt.load_flight` reads" if "aero" in found else ""
-            raise LogError(f"{self.path}: expected a log that `patagium import` wrote{other}")
+        if getattr(self._file, "format", "") != FORMAT:
+            other = kind_of(self.path) or "another file"
+            raise LogError(
+                f"{self.path}: expected a log that `patagium import` wrote, found {other}"
+            )
         self._file.set_auto_mask(False)
         self._columns = {
             str(variable.long_name): variable
@@ -252,11 +253,12 @@ class LogRecord:
 
 @checked
 def load_log(path: str | Path) -> xr.Dataset:
-    """Imported log in memory, with one variable for each quantity and its unit.
+    """Imported log, or record of a stream, in memory: a variable for each quantity, and its unit.
 
     Vectors are (time, axis), attitudes (time, quaternion) with w, x, y, z, body to world. A log
     with q, v, a and u1 of every coordinate of its robot has them as the variables of a flight,
-    (time, dof), and `identify` learns from it as from a simulated flight.
+    (time, dof), and `identify` learns from it as from a simulated flight. A record of `patagium
+    stream` is such a log, in still air.
 
     Args:
         path: The netCDF file.
@@ -264,5 +266,7 @@ def load_log(path: str | Path) -> xr.Dataset:
     Raises:
         LogError: If the file is no imported log. A simulated flight is read by `load_flight`.
     """
+    if kind_of(path).startswith("a record"):
+        return loaded_dataset(path, LogError, "a whole record").assign_attrs(air="{}", gait="{}")
     with LogRecord(path) as record, netcdf_content(path, LogError, "a whole log"):
         return record.dataset()

@@ -107,6 +107,7 @@ class Topic:
         guess: Note about stamps that had to be guessed without a mapping.
         unplaced: Content that is not read, by path, with the reason.
         hint: Remedy where a mapping names a path that the topic does not have.
+        stamped: Whether its messages have stamps, of which the first may be zero.
     """
 
     name: str
@@ -120,6 +121,7 @@ class Topic:
     guess: str = ""
     unplaced: Mapping[str, str] = field(default_factory=dict)
     hint: str = ""
+    stamped: bool = False
 
 
 class LogFile(Protocol):

@@ -95,7 +95,8 @@ def message_topic(name: str, kind: str, count: int | None, decode: Callable[[], 
         return unreadable_topic(name, kind, count, f"cannot be decoded: {one_line(problem)}")
     stamp = _stamp(first, _stamp_path(first, list(channels)))
     base = StampSource("header" if stamp not in (None, 0) else "received")
-    return Topic(name, kind, count, channels, base, aliases=aliases, unplaced=unplaced)
+    topic = Topic(name, kind, count, channels, base, stamped=stamp is not None)
+    return replace(topic, aliases=aliases, unplaced=unplaced)
 
 
 def message_blocks(
@@ -396,6 +397,8 @@ def unit_in_message(kind: str, path: str) -> str:
     if name.startswith("Accel"):
         return {"l": "m/s^2", "a": "rad/s^2"}.get(path.rpartition(".")[0][-6:][:1], "")
     if name == "JointState":
+        if path[-3:] in ("[x]", "[y]", "[z]"):
+            return ""  # of a joint that slides
         return "rad" if path.startswith("position") else "rad/s" if path[:3] == "vel" else "N m"
     words = path if "." in path else ""
     return next((unit for part, unit in _BY_PATH if part in words), "")

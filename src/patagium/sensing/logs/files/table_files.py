@@ -50,12 +50,15 @@ TIME_NAME = re.compile(
     r"^(time|t|timestamp|stamp|tout|clock)(?:[_ .(\[]*(s|sec|ms|us|usec|µs|ns)\W?)?$"
 )
 _IN_GRAVITIES = re.compile(r"(^|[^a-z])a(cc[a-z]*)?[_. ]?[xyz]?_g$")
+_TIMED = re.compile(r"(^|_)(time[a-z]*|stamp|clock|delay|latency|dt|period)_(\w+_)?(ms|us|ns)$")
 _SUFFIXES = {
-    "_rad_s": "rad/s", "_rad": "rad", "_deg_s": "deg/s", "_deg": "deg", "_m_s2": "m/s^2",
-    "_m_s": "m/s", "_mm": "mm", "_pa": "Pa", "_celsius": "degC", "_ms": "ms", "_us": "µs",
-    "_ns": "ns", "_nm": "N m", "_n_m": "N m", "_nmm": "N mm", "fx_n": "N", "fy_n": "N", "fz_n": "N",
-    "force_n": "N", "lift_n": "N", "drag_n": "N", "thrust_n": "N", "_hz": "Hz", "_mps": "m/s",
-    "_dps": "deg/s",
+    "_rad_s2": "rad/s^2", "_rad_s": "rad/s", "_rad": "rad", "_radians": "rad", "_deg_s": "deg/s",
+    "_deg": "deg", "_degrees": "deg", "_m_s2": "m/s^2", "_ms2": "m/s^2", "_mm_s2": "mm/s^2",
+    "_m_s": "m/s", "_mm_s": "mm/s", "_cm_s": "cm/s", "_mm": "mm", "_cm": "cm", "_pa": "Pa",
+    "_kpa": "kPa", "_hpa": "hPa", "_celsius": "degC", "_nm": "N m", "_n_m": "N m", "_nmm": "N mm",
+    "_mnm": "mN m", "fx_n": "N", "fy_n": "N", "fz_n": "N", "force_n": "N", "lift_n": "N",
+    "drag_n": "N", "thrust_n": "N", "_mN": "mN", "_gf": "gf", "_hz": "Hz", "_mps": "m/s",
+    "_dps": "deg/s", "rpm": "rpm", "_mV": "mV", "_mA": "mA",
 }  # fmt: skip
 
 
@@ -106,15 +109,18 @@ def _parted(name: str) -> tuple[str, str]:
 
 def unit_of_suffix(name: str) -> str:
     """Unit that the end of a name states, such as `_m_s2`; empty if it states none."""
-    stem = re.sub(r"(\[\d+\]|\.[wxyz])+$", "", name.lower())
+    written = re.sub(r"[ -]+", "_", re.sub(r"(\[\d+\]|\.[wxyz])+$", "", name))
+    stem = written.lower()
     if stem.startswith("gyro") and stem.endswith("_rad"):
         return "rad/s"  # as PX4 has it
-    timed = TIME_NAME.match(stem)
-    if timed and timed[2]:
-        return {"sec": "s", "us": "µs", "usec": "µs"}.get(timed[2], timed[2])
+    timed = TIME_NAME.match(stem) or _TIMED.search(stem)
+    if timed and timed[timed.re.groups]:
+        unit = timed[timed.re.groups]
+        return {"sec": "s", "us": "µs", "usec": "µs"}.get(unit, unit)
     if _IN_GRAVITIES.search(stem):
         return "g_0"
-    return next((unit for end, unit in _SUFFIXES.items() if stem.endswith(end)), "")
+    ends = _SUFFIXES.items()
+    return next((u for end, u in ends if (stem if end.islower() else written).endswith(end)), "")
 
 
 def guessed_base(

@@ -307,15 +307,11 @@ def stamp_findings(
     gaps = stamps.gaps(gap)
     if gaps:
         at = (stamps.longest_at - (stamps.first or 0)) / SECOND
-        found.append(
-            Finding(
-                "warning",
-                where,
-                "gap",
-                f"{gaps} step(s) longer than {gap:g} times the median of {stamps.median:.4g} s, "
-                f"the longest {stamps.longest / SECOND:.4g} s at {at:.6g} s; not bridged",
-            )
+        text = (
+            f"{gaps} step(s) longer than {gap:g} times the median of {stamps.median:.4g} s, "
+            f"the longest {stamps.longest / SECOND:.4g} s at {at:.6g} s; not bridged"
         )
+        found.append(Finding("warning", where, "gap", text))
     median = stamps.median
     if written and not 2e-6 <= median <= _SLOW and math.isfinite(median):
         fit = next((u for u, f in (("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9), ("s", 1e3), ("s", 1e6))
@@ -393,7 +389,7 @@ def unit_findings(where: str, sizes: Sizes, *, still: bool = False) -> list[Find
     guess = ""
     if sizes.si == "m/s^2":
         guess = _acceleration_guess(sizes)
-    elif sizes.si == "rad/s":
+    elif sizes.si == "rad/s" and sizes.unit != "rpm":  # of a motor
         if sizes.largest > _FASTEST or (still and _is(sizes, 1.0) and sizes.rms.max() > _NOISY):
             guess = "deg/s"
         elif not still and _is(sizes, math.radians(1)) and 0.3 < written < 6.5:
@@ -458,7 +454,7 @@ def constant_findings(where: str, values: ValueSurvey, places: Sequence[int]) ->
     low, high = values.low[chosen], values.high[chosen]
     if not chosen or not ((values.count[chosen] > 1) & (low == high)).all():
         return []
-    text = f"never changes from {', '.join(f'{v:.6g}' for v in low)}"
+    text = f"never changes from {', '.join(f'{v + 0.0:.6g}' for v in low)}"
     return [Finding("warning", where, "constant", text)]
 
 

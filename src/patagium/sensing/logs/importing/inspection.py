@@ -28,6 +28,7 @@ from patagium.sensing.logs.importing.findings import (
     StampSurvey,
     StreamSurvey,
     ValueSurvey,
+    constant_findings,
     missing_findings,
     new_survey,
     sizes_of,
@@ -284,34 +285,19 @@ def _channel_facts(part: _Part, survey: StreamSurvey) -> tuple[ChannelFacts, ...
     values, topic = survey.values, part.topic
     present, mean, rms = values.count > 0, values.mean, values.rms
     low, high = (np.where(present, ends, np.nan) for ends in (values.low, values.high))
+    numbers = zip(*(one.tolist() for one in (low, high, mean, rms, values.missing)), strict=True)
+    held = [topic.channels[name] for name in part.fields]
     return tuple(
-        ChannelFacts(
-            name=name,
-            dtype=topic.channels[name].dtype,
-            unit=topic.channels[name].unit,
-            low=float(low[k]),
-            high=float(high[k]),
-            mean=float(mean[k]),
-            rms=float(rms[k]),
-            missing=int(values.missing[k]),
-        )
-        for k, name in enumerate(part.fields)
+        ChannelFacts(name, one.dtype, one.unit, *row)
+        for name, one, row in zip(part.fields, held, numbers, strict=True)
     )
 
 
 def _unreadable(topic: Topic) -> TopicFacts:
     part = _Part(topic, topic.name)
     empty = _topic_facts(part, StreamSurvey(StampSurvey(), ValueSurvey(0)), 0)
-    return replace(
-        empty,
-        rows=topic.count or 0,
-        stamps="",
-        begin=math.nan,
-        duration=math.nan,
-        rate=math.nan,
-        longest=math.nan,
-        problem=topic.problem,
-    )
+    lost: Any = dict.fromkeys(("begin", "duration", "rate", "longest"), math.nan)
+    return replace(empty, rows=topic.count or 0, stamps="", problem=topic.problem, **lost)
 
 
 def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
@@ -326,12 +312,19 @@ def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
     for name in lost:
         text = f"column {name!r} cannot be read: {topic.unplaced[name]}; {_TIMES}"
         found.append(Finding("warning", where, "time", text))
+    bare = [n for n in fields if not topic.channels[n].unit and n != topic.base.column]
+    if bare and topic.kind == "table":
+        text = f"no unit found for: {', '.join(bare)}; taken as a plain number"
+        found.append(Finding("note", where, "unit", text))
     for k, name in enumerate(fields):
         own = f"{topic.name} {name}".strip()
         unit = topic.channels[name].unit
         if not values.count[k]:
             continue
         found += missing_findings(own, values, [k])
+        if topic.kind == "table":
+            still = constant_findings(own, values, [k])
+            found += [replace(one, level="note") for one in still]  # it need not be mapped
         if not unit:
             continue
         with suppress(LogError):  # a unit that the file states need not be one that we know

@@ -261,7 +261,7 @@ def _base(
             raise LogError(
                 f"{source}: time.base: {topic.kind} has no {time.base} stamps; name a column"
             )
-        if time.base == "header" and topic.base.kind != "header":
+        if time.base == "header" and not topic.stamped:
             raise LogError(
                 f"{source}: time.base: expected a stamp in the header of topic {topic.name!r} "
                 f"({topic.kind}), found none; use received"
