@@ -120,10 +120,10 @@ class Autopilot:
         self.places["forces"] = slice(end, end := end + forces)
         self._row = np.full(end, np.nan)
         self._tracks = (MOTION_TRACK.type * len(filters))()
-        room = int(tracker.memory * sum(tracker.rates.values())) + 16
+        room = int(tracker.memory * sum(one.rate for one in tracker.sensors.values())) + 16
         for track, part, one in zip(self._tracks, tracker.parts, filters, strict=True):
             self._place(track, part.events[-1], one, room)
-            numbers = [one.numbers.get(name, -1) for name in tracker.rates]
+            numbers = [one.numbers.get(name, -1) for name in tracker.sensors]
             track.numbers, track.memory = self._address(numbers, np.int32), tracker.memory
         base, self._regulator = floating_base(tracker.robot), self._of(regulator)
         self._struct = AUTOPILOT.type(

@@ -29,6 +29,7 @@ from patagium.sensing.motion.sensor_streams import common_times, streams_of
 from patagium.sensing.sensors import Encoder, Imu, MotionCapture, MotorCurrent, Sensor, SensorLog
 from patagium.sensing.sensors.joints import joint_names
 from patagium.sensing.sensors.sense import sensor_from
+from patagium.sensing.sensors.sensor import saturation
 
 LAG = 0.02
 """Time that the motion is behind the last samples, which the tracker smooths over [s]."""
@@ -44,6 +45,10 @@ _QUIET = 1e-3
 """Least driving noise of a joint, relative to that of the liveliest one."""
 _LEAST = 1.0
 """Least driving noise, which follows motion of 2 Hz [unit^2/s^7]."""
+_RESTARTED = 10
+"""Samples in a row before the newest one, each later than the last, that tell a new clock."""
+_FARTHEST, _QUICKEST, _SPUN = 1e4, 340.0, 1e5
+"""Size of a coordinate [m], its rate [m/s] and turning [rad/s] beyond which a track is lost."""
 _AXES = ("x", "y", "z")
 
 
@@ -107,6 +112,9 @@ class MotionPackets:
         columns: Names of the numbers of a raw row.
         notes: What was found and chosen, in words.
         spent: Time that the last packets took each [s].
+        counts: Rows with `late` samples, `clock_resets` (sensors' clocks that went back, which
+            is believed after ten late samples in a row), samples with values `out_of_range`, and
+            `lost_tracks` (times that the tracker began anew, because the motion ran away).
 
     Raises:
         LogError: If the description cannot be read.
@@ -142,13 +150,20 @@ class MotionPackets:
         self.spent = 0.0
         self._took = 0.0
         self._waiting: list[tuple[float, str, Array]] = []
+        self.counts = dict.fromkeys(("late", "clock_resets", "out_of_range", "lost_tracks"), 0)
         self._newest: dict[str, float] = {}
+        self._late: dict[str, tuple[float, int]] = {}
+        self._samples = {name: [0, 0] for name in self._sensors}
+        self._told: set[str] = set()
         self._shifts: dict[str, float] = {}
         self._due: deque[float] = deque()
         self._torque = _Torque(robot, self._sensors, self._mount)
         self._tracker: MotionTracker | None = None
         self._made = self._none()
         self._turn = np.zeros(3)
+        lengths = np.array(robot.dof_units) == "m"
+        most = np.where(lengths, _FARTHEST, np.inf), np.where(lengths, _QUICKEST, _SPUN)
+        self._most = np.array([*most, np.full(robot.dof, np.inf)])
 
     def take(self, rows: Array | None, most: int) -> Array | None:
         """Packets that are ready, (k, 1 + 4 n), at most so many; None where no more will come.
@@ -167,6 +182,7 @@ class MotionPackets:
             self._begin()
             began = perf_counter()
         if self._tracker is not None:
+            self._tell_saturated()
             made = self._follow(ended=rows is None)
             self._took += perf_counter() - began
             if made:
@@ -183,17 +199,46 @@ class MotionPackets:
 
     def _sort(self, row: Array) -> None:
         """Put the values of a row with their sensors; stamps of a sensor must advance."""
-        stamp = float(row[0])
+        stamp, late = float(row[0]), False
         for name, place in self._places.items():
             values = row[place]
-            before = self._newest.get(name, -np.inf)
-            if stamp <= before or not np.isfinite(values).any():
+            if not np.isfinite(values).any():
                 continue
-            self._newest[name] = stamp
+            if not self._advances(name, stamp):
+                late = True
+                continue
+            saturated = bool(self._sensors[name].saturated(values).any())
+            self.counts["out_of_range"] += saturated
+            self._samples[name][0] += saturated
+            self._samples[name][1] += 1
             if name in self._seeing:
                 self._waiting.append((stamp, name, values))
             else:
                 self._torque.add(name, stamp, values)
+        self.counts["late"] += late
+
+    def _advances(self, name: str, stamp: float) -> bool:
+        """Whether a stamp is later than all of its sensor, or that of a clock that went back."""
+        if stamp <= self._newest.get(name, -np.inf):
+            last, run = self._late.get(name, (np.inf, 0))
+            self._late[name] = stamp, run + 1 if stamp > last else 1
+            if self._late[name][1] < _RESTARTED:
+                return False
+            self.counts["clock_resets"] += 1
+            for held in (self._newest, self._late, self._waiting, self._due):
+                held.clear()
+            self._torque.clear()
+            self._tracker = None if self._tracker is None else self._started()
+        self._newest[name] = stamp
+        self._late.pop(name, None)
+        return True
+
+    def _tell_saturated(self) -> None:
+        """Note once of each sensor that samples of it were out of its range."""
+        for name, (count, total) in self._samples.items():
+            if count and name not in self._told:
+                self._told.add(name)
+                self.notes.append(saturation(name, count, total))
 
     def _settled(self) -> bool:
         """Whether all sensors have told enough, or one has told it three times."""
@@ -236,6 +281,10 @@ class MotionPackets:
         most = found[joints].max(initial=0.0)
         found[joints] = np.maximum(found[joints], _QUIET * most)
         return found
+
+    def _lose_track(self) -> None:
+        self.counts["lost_tracks"] += 1
+        self._tracker = self._started()
 
     def _started(self) -> MotionTracker:
         density, variances = self._settings
@@ -283,7 +332,7 @@ class MotionPackets:
             try:
                 self._tracker.push(name, stamp, values)
             except FilterDiverged:
-                self._tracker = self._started()
+                self._lose_track()
             if name == self._fastest:
                 self._due.append(moment)
                 made += self._packets(self._tracker, LAG)
@@ -305,6 +354,9 @@ class MotionPackets:
         for _ in times:
             self._due.popleft()
         levels = tracker.past(times)
+        if not (np.abs(levels) <= self._most).all():
+            self._lose_track()
+            return []
         base = floating_base(self._robot)
         if base is not None:  # no jumps of whole turns
             angles = np.vstack([self._turn, levels[:, 0, base.turn]])
@@ -343,8 +395,14 @@ class _Torque:
     def add(self, name: str, stamp: float, current: Array) -> None:
         """Keep a sample of motor currents, (k,) [A]; those of other sensors are left out."""
         if name in self._motors:
-            force = current * self._motors[name].force_per_current
+            motor = self._motors[name]
+            force = motor.in_range(current) * motor.force_per_current
             self._samples[name].append((stamp, force))
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        for kept in self._samples.values():
+            kept.clear()
 
     def at(self, times: Array) -> Array:
         """Forces at increasing times, (M, n) [N, N m]; NaN where they are not measured."""

@@ -79,6 +79,7 @@ class PacketQueue:
             if self._robot is None or self.intake.received:
                 raise LogError("sensors: expected raw rows from the first, found other packets")
             self.motion = MotionPackets(self._robot, text)
+            self.intake.raw = self.motion.counts
         if text != self.motion.text:
             raise LogError("sensors: expected those described at first, found others")
         return self.motion.columns
