@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import json
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -21,11 +22,12 @@ from patagium.errors import FilterDiverged, LogError, ParameterError
 from patagium.reading import json_object, made_again
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import packet_columns
+from patagium.sensing.logs.importing.consistency import sensor_findings
 from patagium.sensing.motion.clock_shifts import found_shifts
 from patagium.sensing.motion.estimate_motion import fit_motion
 from patagium.sensing.motion.frame_model import floating_base
 from patagium.sensing.motion.motion_tracker import MotionTracker
-from patagium.sensing.motion.sensor_streams import common_times, streams_of
+from patagium.sensing.motion.sensor_streams import EncoderModel, Stream, common_times, streams_of
 from patagium.sensing.sensors import Encoder, Imu, MotionCapture, MotorCurrent, Sensor, SensorLog
 from patagium.sensing.sensors.joints import joint_names
 from patagium.sensing.sensors.sense import sensor_from
@@ -100,6 +102,23 @@ def sensors_text(log: SensorLog) -> str:
     return json.dumps({"sensors": described, "mount": log.mount})
 
 
+def beyond_limits(robot: Robot, q: Array) -> list[str]:
+    """Sentence on the first joint that is far outside its limits, as in another unit; or none.
+
+    Args:
+        robot: The machine.
+        q: Coordinates, (N, n) [m, rad]; NaN where not measured.
+    """
+    low, high = np.array(robot.lower), np.array(robot.upper)
+    room = high - low
+    far = np.where((q < low - room) | (q > high + room), np.abs(q), 0.0).max(axis=0, initial=0.0)
+    for k in np.flatnonzero(far):
+        unit, other = (" rad", "degrees") if robot.dof_units[k] == "rad" else (" m", "mm")
+        limits = f"its limits are {low[k]:.4g} and {high[k]:.4g}{unit}: is it in {other}?"
+        return [f"q.{robot.dof_names[k]} reaches {far[k]:.4g}{unit}, {limits}"]
+    return []
+
+
 class MotionPackets:
     """Packets of time, q, v, a and u1, as made from raw rows.
 
@@ -130,7 +149,7 @@ class MotionPackets:
             self._mount = str(described.get("mount", "free"))
             self._sensors: dict[str, Sensor] = {}
             for name, one in described["sensors"].items():
-                self._sensors[name] = sensor_from(json.dumps(one))
+                self._sensors[name] = sensor_from(json.dumps(one), name)
             self.columns = sensor_columns(robot, self._sensors)
         self.text = text
         self._robot = robot
@@ -253,11 +272,18 @@ class MotionPackets:
         log = self._first_log()
         self._shifts, note = found_shifts(log)
         streams = streams_of(log, self._robot, self._shifts)
-        fitted = fit_motion(self._robot, streams, 4, common_times(streams))
+        doubts = self._doubts(log, streams)
+        self.notes += [f"Warning: {doubt}" for doubt in doubts]
+        try:
+            fitted = fit_motion(self._robot, streams, 4, common_times(streams))
+        except (LogError, FilterDiverged) as problem:
+            if not doubts:
+                raise
+            raise LogError(f"sensors: {'; '.join(doubts)} ({problem})") from problem
         self._torque.shifts = self._shifts
         self._settings = self._driven(fitted.density()), fitted.variances()
         self._tracker = self._started()
-        self.notes += [note.rstrip("."), *fitted.notes]
+        self.notes += [note, *fitted.notes]
         self.notes.append(
             f"Noise and driving noise are those of the first {_SETTLING:g} s; "
             f"the motion is learned {1e3 * LAG:g} ms behind its last sample"
@@ -268,6 +294,17 @@ class MotionPackets:
             self.notes.append(
                 f"No force is learned of {', '.join(silent)}: nothing measures what drives it"
             )
+
+    def _doubts(self, log: SensorLog, streams: Sequence[Stream]) -> list[str]:
+        """What is strange about units and axes of the first samples, those out of range too."""
+        shown = [replace(one, rows=one.model.rows(log[one.name])) for one in streams]
+        found = [f"{one.where}: {one.text}" for one in sensor_findings(shown)]
+        for one in shown:
+            if isinstance(one.model, EncoderModel):
+                q = np.full((len(one.rows), self._robot.dof), np.nan)
+                q[:, one.model.columns] = one.rows
+                found += beyond_limits(self._robot, q)
+        return found
 
     def _driven(self, density: Array) -> Array:
         """Density of the driving noise with that of calm coordinates raised, (n,) [unit^2/s^7]."""

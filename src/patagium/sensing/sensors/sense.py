@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -217,13 +217,29 @@ def load_sensor_log(path: str | Path) -> SensorLog:
         return SensorLog(readings, sensors, {}, robot, origin.get("mount", ""))
 
 
-def sensor_from(text: str) -> Sensor:
-    """Sensor whose description, as JSON, is `Sensor.describe`."""
-    known = json_object(text, "sensor")
-    kind = _KINDS[known.pop("kind")]
-    accepted = {entry.name for entry in fields(kind)}
-    given = {name: value for name, value in known.items() if name in accepted}
-    return kind(**{name: _frozen(value) for name, value in given.items()})
+def sensor_from(text: str, name: str = "sensor") -> Sensor:
+    """Sensor whose description, as JSON, is `Sensor.describe`.
+
+    Args:
+        text: The description.
+        name: What to call it in errors.
+
+    Raises:
+        ParameterError: If its kind or a key is not known, or a key is missing.
+    """
+    known = json_object(text, name)
+    word = known.pop("kind", None)
+    kind = _KINDS.get(word) if isinstance(word, str) else None
+    if kind is None:
+        raise ParameterError(f"{name}: kind", f"one of {', '.join(_KINDS)}", word, _KINDS)
+    accepted = [entry.name for entry in fields(kind)]
+    for key in known:
+        if key not in accepted:
+            raise ParameterError(name, f"keys of {word}: {', '.join(accepted)}", key, accepted)
+    for entry in fields(kind):
+        if entry.default is MISSING and entry.default_factory is MISSING and entry.name not in known:
+            raise ParameterError(name, f"the key {entry.name}", None)
+    return kind(**{name: _frozen(value) for name, value in known.items()})
 
 
 def _frozen(value: Any) -> Any:

@@ -111,12 +111,17 @@ class Sensor:
         """Size at which the values of a sample saturate, (k,) or one for all; inf for no limit."""
         return np.asarray(np.inf)
 
+    @property
+    def saturates(self) -> Array:
+        """Size from which values of a sample tell nothing, a little less than the limit."""
+        return np.asarray(_NEAR * self.limit)
+
     def saturated(self, rows: Array) -> Bools:
         """Whether values of samples, (N, k) or (k,), are at or beyond the range, and tell nothing.
 
         Every sample that enters an estimate passes here, from a log or from a robot in flight.
         """
-        return np.asarray(np.abs(rows) >= _NEAR * self.limit)
+        return np.asarray(np.abs(rows) >= self.saturates)
 
     def in_range(self, rows: Array) -> Array:
         """Samples, (N, k) or (k,), in the units of the sensor; NaN where they are saturated."""
