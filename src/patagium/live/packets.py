@@ -182,8 +182,8 @@ class TextPackets:
         names = [name.strip().decode("utf-8", "replace") for name in fields]
         missing = [name for name in self._columns if name not in names]
         if missing:
-            raw = any(f".{kind}." in name for kind in ("specific_force", "current") for name in names)
-            raw = raw or any(name.endswith(".quaternion.w") for name in names)
+            kinds = (".specific_force.", ".quaternion.", ".current.")
+            raw = any(kind in name for kind in kinds for name in names)
             first = "the line `# sensors {...}` before it, or " if raw else ""
             raise LogError(
                 f"line {self._line}: expected {first}a header with the columns {_shown(missing)}, "

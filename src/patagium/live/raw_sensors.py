@@ -103,16 +103,11 @@ def sensors_text(log: SensorLog) -> str:
 
 
 def beyond_limits(robot: Robot, q: Array) -> list[str]:
-    """Sentence on the first joint that is far outside its limits, as in another unit; or none.
-
-    Args:
-        robot: The machine.
-        q: Coordinates, (N, n) [m, rad]; NaN where not measured.
-    """
+    """Sentence on the first joint of q, (N, n) [m, rad], far outside its limits; or none."""
     low, high = np.array(robot.lower), np.array(robot.upper)
     room = high - low
     far = np.where((q < low - room) | (q > high + room), np.abs(q), 0.0).max(axis=0, initial=0.0)
-    for k in np.flatnonzero(far):
+    for k in np.flatnonzero(far)[:1]:
         unit, other = (" rad", "degrees") if robot.dof_units[k] == "rad" else (" m", "mm")
         limits = f"its limits are {low[k]:.4g} and {high[k]:.4g}{unit}: is it in {other}?"
         return [f"q.{robot.dof_names[k]} reaches {far[k]:.4g}{unit}, {limits}"]

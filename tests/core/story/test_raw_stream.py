@@ -24,6 +24,7 @@ from patagium.live.sources import DatagramSource, PacketQueue, start_reading
 from patagium.sensing.force.air_force import packet_columns
 from patagium.sensing.force.flown_force import motion_and_force
 from patagium.sensing.force.measured_force import motor_forces
+from patagium.sensing.motion.sensor_streams import streams_of
 
 P = pt.sensors.presets
 LIVELY = ("x", "z", "pitch", "left_plunge", "right_plunge", "left_feather")
@@ -168,12 +169,33 @@ def test_a_stream_leaves_out_saturated_currents_and_believes_a_clock_that_went_b
     assert motion.counts["out_of_range"] > 200 and motion.counts["late"] == 0
     assert re.search(SATURATED, " ".join(motion.notes))
     again = rows[: len(rows) // 2]
-    wild = again[-1] + 1e7 * np.isfinite(again[-1])  # a track that is lost
-    after = motion.take(np.vstack([again, wild]), 2000)
+    after = motion.take(again, 2000)
     assert len(after) > 350 and after[-1, 0] == pytest.approx(again[-1, 0], abs=0.05)
     assert np.abs(after[:, 1:4]).max() < 100.0
     assert 9 <= motion.counts["late"] < 15  # rows, those of cameras alone too
-    assert motion.counts["clock_resets"] == 1 <= motion.counts["lost_tracks"]
+    assert motion.counts["clock_resets"] == 1 and motion.counts["lost_tracks"] == 0
+    motion._most = np.zeros((3, robot.dof))  # nothing is near enough
+    assert not len(motion.take(rows[len(again) :], 2000)) and motion.counts["lost_tracks"] > 0
+
+
+def changed(log: pt.sensing.SensorLog, name: str, change) -> list[str]:
+    """Doubts about a log, where the values of a sensor are changed."""
+    other = replace(log, readings={**log.readings, name: log[name].map(change)})
+    streams = streams_of(other, log.robot, {"prime_x_13": 4.2e-3})
+    return MotionPackets(log.robot, sensors_text(log))._doubts(other, streams)
+
+
+def test_wrong_units_and_axes_are_doubted(log: pt.sensing.SensorLog) -> None:
+    flipped = np.array([1.0, -1.0, -1.0])  # z down
+    unit, camera = "icm_42688_p", "prime_x_13"
+    assert changed(log, unit, lambda values: values) == []
+    for name, change, words in (
+        (unit, lambda k: k * flipped, "a body that is carried feels up: check frame"),
+        (unit, lambda k: np.rad2deg(k) if k.name == "angular_rate" else k, "is it in deg/s"),
+        (camera, lambda k: 1e3 * k if k.name == "position" else k, "is it in mm"),
+        ("as5600", np.rad2deg, "q.left_plunge reaches .* is it in degrees"),
+    ):
+        assert re.search(words, " ".join(changed(log, name, change)))
 
 
 def test_a_gap_of_a_motor_current_is_no_torque(log: pt.sensing.SensorLog, robot: pt.Robot) -> None:
@@ -191,6 +213,13 @@ def test_descriptions_that_cannot_be_used_are_refused(
     with pytest.raises(ParameterError, match="Euler angles for raw sensors"):
         MotionPackets(quaternion, text)
     strange = text.replace('"body": "body"', '"body": "tail"')
+    for words, said in (
+        (text.replace("Imu", "Gps"), "icm_42688_p: kind: expected one of Imu, Encoder, .*'Gps'"),
+        (text.replace('"rate"', '"rte"', 1), "keys of Imu: name, rate, .*did you mean rate"),
+        (text.replace('"rate": 500.0, ', "", 1), "icm_42688_p: expected the key rate"),
+    ):
+        with pytest.raises(LogError, match=said):
+            MotionPackets(robot, words)
     for words in ("", "[]", "{}", '{"sensors": 1}', text.replace("Imu", "Gps")):
         with pytest.raises(LogError, match="description of the sensors"):
             MotionPackets(robot, words)

@@ -422,7 +422,7 @@ def _at(
     times = np.asarray(motion["time"].values, float)
     width = values.shape[1]
     told = np.isfinite(values).sum(axis=0) > _ORDER
-    values, spread = values[:, told], np.full((3, len(times), width), np.nan)
+    values, spread = values[:, told], np.full((2, len(times), width), np.nan)
     least = _LEAST * np.maximum(np.nanstd(values, axis=0), 1e-9)
     noise = np.array(np.broadcast_to(std, width), float)[told]
     for k in np.flatnonzero(noise == 0):
@@ -431,5 +431,7 @@ def _at(
     noise = np.fmax(noise, least)
     if told.any():
         found = smooth_series(stamps, values, noise, times, order=_ORDER)
-        spread[:, :, told] = found.state[:, :, 0], found.covariance[:, :, 0, 0], noise + 0 * times[:, None]
-    return Measured(spread[0], spread[1], spread[2, 0])
+        spread[:, :, told] = found.state[:, :, 0], found.covariance[:, :, 0, 0]
+    every = np.full(width, np.nan)
+    every[told] = noise
+    return Measured(*spread, every)

@@ -141,7 +141,9 @@ def _track(robot: Robot, stream: Stream) -> _Track | None:
     begin, end = stream.time[0], stream.time[-1]
     median = float(np.median(np.diff(stream.time)))
     if end - begin > _SPARSE * median * len(stream.time):
-        raise LogError(f"{stream.name}: expected samples without long gaps, found {end - begin:g} s")
+        raise LogError(
+            f"{stream.name}: expected samples without long gaps, found {end - begin:g} s"
+        )
     step = min(median, 1e-3)
     times = np.linspace(begin, end, 1 + round((end - begin) / step))
     if isinstance(model, EncoderModel):

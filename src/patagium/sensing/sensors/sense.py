@@ -218,11 +218,7 @@ def load_sensor_log(path: str | Path) -> SensorLog:
 
 
 def sensor_from(text: str, name: str = "sensor") -> Sensor:
-    """Sensor whose description, as JSON, is `Sensor.describe`.
-
-    Args:
-        text: The description.
-        name: What to call it in errors.
+    """Sensor whose description, as JSON, is `Sensor.describe`; named so in errors.
 
     Raises:
         ParameterError: If its kind or a key is not known, or a key is missing.
@@ -237,7 +233,11 @@ def sensor_from(text: str, name: str = "sensor") -> Sensor:
         if key not in accepted:
             raise ParameterError(name, f"keys of {word}: {', '.join(accepted)}", key, accepted)
     for entry in fields(kind):
-        if entry.default is MISSING and entry.default_factory is MISSING and entry.name not in known:
+        if (
+            entry.default is MISSING
+            and entry.default_factory is MISSING
+            and entry.name not in known
+        ):
             raise ParameterError(name, f"the key {entry.name}", None)
     return kind(**{name: _frozen(value) for name, value in known.items()})
 

@@ -181,14 +181,7 @@ def _compare(
 def _agreement(
     names: str, pieces: Sequence[tuple[Array, Array, Array]], span: int, *, turning: bool
 ) -> list[Finding]:
-    """Finding that a place or an attitude does not move as its rate says.
-
-    Args:
-        names: Names of both.
-        pieces: Times, places [m] or attitudes [-] and rates [m/s, rad/s] of each stretch.
-        span: Number of steps of a mean.
-        turning: Whether it is an attitude.
-    """
+    """Finding that a place, or an attitude, of (time, place, rate) does not move as it says."""
     sums = _Sums()
     for time, where, measured in pieces:
         ends, stamps = _ends(where, span), _ends(time, span)
@@ -319,7 +312,9 @@ def _seen_by(camera: Stream, unit: Stream) -> list[Finding]:
     time, rows = unit.time[inside], unit.rows[inside]
     if len(time) < 2:
         return []
-    seen = as_quaternion(from_quaternion(camera.rows[used, 3:]) * Rotation.from_matrix(frame.mount.T))
+    seen = as_quaternion(
+        from_quaternion(camera.rows[used, 3:]) * Rotation.from_matrix(frame.mount.T)
+    )
     attitude = slerp(frames, continuous(seen), time)
     force, rate = rows[:, :3] @ own.mount.T, rows[:, 3:] @ own.mount.T
     names = f"{camera.name} and {unit.name}"
