@@ -434,4 +434,4 @@ def _at(
         spread[:, :, told] = found.state[:, :, 0], found.covariance[:, :, 0, 0]
     every = np.full(width, np.nan)
     every[told] = noise
-    return Measured(*spread, every)
+    return Measured(spread[0], spread[1], every)

@@ -76,7 +76,7 @@ class SensorLog:
 
     def saturated(self) -> dict[str, str]:
         """Sentence on the saturated samples of each sensor that has some, by its name."""
-        found = {}
+        found: dict[str, str] = {}
         for name, reading in self.readings.items():
             rows = _rows(reading, (*_OF_MOTION, "current", "wrench"))
             count = int(self.sensors[name].saturated(rows).any(axis=1).sum()) if rows.size else 0
@@ -233,11 +233,7 @@ def sensor_from(text: str, name: str = "sensor") -> Sensor:
         if key not in accepted:
             raise ParameterError(name, f"keys of {word}: {', '.join(accepted)}", key, accepted)
     for entry in fields(kind):
-        if (
-            entry.default is MISSING
-            and entry.default_factory is MISSING
-            and entry.name not in known
-        ):
+        if entry.default is MISSING and entry.name not in known:
             raise ParameterError(name, f"the key {entry.name}", None)
     return kind(**{name: _frozen(value) for name, value in known.items()})
 
