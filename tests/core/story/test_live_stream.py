@@ -452,15 +452,15 @@ def test_refusals_are_one_sentence(tmp_path, capsys):
     assert "a free port (--live-address HOST:PORT)" in said and "Listening" not in said
 
 
-def test_packets_in_degrees_are_told_once(packets):
-    robot = pt.load_robot("aerobat")
-    first = packets[::40]
-    degrees = first.copy()
-    degrees[:, 1 + robot.index("left_plunge")] *= 57.3
-    for rows, count in ((degrees, 1), (first, 0)):
+def test_packets_in_degrees_are_told_once():
+    robot = pt.load_robot("ornithopter")
+    radians = np.zeros((50, len(packet_columns(robot))))
+    degrees, column = radians.copy(), 1 + robot.index("left_plunge")
+    radians[:, column], degrees[:, column] = 0.5, np.rad2deg(0.5)
+    for rows, count in ((degrees, 1), (radians, 0)):
         queue = PacketQueue(100, rows.shape[1], Intake(), robot)
         queue.put(rows, waits=False)
         for _ in range(2):
             queue.take(25, 0.1)
         assert len(queue.notes) == count
-        assert not count or "q.left_plunge reaches" in queue.notes[0]
+        assert not count or "q.left_plunge reaches 28.65 rad" in queue.notes[0]
