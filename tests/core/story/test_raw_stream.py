@@ -192,7 +192,7 @@ def test_wrong_units_and_axes_are_doubted(log: pt.sensing.SensorLog) -> None:
     assert changed(log, unit, lambda values: values) == []
     for name, change, words in (
         (unit, lambda k: k * flipped, "a body that is carried feels up: check frame"),
-        (unit, lambda k: np.rad2deg(k) if k.name == "angular_rate" else k, "is it in deg/s"),
+        (unit, lambda k: 1e3 * k if k.name == "angular_rate" else k, "is it in deg/s"),
         (camera, lambda k: 1e3 * k if k.name == "position" else k, "is it in mm"),
         ("as5600", np.rad2deg, "q.left_plunge reaches .* is it in degrees"),
     ):
