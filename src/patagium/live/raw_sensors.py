@@ -291,7 +291,7 @@ class MotionPackets:
             )
 
     def _doubts(self, log: SensorLog, streams: Sequence[Stream]) -> list[str]:
-        """What is strange about units and axes of the first samples, those out of range too."""
+        """Doubts about units and axes of the first samples, those out of range too."""
         shown = [replace(one, rows=one.model.rows(log[one.name])) for one in streams]
         found = [f"{one.where}: {one.text}" for one in sensor_findings(shown)]
         for one in shown:

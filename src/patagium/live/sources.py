@@ -90,7 +90,7 @@ class PacketQueue:
 
     @property
     def notes(self) -> list[str]:
-        """What was found about the first packets or raw rows, in words."""
+        """Findings about the first packets or raw rows, in words."""
         return self._doubts if self.motion is None else self.motion.notes
 
     def put(self, packets: Array, *, waits: bool) -> None:
