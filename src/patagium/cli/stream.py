@@ -72,7 +72,8 @@ def stream(
     idle: Annotated[
         float | None,
         typer.Option(
-            min=0.0, help="Silence of the source that ends the stream [s]; Ctrl-C by default."
+            min=0.0,
+            help="Silence that ends the stream, of UDP after a first packet [s]; default: Ctrl-C.",
         ),
     ] = None,
     samples: Annotated[
@@ -128,7 +129,6 @@ def stream(
         status, intake = Status(Counters(net.outputs, memory)), Intake()
         columns = [column.name for column in packet_columns(machine)]
         queue = PacketQueue(room, len(columns), intake, machine)
-        packets = _opened(source, columns, idle, key_file)
         with (
             interrupted(_answers(stop, queue, ending)),
             _recording(record, pipeline, outputs) as recording,
@@ -136,6 +136,7 @@ def stream(
             problem: Exception | None = None
             try:
                 with live_stream(live, live_address, pipeline, status, intake) as view:
+                    packets = _opened(source, columns, idle, key_file)
                     shown = _watched(view, student, state, autosave, recording)
                     shown = shown._replace(rhythms=(*shown.rhythms, _noting(queue)))
                     _learn(packets, queue, pipeline, status, stop, shown, samples)
@@ -202,10 +203,9 @@ def _noting(queue: PacketQueue) -> Rhythm:
 
     def tell() -> None:
         nonlocal told
-        notes = [] if queue.motion is None else queue.motion.notes
-        for note in notes[told:]:
-            typer.echo(f"{note}.", err=True)
-        told = len(notes)
+        for note in queue.notes[told:]:
+            typer.echo(note + "." * (note[-1] not in ".?"), err=True)
+        told = len(queue.notes)
 
     return Rhythm(_LINE_PERIOD, tell)
 

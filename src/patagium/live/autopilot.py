@@ -103,7 +103,7 @@ class Autopilot:
             raise CompilerError(f"autopilot: expected {expected}, found none")
         _check(tracker, regulator, pipeline, every)
         self._kept: list[Any] = [pipeline]
-        self._name, self._time = tracker.robot.name, -np.inf
+        self._name = tracker.robot.name
         self._chain, n, commands = chain, tracker.robot.dof, len(regulator.model.commands)
         outputs = forces = 0
         if pipeline is not None:
@@ -118,12 +118,14 @@ class Autopilot:
             self.places[name] = slice(end, end := end + 1 + width)
             widths.append(1 + width)
         self.places["forces"] = slice(end, end := end + forces)
-        self._row = np.full(end, np.nan)
+        self._row, self._limits = np.full(end, np.nan), np.full(end, np.nan)
+        for name, sensor in tracker.sensors.items():
+            self._limits[self.places[name]][1:] = sensor.saturates
         self._tracks = (MOTION_TRACK.type * len(filters))()
-        room = int(tracker.memory * sum(tracker.rates.values())) + 16
+        room = int(tracker.memory * sum(one.rate for one in tracker.sensors.values())) + 16
         for track, part, one in zip(self._tracks, tracker.parts, filters, strict=True):
             self._place(track, part.events[-1], one, room)
-            numbers = [one.numbers.get(name, -1) for name in tracker.rates]
+            numbers = [one.numbers.get(name, -1) for name in tracker.sensors]
             track.numbers, track.memory = self._address(numbers, np.int32), tracker.memory
         base, self._regulator = floating_base(tracker.robot), self._of(regulator)
         self._struct = AUTOPILOT.type(
@@ -135,6 +137,8 @@ class Autopilot:
             learned=outputs,
             forces=forces,
             every=every,
+            time=max(part.events[-1].time for part in tracker.parts),
+            memory=tracker.memory,
             widths=self._address(widths, np.int32),
             track=ctypes.addressof(self._tracks),
             turn=None if base is None else self._address(base.turn, np.int32),
@@ -221,10 +225,15 @@ class Autopilot:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Samples `late` or `refused`; times that noise was `raised`, and commands were `held`."""
+        """Samples and ticks that were `late`, samples `refused`, times that noise was `raised`.
+
+        `held` are the times that commands were, where the motion was no number or the time of a
+        tick lay further ahead than the tracker's memory.
+        """
         names = ("late", "refused", "raised")
         found = {name: sum(getattr(one, name) for one in self._tracks) for name in names}
-        return found | {"held": self._regulator.held}
+        found["late"] += self._struct.late
+        return found | {"held": self._regulator.held + self._struct.held}
 
     @checked
     def step(
@@ -233,7 +242,9 @@ class Autopilot:
         """One tick.
 
         Args:
-            time: Now, not before the last stamp, since the beginning of the orbit [s].
+            time: Now, not before the last stamp, since the beginning of the orbit [s]. One that
+                falls, or is further ahead of the last tick than the tracker's memory, holds the
+                last commands and is counted, until ten that rise are far ahead.
             samples: Stamp and values of each sensor that has one, as `MotionTracker.push` takes
                 them, by its name [s, SI].
             forces: Forces u1 and those carried of the learner's packet, (k n,) [N, N m].
@@ -261,15 +272,9 @@ class Autopilot:
 
         Raises:
             ShapeError: If the rows have another size.
-            ParameterError: If times fall, or one is none.
         """
-        given = np.ascontiguousarray(real_array("rows", rows, ("N", len(self._row))))
-        times = np.r_[self._time, given[:, 0]]
-        if not (times[1:] >= times[:-1]).all():
-            k = int(np.argmin(times[1:] >= times[:-1]))
-            found = f"{times[k + 1]:g} s after {times[k]:g} s"
-            raise ParameterError("rows", "times that do not fall", found)
-        self._time = float(times[-1])
+        given = real_array("rows", rows, ("N", len(self._row)))
+        given = np.where(np.abs(given) >= self._limits, np.nan, given)
         records = np.empty((len(given), self._struct.record))
 
         def done(begin: int) -> int:

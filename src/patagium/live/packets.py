@@ -75,6 +75,7 @@ class Intake:
         unauthenticated: Datagrams without the tag of the key; not used.
         dropped: Packets for which there was no room, because the learner was too slow.
         examples: The first bad ones, in words.
+        raw: Counts of raw samples, as `MotionPackets` counts them.
     """
 
     received: int = 0
@@ -85,6 +86,7 @@ class Intake:
     unauthenticated: int = 0
     dropped: int = 0
     examples: list[str] = field(default_factory=list)
+    raw: dict[str, int] = field(default_factory=dict)
 
     def refuse(self, reason: str, *, authentic: bool = True) -> None:
         """Count a bad row or a wrong tag, and keep the first few reasons."""
@@ -96,7 +98,8 @@ class Intake:
     @property
     def counts(self) -> dict[str, int]:
         """Counts by name."""
-        return {name: value for name, value in vars(self).items() if isinstance(value, int)}
+        counts = {name: value for name, value in vars(self).items() if isinstance(value, int)}
+        return counts | {f"raw_{name}": value for name, value in self.raw.items()}
 
 
 Describe = Callable[[str], Sequence[str]]
@@ -179,8 +182,11 @@ class TextPackets:
         names = [name.strip().decode("utf-8", "replace") for name in fields]
         missing = [name for name in self._columns if name not in names]
         if missing:
+            kinds = (".specific_force.", ".quaternion.", ".current.")
+            raw = any(kind in name for kind in kinds for name in names)
+            first = "the line `# sensors {...}` before it, or " if raw else ""
             raise LogError(
-                f"line {self._line}: expected a header with the columns {_shown(missing)}, "
+                f"line {self._line}: expected {first}a header with the columns {_shown(missing)}, "
                 f"found {_shown(names)}"
             )
         self._fields = len(names)

@@ -12,7 +12,9 @@ import contextlib
 import ctypes
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from time import perf_counter_ns
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -145,6 +147,13 @@ class Pipeline:
         self._columns = len(self.columns)
         self._memory = _memory(learner)
         self.chain = _chain(learner, self.form)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pipeline made again, of a copy of the learner where it stands, and compiled again."""
+        form = self.form
+        names = ("inputs", "carried", "added_mass")
+        again = partial(type(self), **{name: getattr(form, name) for name in names})
+        return again, (self.learner, self.robot)
 
     def __repr__(self) -> str:
         return f"<Pipeline of {self.robot.name}: {self.learner!r}>"

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import json
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -21,14 +22,16 @@ from patagium.errors import FilterDiverged, LogError, ParameterError
 from patagium.reading import json_object, made_again
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import packet_columns
+from patagium.sensing.logs.importing.consistency import sensor_findings
 from patagium.sensing.motion.clock_shifts import found_shifts
 from patagium.sensing.motion.estimate_motion import fit_motion
 from patagium.sensing.motion.frame_model import floating_base
 from patagium.sensing.motion.motion_tracker import MotionTracker
-from patagium.sensing.motion.sensor_streams import common_times, streams_of
+from patagium.sensing.motion.sensor_streams import EncoderModel, Stream, common_times, streams_of
 from patagium.sensing.sensors import Encoder, Imu, MotionCapture, MotorCurrent, Sensor, SensorLog
 from patagium.sensing.sensors.joints import joint_names
 from patagium.sensing.sensors.sense import sensor_from
+from patagium.sensing.sensors.sensor import saturation
 
 LAG = 0.02
 """Time that the motion is behind the last samples, which the tracker smooths over [s]."""
@@ -44,6 +47,10 @@ _QUIET = 1e-3
 """Least driving noise of a joint, relative to that of the liveliest one."""
 _LEAST = 1.0
 """Least driving noise, which follows motion of 2 Hz [unit^2/s^7]."""
+_RESTARTED = 10
+"""Samples in a row before the newest one, each later than the last, that tell a new clock."""
+_FARTHEST, _QUICKEST, _SPUN = 1e4, 340.0, 1e5
+"""Size of a coordinate [m], its rate [m/s] and turning [rad/s] beyond which a track is lost."""
 _AXES = ("x", "y", "z")
 
 
@@ -95,6 +102,18 @@ def sensors_text(log: SensorLog) -> str:
     return json.dumps({"sensors": described, "mount": log.mount})
 
 
+def beyond_limits(robot: Robot, q: Array) -> list[str]:
+    """Sentence on the first joint of q, (N, n) [m, rad], far outside its limits; or none."""
+    low, high = np.array(robot.lower), np.array(robot.upper)
+    room = high - low
+    far = np.where((q < low - room) | (q > high + room), np.abs(q), 0.0).max(axis=0, initial=0.0)
+    for k in np.flatnonzero(far)[:1]:
+        unit, other = (" rad", "degrees") if robot.dof_units[k] == "rad" else (" m", "mm")
+        limits = f"its limits are {low[k]:.4g} and {high[k]:.4g}{unit}: is it in {other}?"
+        return [f"q.{robot.dof_names[k]} reaches {far[k]:.4g}{unit}, {limits}"]
+    return []
+
+
 class MotionPackets:
     """Packets of time, q, v, a and u1, as made from raw rows.
 
@@ -107,6 +126,9 @@ class MotionPackets:
         columns: Names of the numbers of a raw row.
         notes: What was found and chosen, in words.
         spent: Time that the last packets took each [s].
+        counts: Rows with `late` samples, `clock_resets` (sensors' clocks that went back, which
+            is believed after ten late samples in a row), samples with values `out_of_range`, and
+            `lost_tracks` (times that the tracker began anew, because the motion ran away).
 
     Raises:
         LogError: If the description cannot be read.
@@ -122,7 +144,7 @@ class MotionPackets:
             self._mount = str(described.get("mount", "free"))
             self._sensors: dict[str, Sensor] = {}
             for name, one in described["sensors"].items():
-                self._sensors[name] = sensor_from(json.dumps(one))
+                self._sensors[name] = sensor_from(json.dumps(one), name)
             self.columns = sensor_columns(robot, self._sensors)
         self.text = text
         self._robot = robot
@@ -142,13 +164,20 @@ class MotionPackets:
         self.spent = 0.0
         self._took = 0.0
         self._waiting: list[tuple[float, str, Array]] = []
+        self.counts = dict.fromkeys(("late", "clock_resets", "out_of_range", "lost_tracks"), 0)
         self._newest: dict[str, float] = {}
+        self._late: dict[str, tuple[float, int]] = {}
+        self._samples = {name: [0, 0] for name in self._sensors}
+        self._told: set[str] = set()
         self._shifts: dict[str, float] = {}
         self._due: deque[float] = deque()
         self._torque = _Torque(robot, self._sensors, self._mount)
         self._tracker: MotionTracker | None = None
         self._made = self._none()
         self._turn = np.zeros(3)
+        lengths = np.array(robot.dof_units) == "m"
+        most = np.where(lengths, _FARTHEST, np.inf), np.where(lengths, _QUICKEST, _SPUN)
+        self._most = np.array([*most, np.full(robot.dof, np.inf)])
 
     def take(self, rows: Array | None, most: int) -> Array | None:
         """Packets that are ready, (k, 1 + 4 n), at most so many; None where no more will come.
@@ -167,6 +196,7 @@ class MotionPackets:
             self._begin()
             began = perf_counter()
         if self._tracker is not None:
+            self._tell_saturated()
             made = self._follow(ended=rows is None)
             self._took += perf_counter() - began
             if made:
@@ -183,17 +213,46 @@ class MotionPackets:
 
     def _sort(self, row: Array) -> None:
         """Put the values of a row with their sensors; stamps of a sensor must advance."""
-        stamp = float(row[0])
+        stamp, late = float(row[0]), False
         for name, place in self._places.items():
             values = row[place]
-            before = self._newest.get(name, -np.inf)
-            if stamp <= before or not np.isfinite(values).any():
+            if not np.isfinite(values).any():
                 continue
-            self._newest[name] = stamp
+            if not self._advances(name, stamp):
+                late = True
+                continue
+            saturated = bool(self._sensors[name].saturated(values).any())
+            self.counts["out_of_range"] += saturated
+            self._samples[name][0] += saturated
+            self._samples[name][1] += 1
             if name in self._seeing:
                 self._waiting.append((stamp, name, values))
             else:
                 self._torque.add(name, stamp, values)
+        self.counts["late"] += late
+
+    def _advances(self, name: str, stamp: float) -> bool:
+        """Whether a stamp is later than all of its sensor, or that of a clock that went back."""
+        if stamp <= self._newest.get(name, -np.inf):
+            last, run = self._late.get(name, (np.inf, 0))
+            self._late[name] = stamp, run + 1 if stamp > last else 1
+            if self._late[name][1] < _RESTARTED:
+                return False
+            self.counts["clock_resets"] += 1
+            for held in (self._newest, self._late, self._waiting, self._due):
+                held.clear()
+            self._torque.clear()
+            self._tracker = None if self._tracker is None else self._started()
+        self._newest[name] = stamp
+        self._late.pop(name, None)
+        return True
+
+    def _tell_saturated(self) -> None:
+        """Note once of each sensor that samples of it were out of its range."""
+        for name, (count, total) in self._samples.items():
+            if count and name not in self._told:
+                self._told.add(name)
+                self.notes.append(saturation(name, count, total))
 
     def _settled(self) -> bool:
         """Whether all sensors have told enough, or one has told it three times."""
@@ -208,11 +267,18 @@ class MotionPackets:
         log = self._first_log()
         self._shifts, note = found_shifts(log)
         streams = streams_of(log, self._robot, self._shifts)
-        fitted = fit_motion(self._robot, streams, 4, common_times(streams))
+        doubts = self._doubts(log, streams)
+        self.notes += [f"Warning: {doubt}" for doubt in doubts]
+        try:
+            fitted = fit_motion(self._robot, streams, 4, common_times(streams))
+        except (LogError, FilterDiverged) as problem:
+            if not doubts:
+                raise
+            raise LogError(f"sensors: {'; '.join(doubts)} ({problem})") from problem
         self._torque.shifts = self._shifts
         self._settings = self._driven(fitted.density()), fitted.variances()
         self._tracker = self._started()
-        self.notes += [note.rstrip("."), *fitted.notes]
+        self.notes += [note, *fitted.notes]
         self.notes.append(
             f"Noise and driving noise are those of the first {_SETTLING:g} s; "
             f"the motion is learned {1e3 * LAG:g} ms behind its last sample"
@@ -223,6 +289,17 @@ class MotionPackets:
             self.notes.append(
                 f"No force is learned of {', '.join(silent)}: nothing measures what drives it"
             )
+
+    def _doubts(self, log: SensorLog, streams: Sequence[Stream]) -> list[str]:
+        """Doubts about units and axes of the first samples, those out of range too."""
+        shown = [replace(one, rows=one.model.rows(log[one.name])) for one in streams]
+        found = [f"{one.where}: {one.text}" for one in sensor_findings(shown)]
+        for one in shown:
+            if isinstance(one.model, EncoderModel):
+                q = np.full((len(one.rows), self._robot.dof), np.nan)
+                q[:, one.model.columns] = one.rows
+                found += beyond_limits(self._robot, q)
+        return found
 
     def _driven(self, density: Array) -> Array:
         """Density of the driving noise with that of calm coordinates raised, (n,) [unit^2/s^7]."""
@@ -236,6 +313,10 @@ class MotionPackets:
         most = found[joints].max(initial=0.0)
         found[joints] = np.maximum(found[joints], _QUIET * most)
         return found
+
+    def _lose_track(self) -> None:
+        self.counts["lost_tracks"] += 1
+        self._tracker = self._started()
 
     def _started(self) -> MotionTracker:
         density, variances = self._settings
@@ -283,7 +364,7 @@ class MotionPackets:
             try:
                 self._tracker.push(name, stamp, values)
             except FilterDiverged:
-                self._tracker = self._started()
+                self._lose_track()
             if name == self._fastest:
                 self._due.append(moment)
                 made += self._packets(self._tracker, LAG)
@@ -305,6 +386,9 @@ class MotionPackets:
         for _ in times:
             self._due.popleft()
         levels = tracker.past(times)
+        if not (np.abs(levels) <= self._most).all():
+            self._lose_track()
+            return []
         base = floating_base(self._robot)
         if base is not None:  # no jumps of whole turns
             angles = np.vstack([self._turn, levels[:, 0, base.turn]])
@@ -343,8 +427,14 @@ class _Torque:
     def add(self, name: str, stamp: float, current: Array) -> None:
         """Keep a sample of motor currents, (k,) [A]; those of other sensors are left out."""
         if name in self._motors:
-            force = current * self._motors[name].force_per_current
+            motor = self._motors[name]
+            force = motor.in_range(current) * motor.force_per_current
             self._samples[name].append((stamp, force))
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        for kept in self._samples.values():
+            kept.clear()
 
     def at(self, times: Array) -> Array:
         """Forces at increasing times, (M, n) [N, N m]; NaN where they are not measured."""

@@ -23,15 +23,17 @@ import numpy as np
 from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError
 from patagium.live.packets import LARGEST_DATAGRAM, DatagramPackets, Intake, TextPackets, read_key
-from patagium.live.raw_sensors import MotionPackets, sensor_rows, sensors_text
+from patagium.live.raw_sensors import MotionPackets, beyond_limits, sensor_rows, sensors_text
 from patagium.reading import regular_file
 from patagium.robot import Robot
+from patagium.sensing.force.air_force import packet_parts
 from patagium.sensing.logs.record import LogRecord, is_log
 from patagium.sensing.sensors import SensorLog, load_sensor_log
 from patagium.sensing.sensors.sense import is_sensor_log
 
 _PIECE = 1 << 20
 _ROWS = 1 << 14
+_FIRST = 1000  # packets whose joints are compared with their limits
 _LOOK = 0.05  # s between looks at what else goes on
 _BUFFER = 1 << 22  # B asked of the system for datagrams that wait
 LOOPBACK = "127.0.0.1"
@@ -64,6 +66,8 @@ class PacketQueue:
         self._blocks: deque[Array] = deque()
         self._held, self._closed, self._abandoned = 0, False, False
         self._problem: Exception | None = None
+        self._doubts: list[str] = []
+        self._left = _FIRST if robot is not None else 0
         self._changed = threading.Condition()
 
     def describe(self, text: str) -> tuple[str, ...]:
@@ -79,9 +83,15 @@ class PacketQueue:
             if self._robot is None or self.intake.received:
                 raise LogError("sensors: expected raw rows from the first, found other packets")
             self.motion = MotionPackets(self._robot, text)
+            self.intake.raw = self.motion.counts
         if text != self.motion.text:
             raise LogError("sensors: expected those described at first, found others")
         return self.motion.columns
+
+    @property
+    def notes(self) -> list[str]:
+        """Findings about the first packets or raw rows, in words."""
+        return self._doubts if self.motion is None else self.motion.notes
 
     def put(self, packets: Array, *, waits: bool) -> None:
         """Add packets.
@@ -117,6 +127,10 @@ class PacketQueue:
         """
         rows = self._oldest(most, patience)
         if self.motion is None:
+            if self._robot is not None and rows is not None and self._left > 0:
+                q = packet_parts(rows, self._robot)[0][:, list(self._robot.coordinate_indices)]
+                self._doubts = [f"Warning: {one}" for one in beyond_limits(self._robot, q)]
+                self._left = 0 if self._doubts else self._left - len(rows)
             return rows
         packets = self.motion.take(rows, most)
         self.spent = self.motion.spent

@@ -472,6 +472,12 @@ AUTOPILOT = struct(
     int32_t forces: numbers of the packet's forces
     int32_t every: ticks between samples that are learned
     int64_t ticks: so far
+    int64_t late: ticks whose time fell
+    int64_t held: ticks whose time was far ahead
+    int64_t again: of them one after the other
+    double time: of the last tick that counts
+    double ahead: time of the last one that was far ahead
+    double memory: longest step of the time
     const int32_t *widths: sensors: numbers in a row, with the stamp
     void *track: tracks of motion_track
     const int32_t *turn: 3: roll, pitch and yaw in q; NULL without a floating body

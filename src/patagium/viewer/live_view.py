@@ -137,7 +137,7 @@ def _bound(host: str, port: int) -> str:
             probe.listen(1)
             return str(probe.getsockname()[0])
         except OSError as error:
-            expected = "an address of this machine with a port that is free"
+            expected = "one of this machine with a free port (--live-address HOST:PORT)"
             raise ParameterError("live address", expected, f"{host}:{port}") from error
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from tests.own_learner import OwnLearner
@@ -116,6 +119,20 @@ def test_in_pieces_and_one_by_one_it_is_the_same(engine, packets, monkeypatch):
     rows = [pipeline.run(packets[:10]).rows, pipeline.run(packets[10:17]).rows]
     rows += [pipeline.step(packet).rows for packet in packets[17:30]]
     np.testing.assert_array_equal(np.concatenate(rows)[:, :-1], expected.rows[:, :-1])
+
+
+@pytest.mark.parametrize("twin", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])  # noqa: S301
+def test_a_copy_goes_on_bit_for_bit(twin, packets):
+    robot = pt.load_robot("aerobat")
+    network = pt.StripNetwork(robot, (4,))
+    added = pt.AddedMass(robot, pt.Air())
+    pipeline = Pipeline(learner_of(network), robot, inputs=None, added_mass=added)
+    pipeline.run(packets[:20])
+    other = twin(pipeline)
+    assert other.columns == pipeline.columns and other.compiled == pipeline.compiled
+    found, expected = (one.run(packets[20:40]).rows[:, :-1] for one in (other, pipeline))
+    np.testing.assert_array_equal(found, expected)
+    assert other.learner is not pipeline.learner
 
 
 FAULTS = {

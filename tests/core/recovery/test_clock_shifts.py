@@ -104,3 +104,18 @@ def test_what_cannot_tell_is_named(rod: xr.Dataset) -> None:
         pt.sensing.estimate_shifts(log, largest=0.5)
     with pytest.raises(ParameterError, match="largest"):
         pt.sensing.estimate_shifts(log, largest=0.0)
+
+
+def test_stamps_that_are_not_seconds_are_refused(rod: xr.Dataset) -> None:
+    """Their grid of 1 ms would take gigabytes."""
+    log = pt.sense(rod, [S.Encoder(rate=500.0, std=1e-3), S.Imu(body="rod", rate=500.0)])
+
+    def stamped(change) -> pt.sensing.SensorLog:
+        found = {k: r.assign_coords(time=change(r["time"].values)) for k, r in log.readings.items()}
+        return replace(log, readings=found)
+
+    for factor, words in ((1e3, "in milliseconds"), (1e6, "in microseconds"), (30.0, "true rate")):
+        with pytest.raises(LogError, match=f"found .* s: .*{words}"):
+            pt.sensing.estimate_shifts(stamped(lambda time, factor=factor: factor * time))
+    with pytest.raises(LogError, match="expected samples without long gaps"):
+        pt.sensing.estimate_shifts(stamped(lambda time: np.r_[time[:-1], 1e6]))

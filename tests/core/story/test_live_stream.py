@@ -425,8 +425,13 @@ def test_only_a_sender_with_the_key_is_learned_from(flight, packets, tmp_path, c
 def test_refusals_are_one_sentence(tmp_path, capsys):
     log = tmp_path / "log.csv"
     log.write_text("time,q.x\n1,2\n")
+    taken = socket.create_server(("127.0.0.1", 0))
+    address = f"127.0.0.1:{taken.getsockname()[1]}"
+    raw = tmp_path / "raw.csv"
+    raw.write_text("time,imu.specific_force.x\n0,1\n")
     for words, found in (
         ([str(log)], "expected a header with the columns"),
+        ([str(raw)], "expected the line `# sensors {...}` before it, or a header"),
         ([str(log), "--network", "dense"], "--scale-by: expected a flight"),
         ([str(log), "--change-window", "0"], "--change-window: expected a number of at least 1"),
         ([str(log), "--learner", "extended", "--spread", "9"], "--spread: expected nothing"),
@@ -439,4 +444,23 @@ def test_refusals_are_one_sentence(tmp_path, capsys):
         said = capsys.readouterr().err.strip().splitlines()
         assert left.value.code == 2
         assert found in said[-1]
-    assert [Path(p).name for p in tmp_path.iterdir()] == ["log.csv"]
+    assert sorted(Path(p).name for p in tmp_path.iterdir()) == ["log.csv", "raw.csv"]
+    with taken, pytest.raises(SystemExit):
+        words = ["stream", "udp://127.0.0.1:0", "--robot", "aerobat", *LEARN]
+        run([*words, "--live", "--live-address", address])
+    said = capsys.readouterr().err
+    assert "a free port (--live-address HOST:PORT)" in said and "Listening" not in said
+
+
+def test_packets_in_degrees_are_told_once():
+    robot = pt.load_robot("ornithopter")
+    radians = np.zeros((50, len(packet_columns(robot))))
+    degrees, column = radians.copy(), 1 + robot.index("left_plunge")
+    radians[:, column], degrees[:, column] = 0.5, np.rad2deg(0.5)
+    for rows, count in ((degrees, 1), (radians, 0)):
+        queue = PacketQueue(100, rows.shape[1], Intake(), robot)
+        queue.put(rows, waits=False)
+        for _ in range(2):
+            queue.take(25, 0.1)
+        assert len(queue.notes) == count
+        assert not count or "q.left_plunge reaches 28.65 rad" in queue.notes[0]

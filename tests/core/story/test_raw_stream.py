@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import threading
 from dataclasses import replace
 
@@ -22,6 +23,8 @@ from patagium.live.record import StreamFile
 from patagium.live.sources import DatagramSource, PacketQueue, start_reading
 from patagium.sensing.force.air_force import packet_columns
 from patagium.sensing.force.flown_force import motion_and_force
+from patagium.sensing.force.measured_force import motor_forces
+from patagium.sensing.motion.sensor_streams import streams_of
 
 P = pt.sensors.presets
 LIVELY = ("x", "z", "pitch", "left_plunge", "right_plunge", "left_feather")
@@ -68,21 +71,25 @@ def record(log: pt.sensing.SensorLog, robot: pt.Robot, tmp_path_factory: pytest.
         return kept.load(), facts, queue.motion
 
 
+@pytest.fixture(scope="module")
+def whole(log: pt.sensing.SensorLog):
+    """Motion and force that the whole log tells."""
+    return motion_and_force(log, shifts={"icm_42688_p": 0.0, "prime_x_13": 4.2e-3})
+
+
 def test_its_forces_are_those_of_the_whole_log(
-    record, log: pt.sensing.SensorLog, flight: xr.Dataset, robot: pt.Robot
+    record, whole, log: pt.sensing.SensorLog, robot: pt.Robot
 ) -> None:
     kept, facts, motion = record
     assert facts["lost"] == facts["dropped"] == facts["bad_rows"] == facts["failed"] == 0
     assert facts["received"] == len(sensor_rows(log))
     assert facts["samples"] == facts["learned"] > 800  # of 850 at 500 Hz
-    late = {"icm_42688_p": 0.0, "prime_x_13": 4.2e-3}
-    _, whole = motion_and_force(log, shifts=late)
     time = kept["time"].values
     inner = (time > 0.1) & (time < 1.6)
     apart = {}
     for name in LIVELY:
         k = robot.index(name)
-        other = np.interp(time, whole.time, whole.force[:, k])
+        other = np.interp(time, whole[1].time, whole[1].force[:, k])
         error = (kept["measurement"].values[:, k] - other)[inner]
         apart[name] = (error**2).mean() / other[inner].var()
     # 20 ms of later samples tell nearly all; with none the vertical force errs by 3 %
@@ -128,12 +135,76 @@ def test_forces_that_nothing_measures_are_missing(
     assert held._torque.unknown[:6].all()
 
 
+@pytest.fixture(scope="module")
+def limited(log: pt.sensing.SensorLog) -> pt.sensing.SensorLog:
+    """Log in which a third of the currents is at the limit of their sensor."""
+    current = log["ina226"]["current"]
+    largest = float(np.quantile(np.abs(current), 0.67))
+    cut = {**log.readings, "ina226": log["ina226"].assign(current=current.clip(-largest, largest))}
+    sensors = {**log.sensors, "ina226": replace(log.sensors["ina226"], range=largest)}
+    return replace(log, readings=cut, sensors=sensors)
+
+
+SATURATED = "ina226: .*% of the samples .* reach the end of its range"
+
+
+def test_saturated_currents_are_missing_and_told_in_a_log(
+    log: pt.sensing.SensorLog, limited: pt.sensing.SensorLog, whole
+) -> None:
+    assert re.search(SATURATED, limited.saturated()["ina226"]) and not log.saturated()
+    joint = log.robot.index("left_plunge")
+    found, true = (motor_forces(one, whole[0], "ina226") for one in (limited, log))
+    error = np.abs(found.values - true.values)[:, joint]
+    assert np.mean(error < 2 * np.sqrt(found.variance[:, joint])) > 0.9  # not certain of a guess
+
+
+def test_a_stream_leaves_out_saturated_currents_and_believes_a_clock_that_went_back(
+    limited: pt.sensing.SensorLog, robot: pt.Robot
+) -> None:
+    motion, rows = MotionPackets(robot, sensors_text(limited)), sensor_rows(limited)
+    packets = motion.take(rows, 2000)
+    torque = packets[:, 1 + 3 * robot.dof + robot.index("left_plunge")]
+    largest = 0.1 * limited.sensors["ina226"].range  # A times 0.1 N m/A
+    assert np.nanmax(np.abs(torque)) < largest and 0.1 < np.isnan(torque).mean() < 0.9
+    assert motion.counts["out_of_range"] > 200 and motion.counts["late"] == 0
+    assert re.search(SATURATED, " ".join(motion.notes))
+    again = rows[: len(rows) // 2]
+    after = motion.take(again, 2000)
+    assert len(after) > 350 and after[-1, 0] == pytest.approx(again[-1, 0], abs=0.05)
+    assert np.abs(after[:, 1:4]).max() < 100.0
+    assert 9 <= motion.counts["late"] < 15  # rows, those of cameras alone too
+    assert motion.counts["clock_resets"] == 1 and motion.counts["lost_tracks"] == 0
+    motion._most = np.zeros((3, robot.dof))  # nothing is near enough
+    assert not len(motion.take(rows[len(again) :], 2000)) and motion.counts["lost_tracks"] > 0
+
+
+def changed(log: pt.sensing.SensorLog, name: str, change) -> list[str]:
+    """Doubts about a log, where the values of a sensor are changed."""
+    other = replace(log, readings={**log.readings, name: log[name].map(change)})
+    streams = streams_of(other, log.robot, {"prime_x_13": 4.2e-3})
+    narrow = replace(log.robot, lower=(-1.0,) * 14, upper=(1.0,) * 14)
+    return MotionPackets(narrow, sensors_text(log))._doubts(other, streams)
+
+
+def test_wrong_units_and_axes_are_doubted(log: pt.sensing.SensorLog) -> None:
+    flipped = np.array([1.0, -1.0, -1.0])  # z down
+    unit, camera = "icm_42688_p", "prime_x_13"
+    assert changed(log, unit, lambda values: values) == []
+    for name, change, words in (
+        (unit, lambda k: k * flipped, "a body that is carried feels up: check frame"),
+        (unit, lambda k: 1e3 * k if k.name == "angular_rate" else k, "is it in deg/s"),
+        (camera, lambda k: 1e3 * k if k.name == "position" else k, "is it in mm"),
+        ("as5600", np.rad2deg, "q.left_plunge reaches .* is it in degrees"),
+    ):
+        assert re.search(words, " ".join(changed(log, name, change)))
+
+
 def test_a_gap_of_a_motor_current_is_no_torque(log: pt.sensing.SensorLog, robot: pt.Robot) -> None:
     motion = MotionPackets(robot, sensors_text(log))
     for stamp in (0.0, 0.002, 0.1, 0.102):
-        motion._torque.add("ina226", stamp, np.full(8, 1.0))
+        motion._torque.add("ina226", stamp, np.full(8, 0.5))
     found = motion._torque.at(np.array([0.001, 0.05, 0.101, 0.2]))[:, robot.index("left_plunge")]
-    np.testing.assert_allclose(found, [0.1, np.nan, 0.1, np.nan])  # A times 0.1 N m/A
+    np.testing.assert_allclose(found, [0.05, np.nan, 0.05, np.nan])  # A times 0.1 N m/A
 
 
 def test_descriptions_that_cannot_be_used_are_refused(
@@ -143,6 +214,13 @@ def test_descriptions_that_cannot_be_used_are_refused(
     with pytest.raises(ParameterError, match="Euler angles for raw sensors"):
         MotionPackets(quaternion, text)
     strange = text.replace('"body": "body"', '"body": "tail"')
+    for words, said in (
+        (text.replace("Imu", "Gps"), "icm_42688_p: kind: expected one of Imu, Encoder, .*'Gps'"),
+        (text.replace('"rate"', '"rte"', 1), "keys of Imu: name, rate, .*did you mean rate"),
+        (text.replace('"rate": 500.0, ', "", 1), "icm_42688_p: expected the key rate"),
+    ):
+        with pytest.raises(LogError, match=said):
+            MotionPackets(robot, words)
     for words in ("", "[]", "{}", '{"sensors": 1}', text.replace("Imu", "Gps")):
         with pytest.raises(LogError, match="description of the sensors"):
             MotionPackets(robot, words)

@@ -7,7 +7,8 @@
  *
  * and a record [q, v, a; record of the pipeline; commands; whether commanded now; nanoseconds].
  * Records are NaN where there is none. Nothing is allocated. A sample that cannot be weighed, or
- * is later than now, is left out and counted; a motion that is not finite holds the last commands.
+ * is later than now, is left out and counted; a motion that is not finite holds the last commands,
+ * and so does a tick whose time falls or jumps: it is nothing but counted.
  */
 #define _POSIX_C_SOURCE 199309L
 #include <time.h>
@@ -268,9 +269,40 @@ static double now_ns(void) {
   return 1e9 * (double)t.tv_sec + (double)t.tv_nsec;
 }
 
+/* Whether the time of a tick neither fell nor jumped, or jumped for ten ticks that rise. */
+static int counts(autopilot *p, double time) {
+  if (!(time >= p->time)) {
+    p->late++;
+    return 0;
+  }
+  if (!(time - p->time <= p->memory)) {
+    p->again = p->again && time > p->ahead ? p->again + 1 : 1;
+    p->ahead = time;
+    if (!isfinite(time) || p->again < 10) {
+      p->held++;
+      return 0;
+    }
+  }
+  p->time = time;
+  p->again = 0;
+  return 1;
+}
+
+static void give(const autopilot *p, double *commanded) {
+  const regulator *r = p->regulator;
+  for (int i = 0; i < r->commands; i++)
+    commanded[i] = (r->neutral[i] + r->before[i]) / r->scale[i];
+}
+
 static void tick(autopilot *p, const double *row, double *record) {
   const int n = p->dof;
   const double time = row[0], *sample = row + 1;
+  if (!counts(p, time)) {
+    for (int k = 0; k < p->record; k++) record[k] = NAN;
+    give(p, record + 3 * n + p->learned);
+    record[p->record - 2] = 0;
+    return;
+  }
   for (int k = 0; k < p->sensors; sample += p->widths[k++]) {
     motion_track *tracks = p->track;
     if (isnan(sample[0])) continue;
@@ -295,8 +327,7 @@ static void tick(autopilot *p, const double *row, double *record) {
     r->held += *given == 0;
     r->next = (double)(llround(time / r->period) + 1) * r->period;
   }
-  for (int i = 0; i < r->commands; i++)
-    commanded[i] = (r->neutral[i] + r->before[i]) / r->scale[i];
+  give(p, commanded);
   p->ticks++;
 }
 

@@ -152,7 +152,7 @@ def motor_forces(
         raise ParameterError("name", "a motor current of the log", name)
     machine = log.robot if robot is None else robot
     columns = [machine.index(joint) for joint in joint_names(sensor.joints, machine)]
-    force = np.asarray(log[name]["current"].values) * sensor.force_per_current
+    force = sensor.in_range(log[name]["current"].values) * sensor.force_per_current
     found = _at(log[name], force, sensor.sample_std, motion, shift)
     shape = (len(motion["time"]), machine.dof)
     values, variance = np.full(shape, np.nan), np.zeros(shape)
@@ -178,7 +178,7 @@ def cell_wrench(log: SensorLog, motion: xr.Dataset, name: str, *, shift: float =
     cell = log.sensors.get(name)
     if not isinstance(cell, LoadCell):
         raise ParameterError("name", "a load cell of the log", name)
-    shown = np.asarray(log[name]["wrench"].values, float)
+    shown = cell.in_range(log[name]["wrench"].values)
     found = _at(log[name], shown, cell.sample_std, motion, shift)
     constant = np.concatenate([cell.force_bias, cell.moment_bias]) ** 2
     talk = np.zeros((6, 6)) if cell.cross_talk is None else np.asarray(cell.cross_talk) ** 2
@@ -420,11 +420,18 @@ def _at(
     """Signal smoothed at the times of a motion, with the noise of its spectrum where it is zero."""
     stamps = np.asarray(reading["time"].values, float) - shift
     times = np.asarray(motion["time"].values, float)
+    width = values.shape[1]
+    told = np.isfinite(values).sum(axis=0) > _ORDER
+    values, spread = values[:, told], np.full((2, len(times), width), np.nan)
     least = _LEAST * np.maximum(np.nanstd(values, axis=0), 1e-9)
-    noise = np.array(np.broadcast_to(std, least.shape), float)
+    noise = np.array(np.broadcast_to(std, width), float)[told]
     for k in np.flatnonzero(noise == 0):
         seen = np.isfinite(values[:, k])
         noise[k] = spectral_noise(stamps[seen], values[seen, k, None], _ORDER).std
     noise = np.fmax(noise, least)
-    found = smooth_series(stamps, values, noise, times, order=_ORDER)
-    return Measured(found.state[:, :, 0], found.covariance[:, :, 0, 0], noise)
+    if told.any():
+        found = smooth_series(stamps, values, noise, times, order=_ORDER)
+        spread[:, :, told] = found.state[:, :, 0], found.covariance[:, :, 0, 0]
+    every = np.full(width, np.nan)
+    every[told] = noise
+    return Measured(spread[0], spread[1], every)

@@ -36,6 +36,8 @@ _MOST_SAMPLES = 2000
 _COARSE = 2e-3
 """Step of the first search over shifts [s]."""
 _SWEEPS = 3
+_SPARSE = 100.0
+"""Span of a log over that of its samples from which its grid is not made."""
 
 
 @dataclass(frozen=True)
@@ -133,11 +135,16 @@ def _track(robot: Robot, stream: Stream) -> _Track | None:
     """Motion seen by one encoder or camera system alone; None for other sensors.
 
     Raises:
-        LogError: If cameras do not see the floating body.
+        LogError: If cameras do not see the floating body, or nearly all samples are missing.
     """
     model, base = stream.model, floating_base(robot)
     begin, end = stream.time[0], stream.time[-1]
-    step = min(float(np.median(np.diff(stream.time))), 1e-3)
+    median = float(np.median(np.diff(stream.time)))
+    if end - begin > _SPARSE * median * len(stream.time):
+        raise LogError(
+            f"{stream.name}: expected samples without long gaps, found {end - begin:g} s"
+        )
+    step = min(median, 1e-3)
     times = np.linspace(begin, end, 1 + round((end - begin) / step))
     if isinstance(model, EncoderModel):
         state = smooth_series(stream.time, stream.rows, model.std, times).state
@@ -260,7 +267,8 @@ class _Search:
         tracks = [self.tracks[name] for name in self.links[unit.name]]
         begin = max([unit.time[0], *(t.stream.time[0] for t in tracks)]) + self.largest
         end = min([unit.time[-1], *(t.stream.time[-1] for t in tracks)]) - self.largest
-        chosen = np.flatnonzero((unit.time > begin) & (unit.time < end))
+        whole = np.isfinite(unit.rows).all(axis=1)
+        chosen = np.flatnonzero((unit.time > begin) & (unit.time < end) & whole)
         if len(chosen) < 20:
             raise LogError(
                 f"{unit.name}: expected more than {2 * self.largest:g} s in common with "

@@ -442,7 +442,9 @@ def _dataset(robot: Robot, times: Array, fitted: MotionFits, log: SensorLog) -> 
         coordinates |= {"quaternion": list("wxyz"), "axis": list("xyz")}
     attributes = {"robot": robot.source, "robot_name": robot.name, "mount": log.mount}
     known &= ~fitted.open_times(times)
-    attributes["findings"] = json.dumps(motion_findings(fitted))
+    facts = motion_findings(fitted)
+    facts["notes"] += log.saturated().values()
+    attributes["findings"] = json.dumps(facts)
     variables["known"] = ("time", known, {})
     return xr.Dataset(variables, coordinates, attributes)
 

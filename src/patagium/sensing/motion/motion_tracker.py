@@ -135,7 +135,7 @@ class MotionTracker:
                     raise ParameterError(word, f"those of {', '.join(known)}", name, known)
         for name, values in (variances or {}).items():
             models[name].variances = real_array("variances", values, models[name].variances.shape)
-        self.rates = {name: sensors[name].rate for name in models}
+        self.sensors = {name: sensors[name] for name in models}
         self.widths = {name: model.width for name, model in models.items()}
         self.shifts = dict(shifts or {})
         streams = [Stream(name, m, np.zeros(0), np.zeros((0, 0))) for name, m in models.items()]
@@ -149,7 +149,7 @@ class MotionTracker:
         ]
 
     def __repr__(self) -> str:
-        return f"<MotionTracker of {self.robot.name}: {', '.join(self.rates)}>"
+        return f"<MotionTracker of {self.robot.name}: {', '.join(self.sensors)}>"
 
     @property
     def started(self) -> bool:
@@ -187,9 +187,9 @@ class MotionTracker:
             ShapeError: If the sample has another size.
             FilterDiverged: If the estimate is no longer finite.
         """
-        if name not in self.rates:
-            raise ParameterError("name", f"one of {', '.join(self.rates)}", name)
-        row = real_array("values", values, (self.widths[name],))
+        if name not in self.sensors:
+            raise ParameterError("name", f"one of {', '.join(self.sensors)}", name)
+        row = self.sensors[name].in_range(real_array("values", values, (self.widths[name],)))
         time = stamp - self.shifts.get(name, 0.0)
         for part in self.parts:
             if name in part.models:

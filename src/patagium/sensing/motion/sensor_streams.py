@@ -288,7 +288,7 @@ def streams_of(log: SensorLog, robot: Robot, shifts: Mapping[str, float]) -> lis
 
     Raises:
         ParameterError: If a shift is that of no sensor of the log.
-        LogError: If stamps do not advance, or no sensor sees motion.
+        LogError: If stamps do not advance or are not seconds, or no sensor sees motion.
     """
     for name in shifts:
         if name not in log.readings:
@@ -300,12 +300,26 @@ def streams_of(log: SensorLog, robot: Robot, shifts: Mapping[str, float]) -> lis
         kept = _advancing(stamps)
         if len(kept) < max(2, 0.5 * len(stamps)):
             raise LogError(f"{name}: expected stamps that advance, found {len(kept)} that do")
-        rows = model.rows(reading)[kept]
-        found.append(Stream(name, model, stamps[kept] - shifts.get(name, 0.0), rows))
+        stamps = stamps[kept]
+        _check_rate(name, stamps, log.sensors[name].rate)
+        rows = log.sensors[name].in_range(model.rows(reading)[kept])
+        found.append(Stream(name, model, stamps - shifts.get(name, 0.0), rows))
     if not found:
         held = ", ".join(log.readings) or "none"
         raise LogError(f"log: expected encoders, inertial units or cameras, found {held}")
     return found
+
+
+def _check_rate(name: str, stamps: Array, rate: float) -> None:
+    """Refuse stamps whose steps are far from those of the sensor, as another unit makes them."""
+    step = float(np.median(np.diff(stamps)))
+    if 0.1 < step * rate < 10.0:
+        return
+    units = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
+    near = next((word for word, size in units.items() if 0.2 < step * rate / size < 5.0), "")
+    hint = f"are the stamps in {near}?" if near else "stamp in seconds, and state the true rate"
+    expected = f"expected stamps {1 / rate:g} s apart (the sensor says {rate:g} Hz)"
+    raise LogError(f"{name}: {expected}, found {step:g} s: {hint}")
 
 
 def _advancing(stamps: Array) -> Indices:

@@ -89,6 +89,12 @@ class Imu(FramedSensor):
         """Standard deviation of a sample of the angular rate, (3,) [rad/s]."""
         return np.asarray(np.sqrt(self.rate / 2) * np.array(self.gyroscope_density, float))
 
+    @property
+    def limit(self) -> Array:
+        """Size at which each value saturates, (6,) [m/s^2, rad/s]; see `Sensor.limit`."""
+        ranges = self.accelerometer_range or np.inf, self.gyroscope_range or np.inf
+        return np.repeat(ranges, 3)
+
     def errors(self, robot: Robot, count: int, rng: np.random.Generator) -> tuple[Array, ...]:
         """Bias and noise of the specific force, then of the angular rate; see `Sensor.errors`."""
         found = []

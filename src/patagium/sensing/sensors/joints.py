@@ -111,6 +111,11 @@ class MotorCurrent(Sensor):
         super().__post_init__()
 
     @property
+    def limit(self) -> Array:
+        """Current at which it saturates [A]; see `Sensor.limit`."""
+        return np.asarray(np.inf if self.range is None else self.range)
+
+    @property
     def force_per_current(self) -> float:
         """Stated torque of a joint per current of its motor [N m/A]."""
         return self.gear_ratio * self.torque_constant

@@ -8,7 +8,6 @@ temperature, hysteresis.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -121,6 +120,12 @@ class LoadCell(FramedSensor):
         step = np.concatenate([self.force_step, self.moment_step])
         return np.asarray(np.hypot(white, step / np.sqrt(12.0)))
 
+    @property
+    def limit(self) -> Array:
+        """Size at which each value saturates, (6,) [N, N m]; see `Sensor.limit`."""
+        ranges = self.force_range, self.moment_range
+        return np.concatenate([np.broadcast_to(np.inf if k is None else k, 3) for k in ranges])
+
     def measure(self, scene: Scene, times: Array, rng: np.random.Generator) -> Reading:
         """Reading of a scene at given times, (N,) [s]; see `Sensor.measure`."""
         felt = self._felt(scene)
@@ -131,7 +136,7 @@ class LoadCell(FramedSensor):
             seen = seen + seen @ np.asarray(self.cross_talk).T
         bias = self._pair("bias") * rng.standard_normal(6)
         white = self._pair("std") * rng.standard_normal(seen.shape)
-        shown = stepped(limited(seen + bias + white, self._limit()), self._pair("step"))
+        shown = stepped(limited(seen + bias + white, self.limit), self._pair("step"))
         return Reading(
             {"wrench": Signal(("component",), "N or N m", shown)},
             {
@@ -143,12 +148,6 @@ class LoadCell(FramedSensor):
 
     def _pair(self, part: str) -> Array:
         return np.concatenate([getattr(self, f"force_{part}"), getattr(self, f"moment_{part}")])
-
-    def _limit(self) -> Any:
-        nothing = (np.inf,) * 3
-        force = self.force_range if self.force_range is not None else nothing
-        moment = self.moment_range if self.moment_range is not None else nothing
-        return np.concatenate([force, moment])
 
     def _felt(self, scene: Scene) -> Array:
         """Wrench in the cell's own axes at the samples of the flight, (N, 6) [N, N m]."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from patagium.sensing.sensors.joints import Encoder, MotorCurrent
 from patagium.sensing.sensors.load_cell import LoadCell
 from patagium.sensing.sensors.motion_capture import MotionCapture
 from patagium.sensing.sensors.scene import Scene
-from patagium.sensing.sensors.sensor import HIDDEN, Reading, Sensor, Signal
+from patagium.sensing.sensors.sensor import HIDDEN, Reading, Sensor, Signal, saturation
 from patagium.simulation.flight import robot_of
 
 
@@ -69,11 +69,19 @@ class SensorLog:
         """Name, stamp [s] and values of samples in order, as `MotionTracker.push` takes them."""
         found = []
         for name, reading in self.readings.items():
-            parts = [reading[kind].values for kind in _OF_MOTION if kind in reading]
-            rows = np.hstack(parts) if parts else np.zeros((0, 0))
+            rows = _rows(reading, _OF_MOTION)
             stamps = reading["time"].values.tolist()
             found += [(name, stamp, row) for stamp, row in zip(stamps, rows, strict=False)]
         return sorted(found, key=lambda one: one[1])
+
+    def saturated(self) -> dict[str, str]:
+        """Sentence on the saturated samples of each sensor that has some, by its name."""
+        found: dict[str, str] = {}
+        for name, reading in self.readings.items():
+            rows = _rows(reading, (*_OF_MOTION, "current", "wrench"))
+            count = int(self.sensors[name].saturated(rows).any(axis=1).sum()) if rows.size else 0
+            found |= {name: saturation(name, count, len(rows))} if count else {}
+        return found
 
     def without_truth(self) -> SensorLog:
         """Log without its truth, as a laboratory would have it."""
@@ -81,6 +89,12 @@ class SensorLog:
 
 
 _OF_MOTION = ("position", "quaternion", "specific_force", "angular_rate")
+
+
+def _rows(reading: xr.Dataset, kinds: Sequence[str]) -> Array:
+    """Values of each sample of a reading, side by side, (N, k)."""
+    parts = [reading[kind].values for kind in kinds if kind in reading]
+    return np.hstack(parts) if parts else np.zeros((0, 0))
 
 
 @checked
@@ -203,13 +217,25 @@ def load_sensor_log(path: str | Path) -> SensorLog:
         return SensorLog(readings, sensors, {}, robot, origin.get("mount", ""))
 
 
-def sensor_from(text: str) -> Sensor:
-    """Sensor whose description, as JSON, is `Sensor.describe`."""
-    known = json_object(text, "sensor")
-    kind = _KINDS[known.pop("kind")]
-    accepted = {entry.name for entry in fields(kind)}
-    given = {name: value for name, value in known.items() if name in accepted}
-    return kind(**{name: _frozen(value) for name, value in given.items()})
+def sensor_from(text: str, name: str = "sensor") -> Sensor:
+    """Sensor whose description, as JSON, is `Sensor.describe`; named so in errors.
+
+    Raises:
+        ParameterError: If its kind or a key is not known, or a key is missing.
+    """
+    known = json_object(text, name)
+    word = known.pop("kind", None)
+    kind = _KINDS.get(word) if isinstance(word, str) else None
+    if kind is None:
+        raise ParameterError(f"{name}: kind", f"one of {', '.join(_KINDS)}", word, _KINDS)
+    accepted = [entry.name for entry in fields(kind)]
+    for key in known:
+        if key not in accepted:
+            raise ParameterError(name, f"keys of {word}: {', '.join(accepted)}", key, accepted)
+    for entry in fields(kind):
+        if entry.default is MISSING and entry.name not in known:
+            raise ParameterError(name, f"the key {entry.name}", None)
+    return kind(**{name: _frozen(value) for name, value in known.items()})
 
 
 def _frozen(value: Any) -> Any:

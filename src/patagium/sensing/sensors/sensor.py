@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeAlias
 import numpy as np
 
 from patagium.arguments import check_fields
-from patagium.arrays import Array, real_array
+from patagium.arrays import Array, Bools, real_array
 from patagium.errors import ParameterError, ShapeError, finite, positive
 
 if TYPE_CHECKING:
@@ -28,6 +28,8 @@ UPRIGHT: Axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Orientation of a sensor whose axes are those of its body."""
 
 _NOISE = {"noise": True}
+_NEAR = 1.0 - 1e-3
+"""Share of a range from which a reading may be cut off: a converter of 12 bits ends there."""
 HIDDEN = ("clock_offset", "clock_drift", "delay")
 """Properties that a laboratory has to find out; the description of a sensor leaves them out."""
 
@@ -103,6 +105,27 @@ class Sensor:
                     raise ParameterError(entry.name, "zero or more", value)
         if not self.name:
             object.__setattr__(self, "name", type(self).__name__.lower())
+
+    @property
+    def limit(self) -> Array:
+        """Size at which the values of a sample saturate, (k,) or one for all; inf for no limit."""
+        return np.asarray(np.inf)
+
+    @property
+    def saturates(self) -> Array:
+        """Size from which values of a sample tell nothing, a little less than the limit."""
+        return np.asarray(_NEAR * self.limit)
+
+    def saturated(self, rows: Array) -> Bools:
+        """Whether values of samples, (N, k) or (k,), are at or beyond the range, and tell nothing.
+
+        Every sample that enters an estimate passes here, from a log or from a robot in flight.
+        """
+        return np.asarray(np.abs(rows) >= self.saturates)
+
+    def in_range(self, rows: Array) -> Array:
+        """Samples, (N, k) or (k,), in the units of the sensor; NaN where they are saturated."""
+        return np.where(self.saturated(rows), np.nan, rows)
 
     def scaled(self, factor: float) -> Self:
         """Sensor with every error multiplied by a factor.
@@ -244,6 +267,12 @@ def axes(name: str, value: Any) -> Axes:
     if not (turned and np.linalg.det(matrix) > 0):
         raise ParameterError(name, "a rotation", matrix.tolist())
     return tuple(tuple(float(x) for x in row) for row in matrix)
+
+
+def saturation(name: str, count: int, total: int) -> str:
+    """Sentence on the samples of a sensor that are at or beyond its range."""
+    share = f"{count / total:.1%} of the samples ({count} of {total})"
+    return f"{name}: {share} reach the end of its range, where it tells nothing: they are missing"
 
 
 def stepped(values: Array, step: Any) -> Array:

@@ -8,16 +8,29 @@ means over about 50 ms. Neglected: delays between sensors, lever arms, the Earth
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from patagium.arrays import Array
-from patagium.sensing.logs.axes import rotate, turning_rate
-from patagium.sensing.logs.importing.findings import GRAVITY, SECOND, Finding
+from patagium.sensing.logs.axes import continuous, rotate, slerp, turning_rate
+from patagium.sensing.logs.importing.findings import (
+    GRAVITY,
+    SECOND,
+    Finding,
+    ValueSurvey,
+    is_still,
+    sizes_of,
+    unit_findings,
+)
 from patagium.sensing.logs.importing.plan import Quantity
 from patagium.sensing.logs.importing.resample import Spool, TimeBase, resampled, stamps_in
+from patagium.sensing.motion.camera_faults import consistent_frames
+from patagium.sensing.motion.sensor_streams import ImuModel, Stream, first_camera
+from patagium.sensing.sensors import as_quaternion, from_quaternion
 
 _STRETCHES = 8
 _LENGTH = 4000
@@ -141,37 +154,43 @@ class _Stretches:
                     pieces.append((time[run], [values[run] for values, _ in parts]))
         return pieces
 
-    def means(self, values: Array) -> Array:
-        """Means over spans by the trapezoid rule, (m, n), in the unit of the values."""
-        count = (len(values) - 1) // self.span
-        whole = values[: count * self.span + 1]
-        middle = (whole[1:] + whole[:-1]) / 2
-        return np.asarray(middle.reshape(count, self.span, -1).mean(axis=1))
 
-    def ends(self, values: Array) -> Array:
-        """Values at the ends of the spans, (m + 1, n)."""
-        return values[:: self.span][: (len(values) - 1) // self.span + 1]
+def _means(values: Array, span: int) -> Array:
+    """Means over spans by the trapezoid rule, (m, n), in the unit of the values."""
+    count = (len(values) - 1) // span
+    whole = values[: count * span + 1]
+    middle = (whole[1:] + whole[:-1]) / 2
+    return np.asarray(middle.reshape(count, span, -1).mean(axis=1))
+
+
+def _ends(values: Array, span: int) -> Array:
+    """Values at the ends of the spans, (m + 1, n)."""
+    return values[::span][: (len(values) - 1) // span + 1]
 
 
 def _compare(
     looked: _Stretches, place: Quantity, rate: Quantity, *, turning: bool
 ) -> list[Finding]:
+    size = 1.0 if turning else place.si_factor / place.factor
+    si = rate.si_factor / rate.factor
+    pieces = [(t, where * size, shown * si) for t, (where, shown) in looked.of(place, rate)]
+    names = f"{place.column.label} and {rate.column.label}"
+    return _agreement(names, pieces, looked.span, turning=turning)
+
+
+def _agreement(
+    names: str, pieces: Sequence[tuple[Array, Array, Array]], span: int, *, turning: bool
+) -> list[Finding]:
+    """Finding that a place, or an attitude, of (time, place, rate) does not move as it says."""
     sums = _Sums()
-    for time, (where, measured) in looked.of(place, rate):
-        ends, stamps = looked.ends(where), looked.ends(time)
-        derived = (
-            turning_rate(stamps, ends)
-            if turning
-            else np.diff(ends, axis=0) / np.diff(stamps)[:, None]
-        )
-        si = measured * (rate.si_factor / rate.factor)
-        scale = 1.0 if turning else place.si_factor / place.factor
-        sums.add(derived * scale, looked.means(si))
+    for time, where, measured in pieces:
+        ends, stamps = _ends(where, span), _ends(time, span)
+        moved = turning_rate if turning else lambda t, x: np.diff(x, axis=0) / np.diff(t)[:, None]
+        sums.add(moved(stamps, ends), _means(measured, span))
     floor = 0.05 * np.sqrt(max(1, sums.count))  # rad/s or m/s: less is noise
     still = np.sqrt(sums.derived) < floor and np.sqrt(sums.measured) < floor
     if sums.count < 30 or still or not np.isfinite(sums.ratio):
         return []
-    names = f"{place.column.label} and {rate.column.label}"
     ratio, correlation = sums.ratio, sums.correlation
     facts = f"size ratio {ratio:.4g}, correlation {correlation:.2f}"
     for factor, words in _SLIPS[turning]:
@@ -209,10 +228,10 @@ def _forces(
         sums.total += world.sum(axis=0)
         sums.count += len(world)
         if speed is not None:
-            ends, stamps = looked.ends(parts[2]), looked.ends(time)
+            ends, stamps = _ends(parts[2], looked.span), _ends(time, looked.span)
             ends = ends * (speed.si_factor / speed.factor)
             change = np.diff(ends, axis=0) / np.diff(stamps)[:, None]
-            less = looked.means(world) - np.array([0.0, 0.0, GRAVITY]) - change
+            less = _means(world, looked.span) - np.array([0.0, 0.0, GRAVITY]) - change
             sums.offset += less.sum(axis=0)
             sums.residual += (less**2).sum(axis=0)
             sums.change += (change**2).sum(axis=0)
@@ -249,6 +268,63 @@ def _gravity_findings(name: str, attitude: str, mean: Array) -> list[Finding]:
         text = f"the mean in the world is ({components}) m/s^2, far from upright"
         return [Finding("warning", where, "axes", f"{text}: check frame, body, order, inverted")]
     return []
+
+
+def sensor_findings(streams: Sequence[Stream]) -> list[Finding]:
+    """Findings about units and axes of the inertial units and cameras of a floating body.
+
+    Args:
+        streams: Samples of its sensors, on one clock.
+    """
+    found: list[Finding] = []
+    camera = first_camera(streams)
+    if camera is not None:
+        found += _sized(f"{camera.name}.position", camera.rows[:, :3], "m")
+    for unit in streams:
+        if not (isinstance(unit.model, ImuModel) and unit.model.frame.on_base):
+            continue
+        for k, (kind, si) in enumerate((("specific_force", "m/s^2"), ("angular_rate", "rad/s"))):
+            found += _sized(f"{unit.name}.{kind}", unit.rows[:, 3 * k : 3 * k + 3], si)
+        if camera is not None and not any(unit.name in one.where for one in found):
+            found += _seen_by(camera, unit)
+    return found
+
+
+def _sized(where: str, rows: Array, si: str) -> list[Finding]:
+    """Finding that values, (N, 3), do not have the size that their unit suggests."""
+    values = ValueSurvey(rows.shape[1])
+    values.add(rows)
+    if not values.count.all():
+        return []
+    sizes = sizes_of(values, range(rows.shape[1]), si)
+    return unit_findings(where, sizes, still=is_still(sizes))
+
+
+def _seen_by(camera: Stream, unit: Stream) -> list[Finding]:
+    """Finding that an inertial unit turns, or is carried, another way than cameras see."""
+    frame, own = camera.model.frame, unit.model.frame  # type: ignore[attr-defined]
+    used, _ = consistent_frames(camera)
+    frames = camera.time[used]
+    if not frame.on_base or len(frames) < 2:
+        return []
+    inside = (unit.time >= frames[0]) & (unit.time <= frames[-1])
+    inside &= np.isfinite(unit.rows).all(axis=1)
+    time, rows = unit.time[inside], unit.rows[inside]
+    if len(time) < 2:
+        return []
+    seen = as_quaternion(
+        from_quaternion(camera.rows[used, 3:]) * Rotation.from_matrix(frame.mount.T)
+    )
+    attitude = slerp(frames, continuous(seen), time)
+    force, rate = rows[:, :3] @ own.mount.T, rows[:, 3:] @ own.mount.T
+    names = f"{camera.name} and {unit.name}"
+    span = max(1, round(_SPAN / float(np.median(np.diff(time)))))
+    mean = rotate(attitude, force).mean(axis=0)
+    carried = _LEAST * GRAVITY < np.linalg.norm(mean) < GRAVITY / _LEAST
+    found = _agreement(names, [(time, attitude, rate)], span, turning=True)
+    if mean[2] < 0 and carried and not found:  # a start by hand or a turn may lean, never hang
+        found += _gravity_findings(unit.name, camera.name, mean)
+    return found
 
 
 def _down_findings(force: Quantity, spool: Spool) -> list[Finding]:
