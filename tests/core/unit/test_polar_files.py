@@ -21,8 +21,8 @@ XFOIL = """
 
    alpha    CL        CD       CDp       CM     Top_Xtr  Bot_Xtr
   ------ -------- --------- --------- -------- -------- --------
-   4.000   0.4300   0.00870   0.00260   0.0010   0.3000   0.9900
-  -4.000  -0.4300   0.00870   0.00260  -0.0010   0.9900   0.3000
+   8.000   0.8590   0.00870   0.00260   0.0010   0.3000   0.9900
+  -8.000  -0.8590   0.00870   0.00260  -0.0010   0.9900   0.3000
    0.000   0.0000   0.00650   0.00130   0.0000   0.6000   0.6000
 """
 
@@ -31,11 +31,11 @@ def test_a_polar_of_xfoil_makes_a_section(tmp_path: Path) -> None:
     file = tmp_path / "naca0012.txt"
     file.write_text(XFOIL)
     table = pt.air.read_polar(file)
-    assert np.allclose(np.degrees(table.angle), [-4, 0, 4])
+    assert np.allclose(np.degrees(table.angle), [-8, 0, 8])
     assert np.allclose(table.drag, [0.0087, 0.0065, 0.0087])
     assert table.moment is not None and np.allclose(table.moment, [-0.001, 0, 0.001])
     section = pt.air.measured_section(*table)
-    assert section.lift_slope == pytest.approx(0.43 / np.sin(np.radians(4)))
+    assert section.lift_slope == pytest.approx(0.859 / np.sin(np.radians(8)))
     measured = np.isin(section.stalled.angle, table.angle)
     assert np.allclose(np.array(section.static_moment)[measured], table.moment)
 
@@ -58,6 +58,28 @@ def test_a_polar_that_ends_early_goes_on_as_a_plate() -> None:
         assert np.allclose((1 - share) * attached + side * share * found, wanted)
     moments = np.abs(np.diff(section.static_moment))
     assert moments.max() < 0.1 and abs(section.static_moment[-1]) == pytest.approx(2.01 * 0.175)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("first", [-2.0, 0.0])
+def test_the_missing_side_of_a_symmetric_section_is_its_mirror_image(
+    side: int, first: float
+) -> None:
+    degrees = np.arange(-15.0, 16.0)
+    angle, lift = np.radians(degrees), 1.1 * np.tanh(degrees / 9)
+    whole = lift, 0.01 + lift**4 / 20, -0.01 * lift
+    given = side * degrees >= first
+    both = pt.air.measured_section(angle, *whole)
+    with pytest.warns(UserWarning, match=f"ends at {0 - first:.3g} degrees; the other side is taken"):
+        one = pt.air.measured_section(angle[given], *(column[given] for column in whole))
+    assert np.allclose(one.parameters, both.parameters)
+
+
+def test_a_side_that_ends_before_its_stall_is_refused() -> None:
+    degrees = np.arange(-5.0, 16.0)
+    lift = 6.0 * np.sin(np.radians(degrees + 3.0))
+    with pytest.raises(PatagiumError, match=r"both sides.*aseq.*found '-5 to 15, no lift at -3 deg"):
+        pt.air.measured_section(np.radians(degrees), lift, 0.01 + 0 * lift)
 
 
 def test_columns_are_found_by_name_and_a_moment_may_be_missing(tmp_path: Path) -> None:
