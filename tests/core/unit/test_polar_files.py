@@ -70,7 +70,9 @@ def test_the_missing_side_of_a_symmetric_section_is_its_mirror_image(
     whole = lift, 0.01 + lift**4 / 20, -0.01 * lift
     given = side * degrees >= first
     both = pt.air.measured_section(angle, *whole)
-    with pytest.warns(UserWarning, match=f"ends at {0 - first:.3g} degrees; the other side is taken"):
+    with pytest.warns(
+        UserWarning, match=f"ends at {0 - first:.3g} degrees; the other side is taken"
+    ):
         one = pt.air.measured_section(angle[given], *(column[given] for column in whole))
     assert np.allclose(one.parameters, both.parameters)
 
@@ -78,7 +80,9 @@ def test_the_missing_side_of_a_symmetric_section_is_its_mirror_image(
 def test_a_side_that_ends_before_its_stall_is_refused() -> None:
     degrees = np.arange(-5.0, 16.0)
     lift = 6.0 * np.sin(np.radians(degrees + 3.0))
-    with pytest.raises(PatagiumError, match=r"both sides.*aseq.*found '-5 to 15, no lift at -3 deg"):
+    with pytest.raises(
+        PatagiumError, match=r"both sides.*aseq.*found '-5 to 15, no lift at -3 deg"
+    ):
         pt.air.measured_section(np.radians(degrees), lift, 0.01 + 0 * lift)
 
 
