@@ -44,7 +44,7 @@ class QuasiSteady(Aerodynamics):
         lift = 1/2 rho A |v| sgn(a) C_L(|a|) sgn(v_f) (-v_n, v_f),
 
     so F . v = -1/2 rho A |v|^3 C_D <= 0. The force point is a quarter chord ahead of
-    mid-chord moving forward, behind it moving backward. Signs and |v| are smoothed
+    mid-chord moving forward, behind it moving backward. sgn(v_f) and |v| are smoothed
     within `smooth_functions.SWITCH_SPEED` of zero, the equations exact beyond. The rotational
     term adds circulation C_rot c^2 w of the pitching strip by Kutta-Joukowski,
     rho C_rot c^2 w width (-v_n, v_f) (leading edge rising at w): perpendicular to v,

@@ -50,8 +50,8 @@ def section_history(
 
     Splines through the given motion drive the section; the states of the model begin at zero and
     follow by the Runge-Kutta method of order four, from time to time in steps that are halved until
-    it agrees with that of twice the step within 1e-6 of 1 + |state|: its own error is a fifteenth of
-    that. Coefficients are over the dynamic pressure of the mean airspeed.
+    two agree with one of twice the length within 1e-6 of 1 + |state|. Coefficients are over the
+    dynamic pressure of the mean airspeed.
 
     Args:
         model: Makes the model of the air for the section, as `LiftingLine` itself does.

@@ -85,6 +85,20 @@ def test_coefficients_follow_the_incidence(polar: object, degrees: float, direct
     assert float(drag) == pytest.approx(expected[1], rel=1e-13)
 
 
+@pytest.mark.parametrize("speed", [0.2, 0.5, 2.0, 30.0])
+@pytest.mark.parametrize("degrees", [0.3, 1.5, 6.0, 40.0])
+def test_published_coefficients_are_the_same_at_any_speed(speed: float, degrees: float) -> None:
+    polar, angle = DickinsonPolar(), np.radians(degrees)
+    values = ca.DM(polar.parameters)
+    slow, at_one = (
+        polar.coefficients(
+            section_flow(ca.DM(u * np.cos(angle)), ca.DM(-u * np.sin(angle))), values
+        )
+        for u in (speed, 1.0)
+    )
+    assert [float(x) for x in slow] == pytest.approx([float(x) for x in at_one], rel=1e-12)
+
+
 def test_smooth_polar_is_the_fit_of_the_published_one() -> None:
     a = np.linspace(0, np.pi / 2, 1001)
     lift = 0.225 + 1.58 * np.sin(2.13 * a - np.radians(7.2))
