@@ -192,14 +192,33 @@ def test_a_registered_polar_is_read_again_and_keeps_its_name() -> None:
 
 def test_the_force_point_stays_where_it_is_said_to() -> None:
     robot = load_robot_text(FLAPPER)
-    fixed = QuasiSteady(robot, force_point_switches=False)
-    switching = aero_from_description(robot, fixed.describe() | {"force_point_switches": True})
+    fixed = QuasiSteady(robot, force_point="fixed")
     assert aero_from_description(robot, fixed.describe()) == fixed
-    old = {key: value for key, value in fixed.describe().items() if "switches" not in key}
-    assert aero_from_description(robot, old) == switching  # flights older than the choice
+    old = {key: value for key, value in fixed.describe().items() if key != "force_point"}
+    switching = aero_from_description(robot, old)  # flights older than the choice
+    assert aero_from_description(robot, old | {"force_point_switches": False}) == fixed
+    with pytest.warns(DeprecationWarning, match="force_point='switching'"):
+        assert QuasiSteady(robot, force_point_switches=True) == switching
+    with pytest.raises(ParameterError, match="force_point: expected"):
+        QuasiSteady(robot, force_point="behind")  # type: ignore[arg-type]
     q = robot.coordinates()
     for speed, apart in ((3.0, 0.0), (-3.0, 0.04)):  # half the chord of 8 cm when moving backward
         v = robot.velocities(x=speed, z=-0.5)
         ahead = [aero.strips(q, v)["strip_point"][0, 0] for aero in (fixed, switching)]
         assert ahead[0] == pytest.approx(0.0, abs=1e-12)
         assert ahead[0] - ahead[1] == pytest.approx(apart, abs=1e-12)
+
+
+def test_a_force_point_that_moves_goes_with_the_incidence_without_a_jump() -> None:
+    robot = load_robot_text(FLAPPER)
+    moving, chord = QuasiSteady(robot, polar=ReynoldsPolar(), force_point="moving"), 0.08
+    places = []
+    for degrees in (*range(10, 90, 10), *np.linspace(85.0, 95.0, 41)):
+        angle = np.radians(degrees)
+        v = robot.velocities(x=2.0 * np.cos(angle), z=-2.0 * np.sin(angle))
+        point = moving.strips(robot.coordinates(), v)["strip_point"][0, 0]
+        places.append(0.25 - point / chord)  # behind the leading edge
+        if degrees < 86:
+            assert places[-1] == pytest.approx(0.05 + 0.82 * degrees / 180, abs=1e-9)  # Dickson
+    assert np.abs(np.diff(places[8:])).max() < 0.02
+    assert places[28] == pytest.approx(0.5, abs=1e-9)  # across the flow: mid-chord
