@@ -336,16 +336,22 @@ class TablePolar(Polar):
 
     def __post_init__(self) -> None:
         check_fields(self)
-        angle = np.array(self.angle)
-        expected = "two or more ascending angles within -pi/2..pi/2, as many lifts and drags >= 0"
-        expected += f", all of {_LARGEST:g} at most"
-        self.require(
-            len(self.angle) == len(self.lift) == len(self.drag) >= 2
-            and bool((np.diff(angle) > 0).all() and np.abs(angle).max() <= pi / 2 + 1e-9)
-            and min(self.drag) >= 0
-            and np.abs([self.lift, self.drag]).max() <= _LARGEST,
-            expected,
-        )
+        columns = [self.angle, self.lift, self.drag]
+        counts = [len(column) for column in columns]
+        if not counts[0] == counts[1] == counts[2] >= 2:
+            expected = "two or more angles, as many lifts and drags"
+            raise ParameterError("polar table", expected, counts)
+        angle, lift, drag = np.array(columns, float)
+        within = (np.abs(angle) <= pi / 2 + 1e-9) & (np.diff(angle, prepend=-np.inf) > 0)
+        sound = within & (drag >= 0) & (np.maximum(np.abs(lift), drag) <= _LARGEST)
+        if not sound.all():
+            k = int(np.argmin(sound))
+            expected = (
+                "ascending angles from -90 to 90 degrees (a section that moves backward is its"
+            )
+            expected += f" mirror image), drags >= 0, coefficients of {_LARGEST:g} at most"
+            found = f"{np.degrees(angle[k]):.4g} degrees, C_L {lift[k]:.4g}, C_D {drag[k]:.4g}"
+            raise ParameterError(f"polar table: point {k + 1}", expected, found)
 
     @property
     def structure(self) -> str:

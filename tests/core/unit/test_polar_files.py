@@ -117,6 +117,8 @@ def test_a_unit_shifts_no_column_and_an_empty_cell_leaves_its_row_out(
         ("alpha CL CD\n1 0.1 0.01\n", "two or more rows"),
         ("alpha CL CD\n1 .1 .01\n2 .2 .01\nalpha CD CL\n3 .01 .3\n", "one header.*found 2"),
         ("alpha [turn],CL,CD\n0,0,.01\n1,.1,.01\n", r"\[deg\] or \[rad\], found turn"),
+        ("alpha;CL;CD\n0,0;0,0;0,01\n1,0;,1;,01\n", "found columns apart by semicolons"),
+        ("alpha,CL,CD\n-.1,-.6,.01\n.1,.6,.01\n", r"alpha: expected degrees.*alpha \[rad\]"),
         ("alpha,Re,CL,CD\n0,5e4,0,.01\n1,2e5,.1,.01\n", "one Reynolds number, found 2e5, 5e4"),
     ],
 )
@@ -149,3 +151,26 @@ def test_a_polar_that_the_air_does_not_take_is_refused(verb: str, air: str, caps
         run([verb, "aerobat", "--aero", air, "--polar", polar])
     assert left.value.code == 2
     assert "--polar: expected dickinson or reynolds" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("degrees", "drag", "said"),
+    [
+        ((-8.0, 0.0, 8.0), -0.01, r"point 2: expected .*drags >= 0.*found '0 degrees, C_L 0.1"),
+        ((-180.0, 0.0, 8.0), 0.01, "point 1: expected ascending angles from -90.*'-180 degrees"),
+        ((0.0, -8.0, 8.0), 0.01, "point 2: expected ascending"),
+    ],
+)
+def test_the_point_that_no_polar_has_is_named(
+    degrees: tuple[float, ...], drag: float, said: str
+) -> None:
+    with pytest.raises(PatagiumError, match=said):
+        pt.air.TablePolar(tuple(np.radians(degrees)), (0.0, 0.1, 0.2), (0.02, drag, 0.02))
+    with pytest.raises(PatagiumError, match=r"two or more angles.*found \[3, 2, 3\]"):
+        pt.air.TablePolar(tuple(np.radians(degrees)), (0.0, 0.1), (0.02, drag, 0.02))
+
+
+def test_an_option_without_its_number_is_told_what_one_is(capsys) -> None:
+    with pytest.raises(SystemExit):
+        run(["simulate", "aerobat", "--added-mass", "-o", "x.nc"])
+    assert "--added-mass: expected a number such as 1, found '-o'" in capsys.readouterr().err
