@@ -9,6 +9,7 @@ serves, and damped where it does not converge otherwise. Neglected: step-size co
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -39,6 +40,10 @@ def rate_jacobian(rate: Callable[[Array], Any], state: Array) -> Array:
         return np.stack([(ahead - behind) for ahead, behind in ends], axis=1) / (2 * sizes)
 
 
+def _at_place(rate: Rate, place: int, state: Array) -> Array:
+    return rate(state, place)
+
+
 class LobattoStep:
     """One step of Lobatto IIIC after the other, with the factors of the last one."""
 
@@ -60,8 +65,8 @@ class LobattoStep:
             return np.asarray(time_step * _STAGES @ rates - changes)
 
         def renew(changes: Array) -> bool:
-            reached = enumerate(state + changes)
-            slopes = [rate_jacobian(lambda x, k=k: rate(x, place + k), one) for k, one in reached]
+            reached = enumerate(state + changes, place)
+            slopes = [rate_jacobian(partial(_at_place, rate, k), one) for k, one in reached]
             if not np.isfinite(slopes).all():
                 return False
             size = 3 * state.size
