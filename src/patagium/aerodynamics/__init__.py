@@ -4,7 +4,7 @@ from patagium.aerodynamics.added_mass import AddedMass
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.delaurier import DeLaurier
 from patagium.aerodynamics.gusts import DrydenGust, OneMinusCosineGust, RampGust, TravelingGust
-from patagium.aerodynamics.indicial import Indicial, fitted_indicial
+from patagium.aerodynamics.indicial import FOUR_STATE, Indicial, fitted_indicial
 from patagium.aerodynamics.inflow import Inflow
 from patagium.aerodynamics.learned_air import LearnedAir
 from patagium.aerodynamics.lifting_line import LiftingLine, StateSpace
@@ -36,6 +36,7 @@ __all__ = [
     "DeLaurier",
     "DickinsonPolar",
     "DrydenGust",
+    "FOUR_STATE",
     "Indicial",
     "Inflow",
     "LearnedAir",

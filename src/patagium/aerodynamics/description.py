@@ -23,7 +23,7 @@ from patagium.plugins import AIR_MODELS, plugin
 from patagium.robot.model import Robot
 
 _KEYS = {
-    QuasiSteady.name: {"air", "polar", "rotational", "force_point_switches"},
+    QuasiSteady.name: {"air", "polar", "rotational", "force_point"},
     DeLaurier.name: {"air", *NUMBERS},
     LiftingLine.name: {"air", "lags", "section", "surface_constant", "stall_delay"},
 }
@@ -58,7 +58,8 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
     if name == LiftingLine.name:
         values.setdefault("stall_delay", None)  # flights older than it have none
     if name == QuasiSteady.name:
-        values.setdefault("force_point_switches", True)  # likewise
+        switches = values.pop("force_point_switches", True)  # of flights of 0.2 and before
+        values.setdefault("force_point", "switching" if switches else "fixed")
     check_keys(f"model {name}", values, _KEYS[name])
     air = air_from_description(values["air"])
     if name == DeLaurier.name:

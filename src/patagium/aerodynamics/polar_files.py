@@ -19,6 +19,7 @@ from patagium.reading import text_of
 
 _COLUMNS = ("alpha", "cl", "cd", "cm")
 _LARGEST = 1 << 24  # B
+_STEEP = 0.3  # 1/degree, of C_L over a whole polar: nearly three times a thin section's
 
 
 class PolarTable(NamedTuple):
@@ -49,14 +50,16 @@ def read_polar(path: str | Path) -> PolarTable:
 
     Raises:
         Unreadable: If the file cannot be read, has not one header with alpha, CL and CD and two
-            rows of numbers after it, or has several Reynolds numbers.
+            rows of numbers after it, has several Reynolds numbers, or angles in radians unsaid.
     """
     lines = text_of(path, _LARGEST).splitlines()
     headers = [_header(line) for line in lines]
     firsts = [k for k, names in enumerate(headers) if {*_COLUMNS[:3]} <= {*names}]
     if len(firsts) != 1:
         expected = "one header that names the columns alpha, CL and CD"
-        raise Unreadable(str(path), "", expected, str(len(firsts) or "none"))
+        apart = any(";" in line and "alpha" in line.lower() for line in lines)
+        remedy = "columns apart by semicolons; put commas there, and points in the numbers"
+        raise Unreadable(str(path), "", expected, remedy if apart else str(len(firsts) or "none"))
     names, comma = headers[firsts[0]], "," in lines[firsts[0]]
     unit = names["alpha"][1]
     wanted = [name for name in _COLUMNS if name in names]
@@ -81,6 +84,9 @@ def read_polar(path: str | Path) -> PolarTable:
     if len(kept) < 2:
         raise Unreadable(str(path), "", "two or more rows of numbers", f"{len(kept)}")
     angle, lift, drag, *moment = table[kept].T
+    if not unit and np.ptp(lift) > _STEEP * np.ptp(angle):
+        rises = f"C_L {np.ptp(lift):.3g} higher in {np.ptp(angle):.3g} degrees"
+        raise Unreadable(str(path), "alpha", "degrees, or a column alpha [rad]", rises)
     angle = angle if unit[:3] == "rad" else np.radians(angle)
     return PolarTable(angle, lift, drag, moment[0] if moment else None)
 

@@ -114,6 +114,9 @@ def section_flow(forward: Any, normal: Any, chord: Any = 1.0) -> SectionFlow:
 
 _Kind = TypeVar("_Kind", bound="Polar")
 _SMALL = (-radians(5.0), radians(5.0))  # angle of the velocity: incidence of the other sign
+_BAND = 0.02
+"""Sine of the incidence (1.1 degrees) within which its sign is smoothed: a share of the speed, so
+that coefficients are those of the incidence at any speed beyond `SWITCH_SPEED`."""
 
 
 @runtime_checkable
@@ -155,8 +158,8 @@ class Polar(Protocol):
     def downwash_factor(self, parameters: Any) -> Any:
         """Angle of downwash over C_L that the polar holds already, scalar [rad].
 
-        1/a - 1/(2 pi), a the slope of C_L within 5 degrees of zero (of a meter at 1 m/s): what was
-        measured on a wing that ends is flatter than a section's by what its tip vortices induce.
+        1/a - 1/(2 pi), a the slope of C_L within 5 degrees of zero: what was measured on a wing
+        that ends is flatter than a section's by what its tip vortices induce.
 
         Args:
             parameters: Values or symbols in the order of `parameter_names`.
@@ -185,7 +188,7 @@ class DickinsonPolar(Polar):
 
     C_L = lift_offset + lift_amplitude sin(lift_rate a - lift_phase),
     C_D = drag_offset - drag_amplitude cos(drag_rate a - drag_phase), 0 <= a <= pi/2;
-    for other incidences C_L(|a|) sgn(a) and C_D(|a|), the signs smoothed.
+    for other incidences C_L(|a|) sgn(a) and C_D(|a|), sgn(a) smoothed where |sin a| < .02.
 
     Args:
         lift_offset: Constant of C_L.
@@ -219,7 +222,7 @@ class DickinsonPolar(Polar):
 
     def coefficients(self, flow: SectionFlow, parameters: Any) -> tuple[Any, Any]:
         """Coefficient of lift along (-normal, forward) velocity, and of drag."""
-        normal_sign = smooth_sign(flow.normal)
+        normal_sign = smooth_sign(flow.normal, _BAND * flow.speed)
         magnitude = -flow.angle_of_attack * normal_sign
         lift = -normal_sign * flow.forward_sign * self.lift(magnitude, parameters)
         return lift, self.drag(magnitude, parameters)
@@ -333,16 +336,22 @@ class TablePolar(Polar):
 
     def __post_init__(self) -> None:
         check_fields(self)
-        angle = np.array(self.angle)
-        expected = "two or more ascending angles within -pi/2..pi/2, as many lifts and drags >= 0"
-        expected += f", all of {_LARGEST:g} at most"
-        self.require(
-            len(self.angle) == len(self.lift) == len(self.drag) >= 2
-            and bool((np.diff(angle) > 0).all() and np.abs(angle).max() <= pi / 2 + 1e-9)
-            and min(self.drag) >= 0
-            and np.abs([self.lift, self.drag]).max() <= _LARGEST,
-            expected,
-        )
+        columns = [self.angle, self.lift, self.drag]
+        counts = [len(column) for column in columns]
+        if not counts[0] == counts[1] == counts[2] >= 2:
+            expected = "two or more angles, as many lifts and drags"
+            raise ParameterError("polar table", expected, counts)
+        angle, lift, drag = np.array(columns, float)
+        within = (np.abs(angle) <= pi / 2 + 1e-9) & (np.diff(angle, prepend=-np.inf) > 0)
+        sound = within & (drag >= 0) & (np.maximum(np.abs(lift), drag) <= _LARGEST)
+        if not sound.all():
+            k = int(np.argmin(sound))
+            expected = (
+                "ascending angles from -90 to 90 degrees (a section that moves backward is its"
+            )
+            expected += f" mirror image), drags >= 0, coefficients of {_LARGEST:g} at most"
+            found = f"{np.degrees(angle[k]):.4g} degrees, C_L {lift[k]:.4g}, C_D {drag[k]:.4g}"
+            raise ParameterError(f"polar table: point {k + 1}", expected, found)
 
     @property
     def structure(self) -> str:

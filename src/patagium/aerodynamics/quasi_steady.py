@@ -7,9 +7,10 @@ flow (Wagner, dynamic stall), induced velocity, added mass, flow along the span.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import warnings
+from dataclasses import InitVar, dataclass, field
 from math import pi
-from typing import Any
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -19,7 +20,7 @@ from patagium.aerodynamics.ground import strip_ground_shares
 from patagium.aerodynamics.local_flow import StripMotion, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.polars import DickinsonPolar, Polar, section_flow
-from patagium.aerodynamics.smooth_functions import smooth_sign
+from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.trailing_vortices import spans_and_areas
 from patagium.arguments import check_fields
@@ -44,7 +45,7 @@ class QuasiSteady(Aerodynamics):
         lift = 1/2 rho A |v| sgn(a) C_L(|a|) sgn(v_f) (-v_n, v_f),
 
     so F . v = -1/2 rho A |v|^3 C_D <= 0. The force point is a quarter chord ahead of
-    mid-chord moving forward, behind it moving backward. Signs and |v| are smoothed
+    mid-chord moving forward, behind it moving backward. sgn(v_f) and |v| are smoothed
     within `smooth_functions.SWITCH_SPEED` of zero, the equations exact beyond. The rotational
     term adds circulation C_rot c^2 w of the pitching strip by Kutta-Joukowski,
     rho C_rot c^2 w width (-v_n, v_f) (leading edge rising at w): perpendicular to v,
@@ -56,11 +57,15 @@ class QuasiSteady(Aerodynamics):
         air: Density, wind and gusts.
         polar: Section coefficients.
         rotational: Whether pitching adds circulation.
-        force_point_switches: Whether the force point is behind mid-chord moving backward; else
-            it stays a quarter chord ahead of it, as models of insects have it in their hinge axis.
+        force_point: Where the force acts. "switching": as above. "fixed": a quarter chord ahead of
+            mid-chord, as models of insects have it in their hinge axis. "moving": .82 |a|/pi + .05
+            of the chord behind the edge that leads, a that of mid-chord, for wings that turn by
+            themselves on a hinge.
+        force_point_switches: Deprecated: True for "switching", False for "fixed".
 
     References:
         Dickinson, Lehmann & Sane (1999), Science 284, 1954-1960.
+        Dickson, Straw, Poelma & Dickinson (2006), AIAA 2006-34 (force point that moves).
         Sane & Dickinson (2002), J. Exp. Biol. 205, 1087-1096 (rotational term).
     """
 
@@ -68,11 +73,17 @@ class QuasiSteady(Aerodynamics):
     air: Air = field(default_factory=Air)
     polar: Polar = field(default_factory=DickinsonPolar)
     rotational: bool = False
-    force_point_switches: bool = True
+    force_point: Literal["switching", "fixed", "moving"] = "switching"
+    force_point_switches: InitVar[bool | None] = None
 
     name = "quasi_steady"
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, force_point_switches: bool | None) -> None:
+        if force_point_switches is not None:
+            word = "switching" if force_point_switches else "fixed"
+            said = f"force_point_switches: expected force_point={word!r}, which takes its place"
+            warnings.warn(said, DeprecationWarning, stacklevel=3)
+            object.__setattr__(self, "force_point", word)
         check_fields(self)
 
     @property
@@ -83,10 +94,10 @@ class QuasiSteady(Aerodynamics):
     @property
     def structure(self) -> str:
         """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
-        fixed = "" if self.force_point_switches else " fixed force point"
+        point = "" if self.force_point == "switching" else f" {self.force_point} force point"
         ground = " ground" if self.air.ground_parameters else ""
         shape = f"{self.polar.structure} rotational={self.rotational}"
-        return f"{self.name} {shape}{fixed}{ground}"
+        return f"{self.name} {shape}{point}{ground}"
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -109,7 +120,7 @@ class QuasiSteady(Aerodynamics):
             "air": self.air.describe(),
             "polar": self.polar.describe(),
             "rotational": self.rotational,
-            "force_point_switches": self.force_point_switches,
+            "force_point": self.force_point,
         }
 
     def expressions(
@@ -129,9 +140,13 @@ class QuasiSteady(Aerodynamics):
     def _load(self, motion: StripMotion, parameters: ca.SX, ground: Any = 0.0) -> StripLoad:
         strip, density = motion.strip, parameters[0]
         polar = parameters[1 : 1 + len(self.polar.parameter_names)]
-        ahead = ca.SX(0.0)
-        if self.force_point_switches:
-            ahead = (smooth_sign(motion.forward) - 1.0) * (strip.chord / 4)
+        ahead, side = ca.SX(0.0), smooth_sign(motion.forward)
+        if self.force_point != "fixed":
+            ahead = (side - 1.0) * (strip.chord / 4)
+        if self.force_point == "moving":
+            middle = section_flow(motion.forward, motion.normal_ahead(-strip.chord / 4))
+            size = smooth_norm(middle.angle_of_attack**2, 0.02)
+            ahead = ahead + side * (0.2 - 0.82 / pi * size) * strip.chord
         factor, own = self.polar.downwash_factor(polar), ca.SX(0.0)
         for _ in range(_ROUNDS if self.air.ground_parameters else 1):
             normal = motion.normal_ahead(ahead) - ground * own

@@ -28,6 +28,10 @@ _SPAN = 1e6
 """Span of the wing without end [chords]."""
 _AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _AHEAD, _UP, _PITCH = 0, 2, 4
+_TOLERANCE = 1e-6
+"""Difference of one Runge-Kutta step and two halves, over 1 + |state|."""
+_HALVED = 20
+"""Times that a step may be halved."""
 
 
 @checked
@@ -45,8 +49,9 @@ def section_history(
     """Coefficients of a section over time.
 
     Splines through the given motion drive the section; the states of the model begin at zero and
-    follow by the Runge-Kutta method of order four, one step from time to time. Coefficients are
-    over the dynamic pressure of the mean airspeed.
+    follow by the Runge-Kutta method of order four, from time to time in steps that are halved until
+    two agree with one of twice the length within 1e-6 of 1 + |state|. Coefficients are over the
+    dynamic pressure of the mean airspeed.
 
     Args:
         model: Makes the model of the air for the section, as `LiftingLine` itself does.
@@ -64,7 +69,7 @@ def section_history(
         the model as `aero_state`.
 
     Raises:
-        ParameterError: If times do not ascend, or a length or a number is not possible.
+        ParameterError: If times do not ascend, or a length, a number or the motion is not possible.
     """
     times = real_array("time", time)
     if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0).all():
@@ -141,20 +146,33 @@ def _row(
     return [force[_UP], -force[_AHEAD], moment, *angles]
 
 
-def _step(aero: Aerodynamics, motion: _Motion, state: Array, time: float, step: float) -> Array:
-    """States of the model a step later, (n_z,)."""
+def _step(
+    aero: Aerodynamics, motion: _Motion, state: Array, time: float, step: float, halved: int = 0
+) -> Array:
+    """States of the model a step later, (n_z,); halved until two halves agree with the whole."""
 
     def rate(later: float, z: Array) -> Array:
         q, v, _ = motion.at(time + later)
         return aero.state_derivative(q, v, z)
 
+    def after(begin: float, z: Array, step: float) -> Array:
+        first = rate(begin, z)
+        second = rate(begin + step / 2, z + step / 2 * first)
+        third = rate(begin + step / 2, z + step / 2 * second)
+        fourth = rate(begin + step, z + step * third)
+        return np.asarray(z + step / 6 * (first + 2 * second + 2 * third + fourth))
+
     if not aero.state_size:
         return state
-    first = rate(0.0, state)
-    second = rate(step / 2, state + step / 2 * first)
-    third = rate(step / 2, state + step / 2 * second)
-    fourth = rate(step, state + step * third)
-    return np.asarray(state + step / 6 * (first + 2 * second + 2 * third + fourth))
+    half = step / 2
+    whole, halves = after(0.0, state, step), after(half, after(0.0, state, half), half)
+    if (np.abs(halves - whole) <= _TOLERANCE * (1.0 + np.abs(halves))).all():
+        return halves
+    if halved == _HALVED:
+        found = f"states at {time:.4g} s that do not settle"
+        raise ParameterError("time", "samples that resolve the motion", found)
+    middle = _step(aero, motion, state, time, half, halved + 1)
+    return _step(aero, motion, middle, time + half, half, halved + 1)
 
 
 def _wing(chord: float, lever: float) -> Robot:

@@ -9,6 +9,7 @@ Separation takes time, and the lift that it takes away travels off with a vortex
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 from math import isfinite, pi, radians
 from typing import Any, ClassVar, Protocol, runtime_checkable
@@ -253,6 +254,11 @@ class Section(StripSection):
 _MEASURED_NUMBERS = ("lift_slope", "zero_lift_angle", "profile_drag")
 _LINEAR = (radians(2.0), radians(10.0))
 """Distance from the incidence of no lift where the lift slope is read off a polar [rad]."""
+_ATTACHED = radians(6.0)
+"""Distance from the incidence of no lift that each side of a polar reaches, at least: sections do
+not stall before [rad]."""
+_SYMMETRIC = 0.01
+"""Lift coefficient at no incidence within which a section is symmetric: that of .1 degrees."""
 _APART = radians(8.0)
 """Distance of the angles at which a polar goes on as that of a plate, at least [rad]."""
 _ACROSS = 2.01
@@ -362,6 +368,9 @@ def measured_section(
 
         C_D = 2.01 sin^2 a + B cos a,    C_L = 2.01 sin a cos a + A cos^2 a / sin a,
 
+    A side of a symmetric section (C_L(0) zero within .01) that ends within 6 degrees is taken from
+    the other side, with a `UserWarning`.
+
     Args:
         angle: Angles of attack, ascending, within -pi/2..pi/2, (n,) [rad].
         lift: C_L, (n,) [-].
@@ -370,7 +379,7 @@ def measured_section(
 
     Raises:
         ParameterError: If the polar is impossible, or its lift does not pass through zero
-            with points between 2 and 10 degrees from there.
+            with points between 2 and 10 degrees from there, or a side ends within 6 degrees.
 
     References:
         Hansen, Gaunaa & Madsen (2004), A Beddoes-Leishman type dynamic stall model in
@@ -380,10 +389,11 @@ def measured_section(
     """
     columns = {"angle": angle, "lift": lift, "drag": drag}
     polar = TablePolar(*(tuple(real_array(*one).ravel()) for one in columns.items()))
-    zero = _zero_lift(np.array(polar.angle), np.array(polar.lift))
     static = np.empty(0) if moment is None else real_array("moment", moment).ravel()
-    if static.size in (0, len(polar.angle)):
-        polar, static = _on_both_sides(polar, static)
+    if static.size not in (0, len(polar.angle)):
+        expected = f"no moment, or one for each of {len(polar.angle)} angles"
+        raise ParameterError("moment", expected, static.size)
+    polar, static, zero = _on_both_sides(polar, static)
     a, c_l, c_d = (np.array(x) for x in (polar.angle, polar.lift, polar.drag))
     x = np.sin(a) - zero * np.cos(a)
     away = np.abs(a - zero)
@@ -407,21 +417,34 @@ def measured_section(
     return MeasuredSection(slope, zero, profile_drag, tuple(share), stalled, tuple(static))
 
 
-def _on_both_sides(polar: TablePolar, moment: Array) -> tuple[TablePolar, Array]:
-    """Polar and its moments (if any) that reach 90 degrees; see `measured_section`."""
+def _on_both_sides(polar: TablePolar, moment: Array) -> tuple[TablePolar, Array, float]:
+    """Polar and its moments (if any) that reach 90 degrees, and its angle of no lift [rad]."""
     moments = [moment] if moment.size else []
     table = np.array([polar.angle, polar.lift, polar.drag, *moments])
     mirror = np.array([[-1.0], [-1.0], [1.0], [-1.0]])[: len(table)]
     for _ in range(2):  # the negative side, mirrored, and then the positive one
         table = (table * mirror)[:, ::-1]
+        begin = max(0.0, table[0, -1])
+        if begin < min(_ATTACHED, -table[0, 0]) and abs(np.interp(0, *table[:2])) <= _SYMMETRIC:
+            table = np.hstack([table, (table * mirror)[:, table[0] < -begin][:, ::-1]])
+            said = f"polar: symmetric, and one side ends at {np.degrees(begin):.3g} degrees; the"
+            warnings.warn(f"{said} other side is taken for both", stacklevel=3)
+    zero = _zero_lift(*table[:2])
+    low, high = table[0, [0, -1]]
+    if min(zero - low, high - zero) < _ATTACHED:
+        found = "{:.3g} to {:.3g}, no lift at {:.3g} degrees".format(*np.degrees([low, high, zero]))
+        expected = "angles to 6 degrees and more on both sides of no lift (XFOIL: aseq -15 15 1)"
+        raise ParameterError("polar", expected, found)
+    for _ in range(2):
+        table = (table * mirror)[:, ::-1]
         begin = table[0, -1]
-        if _LINEAR[0] < begin < pi / 2 - _APART:
+        if begin < pi / 2 - _APART:
             parts = int((pi / 2 - begin) / _APART)
             angle = np.linspace(begin, pi / 2, parts + 1)[1:]
             table = np.hstack([table, [angle, *_of_plate(angle, *table[:, -1])]])
     angle, lift, drag, *turning = table
     whole = TablePolar(tuple(angle), tuple(lift), tuple(drag))
-    return whole, np.array(turning).ravel()
+    return whole, np.array(turning).ravel(), zero
 
 
 def _of_plate(angle: Array, begin: float, lift: float, drag: float, *moment: float) -> list[Array]:
@@ -443,7 +466,8 @@ def _zero_lift(angle: Array, lift: Array) -> float:
     """Angle nearest to zero where the lift rises through zero [rad]."""
     rises = np.flatnonzero((lift[:-1] <= 0) & (lift[1:] > 0))
     if not rises.size:
-        raise ParameterError("polar", "a lift that rises through zero", tuple(lift))
+        found = f"C_L {lift.min():.3g} to {lift.max():.3g}"
+        raise ParameterError("polar", "a lift that rises through zero", found)
     zeros = [
         angle[k] - lift[k] * (angle[k + 1] - angle[k]) / (lift[k + 1] - lift[k]) for k in rises
     ]

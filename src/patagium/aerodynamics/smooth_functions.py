@@ -15,18 +15,19 @@ SWITCH_SPEED = 0.1
 """Half-width of the band of velocity in which signs and norms are smoothed [m/s]."""
 
 
-def smooth_sign(x: Any) -> Any:
-    """Sign of x: -1 and 1 beyond `SWITCH_SPEED`, an odd polynomial within.
+def smooth_sign(x: Any, width: Any = SWITCH_SPEED) -> Any:
+    """Sign of x: -1 and 1 beyond the width, an odd polynomial within.
 
-    s(x) = (35 t - 35 t^3 + 21 t^5 - 5 t^7) / 16, t = x / `SWITCH_SPEED` clipped to -1..1.
+    s(x) = (35 t - 35 t^3 + 21 t^5 - 5 t^7) / 16, t = x / width clipped to -1..1.
 
     Args:
         x: Expression, scalar.
+        width: Half width of the band, in the unit of x.
 
     Returns:
         s, scalar, monotonic, |s| <= 1.
     """
-    t = ca.fmax(-1.0, ca.fmin(1.0, x / SWITCH_SPEED))
+    t = ca.fmax(-1.0, ca.fmin(1.0, x / width))
     square = t * t
     return t * (35.0 + square * (-35.0 + square * (21.0 - 5.0 * square))) / 16.0
 

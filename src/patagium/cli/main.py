@@ -28,7 +28,7 @@ from patagium.cli import (  # isort: skip
 from patagium.cli.interruption import repeated_interrupt
 from patagium.cli.outputs import check_files
 from patagium.cli.usage import UsageError, usage_sentence
-from patagium.errors import PatagiumError, RobotFileWarning
+from patagium.errors import PatagiumError
 from patagium.plugins import VERBS, plugins
 from patagium.version import __version__
 
@@ -151,7 +151,7 @@ def run(arguments: Sequence[str] | None = None) -> None:
     sys.stderr = cast(TextIO, _Messages(stderr))
     try:
         with repeated_interrupt(), warnings.catch_warnings():
-            warnings.simplefilter("always", RobotFileWarning)
+            warnings.simplefilter("always", UserWarning)
             warnings.showwarning = _say_warning
             said = [word for word in words if word != "--debug"]
             code = program()(said, prog_name="patagium", standalone_mode=False)
@@ -215,7 +215,7 @@ def _say_warning(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    known = issubclass(category, RobotFileWarning)
+    known = issubclass(category, UserWarning)
     typer.echo(f"patagium: {'' if known else category.__name__ + ': '}{message}", err=True)
 
 

@@ -58,5 +58,8 @@ def usage_sentence(error: Any, words: Sequence[str]) -> str:
     if said.startswith("Input should be "):
         at = [i for i, word in enumerate(words[:-1]) if word in parameter.opts]
         found = f", found {shown(words[at[-1] + 1])}" if at else ""
-        return f"{option}: expected a value {said.removeprefix('Input should be ')}{found}"
+        wanted = f"a value {said.removeprefix('Input should be ')}"
+        if "a valid number" in said or "a valid integer" in said:
+            wanted = f"a {'whole ' if 'integer' in said else ''}number such as 1"
+        return f"{option}: expected {wanted}{found}"
     return f"{option}: {said}"

@@ -3,12 +3,13 @@
 Lobatto IIIC with three stages, at the beginning, middle and end of a step: of fourth order and
 L-stable. Modes that are too fast for the step follow what drives them, and what they swung by
 themselves fades. The stages are found by Newton's method, whose derivative is kept as long as it
-serves. Neglected: step-size control.
+serves, and damped where it does not converge otherwise. Neglected: step-size control.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -21,7 +22,9 @@ Rate: TypeAlias = Callable[[Array, int], Array]
 _STAGES = np.array([[2, -4, 2], [2, 5, -1], [2, 8, 2]]) / 12
 _CLOSE, _FAIR = 1e-11, 1e-8
 """Newton correction over a state's size that ends the search; that where rounding stops it."""
-_TRIALS = 10
+_TRIALS, _DAMPED_TRIALS = 10, 100
+_HALVED = 10
+"""Times that a correction is halved, at most."""
 
 
 def rate_jacobian(rate: Callable[[Array], Any], state: Array) -> Array:
@@ -35,6 +38,10 @@ def rate_jacobian(rate: Callable[[Array], Any], state: Array) -> Array:
     with np.errstate(all="ignore"):
         ends = [[np.asarray(rate(state + s * step)) for s in (1, -1)] for step in np.diag(sizes)]
         return np.stack([(ahead - behind) for ahead, behind in ends], axis=1) / (2 * sizes)
+
+
+def _at_place(rate: Rate, place: int, state: Array) -> Array:
+    return rate(state, place)
 
 
 class LobattoStep:
@@ -52,30 +59,56 @@ class LobattoStep:
             place: Where the step begins in the table.
             time_step: Step [s].
         """
-        for fresh in (self._factors is None, True):
-            if fresh:
-                slope = rate_jacobian(lambda x: rate(x, place), state)
-                if not np.isfinite(slope).all():
-                    break
-                matrix = np.eye(3 * state.size) - time_step * np.kron(_STAGES, slope)
-                self._factors = lu_factor(matrix)
-            found = self._search(rate, state, place, time_step)
+
+        def missing(changes: Array) -> Array:
+            rates = np.array([rate(state + one, place + k) for k, one in enumerate(changes)])
+            return np.asarray(time_step * _STAGES @ rates - changes)
+
+        def renew(changes: Array) -> bool:
+            reached = enumerate(state + changes, place)
+            slopes = [rate_jacobian(partial(_at_place, rate, k), one) for k, one in reached]
+            if not np.isfinite(slopes).all():
+                return False
+            size = 3 * state.size
+            each = np.broadcast_to(slopes, (3, state.size, state.size))
+            parts = np.einsum("ij,jab->iajb", time_step * _STAGES, each)
+            self._factors = lu_factor(np.eye(size) - parts.reshape(size, size))
+            return True
+
+        for fresh, damped in ((self._factors is None, None), (True, None), (True, renew)):
+            if fresh and not renew(np.zeros((1, state.size))):
+                break
+            found = self._search(missing, state, damped)
             if found is not None:
                 return found
         return np.full_like(state, np.nan)
 
-    def _search(self, rate: Rate, state: Array, place: int, time_step: float) -> Array | None:
-        """State a step later, or None where Newton's method does not converge."""
+    def _search(
+        self, missing: Callable[[Array], Array], state: Array, renew: Callable[[Array], bool] | None
+    ) -> Array | None:
+        """State a step later, or None where Newton's method does not converge.
+
+        Args:
+            missing: What changes of the stages leave of the equations, (3, size) to (3, size) [SI].
+            state: At the beginning, (size,) [SI].
+            renew: Damp corrections until they help, and renew the factors by this after each.
+        """
         changes, last = np.zeros((3, state.size)), np.inf
-        for _ in range(_TRIALS):
-            rates = np.array([rate(state + one, place + k) for k, one in enumerate(changes)])
-            missing = time_step * _STAGES @ rates - changes
-            if not np.isfinite(missing).all():
+        left, scale = missing(changes), 1.0 + np.abs(state)
+        for _ in range(_TRIALS if renew is None else _DAMPED_TRIALS):
+            if not np.isfinite(left).all():
                 return None
-            correction = lu_solve(self._factors, missing.ravel()).reshape(changes.shape)
-            changes = changes + correction
-            size = float((np.abs(correction) / (1.0 + np.abs(state))).max())
+            correction = lu_solve(self._factors, left.ravel()).reshape(changes.shape)
+            size = float((np.abs(correction) / scale).max())
             if size < _CLOSE or (size < _FAIR and size > last / 2):
-                return np.asarray(state + changes[2])
-            last = size
+                return np.asarray(state + changes[2] + correction[2])
+            further, most = missing(changes + correction), np.abs(left / scale).max()
+            for _ in range(_HALVED if renew is not None else 0):
+                if np.abs(further / scale).max() < most:
+                    break
+                correction, size = correction / 2, np.inf
+                further = missing(changes + correction)
+            changes, left, last = changes + correction, further, size
+            if renew is not None and not renew(changes):
+                return None
         return None

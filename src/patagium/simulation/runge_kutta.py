@@ -152,6 +152,7 @@ class IntegrationResult:
         outcome: Outcome of the run.
         state: The state at the end; on a bad outcome the one that broke, (size,).
         which: Index in the state of what broke, or -1.
+        implicit: Whether its steps were implicit.
     """
 
     samples: dict[str, Array]
@@ -159,6 +160,7 @@ class IntegrationResult:
     outcome: Outcome
     state: Array
     which: int
+    implicit: bool = False
 
 
 class Integration:
@@ -220,7 +222,8 @@ class Integration:
         if not self._recorded:
             self._chunk(0)
         kept = {name: values[: self.done + 1] for name, values in self._samples.items()}
-        return IntegrationResult(kept, self.done, self._outcome, self._state, self._which)
+        ended = self._outcome, self._state, self._which, self._implicit
+        return IntegrationResult(kept, self.done, *ended)
 
     def advance(self, steps: int, progress: Progress | None = None) -> Outcome:
         """Integrate further, or up to the first state that is not sound; not beyond one.

@@ -351,13 +351,15 @@ def outcome_message(
     if run.outcome is Outcome.NOT_FINITE:
         others = int((~np.isfinite(run.state)).sum()) - 1
         reason = f"{names[run.which]} became {value}" + (f", and {others} others" if others else "")
+        if run.implicit and np.isnan(run.state).all():
+            reason = "the implicit step did not converge"
     else:
         low, high = equations.lower[run.which], equations.upper[run.which]
         reason = f"{names[run.which]} reached {value:.4g}, outside of {low:.4g} to {high:.4g}"
         remedy = SINGULARITY_REMEDY if run.which in singular else remedy
     if cause is not None:
-        remedy = (
-            f"the time step is too long for {names[cause.which]}, which answers at "
-            f"{cause.rate:.4g} 1/s: {Outcome.STEP_TOO_LONG.remedy} to {cause.longest:.2g} s or less"
-        )
+        remedy = f"{Outcome.STEP_TOO_LONG.remedy} to {cause.longest:.2g} s or less"
+        if not run.implicit:
+            too_fast = f"{names[cause.which]}, which answers at {cause.rate:.4g} 1/s"
+            remedy = f"the time step is too long for {too_fast}: {remedy}"
     return f"{when}: {reason}; {remedy}"

@@ -119,3 +119,17 @@ def test_a_rate_that_is_not_finite_gives_a_state_that_is_not():
     for broken in (np.nan, np.inf):
         found = step(lambda x, place, b=broken: x * b, np.ones(2), 0, STEP)
         assert np.isnan(found).all()
+
+
+def test_a_rate_that_jumps_is_no_obstacle():
+    """x' = -1e4 arctan(1e4 x) from 1 is at rest before the step of 1e-4 s ends."""
+    found = LobattoStep()(lambda x, place: -1e4 * np.arctan(1e4 * x), np.ones(1), 0, STEP)
+    assert abs(found[0]) < 0.1  # Newton's method without damping goes to and fro
+
+
+def test_an_implicit_step_that_does_not_converge_says_so(monkeypatch):
+    monkeypatch.setattr(LobattoStep, "_search", lambda *given: None)
+    with pytest.raises(pt.errors.SimulationFailed) as failed:
+        flown(stiff(20.0), STEP)
+    said = "step 1 of 1000: the implicit step did not converge; shorten the time step to "
+    assert said in str(failed.value) and "answers at" not in str(failed.value)

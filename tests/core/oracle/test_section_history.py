@@ -57,6 +57,22 @@ def test_a_steady_section_is_steady_and_one_that_speeds_up_lifts_more() -> None:
     assert surging["lift"][-1] > surging["lift"][0] > 0
 
 
+@pytest.mark.parametrize("delay", [None, pt.air.StallDelay()])
+def test_coarse_times_change_no_coefficient(delay: pt.air.StallDelay | None) -> None:
+    ends = []
+    for samples in (5, 801):  # 112 and .56 semichords apart
+        history = pt.air.section_history(
+            lambda wing, air: pt.LiftingLine(wing, air, stall_delay=delay),
+            np.linspace(0.0, 4.0 * CHORD, samples) * 7,
+            pitch=np.radians(4.0),
+            airspeed=SPEED,
+            chord=CHORD,
+        )
+        ends.append([float(history[name][-1]) for name in ("lift", "drag")])
+    assert np.allclose(ends[0], ends[1], rtol=1e-5)
+    assert 0.4 < ends[0][0] < 2 * np.pi * np.sin(np.radians(4.0))
+
+
 def test_what_is_no_motion_is_refused() -> None:
     with pytest.raises(ParameterError, match="time"):
         pt.air.section_history(thin, [0.0, 0.0], pitch=0.1, airspeed=SPEED, chord=CHORD)

@@ -21,8 +21,8 @@ XFOIL = """
 
    alpha    CL        CD       CDp       CM     Top_Xtr  Bot_Xtr
   ------ -------- --------- --------- -------- -------- --------
-   4.000   0.4300   0.00870   0.00260   0.0010   0.3000   0.9900
-  -4.000  -0.4300   0.00870   0.00260  -0.0010   0.9900   0.3000
+   8.000   0.8590   0.00870   0.00260   0.0010   0.3000   0.9900
+  -8.000  -0.8590   0.00870   0.00260  -0.0010   0.9900   0.3000
    0.000   0.0000   0.00650   0.00130   0.0000   0.6000   0.6000
 """
 
@@ -31,11 +31,11 @@ def test_a_polar_of_xfoil_makes_a_section(tmp_path: Path) -> None:
     file = tmp_path / "naca0012.txt"
     file.write_text(XFOIL)
     table = pt.air.read_polar(file)
-    assert np.allclose(np.degrees(table.angle), [-4, 0, 4])
+    assert np.allclose(np.degrees(table.angle), [-8, 0, 8])
     assert np.allclose(table.drag, [0.0087, 0.0065, 0.0087])
     assert table.moment is not None and np.allclose(table.moment, [-0.001, 0, 0.001])
     section = pt.air.measured_section(*table)
-    assert section.lift_slope == pytest.approx(0.43 / np.sin(np.radians(4)))
+    assert section.lift_slope == pytest.approx(0.859 / np.sin(np.radians(8)))
     measured = np.isin(section.stalled.angle, table.angle)
     assert np.allclose(np.array(section.static_moment)[measured], table.moment)
 
@@ -58,6 +58,32 @@ def test_a_polar_that_ends_early_goes_on_as_a_plate() -> None:
         assert np.allclose((1 - share) * attached + side * share * found, wanted)
     moments = np.abs(np.diff(section.static_moment))
     assert moments.max() < 0.1 and abs(section.static_moment[-1]) == pytest.approx(2.01 * 0.175)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("first", [-2.0, 0.0])
+def test_the_missing_side_of_a_symmetric_section_is_its_mirror_image(
+    side: int, first: float
+) -> None:
+    degrees = np.arange(-15.0, 16.0)
+    angle, lift = np.radians(degrees), 1.1 * np.tanh(degrees / 9)
+    whole = lift, 0.01 + lift**4 / 20, -0.01 * lift
+    given = side * degrees >= first
+    both = pt.air.measured_section(angle, *whole)
+    with pytest.warns(
+        UserWarning, match=f"ends at {0 - first:.3g} degrees; the other side is taken"
+    ):
+        one = pt.air.measured_section(angle[given], *(column[given] for column in whole))
+    assert np.allclose(one.parameters, both.parameters)
+
+
+def test_a_side_that_ends_before_its_stall_is_refused() -> None:
+    degrees = np.arange(-5.0, 16.0)
+    lift = 6.0 * np.sin(np.radians(degrees + 3.0))
+    with pytest.raises(
+        PatagiumError, match=r"both sides.*aseq.*found '-5 to 15, no lift at -3 deg"
+    ):
+        pt.air.measured_section(np.radians(degrees), lift, 0.01 + 0 * lift)
 
 
 def test_columns_are_found_by_name_and_a_moment_may_be_missing(tmp_path: Path) -> None:
@@ -91,6 +117,8 @@ def test_a_unit_shifts_no_column_and_an_empty_cell_leaves_its_row_out(
         ("alpha CL CD\n1 0.1 0.01\n", "two or more rows"),
         ("alpha CL CD\n1 .1 .01\n2 .2 .01\nalpha CD CL\n3 .01 .3\n", "one header.*found 2"),
         ("alpha [turn],CL,CD\n0,0,.01\n1,.1,.01\n", r"\[deg\] or \[rad\], found turn"),
+        ("alpha;CL;CD\n0,0;0,0;0,01\n1,0;,1;,01\n", "found columns apart by semicolons"),
+        ("alpha,CL,CD\n-.1,-.6,.01\n.1,.6,.01\n", r"alpha: expected degrees.*alpha \[rad\]"),
         ("alpha,Re,CL,CD\n0,5e4,0,.01\n1,2e5,.1,.01\n", "one Reynolds number, found 2e5, 5e4"),
     ],
 )
@@ -123,3 +151,26 @@ def test_a_polar_that_the_air_does_not_take_is_refused(verb: str, air: str, caps
         run([verb, "aerobat", "--aero", air, "--polar", polar])
     assert left.value.code == 2
     assert "--polar: expected dickinson or reynolds" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("degrees", "drag", "said"),
+    [
+        ((-8.0, 0.0, 8.0), -0.01, r"point 2: expected .*drags >= 0.*found '0 degrees, C_L 0.1"),
+        ((-180.0, 0.0, 8.0), 0.01, "point 1: expected ascending angles from -90.*'-180 degrees"),
+        ((0.0, -8.0, 8.0), 0.01, "point 2: expected ascending"),
+    ],
+)
+def test_the_point_that_no_polar_has_is_named(
+    degrees: tuple[float, ...], drag: float, said: str
+) -> None:
+    with pytest.raises(PatagiumError, match=said):
+        pt.air.TablePolar(tuple(np.radians(degrees)), (0.0, 0.1, 0.2), (0.02, drag, 0.02))
+    with pytest.raises(PatagiumError, match=r"two or more angles.*found \[3, 2, 3\]"):
+        pt.air.TablePolar(tuple(np.radians(degrees)), (0.0, 0.1), (0.02, drag, 0.02))
+
+
+def test_an_option_without_its_number_is_told_what_one_is(capsys) -> None:
+    with pytest.raises(SystemExit):
+        run(["simulate", "aerobat", "--added-mass", "-o", "x.nc"])
+    assert "--added-mass: expected a number such as 1, found '-o'" in capsys.readouterr().err

@@ -85,6 +85,20 @@ def test_coefficients_follow_the_incidence(polar: object, degrees: float, direct
     assert float(drag) == pytest.approx(expected[1], rel=1e-13)
 
 
+@pytest.mark.parametrize("speed", [0.2, 0.5, 2.0, 30.0])
+@pytest.mark.parametrize("degrees", [0.3, 1.5, 6.0, 40.0])
+def test_published_coefficients_are_the_same_at_any_speed(speed: float, degrees: float) -> None:
+    polar, angle = DickinsonPolar(), np.radians(degrees)
+    values = ca.DM(polar.parameters)
+    slow, at_one = (
+        polar.coefficients(
+            section_flow(ca.DM(u * np.cos(angle)), ca.DM(-u * np.sin(angle))), values
+        )
+        for u in (speed, 1.0)
+    )
+    assert [float(x) for x in slow] == pytest.approx([float(x) for x in at_one], rel=1e-12)
+
+
 def test_smooth_polar_is_the_fit_of_the_published_one() -> None:
     a = np.linspace(0, np.pi / 2, 1001)
     lift = 0.225 + 1.58 * np.sin(2.13 * a - np.radians(7.2))
@@ -178,14 +192,33 @@ def test_a_registered_polar_is_read_again_and_keeps_its_name() -> None:
 
 def test_the_force_point_stays_where_it_is_said_to() -> None:
     robot = load_robot_text(FLAPPER)
-    fixed = QuasiSteady(robot, force_point_switches=False)
-    switching = aero_from_description(robot, fixed.describe() | {"force_point_switches": True})
+    fixed = QuasiSteady(robot, force_point="fixed")
     assert aero_from_description(robot, fixed.describe()) == fixed
-    old = {key: value for key, value in fixed.describe().items() if "switches" not in key}
-    assert aero_from_description(robot, old) == switching  # flights older than the choice
+    old = {key: value for key, value in fixed.describe().items() if key != "force_point"}
+    switching = aero_from_description(robot, old)  # flights older than the choice
+    assert aero_from_description(robot, old | {"force_point_switches": False}) == fixed
+    with pytest.warns(DeprecationWarning, match="force_point='switching'"):
+        assert QuasiSteady(robot, force_point_switches=True) == switching
+    with pytest.raises(ParameterError, match="force_point: expected"):
+        QuasiSteady(robot, force_point="behind")  # type: ignore[arg-type]
     q = robot.coordinates()
     for speed, apart in ((3.0, 0.0), (-3.0, 0.04)):  # half the chord of 8 cm when moving backward
         v = robot.velocities(x=speed, z=-0.5)
         ahead = [aero.strips(q, v)["strip_point"][0, 0] for aero in (fixed, switching)]
         assert ahead[0] == pytest.approx(0.0, abs=1e-12)
         assert ahead[0] - ahead[1] == pytest.approx(apart, abs=1e-12)
+
+
+def test_a_force_point_that_moves_goes_with_the_incidence_without_a_jump() -> None:
+    robot = load_robot_text(FLAPPER)
+    moving, chord = QuasiSteady(robot, polar=ReynoldsPolar(), force_point="moving"), 0.08
+    places = []
+    for degrees in (*range(10, 90, 10), *np.linspace(85.0, 95.0, 41)):
+        angle = np.radians(degrees)
+        v = robot.velocities(x=2.0 * np.cos(angle), z=-2.0 * np.sin(angle))
+        point = moving.strips(robot.coordinates(), v)["strip_point"][0, 0]
+        places.append(0.25 - point / chord)  # behind the leading edge
+        if degrees < 86:
+            assert places[-1] == pytest.approx(0.05 + 0.82 * degrees / 180, abs=1e-9)  # Dickson
+    assert np.abs(np.diff(places[8:])).max() < 0.02
+    assert places[28] == pytest.approx(0.5, abs=1e-9)  # across the flow: mid-chord

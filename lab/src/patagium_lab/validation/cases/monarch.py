@@ -132,7 +132,7 @@ def published_swing(hover: Hover, *, errors: bool) -> Array:
     """
     robot = hover.robot
     kind = PublishedTurn if errors else QuasiSteady
-    aero, dynamics = kind(robot, Air(1.225), force_point_switches=False), Dynamics(robot)
+    aero, dynamics = kind(robot, Air(1.225), force_point="fixed"), Dynamics(robot)
     motion = hover.gait.motion(np.arange(2 * STEPS + 1) / (2 * STEPS * hover.gait.frequency))
     passive, moved = list(robot.passive), list(robot.actuated)
     doubled = [robot.index(name) for name in ("abdomen", "left_tilt", "right_tilt")]
@@ -178,7 +178,7 @@ def closed_orbits() -> dict[str, Orbit]:
     """
     found = {}
     for hover in hovers():
-        aero = QuasiSteady(hover.robot, Air(1.225), force_point_switches=False)
+        aero = QuasiSteady(hover.robot, Air(1.225), force_point="fixed")
         orbit = trim(hover.robot, aero, hover.gait, speed=0.0, climb=0.0, steps=STEPS)
         if isinstance(orbit, NoOrbit):
             raise ParameterError("hover", "one that is found", f"{hover.name}: {orbit.reason}")
