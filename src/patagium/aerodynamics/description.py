@@ -58,7 +58,7 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
     if name == LiftingLine.name:
         values.setdefault("stall_delay", None)  # flights older than it have none
     if name == QuasiSteady.name:
-        switches = values.pop("force_point_switches", True)  # of flights of 0.2 and before
+        switches = values.pop("force_point_switches", True)  # of older flights
         values.setdefault("force_point", "switching" if switches else "fixed")
     check_keys(f"model {name}", values, _KEYS[name])
     air = air_from_description(values["air"])

@@ -7,8 +7,7 @@ flow (Wagner, dynamic stall), induced velocity, added mass, flow along the span.
 
 from __future__ import annotations
 
-import warnings
-from dataclasses import InitVar, dataclass, field
+from dataclasses import dataclass, field
 from math import pi
 from typing import Any, Literal
 
@@ -61,7 +60,6 @@ class QuasiSteady(Aerodynamics):
             mid-chord, as models of insects have it in their hinge axis. "moving": .82 |a|/pi + .05
             of the chord behind the edge that leads, a that of mid-chord, for wings that turn by
             themselves on a hinge.
-        force_point_switches: Deprecated: True for "switching", False for "fixed".
 
     References:
         Dickinson, Lehmann & Sane (1999), Science 284, 1954-1960.
@@ -74,16 +72,10 @@ class QuasiSteady(Aerodynamics):
     polar: Polar = field(default_factory=DickinsonPolar)
     rotational: bool = False
     force_point: Literal["switching", "fixed", "moving"] = "switching"
-    force_point_switches: InitVar[bool | None] = None
 
     name = "quasi_steady"
 
-    def __post_init__(self, force_point_switches: bool | None) -> None:
-        if force_point_switches is not None:
-            word = "switching" if force_point_switches else "fixed"
-            said = f"force_point_switches: expected force_point={word!r}, which takes its place"
-            warnings.warn(said, DeprecationWarning, stacklevel=3)
-            object.__setattr__(self, "force_point", word)
+    def __post_init__(self) -> None:
         check_fields(self)
 
     @property

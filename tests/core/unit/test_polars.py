@@ -197,8 +197,7 @@ def test_the_force_point_stays_where_it_is_said_to() -> None:
     old = {key: value for key, value in fixed.describe().items() if key != "force_point"}
     switching = aero_from_description(robot, old)  # flights older than the choice
     assert aero_from_description(robot, old | {"force_point_switches": False}) == fixed
-    with pytest.warns(DeprecationWarning, match="force_point='switching'"):
-        assert QuasiSteady(robot, force_point_switches=True) == switching
+    assert QuasiSteady(robot) == switching
     with pytest.raises(ParameterError, match="force_point: expected"):
         QuasiSteady(robot, force_point="behind")  # type: ignore[arg-type]
     q = robot.coordinates()
