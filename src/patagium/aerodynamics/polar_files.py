@@ -84,8 +84,10 @@ def read_polar(path: str | Path) -> PolarTable:
     if len(kept) < 2:
         raise Unreadable(str(path), "", "two or more rows of numbers", f"{len(kept)}")
     angle, lift, drag, *moment = table[kept].T
-    if not unit and np.ptp(lift) > _STEEP * np.ptp(angle):
-        rises = f"C_L {np.ptp(lift):.3g} higher in {np.ptp(angle):.3g} degrees"
+    with np.errstate(over="ignore"):  # the polar refuses what is too large
+        rise, span = np.ptp(lift), np.ptp(angle)
+    if not unit and rise > _STEEP * span:
+        rises = f"C_L {rise:.3g} higher in {span:.3g} degrees"
         raise Unreadable(str(path), "alpha", "degrees, or a column alpha [rad]", rises)
     angle = angle if unit[:3] == "rad" else np.radians(angle)
     return PolarTable(angle, lift, drag, moment[0] if moment else None)

@@ -132,8 +132,7 @@ def test_robots_draws(ending: str, tmp_path: Path, speak: Speak) -> None:
     picture = tmp_path / f"robot.{ending}"
     assert speak("robots", "aerobat-beta", "--draw", picture).code == 0
     lost = speak("robots", "aerobat-beta", "--draw", picture / "x.png", "--json")
-    assert lost.code == 2 and "not saved: drawing; all else was" in lost.err
-    assert "aerobat-beta" in json.loads(lost.out).values()
+    assert lost.code == 2 and "x.png: cannot be written" in lost.err
     assert picture.read_bytes()[:5] in (b"\x89PNG\r", b"<?xml")
 
 
@@ -412,7 +411,7 @@ def test_words_it_does_not_know_are_named(words: tuple[str, ...], said: str, spe
         ("identify {0} --model {2} --state {2}", "not that of model"),
         ("stream {0} --robot aerobat --record {0}", "not that of source"),
         ("cycles {0} --table {0}", "not that of flight"),
-        ("simulate aerobat -o {2}.png --figure {2}.png", "not that of output"),
+        ("trim aerobat -o {2}.nc --figure {2}.nc", "not that of output"),
         ("trim aerobat -o {2}/none/x.nc", "make its folder first"),
         ("cycles {0} --figure {0}.txt", "a name ending in .pdf"),
     ],
@@ -441,7 +440,7 @@ def test_an_output_without_a_folder_is_refused_before_the_work(
     words: str, tmp_path: Path, speak: Speak
 ) -> None:
     """The files that are read are not there either: outputs come first."""
-    place = tmp_path / "my folder" / "out.png"
+    place = tmp_path / "my folder" / ("out.nc" if words.endswith("-o") else "out.png")
     answer = speak(*words.replace("{}", "nothing.nc").split(), place)
     assert answer.code == 2 and f"{place}: cannot be written" in answer.err
     assert f"mkdir -p '{place.parent}'" in answer.err

@@ -78,7 +78,8 @@ def test_a_report_in_the_place_of_a_folder_is_refused_by_a_sentence(
     for place in (".", ""):
         with pytest.raises(SystemExit) as end:
             run([*call.words, "--report", place])
-        assert end.value.code == 2 and "not saved: report" in capfd.readouterr().err, place
+        said = capfd.readouterr().err
+        assert end.value.code == 2 and "Is a directory; name a file" in said, place
 
 
 def _bad(folder: Path):
