@@ -175,8 +175,8 @@ _MAPPING = re.compile(rb"^(inputs|outputs|channels|time):", re.MULTILINE)
 def kind_of(path: str | Path) -> str:
     """Kind of a file of this program, with what takes it, for messages; empty where unknown."""
     file, kinds, head = Path(path), set[str](), b""
-    with suppress(OSError, ValueError), file.open("rb") as stream:
-        head = stream.read(_BLOCK)
+    with suppress(OSError, ValueError), open(file if file.is_file() else "", "rb") as stream:
+        head = stream.read(_BLOCK)  # a pipe would wait
     if file.suffix.lower() in (".yaml", ".yml", ".urdf"):
         if _MAPPING.search(head):
             return "a mapping, which the option --mapping takes"

@@ -124,7 +124,7 @@ def test_a_rate_that_is_not_finite_gives_a_state_that_is_not():
 def test_a_rate_that_jumps_is_no_obstacle():
     """x' = -1e4 arctan(1e4 x) from 1 is at rest before the step of 1e-4 s ends."""
     found = LobattoStep()(lambda x, place: -1e4 * np.arctan(1e4 * x), np.ones(1), 0, STEP)
-    assert abs(found[0]) < 0.1  # Newton's method without damping goes to and fro
+    assert abs(found[0]) < 0.1  # Newton's method without damping swings over it
 
 
 def test_an_implicit_step_that_does_not_converge_says_so(monkeypatch):

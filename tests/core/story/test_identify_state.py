@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -89,10 +90,19 @@ def test_a_learner_that_diverged_is_not_kept(
 
 
 def test_an_output_that_fails_costs_no_other(
-    identify: Callable[..., Answer], tmp_path: Path
+    identify: Callable[..., Answer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kept = ("--state", tmp_path / "state", "--predictions", tmp_path / "p.nc")
-    answer = identify(*LEARN, *kept, "--model", tmp_path / "none" / "m.json", "--json")
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    update = pt.ExtendedLearner.update
+
+    def vanishes(self: pt.ExtendedLearner, *sample: object) -> object:
+        shutil.rmtree(folder, ignore_errors=True)
+        return update(self, *sample)
+
+    monkeypatch.setattr(pt.ExtendedLearner, "update", vanishes)
+    answer = identify(*LEARN, *kept, "--model", folder / "m.json", "--json")
     assert answer.code == 2 and '"nmse_mean"' in answer.out
     assert "m.json: cannot be written: No such file" in answer.err and "mkdir -p" in answer.err
     assert answer.err.endswith("patagium: not saved: model; all else was\n")

@@ -352,7 +352,7 @@ def test_a_record_ends_whole_before_the_disk_is_full(told, tmp_path, capsys, mon
 
 
 def test_outputs_that_cannot_be_printed_or_saved_cost_no_other(told, packets, tmp_path):
-    told[-1] = str(tmp_path / "none" / "model.json")
+    told[-1] = "/dev/full"
     program = "import sys; from patagium.cli.main import run; run(sys.argv[1:])"
     with open("/dev/full", "w") as full:
         command = [sys.executable, "-c", program, *told]
@@ -360,7 +360,7 @@ def test_outputs_that_cannot_be_printed_or_saved_cost_no_other(told, packets, tm
         silent = subprocess.run(command, stdout=full, stderr=full)
     assert done.returncode == silent.returncode == 2
     assert done.stderr.endswith("patagium: not saved: model, summary on stdout; all else was\n")
-    assert "mkdir -p" in done.stderr and "Traceback" not in done.stderr
+    assert "No space left" in done.stderr and "Traceback" not in done.stderr
     assert load_learner(tmp_path / "state").count == 1200
 
 

@@ -190,7 +190,7 @@ def test_ctrl_c_before_a_verb_is_at_work_ends_with_130(monkeypatch: pytest.Monke
     def pressed(*words: object, **options: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(main, "app", pressed)
+    monkeypatch.setattr(main, "program", lambda: pressed)
     with pytest.raises(SystemExit) as left:
         main.run(["robots"])
     assert left.value.code == 130

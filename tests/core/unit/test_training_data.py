@@ -66,7 +66,7 @@ def test_another_robot_explains_the_flight_differently(flight: xr.Dataset) -> No
 
 
 def test_what_is_missing_is_named(flight: xr.Dataset) -> None:
-    with pytest.raises(FlightError, match="expected u1"):
+    with pytest.raises(FlightError, match="expected the quantity `u1`"):
         training_data(flight.drop_vars("u1"))
     with pytest.raises(FlightError, match="expected 14 coordinates of robot 'aerobat', found 13"):
         training_data(flight.isel(dof=slice(13)), pt.load_robot("aerobat"))
@@ -178,7 +178,7 @@ def test_a_saved_model_meets_another_flight(flight: xr.Dataset, tmp_path: Path) 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda one: one.drop_vars("time"), "expected time"),
+        (lambda one: one.drop_vars("time"), "expected the quantity `time`"),
         (lambda one: one.isel(time=0), "expected .time, dof."),
         (lambda one: one.isel(dof=slice(None, None, -1)), "right_feather.* in place of x, y"),
         (lambda one: one.isel(time=[0, 1, 1, 2]), "expected to advance, found 0.001 s after 0.001"),
