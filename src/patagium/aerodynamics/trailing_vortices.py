@@ -258,14 +258,14 @@ def _line(strips: Sequence[Strip], right: Sequence[int], k: int) -> tuple[ca.SX,
 
 
 def _cosines(robot: Robot, chains: Sequence[StripChain]) -> ca.SX:
-    """Cosine of the angle of each quarter chord to its strip's own axis across, (n, 1)."""
+    """Cosine of the sweep angle of the quarter-chord line at each strip, (n, 1) [-]."""
     cosines = ca.SX.ones(len(robot.strips), 1)
     for chain in chains:
         strips = [robot.strips[i] for i in chain.strips]
         for k, index in enumerate(chain.strips):
-            line, forward = sum(_line(strips, chain.right, k), ca.SX(0)), strips[k].forward
-            along, square = ca.dot(line, vector(forward)), ca.dot(line, line)
-            cosines[index] = ca.sqrt(1.0 - along * along / square)
+            line = sum(_line(strips, chain.right, k), ca.SX(0))
+            along = ca.dot(line, vector(strips[k].forward))
+            cosines[index] = ca.sqrt(1.0 - along * along / ca.dot(line, line))
     return cosines
 
 
@@ -308,8 +308,7 @@ def horseshoe_function(sizes: tuple[int, ...], images: bool = False) -> ca.Funct
     apart = np.repeat(np.arange(len(sizes)), np.array(sizes) + 1)[:, None] != chain
     influence = _influence(points, edges, directions, core_squares, apart)
     strange = chain[:, None] % wings != chain % wings
-    begins = [int(leg) for leg in first]
-    bound = _bound_influence(points, edges, core_squares, begins, strange)
+    bound = _bound_influence(points, edges, core_squares, first.tolist(), strange)
     carries = ca.sparsify(ca.DM(carried))
     by_strip = [k.T @ carries + one.T for k, one in zip(influence, bound, strict=True)]
     normalwash = ca.SX(0)
@@ -364,18 +363,14 @@ def _bound_influence(
     near = [ca.sqrt(_dot(x, x) + NEAR * core) for x in (r, s)]
     along = _dot(r, length) / near[0] - _dot(s, length) / near[1]
     square = _dot(across, across) + core * _dot(length, length)
-    others = ca.sparsify(ca.DM(strange.astype(float)))
-    strength = others * along / square / (4 * pi)
+    strength = ca.sparsify(ca.DM(strange.astype(float))) * along / square / (4 * pi)
     return [component * strength for component in across]
 
 
 def _from(begins: ca.SX, points: ca.SX) -> Vectors:
     """From every beginning (row) to every point (column) [m]."""
-    sizes = begins.shape[1], points.shape[1]
-    return [
-        ca.repmat(points[a, :], sizes[0], 1) - ca.repmat(begins[a, :].T, 1, sizes[1])
-        for a in range(3)
-    ]
+    m, n = begins.shape[1], points.shape[1]
+    return [ca.repmat(points[a, :], m, 1) - ca.repmat(begins[a, :].T, 1, n) for a in range(3)]
 
 
 def _crossed(a: Vectors, b: Vectors) -> Vectors:
@@ -528,17 +523,17 @@ def _induced(
     for i, along in zip(order, right, strict=True):
         sign = along * smooth_sign(motions[i].forward)
         share = shares[i] if isinstance(shares, list) else shares
-        slope = lift_slope * net.cosines[i]
-        gain.append(sign * motions[i].strip.chord * slope / 2 * share)
+        gain.append(sign * motions[i].strip.chord * lift_slope * net.cosines[i] / 2 * share)
     given = [
         *(net.points[:, order], net.normals[:, order]),
         *(net.edges, net.directions, net.core_squares),
         *(ca.vertcat(*gain), ca.vertcat(*[bound[i] for i in order])),
     ]
-    images = vortices.ground is not None
     if vortices.ground is not None:
         sizes, given = 2 * sizes, _with_images(vortices.ground, given)
-    circulation, induced = horseshoe_function(sizes, images)(*given, feedthrough)
+    circulation, induced = horseshoe_function(sizes, vortices.ground is not None)(
+        *given, feedthrough
+    )
     of_strip = [order.index(i) for i in range(len(order))]
     signed = [circulation[k] * right[k] for k in of_strip]
     return ca.vertcat(*signed), induced[:, of_strip]

@@ -149,10 +149,9 @@ class Pipeline:
         self.chain = _chain(learner, self.form)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pipeline made again, of a copy of the learner where it stands, and compiled again."""
-        form = self.form
-        names = ("inputs", "carried", "added_mass")
-        again = partial(type(self), **{name: getattr(form, name) for name in names})
+        """Recipe of a copy: a new pipeline around a copy of the learner."""
+        form, own = self.form, type(self)
+        again = partial(own, inputs=form.inputs, carried=form.carried, added_mass=form.added_mass)
         return again, (self.learner, self.robot)
 
     def __repr__(self) -> str:

@@ -152,7 +152,7 @@ def _dimension(quantity: Any) -> str:
 
 @cache
 def pint_units() -> Any:
-    """Units of pint, read once."""
+    """Unit registry of pint, made once."""
     import pint  # a fifth of a second: only where a unit is written
 
     return pint.UnitRegistry()

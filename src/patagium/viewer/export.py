@@ -33,13 +33,13 @@ class Topic(NamedTuple):
 
     Attributes:
         name: Name, such as `aero_force`.
-        unit: SI unit.
+        units: SI unit of each number.
         labels: Names of the numbers, such as `left_plunge` or `left_wing[3]/x`.
-        values: Numbers, (N, k) [`unit`].
+        values: Numbers, (N, k) [`units`].
     """
 
     name: str
-    unit: str
+    units: tuple[str, ...]
     labels: tuple[str, ...]
     values: Array
 
@@ -50,7 +50,9 @@ def topics_of(record: xr.Dataset) -> list[Topic]:
     Raises:
         LogError: If there is none.
     """
-    found = []
+    others = [str(name) for name in record.data_vars if name not in PARTS]
+    columns = packet_columns(robot_of(record), others) if "robot" in record.attrs else ()
+    known, found = {one.name: one.unit for one in columns}, []
     for name, variable in record.data_vars.items():
         if variable.dims[:1] != ("time",) or variable.dtype.kind not in "fiub":
             continue
@@ -59,7 +61,9 @@ def topics_of(record: xr.Dataset) -> list[Topic]:
         values = variable.to_numpy().reshape(len(variable), -1).astype(float)
         if values.shape[1]:
             unit = str(variable.attrs.get("units", ""))
-            found.append(Topic(str(name), unit, labels, values))
+            own = known if " or " in unit else {}
+            units = tuple(own.get(f"{name}.{label}", unit) for label in labels)
+            found.append(Topic(str(name), units, labels, values))
     if not found:
         raise LogError("file: expected quantities over time, found none")
     return found
@@ -108,9 +112,21 @@ def export(record: xr.Dataset, path: str | Path) -> Path:
         expected = f"{name}: pip install 'patagium[{extra}]'"
         raise ParameterError("export", expected, None) from None
     topics = topics_of(record)
+    _check_clock(record["time"].to_numpy())
     with whole_file(target) as draft:
         write(library, draft, record, topics)
     return target
+
+
+def _check_clock(time: Array) -> None:
+    """Refuse a record of two clocks, whose parts readers would mix."""
+    back = np.maximum.accumulate(time) - time
+    if back.max(initial=0.0) > _LATE:
+        row = int((back > _LATE).argmax())
+        raise LogError(
+            f"file: expected times that advance, found a clock reset by {back[row]:.3g} s; cut it "
+            f"at sample {row}, as with ncks -d time,{row},"
+        )
 
 
 def _names(record: xr.Dataset, dim: str) -> list[str]:
@@ -124,22 +140,12 @@ def _write_mcap(library: Any, path: Path, record: xr.Dataset, topics: list[Topic
     """Messages in JSON, each with the JSON schema of its topic."""
     times = (record["time"].to_numpy() * 1e9).round().astype(np.int64)
     times = times - min(0, int(times.min(initial=0)))  # stamps of MCAP are no less than zero
-    back = np.maximum.accumulate(times) - times
-    if back.max(initial=0) > _LATE:
-        row = int((back > _LATE).argmax())
-        raise LogError(
-            f"file: expected times that advance, found a step back by {back[row] / 1e9:.3g} s at "
-            f"sample {row}, where the clock was reset; cut it there, as with ncks -d time,{row},"
-        )
     with path.open("wb") as file:
         writer = library.Writer(file)
         writer.start(library=f"patagium {__version__}")
         about = {name: str(value) for name, value in record.attrs.items()}
         writer.add_metadata("patagium", about)
-        forces = [one.name for one in topics if one.name not in PARTS]
-        known = packet_columns(robot_of(record), forces) if "robot" in about else ()
-        units = {one.name: one.unit for one in known}
-        streams = [(_channel(writer, one, units), _messages(one)) for one in topics]
+        streams = [(_channel(writer, one), _messages(one)) for one in topics]
         frames = body_frames(record)
         if frames:
             kind = "foxglove.FrameTransforms"
@@ -151,11 +157,10 @@ def _write_mcap(library: Any, path: Path, record: xr.Dataset, topics: list[Topic
         writer.finish()
 
 
-def _channel(writer: Any, topic: Topic, units: dict[str, str]) -> int:
+def _channel(writer: Any, topic: Topic) -> int:
     """Channel of a topic with its schema."""
-    own = units if " or " in topic.unit else {}
-    named = {label: own.get(f"{topic.name}.{label}", topic.unit) for label in topic.labels}
-    numbers = {label: {"type": "number", "description": unit} for label, unit in named.items()}
+    named = zip(topic.labels, topic.units, strict=True)
+    numbers = {label: {"type": "number", "description": unit} for label, unit in named}
     schema = {"type": "object", "properties": numbers}
     return _registered(writer, f"patagium.{topic.name}", f"/{topic.name}", schema)
 
@@ -199,7 +204,7 @@ def _object(**properties: Any) -> dict[str, Any]:
     return {"type": "object", "properties": properties}
 
 
-_LATE = 10**9  # ns by which packets may come in another order
+_LATE = 1.0  # s by which packets may come in another order
 _NUMBER = {"type": "number"}
 _FRAMES = _object(
     transforms={
@@ -221,7 +226,7 @@ def _write_rerun(library: Any, path: Path, record: xr.Dataset, topics: list[Topi
     recording.save(path)
     time = library.TimeColumn("time", duration=record["time"].to_numpy())
     for topic in topics:
-        words = [f"{label} [{topic.unit}]" for label in topic.labels]
+        words = [f"{k} [{unit}]" for k, unit in zip(topic.labels, topic.units, strict=True)]
         recording.log(topic.name, library.SeriesLines(names=words), static=True)
         columns = library.Scalars.columns(scalars=topic.values)
         recording.send_columns(topic.name, indexes=[time], columns=columns)

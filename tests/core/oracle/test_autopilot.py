@@ -167,7 +167,7 @@ def test_a_motion_that_is_no_number_holds_the_last_commands(orbit, log):
 
 
 def test_a_wild_time_ends_nothing(orbit, log):
-    """One tick that falls or jumps; rows and steps alike."""
+    """A time that goes back or far ahead; the same in one call of many rows and in many calls."""
     tracker = tracked(orbit, [], 40, True, log)
     begin = tracker.span[1]
     autopilots = [Autopilot(tracker, LinearRegulator(orbit, COMMANDS)) for _ in range(3)]

@@ -19,7 +19,7 @@ from patagium.robot import load_robot_text
 pytestmark = pytest.mark.skipif(compiler_name() is None, reason="needs a C compiler")
 COUNT = 24
 # sums in another order; P of a strip network that knows only its section is nearly singular
-ROUNDING = {"hidden": 3e-11, "strip": 1e-8}
+ROUNDING = {"hidden": 3e-11, "strip": 1e-8}  # hidden: 1.4e-11 was seen in this flight
 
 
 @pytest.fixture(scope="module")

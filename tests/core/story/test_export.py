@@ -151,6 +151,7 @@ def test_rerun_is_given_every_number_with_its_name(
     np.testing.assert_array_equal(given["scalars"], flight["v"])
     names = flight["dof"].values
     assert [word.split(" [")[0] for word in logged["v"]] == list(names)
+    assert logged["v"][:1] + logged["v"][3:4] == ["x [m/s]", "roll [rad/s]"]
     origins, axes = body_frames(flight)["body"]
     np.testing.assert_array_equal(sent["world/body"][1]["translation"], origins)
     np.testing.assert_array_equal(sent["world/body"][1]["quaternion"], axes)

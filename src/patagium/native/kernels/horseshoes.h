@@ -133,12 +133,12 @@ static inline void horseshoes_double(int numbers, const int *size, const double 
       const double length[3] = {to[0] - from[0], to[1] - from[1], to[2] - from[2]};
       for (int b = 0; b < blocks; b++) {
         lanes r[3], s[3], *k = bound[j][b], wash = normalwash[leg][b] - normalwash[leg + 1][b];
-        for (int axis = 0; axis < 3; axis++) {
+        for (int axis = 0; axis < 3 && wings > 1; axis++) {
           r[axis] = point[b][axis] - from[axis];
           s[axis] = point[b][axis] - to[axis];
         }
         if (wings > 1) bound_influence(r, s, length, core_square[leg], others[b], k);
-        for (int axis = 0; axis < 3; axis++) {
+        for (int axis = 0; axis < 3 && wings > 1; axis++) {
           k[axis] *= quarter_pi_inverse;
           wash -= k[axis] * normal[b][axis];
         }
@@ -161,7 +161,7 @@ static inline void horseshoes_double(int numbers, const int *size, const double 
         for (int axis = 0; axis < 3; axis++)
           velocity[b][axis] += (inner - outer) * influence[leg][b][axis];
     }
-  for (int j = 0; j < count; j++)
+  for (int j = 0; j < count && wings > 1; j++)
     for (int b = 0; b < blocks; b++)
       for (int axis = 0; axis < 3; axis++) velocity[b][axis] += circulation[j] * bound[j][b][axis];
   for (int i = 0; i < count; i++) {
@@ -303,7 +303,7 @@ static inline void fwd1_horseshoes_double(int numbers, const int *size, const do
       const double dlength[3] = {dto[0] - dfrom[0], dto[1] - dfrom[1], dto[2] - dfrom[2]};
       for (int b = 0; b < blocks; b++) {
         lanes r[3], s[3], dr[3], ds[3], *k = bound[j][b], *dk = dbound[j][b];
-        for (int axis = 0; axis < 3; axis++) {
+        for (int axis = 0; axis < 3 && wings > 1; axis++) {
           r[axis] = point[b][axis] - from[axis];
           s[axis] = point[b][axis] - to[axis];
           dr[axis] = dpoint[b][axis] - dfrom[axis];
@@ -314,7 +314,7 @@ static inline void fwd1_horseshoes_double(int numbers, const int *size, const do
                                   others[b], k, dk);
         between[j][b] = normalwash[leg][b] - normalwash[leg + 1][b];
         dbetween[j][b] = dnormalwash[leg][b] - dnormalwash[leg + 1][b];
-        for (int axis = 0; axis < 3; axis++) {
+        for (int axis = 0; axis < 3 && wings > 1; axis++) {
           k[axis] *= quarter_pi_inverse;
           dk[axis] *= quarter_pi_inverse;
           between[j][b] -= k[axis] * normal[b][axis];
@@ -355,7 +355,7 @@ static inline void fwd1_horseshoes_double(int numbers, const int *size, const do
           velocity[b][axis] += (dinner - douter) * influence[leg][b][axis] +
                                (inner - outer) * dinfluence[leg][b][axis];
     }
-  for (int j = 0; j < count; j++)
+  for (int j = 0; j < count && wings > 1; j++)
     for (int b = 0; b < blocks; b++)
       for (int axis = 0; axis < 3; axis++)
         velocity[b][axis] += dcirculation[j] * bound[j][b][axis] +

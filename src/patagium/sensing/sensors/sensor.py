@@ -113,7 +113,7 @@ class Sensor:
 
     @property
     def saturates(self) -> Array:
-        """Size from which values of a sample tell nothing, a little less than the limit."""
+        """Size from which a reading counts as saturated, slightly below the limit."""
         return np.asarray(_NEAR * self.limit)
 
     def saturated(self, rows: Array) -> Bools:

@@ -301,7 +301,7 @@ def _sized(where: str, rows: Array, si: str) -> list[Finding]:
 
 
 def _seen_by(camera: Stream, unit: Stream) -> list[Finding]:
-    """Finding that an inertial unit turns, or is carried, another way than cameras see."""
+    """Finding that turning rates or gravity of an inertial unit contradict the cameras."""
     frame, own = camera.model.frame, unit.model.frame  # type: ignore[attr-defined]
     used, _ = consistent_frames(camera)
     frames = camera.time[used]
