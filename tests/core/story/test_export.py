@@ -75,7 +75,7 @@ def test_a_clock_that_was_reset_is_refused(flight: xr.Dataset, tmp_path: Path) -
     assert len(read(export(late, tmp_path / "late.mcap"))[0]["/q"]) == 50
     first = flight.assign_coords(time=flight["time"] + 100.0)
     both = xr.concat([first, flight], "time")
-    with pytest.raises(LogError, match=f"at sample {len(first.time)}, where the clock was reset"):
+    with pytest.raises(LogError, match=f"clock reset by .* cut it at sample {len(first.time)}"):
         export(both, tmp_path / "both.mcap")
     assert not (tmp_path / "both.mcap").exists()
 
