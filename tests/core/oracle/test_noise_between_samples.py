@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 
@@ -46,6 +48,23 @@ def samples_of(network, rng, count):
     y = np.sin(x @ mixing) + 0.03 * rng.normal(size=(count, network.outputs))
     y[count // 2, 0], y[count // 3] = np.nan, 20.0  # a channel is left out, a sample is doubted
     return x, y
+
+
+@pytest.mark.parametrize("structure", STRUCTURES, ids=str)
+@pytest.mark.parametrize("learner", ["cubature", "extended"])
+def test_weights_that_nothing_excites_go_back_to_the_prior(learner, structure):
+    """A share of the way after each sample, as their variance does; a copy goes on alike."""
+    network = pt.DenseNetwork(2, (), 1)
+    for one in pair_of(numbers_of(network, learner, covariance=structure, prior_share=0.02)):
+        start = one.mean.copy()
+        for _ in range(20):
+            one.update(np.array([1.0, 0.0]), np.array([3.0]))
+        learned, copy = one.mean[0] - start[0], deepcopy(one)
+        for _ in range(300):
+            for each in (one, copy):
+                each.update(np.zeros(2), network.offset)
+        assert 0 < abs(one.mean[0] - start[0]) < 0.02 * abs(learned)  # .98^300 = .0023
+        np.testing.assert_allclose(copy.mean, one.mean, rtol=ROUNDING)
 
 
 @pytest.mark.parametrize("noise", NOISES)

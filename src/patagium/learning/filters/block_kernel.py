@@ -99,6 +99,7 @@ class BlockKernel:
 
     Attributes:
         mean: Weights W, (n,) [1], moved by the kernel.
+        prior: Weights that a prior share goes back to, (n,) [1].
         screen: Screening of the samples, whose arrays are shared.
     """
 
@@ -123,7 +124,7 @@ class BlockKernel:
             _function(library, f"{name}_{verb}") for verb in ("predict", "update")
         )
         self._library = library
-        self.mean = self._arrays["mean"]
+        self.mean, self.prior = self._arrays["mean"], self._arrays["prior"]
         self._measured = self._arrays["measured"]
         self._results = self._arrays["predicted"], self._arrays["covariance"]
 
@@ -241,6 +242,7 @@ class BlockKernel:
             "layers": len(network.perceptron.widths) - 1,
             "activation": ACTIVATION_CODES[network.perceptron.activation],
             "growth": 1.0 / np.sqrt(factor),
+            "prior_share": numbers.settings.prior_share,
             "screen": screening,
             "nis": float("nan"),
             **numbers.rule._asdict(),
@@ -310,6 +312,7 @@ def _sample_arrays(numbers: FilterNumbers) -> dict[str, Array]:
     widths, items = network.perceptron.widths, network.items
     shapes = {
         "mean": (network.size,),
+        "prior": (network.size,),
         "features": (items, widths[0]),
         "readout": (items * widths[-1], outputs),
         "offset": (outputs,),

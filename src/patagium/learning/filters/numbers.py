@@ -1,7 +1,7 @@
 """Numbers of a filter: what follows from its settings for the weights of one network.
 
 Between two samples P <- (1 - s) P / forgetting_factor + s P0 + Q, with s = prior_share, P0
-the covariance before any sample and Q = diag(process_std^2).
+the covariance before any sample and Q = diag(process_std^2), and W <- W + s (W0 - W).
 """
 
 from __future__ import annotations

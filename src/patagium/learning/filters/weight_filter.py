@@ -45,7 +45,7 @@ class WeightFilter:
     Args:
         numbers: Numbers of the filter.
         parts: Covariance structure, and kernel that learns whole samples; None: NumPy does.
-        mean: Weights to start from, (n,) [1].
+        mean: Weights to start from, which a prior share goes back to, (n,) [1].
         std: Standard deviations of the weights, (n,) [1]; None: those of the prior.
 
     Attributes:
@@ -63,13 +63,16 @@ class WeightFilter:
         self.numbers, (self._structure, kernel) = numbers, parts
         self.screen = new_screen(numbers) if kernel is None else kernel.screen
         self._kernel, self._mean, self._nis = kernel, np.zeros(len(mean)), float("nan")
+        self._prior = np.array(mean, float)
+        if kernel is not None:
+            kernel.prior[:] = mean
         self._before: Any = None
         self._noise = numbers.process_noise if numbers.has_process_noise else None
         start = np.sqrt(numbers.prior_variance) if std is None else std
         self._place(np.array(mean, float), float("nan"), self._structure.start(numbers, start))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (self.numbers, self.state(), dict(self.screen.arrays))
+        return _restored, (self.numbers, self._prior, self.state(), dict(self.screen.arrays))
 
     @property
     def mean(self) -> Array:
@@ -235,6 +238,7 @@ class WeightFilter:
         mean, kept = self._structure.learned(before, look, directions, moments, gain)
         if not np.isfinite(mean).all():
             return Outcome.NOT_FINITE
+        mean = mean + self.numbers.settings.prior_share * (self._prior - look.mean)
         self._place(mean, nis, kept)
         squares = np.einsum("ij,ij->j", inverse, inverse)
         self.screen.learned(moments.mean, innovation, gain, squares, nis)
@@ -247,10 +251,10 @@ def _unknown(outputs: int) -> Prediction:
 
 
 def _restored(
-    numbers: FilterNumbers, state: Mapping[str, Array], seen: Mapping[str, Array]
+    numbers: FilterNumbers, prior: Array, state: Mapping[str, Array], seen: Mapping[str, Array]
 ) -> WeightFilter:
     """Weight filter of a pickle."""
-    found = WeightFilter(numbers, structure_and_kernel(numbers), state["mean"])
+    found = WeightFilter(numbers, structure_and_kernel(numbers), prior)
     found.resume(state)
     found.screen.restore(arrays_like(found.screen.arrays, seen))
     return found

@@ -17,7 +17,9 @@ class CubatureLearner(FilterLearner, kind="cubature"):
     Q = diag(process_std^2). The points W +- kappa S e_i, P = S S', give mean and
     covariance of y and, with a sample,
 
-        W <- W + S Z P_yy^-1 (y - mean),    P <- P - S Z P_yy^-1 Z' S'.
+        W <- W + S Z P_yy^-1 (y - mean),    P <- P - S Z P_yy^-1 Z' S',
+
+    and W goes a share prior_share of the way back to where it began.
 
     `covariance` says what is kept of P (cost of an update, memory in numbers; k weights a
     neuron, b a layer):
