@@ -160,19 +160,26 @@ class GaitFamily:
 
         turned = self._turned(shape)
         joints = joints_of(turned + shape.added, 0)
-        own = np.divide(1.0, shape.amplitude, out=np.zeros(n), where=shape.amplitude != 0)
-        one = np.zeros((len(phase), 3, n))
-        one[:, 0] = 1.0
-        effects = [own * joints_of(turned, 0), one, joints_of(turned, 1)]
-        none = np.zeros_like(one)
-        for unit in np.eye(len(order))[:, :, None]:
-            effects.append(joints_of(unit, 0) + none)
-            effects.append(joints_of(-1j * unit, 0) + none)
+
+        def effect(kind: int) -> Array:
+            """Derivative by amplitudes, offsets, phases, or a cosine or sine of the series."""
+            if kind == 1:
+                return np.tile(np.eye(3)[:, :1], (len(phase), 1, n))
+            if kind > 2:
+                unit = np.zeros(order.shape, complex)
+                unit[(kind - 3) // 2] = 1.0 if kind % 2 else -1j
+                return np.tile(joints_of(unit, 0), n)
+            own = np.divide(1.0, shape.amplitude, out=np.zeros(n), where=shape.amplitude != 0)
+            return joints_of(turned, 1) if kind else own * joints_of(turned, 0)
+
+        effects: dict[int, Array] = {}
         slopes = np.zeros((len(phase), len(way), 3, n))
         for i in np.flatnonzero(way[:, 0]):
             slopes[:, i] = way[i, 0] * np.arange(3)[:, None] / frequency * joints
         for i, column in np.argwhere(way[:, 1:]):
             kind, k = divmod(column, n)
+            if kind not in effects:
+                effects[kind] = effect(kind)
             slopes[:, i, :, k] += way[i, 1 + column] * effects[kind][:, :, k]
         flat = slopes.reshape(len(phase), len(way), 3 * n)
         position = joints.reshape(len(phase), 3 * n).copy()
