@@ -643,33 +643,12 @@ class GaitProgram:
 
         cost = _Callback("values", values, [own], [one, rows])
         given = {
-            "grad_f": _Callback(
-                "gradient",
-                gradient,
-                [own, none],
-                [one, own],
-            ),
-            "jac_g": _Callback(
-                "slopes",
-                jacobian,
-                [own, none],
-                [rows, slopes],
-            ),
-            "hess_lag": _Callback(
-                "bends",
-                hessian,
-                [own, none, one, rows],
-                [bends],
-            ),
+            "grad_f": _Callback("gradient", gradient, [own, none], [one, own]),
+            "jac_g": _Callback("slopes", jacobian, [own, none], [rows, slopes]),
+            "hess_lag": _Callback("bends", hessian, [own, none, one, rows], [bends]),
         }
         x, p = ca.MX.sym("x", own), ca.MX.sym("p", none)
-        program = ca.Function(
-            "program",
-            [x, p],
-            [*cost(x)],
-            ["x", "p"],
-            ["f", "g"],
-        )
+        program = ca.Function("program", [x, p], [*cost(x)], ["x", "p"], ["f", "g"])
         options = _OPTIONS | (_WARM if warm else {})
         solver = ca.nlpsol("gait", "ipopt", program, given | options)
         return solver, [cost, *given.values()]
@@ -678,13 +657,7 @@ class GaitProgram:
         """Solution by IPOPT, and where to begin from to go on."""
         solver, functions = self._solver(warm="lam_g0" in begin)
         low, high, least, most = self._bounds()
-        found = solver(
-            **begin,
-            lbx=low,
-            ubx=high,
-            lbg=least,
-            ubg=most,
-        )
+        found = solver(**begin, lbx=low, ubx=high, lbg=least, ubg=most)
         for one in functions:
             if one.stopped is not None:
                 raise one.stopped
