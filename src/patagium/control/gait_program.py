@@ -266,11 +266,7 @@ def _ends(
         found.append(last[z] - conditions.climb * period)
     if conditions.speed is not None:
         found.append(forward - conditions.speed * period)
-    costs = {
-        "power": work / period,
-        "range": work / forward,
-        "speed": -forward / period,
-    }
+    costs = {"power": work / period, "range": work / forward, "speed": -forward / period}
     cost = costs[goal]
     given = ca.vertcat(first, last, work, values)
     ends = ca.vertcat(*found)
@@ -326,13 +322,7 @@ class GaitProgram:
         flown = self._fly(nodes, rows)
         work = float(flown.ends[:, -1].sum())
         self.power_before = work * family.base.frequency
-        parts = (
-            nodes.ravel(),
-            [work],
-            family.neutral,
-            motion.max(axis=0),
-            motion.min(axis=0),
-        )
+        parts = (nodes.ravel(), [work], family.neutral, motion.max(axis=0), motion.min(axis=0))
         sizes = (
             np.tile(self._sizes, self.parts + 1),
             abs(work),

@@ -21,12 +21,7 @@ import numpy as np
 from patagium.aerodynamics import AddedMass, Aerodynamics, QuasiSteady
 from patagium.arguments import checked
 from patagium.arrays import Array
-from patagium.control.gait_family import (
-    MOST_STEPS,
-    GaitFamily,
-    gait_family,
-    symmetric_parameters,
-)
+from patagium.control.gait_family import MOST_STEPS, GaitFamily, gait_family, symmetric_parameters
 from patagium.control.orbit import Frame, NoOrbit, Orbit, check_attitude
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.dynamics import Dynamics
@@ -44,7 +39,7 @@ TOLERANCE = 1e-12
 """Residual of an orbit [SI]: rounding of some thousand operations."""
 SEGMENTS = 40
 STEPS = 240
-"""Time steps of a beat, where none are given; of a beat beyond .24 s one a millisecond."""
+"""Time steps of a beat, where none are given; of a beat beyond .6 s one every 2.5 ms."""
 _NEWTON = 40  # steps at most
 _POINTS = 250  # flights of a search, at most
 _SHORTEST = 1.0 / 256  # part of a Newton step
@@ -227,12 +222,7 @@ class OrbitSearch:
         return np.where(self.still, 0.0, self._reach)
 
     def newton(
-        self,
-        at: Point,
-        conditions: Conditions,
-        held: Array | None = None,
-        *,
-        limited: bool = False,
+        self, at: Point, conditions: Conditions, held: Array | None = None, *, limited: bool = False
     ) -> tuple[Point, str]:
         """Point where Newton's method ended, and why before an orbit; empty if it is one.
 
@@ -328,7 +318,7 @@ class OrbitSearch:
         robot, gait = self.map.robot, self.family.gait(values)
         if not gait.frequency > 0:
             return f"frequency would be {gait.frequency:.3g} Hz"
-        position = gait.motion(np.arange(64) / 64 / gait.frequency).position
+        position = self.family.positions(values)
         least, most = position.min(axis=0).tolist(), position.max(axis=0).tolist()
         for joint, i, *motion in zip(gait.joints, robot.actuated, least, most, strict=True):
             low, high = robot.lower[i], robot.upper[i]
@@ -479,7 +469,7 @@ def _steps(family: GaitFamily, given: int | None) -> int:
             expected = f"a positive multiple of {SEGMENTS} up to {MOST_STEPS}"
             raise ParameterError("steps", expected, given)
         return int(given)
-    return SEGMENTS * int(np.ceil(max(STEPS, 1e3 / family.base.frequency) / SEGMENTS))
+    return SEGMENTS * int(np.ceil(max(STEPS, 400.0 / family.base.frequency) / SEGMENTS))
 
 
 def _first_states(search: OrbitSearch, robot: Robot, start: Orbit | None) -> Array:
