@@ -549,9 +549,10 @@ def _lifts(line: StripFlow, density: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
     found, wash = [], line.wash(line.state, line.lags)
     for i, motion in enumerate(line.motions):
         forward, normal = vector(motion.strip.forward), vector(motion.strip.normal)
-        along, across = line.lift(wash, i, density)
+        ahead, across, along = line.lift(wash, i, density)
         place = vector(motion.strip.quarter_chord) + forward * lift_place(motion)
-        found.append((forward * along + normal * across, place))
+        span = cross(normal, forward)
+        found.append((forward * ahead + normal * across + span * along, place))
     return found
 
 
