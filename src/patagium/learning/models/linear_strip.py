@@ -116,7 +116,7 @@ _OUTPUTS = 4  # of a section: force forward, normal and spanwise, moment
 _CORRECTIONS = (6, 0.5), (11, 0.2)  # polynomials of spanwise flow, of direction; prior of each
 _POLYNOMIALS = sum(count for count, _ in _CORRECTIONS)
 _LAGS = Lags(ONE_STATE.rate, ONE_STATE.lift, ONE_STATE.circulation)
-_TERMS = "of the whole velocity"  # in files: what the weights mean
+_TERMS = "of the whole velocity", "with side edges"  # in files: what the weights mean, attached
 _NOTHING = 1e-6  # prior of weights that stand for nothing
 
 
@@ -206,7 +206,7 @@ class LinearStripNetwork(WingNetwork):
 
     def describe(self) -> dict[str, Any]:
         """Description of the network that rebuilds it, as JSON-able values."""
-        return super().describe() | {"terms": _TERMS}
+        return super().describe() | {"terms": _TERMS[self.attached]}
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> Self:
@@ -216,9 +216,9 @@ class LinearStripNetwork(WingNetwork):
             ParameterError: If a key is missing or unknown, or the terms were others then.
         """
         values = dict(description)
-        found = values.pop("terms", None)
-        if found != _TERMS:
-            expected = f"{_TERMS}; weights of other terms mean other forces: learn the log anew"
+        found, known = values.pop("terms", None), _TERMS[bool(values.get("attached"))]
+        if found != known:
+            expected = f"{known}; weights of other terms mean other forces: learn the log anew"
             raise ParameterError("terms of the network", expected, found)
         return super().from_description(values)
 
