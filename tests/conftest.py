@@ -30,12 +30,13 @@ settings.load_profile("repeatable")
 
 
 SLOW = (
-    *("test_documentation.py", "test_reproduce.py", "test_live_browser.py", "test_optimal_gait.py"),
-    *("test_attack.py", "test_validation.py", "test_rig.py", "test_robot_parameters.py"),
-    *("test_tuned_settings.py", "test_stress.py", "test_adaptive_controller.py", "test_bounds.py"),
-    *("test_live_stream.py", "test_command_line.py", "test_crazyflie_log.py", "test_first_hour.py"),
-    *("test_raw_stream.py", "test_quaternion_base.py", "test_stall_delay_invariants.py"),
-    *("test_readme.py", "test_flight_fallback.py", "test_cycles.py"),
+    *("test_documentation.py", "test_validation.py", "test_reproduce.py", "test_attack.py"),
+    *("test_live_browser.py", "test_rig.py", "test_command_line.py", "test_optimal_gait.py"),
+    *("test_adaptive_controller.py", "test_robot_parameters.py", "test_stall_delay_invariants.py"),
+    *("test_bounds.py", "test_quaternion_base.py", "test_tuned_settings.py", "test_stress.py"),
+    *("test_feedback_study.py", "test_crazyflie_log.py", "test_live_stream.py"),
+    *("test_linear_strip.py", "test_wingbeat_derivatives.py", "test_first_hour.py"),
+    *("test_raw_stream.py", "test_readme.py", "test_flight_fallback.py", "test_cycles.py"),
 )
 """Files that take longest, the longest first."""
 

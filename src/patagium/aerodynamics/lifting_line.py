@@ -85,10 +85,10 @@ class LiftingLine(Aerodynamics):
         lift         L = 1/2 rho c ds a0 U W,                       W = phi(0) w_e + sum_k a_k z_k,
 
     perpendicular to the wind u + Q G + (W - w_e) along the lift: induced drag is the tilt.
-    a0 is the section's slope times the cosine of the sweep of the quarter chord. Low aspect
-    ratio takes a gain off L and G; profile drag is 1/2 rho c ds C_d |u| u; the
-    section says what share of the flow is separated at the effective incidence
-    atan2(W, |u_chord|), and its loads. A wing that moves backward is its mirror image.
+    a0 is the section's slope times the cosine of the sweep of the quarter chord, to whose line
+    the force is perpendicular too. Low aspect ratio takes a gain off L and G; profile drag is
+    1/2 rho c ds C_d |u| u; the section says what share of the flow is separated at the effective
+    incidence atan2(W, |u_chord|), and its loads. A wing that moves backward is its mirror image.
     Signs and norms are smoothed within `smooth_functions.SWITCH_SPEED` of zero.
 
     Args:
@@ -383,7 +383,7 @@ def _load(
     normal = motion.normal_ahead(ahead)
 
     flow = section_flow(forward, normal, strip.chord)
-    lift = attached_lift(vortices, wash, i, gain, _pressure(motion, p), normal)
+    lift = attached_lift(vortices, wash, i, gain, _pressure(motion, p), ahead)
     density_area = p.density * strip.chord * strip.width
     friction = attached * density_area * p.section["profile_drag"] / 2
     spanwise = motion.spanwise_ahead(ahead)
@@ -396,7 +396,7 @@ def _load(
         normal=attached * lift[1] + stalled[1] - friction * normal,
         ahead=ahead,
         effective_angle_of_attack=effective.angle_of_attack,
-        spanwise=-friction * spanwise,
+        spanwise=attached * lift[2] - friction * spanwise,
         circulation=gain * wash.circulation[i],
         downwash=-gain * ca.dot(net.normals[:, i], wash.induced[:, i]),
         moment=stalled[2],

@@ -106,7 +106,7 @@ class Lattice:
         directions: Directions of the legs, (3, m) [-]; of unit length but near rest.
         core_squares: Squared core radii, (m, 1) [m^2].
         shares: Length of each bound vortex, from leg to leg, over the strip's width, (n, 1) [-].
-        cosines: Of the sweep of the quarter chord against the strips' own axes, (n, 1) [-].
+        slopes: Way of the quarter-chord line forward over that along normal x forward, (n, 1) [-].
     """
 
     points: ca.SX
@@ -116,7 +116,12 @@ class Lattice:
     directions: ca.SX
     core_squares: ca.SX
     shares: ca.SX
-    cosines: ca.SX
+    slopes: ca.SX
+
+    @property
+    def cosines(self) -> ca.SX:
+        """Cosine of the sweep angle of the quarter-chord line at each strip, (n, 1) [-]."""
+        return 1.0 / ca.sqrt(1.0 + self.slopes**2)
 
 
 def lattice(robot: Robot, chains: Sequence[StripChain], q: ca.SX, v: ca.SX, wind: ca.SX) -> Lattice:
@@ -141,7 +146,7 @@ def lattice(robot: Robot, chains: Sequence[StripChain], q: ca.SX, v: ca.SX, wind
         directions=ca.horzcat(*[leg[1] for leg in legs]),
         core_squares=ca.vertcat(*[leg[2] for leg in legs]),
         shares=_shares(robot, chains),
-        cosines=_cosines(robot, chains),
+        slopes=_slopes(robot, chains),
     )
 
 
@@ -257,16 +262,16 @@ def _line(strips: Sequence[Strip], right: Sequence[int], k: int) -> tuple[ca.SX,
     return before, slopes.get(1, slopes.get(-1, alone))
 
 
-def _cosines(robot: Robot, chains: Sequence[StripChain]) -> ca.SX:
-    """Cosine of the sweep angle of the quarter-chord line at each strip, (n, 1) [-]."""
-    cosines = ca.SX.ones(len(robot.strips), 1)
+def _slopes(robot: Robot, chains: Sequence[StripChain]) -> ca.SX:
+    """Way of the quarter-chord line forward over that along normal x forward, (n, 1) [-]."""
+    slopes = ca.SX.zeros(len(robot.strips), 1)
     for chain in chains:
         strips = [robot.strips[i] for i in chain.strips]
         for k, index in enumerate(chain.strips):
+            forward, normal = vector(strips[k].forward), vector(strips[k].normal)
             line = sum(_line(strips, chain.right, k), ca.SX(0))
-            along = ca.dot(line, vector(strips[k].forward))
-            cosines[index] = ca.sqrt(1.0 - along * along / ca.dot(line, line))
-    return cosines
+            slopes[index] = ca.dot(line, forward) / ca.dot(line, cross(normal, forward))
+    return slopes
 
 
 @functools.cache
@@ -563,12 +568,14 @@ def attached_lift(
     strip: int,
     gain: Any,
     pressure: Any,
-    normal: Any,
-) -> tuple[Any, Any]:
-    """Lift of attached flow along the strip's forward and normal axes [N].
+    ahead: Any,
+) -> tuple[Any, Any, Any]:
+    """Lift of attached flow along the strip's forward and normal axes and along their span [N].
 
-    L = pressure W, perpendicular to the wind at the force: undisturbed, induced by all legs, and
-    by the wake shed across the span, (W - w_e) along the lift. Induced drag is the tilt.
+    L = pressure W, perpendicular to the quarter-chord line and to the wind at the force:
+    undisturbed, induced by all legs, and by the wake shed across the span, (W - w_e) along the
+    lift. Induced drag is the tilt. Suction at a swept edge pulls along the span too, and wind
+    along the span lifts a swept line.
 
     Args:
         vortices: Strips and their trailing vortices.
@@ -576,10 +583,11 @@ def attached_lift(
         strip: Index of the strip.
         gain: Lift of the lifting surface over that of the line.
         pressure: Lift per normalwash, 1/2 rho c ds a0 U [N s/m].
-        normal: Normal velocity of the strip where the force acts [m/s].
+        ahead: Where the force acts, ahead of the quarter chord [m].
     """
     motion, net = vortices.motions[strip], vortices.lattice
-    forward, sign = motion.forward, smooth_sign(motion.forward)
+    forward, sign, slope = motion.forward, smooth_sign(motion.forward), net.slopes[strip]
+    normal = motion.normal_ahead(ahead)
     speed = smooth_norm(forward * forward + normal * normal)
     shed = sign * (wash.lagged[strip] - wash.effective[strip]) / speed
     induced = wash.induced[:, strip]
@@ -588,4 +596,5 @@ def attached_lift(
     wind = smooth_norm(wind_forward * wind_forward + wind_normal * wind_normal)
     swept = net.cosines[strip] * net.shares[strip]
     lift = sign * gain * swept * pressure * wash.lagged[strip] / wind
-    return lift * wind_normal, -lift * wind_forward
+    across = slope * motion.spanwise_ahead(ahead) + wind_forward
+    return lift * wind_normal, -lift * across, -slope * lift * wind_normal

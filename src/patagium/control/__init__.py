@@ -2,13 +2,7 @@
 
 from patagium.control.adaptation import AdaptiveController, AirWeights
 from patagium.control.continuation import Bifurcation, Branch, continue_orbit
-from patagium.control.estimators import (
-    Estimate,
-    NoisyState,
-    TrackedState,
-    Truth,
-    driving_noise,
-)
+from patagium.control.estimators import Estimate, NoisyState, TrackedState, Truth, driving_noise
 from patagium.control.events import (
     Event,
     GustEvent,

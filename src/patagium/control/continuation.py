@@ -178,12 +178,7 @@ class _Place(NamedTuple):
 class _Curve:
     """Equations of a branch: those of a trim without a condition on the parameter."""
 
-    def __init__(
-        self,
-        orbit: Orbit,
-        along: str,
-        held: dict[str, float],
-    ) -> None:
+    def __init__(self, orbit: Orbit, along: str, held: dict[str, float]) -> None:
         names = orbit.family.names
         self.place = None
         if along not in ("speed", "climb"):

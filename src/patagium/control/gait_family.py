@@ -14,6 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -112,6 +113,12 @@ class GaitFamily:
             self.base, frequency=shape.frequency, mean=mean, cosine=series.real, sine=-series.imag
         )
 
+    def positions(self, values: ArrayLike) -> Array:
+        """Positions of the joints at 65 phases of a beat, (65, n_a) [rad, m]."""
+        shape = self._shape(values)
+        series = self._turned(shape) + shape.added
+        return self.base.mean + shape.offset + (_waves(32, len(series)) @ series).real
+
     def _shape(self, values: ArrayLike) -> _Shape:
         """Frequency, and amplitudes, offsets, phases and coefficients of all joints."""
         n, neutral = len(self.base.joints), self.neutral
@@ -150,29 +157,38 @@ class GaitFamily:
         phase = np.pi * np.arange(2 * steps + 1) / steps
         pace = 2.0 * np.pi * frequency
         order = 1j * np.arange(1, len(self.base.sine) + 1)[:, None]
-        wave = np.exp(np.outer(phase, order))
+        wave = _waves(steps, len(order))
 
-        def joints_of(series: NDArray[np.complex128], first: int) -> Array:
-            """Position, velocity and acceleration, or from a later derivative on."""
-            powers = np.hstack([series * order**k for k in range(first, first + 3)])
-            waves = (wave @ powers).real.reshape(len(phase), 3, -1)
-            return np.asarray(waves * pace ** np.arange(3)[:, None])
+        def derived(series: NDArray[np.complex128], count: int) -> Array:
+            """The first derivatives by the phase of a series, itself the first."""
+            powers = np.hstack([series * order**k for k in range(count)])
+            return np.asarray((wave @ powers).real.reshape(len(phase), count, -1))
 
-        turned = self._turned(shape)
-        joints = joints_of(turned + shape.added, 0)
-        own = np.divide(1.0, shape.amplitude, out=np.zeros(n), where=shape.amplitude != 0)
-        one = np.zeros((len(phase), 3, n))
-        one[:, 0] = 1.0
-        effects = [own * joints_of(turned, 0), one, joints_of(turned, 1)]
-        none = np.zeros_like(one)
-        for unit in np.eye(len(order))[:, :, None]:
-            effects.append(joints_of(unit, 0) + none)
-            effects.append(joints_of(-1j * unit, 0) + none)
+        turned, paced = self._turned(shape), pace ** np.arange(3)[:, None]
+        own = derived(turned, 4)
+        joints = paced * own[:, :3]
+        if shape.added.any():
+            joints = joints + paced * derived(shape.added, 3)
+
+        def effect(kind: int) -> Array:
+            """Derivative by amplitudes, offsets, phases, or a cosine or sine of the series."""
+            if kind == 1:
+                return np.tile(np.eye(3)[:, :1], (len(phase), 1, n))
+            if kind > 2:
+                unit = np.zeros(order.shape, complex)
+                unit[(kind - 3) // 2] = 1.0 if kind % 2 else -1j
+                return np.tile(paced * derived(unit, 3), n)
+            size = np.where(shape.amplitude != 0, shape.amplitude, np.inf)
+            return paced * own[:, 1:] if kind else paced * own[:, :3] / size
+
+        effects: dict[int, Array] = {}
         slopes = np.zeros((len(phase), len(way), 3, n))
         for i in np.flatnonzero(way[:, 0]):
             slopes[:, i] = way[i, 0] * np.arange(3)[:, None] / frequency * joints
         for i, column in np.argwhere(way[:, 1:]):
             kind, k = divmod(column, n)
+            if kind not in effects:
+                effects[kind] = effect(kind)
             slopes[:, i, :, k] += way[i, 1 + column] * effects[kind][:, :, k]
         flat = slopes.reshape(len(phase), len(way), 3 * n)
         position = joints.reshape(len(phase), 3 * n).copy()
@@ -180,6 +196,13 @@ class GaitFamily:
         table = np.column_stack([position, air.uniform_wind_at(phase / pace)])
         step = 1.0 / (frequency * steps)
         return PrescribedRows(table, flat, step, -step / frequency * way[:, 0])
+
+
+@lru_cache(maxsize=4)
+def _waves(steps: int, order: int) -> NDArray[np.complex128]:
+    """Harmonics of a beat every half step, (2 steps + 1, order)."""
+    phase = np.pi * np.arange(2 * steps + 1) / steps
+    return np.asarray(np.exp(1j * np.outer(phase, np.arange(1, order + 1))))
 
 
 @checked

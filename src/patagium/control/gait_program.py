@@ -266,11 +266,7 @@ def _ends(
         found.append(last[z] - conditions.climb * period)
     if conditions.speed is not None:
         found.append(forward - conditions.speed * period)
-    costs = {
-        "power": work / period,
-        "range": work / forward,
-        "speed": -forward / period,
-    }
+    costs = {"power": work / period, "range": work / forward, "speed": -forward / period}
     cost = costs[goal]
     given = ca.vertcat(first, last, work, values)
     ends = ca.vertcat(*found)
@@ -326,13 +322,7 @@ class GaitProgram:
         flown = self._fly(nodes, rows)
         work = float(flown.ends[:, -1].sum())
         self.power_before = work * family.base.frequency
-        parts = (
-            nodes.ravel(),
-            [work],
-            family.neutral,
-            motion.max(axis=0),
-            motion.min(axis=0),
-        )
+        parts = (nodes.ravel(), [work], family.neutral, motion.max(axis=0), motion.min(axis=0))
         sizes = (
             np.tile(self._sizes, self.parts + 1),
             abs(work),
@@ -643,33 +633,12 @@ class GaitProgram:
 
         cost = _Callback("values", values, [own], [one, rows])
         given = {
-            "grad_f": _Callback(
-                "gradient",
-                gradient,
-                [own, none],
-                [one, own],
-            ),
-            "jac_g": _Callback(
-                "slopes",
-                jacobian,
-                [own, none],
-                [rows, slopes],
-            ),
-            "hess_lag": _Callback(
-                "bends",
-                hessian,
-                [own, none, one, rows],
-                [bends],
-            ),
+            "grad_f": _Callback("gradient", gradient, [own, none], [one, own]),
+            "jac_g": _Callback("slopes", jacobian, [own, none], [rows, slopes]),
+            "hess_lag": _Callback("bends", hessian, [own, none, one, rows], [bends]),
         }
         x, p = ca.MX.sym("x", own), ca.MX.sym("p", none)
-        program = ca.Function(
-            "program",
-            [x, p],
-            [*cost(x)],
-            ["x", "p"],
-            ["f", "g"],
-        )
+        program = ca.Function("program", [x, p], [*cost(x)], ["x", "p"], ["f", "g"])
         options = _OPTIONS | (_WARM if warm else {})
         solver = ca.nlpsol("gait", "ipopt", program, given | options)
         return solver, [cost, *given.values()]
@@ -678,13 +647,7 @@ class GaitProgram:
         """Solution by IPOPT, and where to begin from to go on."""
         solver, functions = self._solver(warm="lam_g0" in begin)
         low, high, least, most = self._bounds()
-        found = solver(
-            **begin,
-            lbx=low,
-            ubx=high,
-            lbg=least,
-            ubg=most,
-        )
+        found = solver(**begin, lbx=low, ubx=high, lbg=least, ubg=most)
         for one in functions:
             if one.stopped is not None:
                 raise one.stopped

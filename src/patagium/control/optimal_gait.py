@@ -33,11 +33,7 @@ from patagium.errors import ParameterError
 from patagium.robot import Robot
 from patagium.simulation.gait_models import Gait
 
-GOALS = {
-    "power": "least power",
-    "range": "least energy a meter",
-    "speed": "greatest speed",
-}
+GOALS = {"power": "least power", "range": "least energy a meter", "speed": "greatest speed"}
 """What may be sought, and its words."""
 MOST = 16
 """Greatest order of the Fourier series of an optimal gait."""

@@ -14,19 +14,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, QuasiSteady
 from patagium.arguments import checked
 from patagium.arrays import Array
-from patagium.control.gait_family import (
-    MOST_STEPS,
-    GaitFamily,
-    gait_family,
-    symmetric_parameters,
-)
+from patagium.control.gait_family import MOST_STEPS, GaitFamily, gait_family, symmetric_parameters
 from patagium.control.orbit import Frame, NoOrbit, Orbit, check_attitude
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.dynamics import Dynamics
@@ -40,13 +35,11 @@ from patagium.simulation.gait_models import Gait
 from patagium.simulation.simulator import check_robots
 from patagium.simulation.steered_gait import SteeredGait
 
-Nodes: TypeAlias = list[tuple[Array, Array, Array]]
-"""How the state of each node follows the first state and the parameters, and its own step."""
 TOLERANCE = 1e-12
 """Residual of an orbit [SI]: rounding of some thousand operations."""
 SEGMENTS = 40
 STEPS = 240
-"""Time steps of a beat, where none are given; of a beat beyond .24 s one a millisecond."""
+"""Time steps of a beat, where none are given; of a beat beyond .6 s one every 2.5 ms."""
 _NEWTON = 40  # steps at most
 _POINTS = 250  # flights of a search, at most
 _SHORTEST = 1.0 / 256  # part of a Newton step
@@ -150,6 +143,8 @@ class OrbitSearch:
         self._reach = parameter_sizes(family)
         sizes = dict(zip(flight_map.names, self._scale, strict=True)) | dict(tolerable)
         self._size = np.array([sizes[name] for name in self.frame.names])
+        actuators = flight_map.robot.actuators.items()
+        self._commands = [(k, one, *flight_map.robot.command(k)) for k, one in actuators]
         self._pitch = [k for k, name in enumerate(flight_map.names) if name == "pitch"]
         self.iterations = self.points = 0
 
@@ -174,40 +169,52 @@ class OrbitSearch:
         return np.concatenate([self._scale[self.frame.kept], np.ones(others)])
 
     @np.errstate(all="ignore")
-    def system(self, at: Point) -> tuple[Array, Array, Nodes]:
-        """Scaled Newton matrix and right-hand side, and how nodes follow the unknowns."""
+    def system(self, at: Point, shift: Array | None = None) -> tuple[Array, Array, Array]:
+        """Scaled Newton matrix and right-hand side, and how nodes follow the unknowns.
+
+        Args:
+            at: The point.
+            shift: Changes of the parameters that are given, (p,); the unknowns add to them.
+
+        Returns:
+            Matrix, right-hand side, and columns of each node: its derivatives by the first state
+            and the parameters, and its own step, (m, n, n + p + 1).
+        """
         n, kept = self.frame.size, self.frame.kept
-        by_state, by_value = np.eye(n), np.zeros((n, len(at.values)))
-        gap, nodes = np.zeros(n), []
-        gaps = np.vstack([at.gaps, np.zeros(n)])
-        for a, b, off in zip(at.flown.by_state, at.flown.by_parameter, gaps, strict=True):
-            nodes.append((by_state, by_value, gap))
-            by_state, by_value, gap = a @ by_state, a @ by_value + b, a @ gap + off
+        shift = np.zeros(len(at.values)) if shift is None else shift
+        gaps = np.vstack([at.gaps, np.zeros(n)]) + at.flown.by_parameter @ shift
+        own = np.dstack([np.zeros_like(at.flown.by_state), at.flown.by_parameter, gaps])
+        nodes = np.empty_like(own)
+        now = np.eye(n, own.shape[2])
+        for node, a, more in zip(nodes, at.flown.by_state, own, strict=True):
+            node[:] = now
+            now = a @ now + more
+        by_state, by_value, gap = now[:, :n], now[:, n:-1], now[:, -1]
         matrix = at.slope @ by_state[:, kept]
         matrix[: len(kept)] -= np.eye(len(kept))
         longer = at.rows.step_slopes * at.rows.steps
         values = at.slope @ by_value + np.outer(at.by_period, longer)
-        right = -(at.misfit + at.slope @ gap)
+        right = -(at.misfit + at.slope @ gap + at.by_period * (longer @ shift))
         rows = self.rows_scale(len(right) - len(kept))
         scaled = np.hstack([matrix * self._size, values * self.reach]) / rows[:, None]
         return scaled, right / rows, nodes
 
-    def step(self, at: Point) -> tuple[Array, Array]:
-        """Newton step of all nodes, (m, n), and of the parameters, (p,)."""
-        matrix, right, nodes = self.system(at)
+    def step(self, at: Point, held: Array) -> tuple[Array, Array]:
+        """Newton step of all nodes, (m, n), and of the parameters, (p,), some to values held."""
+        shift = np.where(self.still, held - at.values, 0.0)
+        matrix, right, nodes = self.system(at, shift)
         if not np.isfinite(matrix).all():  # segments that diverge: no step leads on
             return np.full_like(at.states, np.nan), at.values
         found = np.asarray(np.linalg.lstsq(matrix, right, rcond=_RANK)[0], float)
         states, values = self.moved(at, nodes, found)
-        return states - at.states, values - at.values
+        return states - at.states, values - at.values + shift
 
-    def moved(self, at: Point, nodes: Nodes, found: Array) -> tuple[Array, Array]:
+    def moved(self, at: Point, nodes: Array, found: Array) -> tuple[Array, Array]:
         """States of all nodes, (m, n), and parameters, (p,), after a step of scaled unknowns."""
         kept, first = self.frame.kept, np.zeros(self.frame.size)
         first[kept] = found[: len(kept)] * self._size
         values = found[len(kept) :] * self.reach
-        steps = [a @ first + b @ values + c for a, b, c in nodes]
-        return at.states + np.array(steps), at.values + values
+        return at.states + nodes @ np.r_[first, values, 1.0], at.values + values
 
     @property
     def reach(self) -> Array:
@@ -215,12 +222,14 @@ class OrbitSearch:
         return np.where(self.still, 0.0, self._reach)
 
     def newton(
-        self, at: Point, conditions: Conditions, *, limited: bool = False
+        self, at: Point, conditions: Conditions, held: Array | None = None, *, limited: bool = False
     ) -> tuple[Point, str]:
         """Point where Newton's method ended, and why before an orbit; empty if it is one.
 
         With `limited` it ends early, without a reason, where two gaits exceed the same limit.
+        Parameters that are still go to the values held, or stay.
         """
+        held = at.values if held is None else held
         if not np.isfinite(at.size):
             return at, "the flight breaks within the first wingbeat"
         for _ in range(_NEWTON):
@@ -228,7 +237,7 @@ class OrbitSearch:
                 break
             if at.residual <= 0.1 * TOLERANCE:
                 break
-            states, values = self.step(at)
+            states, values = self.step(at, held)
             excess = self.excess(at.values) if limited and at.size < _SURE else ""
             if excess and self._same(excess, at.values + values):
                 return at._replace(values=at.values + values), ""
@@ -271,7 +280,7 @@ class OrbitSearch:
 
     def within(self, at: Point, conditions: Conditions) -> tuple[Point, str]:
         """Orbit whose gait keeps the limits: parameters that would exceed one are held there."""
-        begin = at
+        begin, held = at, at.values.copy()
         at, trouble = self.newton(at, conditions, limited=True)
         for _ in self.still:
             excess = "" if trouble else self.excess(at.values)
@@ -285,10 +294,8 @@ class OrbitSearch:
             for _ in range(30):
                 values[k] = 0.5 * (low + high)
                 low, high = (low, values[k]) if self._same(excess, values) else (values[k], high)
-            values[:] = np.where(self.still, at.values, begin.values)
-            values[k], self.still[k] = low, True
-            at = self.point(begin.states, values, conditions)
-            at, trouble = self.newton(at, conditions, limited=True)
+            held[k], self.still[k] = low, True
+            at, trouble = self.newton(begin, conditions, held, limited=True)
             joint, limit = excess.partition(" ")[0], excess.rpartition(", and ")[2]
             trouble = f"none was found with {joint} at a limit: {limit}" if trouble else ""
         return at, trouble or self.excess(at.values)
@@ -311,20 +318,20 @@ class OrbitSearch:
         robot, gait = self.map.robot, self.family.gait(values)
         if not gait.frequency > 0:
             return f"frequency would be {gait.frequency:.3g} Hz"
-        position = gait.motion(np.arange(64) / 64 / gait.frequency).position
-        for joint, i, motion in zip(gait.joints, robot.actuated, position.T, strict=True):
+        position = self.family.positions(values)
+        least, most = position.min(axis=0).tolist(), position.max(axis=0).tolist()
+        for joint, i, *motion in zip(gait.joints, robot.actuated, least, most, strict=True):
             low, high = robot.lower[i], robot.upper[i]
-            if motion.min() < low - MARGIN or motion.max() > high + MARGIN:
-                seen = _apart(robot.dof_units[i], motion.min(), motion.max(), low, high)
+            if motion[0] < low - MARGIN or motion[1] > high + MARGIN:
+                seen = _apart(robot.dof_units[i], *motion, low, high)
                 way = f"{joint} would go from {seen[0]} to {seen[1]} {seen[4]}"
                 return f"{way}, and its limits are {seen[2]} to {seen[3]}"
-        for name, actuator in robot.actuators.items():
-            kind, joints = robot.command(name)
+        for name, actuator, kind, joints in self._commands:
             for joint in ("frequency",) if kind == "frequency" else joints:
                 value = gait.frequency
                 if kind != "frequency":
                     place = gait.joints.index(joint)
-                    half = float(np.ptp(position[:, place])) / 2
+                    half = (most[place] - least[place]) / 2
                     value = {"amplitude": half, "offset": float(gait.mean[place])}.get(kind, 0.0)
                 low, high = actuator.range
                 if not low - 1e-5 <= value <= high + 1e-5:
@@ -462,7 +469,7 @@ def _steps(family: GaitFamily, given: int | None) -> int:
             expected = f"a positive multiple of {SEGMENTS} up to {MOST_STEPS}"
             raise ParameterError("steps", expected, given)
         return int(given)
-    return SEGMENTS * int(np.ceil(max(STEPS, 1e3 / family.base.frequency) / SEGMENTS))
+    return SEGMENTS * int(np.ceil(max(STEPS, 400.0 / family.base.frequency) / SEGMENTS))
 
 
 def _first_states(search: OrbitSearch, robot: Robot, start: Orbit | None) -> Array:

@@ -274,15 +274,16 @@ def _slope_functions(
 
 
 def _flown_compiled(
-    library: ctypes.CDLL,
-    slopes: _Slopes,
-    states: Array,
-    rows: PrescribedRows,
-    quaternions: Indices,
+    library: ctypes.CDLL, slopes: _Slopes, states: Array, rows: PrescribedRows, quaternions: Indices
 ) -> Segments:
     """Segments flown by `kernels/wingbeat.c`."""
     count, size = states.shape
-    parameters, outer = rows.slopes.shape[1:]
+    parameters = rows.slopes.shape[1]
+    by_column = rows.slopes.transpose(0, 2, 1)
+    column, parameter = np.nonzero(by_column.any(axis=0))  # most are zero
+    begins = np.searchsorted(column, np.arange(by_column.shape[1] + 1))
+    outer = [np.ascontiguousarray(part, np.int32) for part in (begins, parameter)]
+    moved = np.ascontiguousarray(by_column[:, column, parameter])
     stride, width = -(-count // _LANES) * _LANES, size + parameters
     found = slopes.function.size_out[0][0]
     x, slope = np.zeros((size, stride)), np.zeros((size, width, stride))
@@ -290,20 +291,19 @@ def _flown_compiled(
     slope[np.arange(size), np.arange(size)] = 1.0
     row_size = rows.table.shape[1]
     work = np.zeros(
-        (2 * size + found + 3 * width * size + parameters * outer) * stride
-        + count * (size + row_size)
+        (2 * size + found + 3 * width * size + len(column)) * stride + count * (size + row_size)
     )
 
     def at(array: NDArray[np.generic]) -> ctypes.c_void_p:
         return ctypes.c_void_p(array.ctypes.data)
 
     whole = ctypes.c_long
-    held = [np.ascontiguousarray(part) for part in (rows.table, rows.slopes, rows.step_slopes)]
+    held = [np.ascontiguousarray(part) for part in (rows.table, rows.step_slopes)]
     library.wingbeat(
         *(ctypes.c_void_p(slopes.function.batch_address), whole(count), whole(stride)),
-        *(whole(rows.steps // count), ctypes.c_double(rows.time_step), at(held[2])),
-        *(whole(size), whole(row_size), whole(parameters), whole(size + outer)),
-        *(at(held[0]), at(held[1]), *map(at, slopes.constants)),
+        *(whole(rows.steps // count), ctypes.c_double(rows.time_step), at(held[1])),
+        *(whole(size), whole(row_size), whole(parameters), whole(len(column))),
+        *(at(held[0]), at(moved), *map(at, outer), *map(at, slopes.constants)),
         *(whole(len(slopes.rows)), at(slopes.rows), at(slopes.columns)),
         *(at(quaternions), whole(len(quaternions)), at(x), at(slope), at(work)),
     )

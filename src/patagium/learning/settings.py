@@ -335,7 +335,8 @@ class FilterSettings(_Checked):
             weights themselves and the algebra of y are double in both.
         forgetting_factor: Divides the covariance before each sample, 0 < factor <= 1.
         prior_share: Share of the covariance before any sample that is mixed in before each
-            sample, 0 <= share < 1, and of the way of the weights back: a memory of 1 / share.
+            sample, 0 <= share < 1: a memory of 1 / share samples. Weights go back to the prior as
+            their variance does.
         covariance: Structure of the covariance: "full", "layer" or "node".
         screening: How far samples are believed; None: as they are, if they are numbers.
         noise_estimation: How the variances of the measurement follow the innovations, from

@@ -28,13 +28,11 @@ from patagium.native.compiler import (
 from patagium.native.emit import emit, emit_batch
 from patagium.native.function import Compiled, NativeFunction, Signature
 
-LONG = 200_000
-"""Length of a text from which on it is spared what gains nothing and takes long [B]."""
 SPARED = (
     *("-fno-tree-pre", "-fno-code-hoisting", "-fno-tree-dse", "-fno-dse", "-fira-region=one"),
     "--param=lra-max-considered-reload-pseudos=100",  # to spill for one register
 )
-"""What straight code lacks, and GCC seeks in a time that grows with the square of the text."""
+"""What straight code lacks, and GCC seeks in a quarter of its time, of long texts in more."""
 _SOURCES = (
     *("native", "robot", "dynamics", "aerodynamics"),
     *("simulation", "sensing", "learning", "live", "control"),
@@ -120,8 +118,7 @@ def _library(compiler: tuple[str, ...], key: str, code: Callable[[], Code], labe
 
 def _built(name: str, compiler: tuple[str, ...], code: Code, label: str) -> Library:
     """Compiled library of some code, recorded under a name; compiled now if the cache lacks it."""
-    long = max(map(len, code.units.values())) > LONG
-    spared = [flag for flag in SPARED if long and compiler_accepts(compiler, flag)]
+    spared = [flag for flag in SPARED if compiler_accepts(compiler, flag)]
     library = build(compiler, code.units, (*STRAIGHT_LINE, *spared), label)
     record_library(name, library.digest, code.signatures)
     return library._replace(facts=code.signatures)

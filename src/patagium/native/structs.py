@@ -221,7 +221,7 @@ WEIGHT_FILTER = struct(
     double nis: normalized innovation squared of the last sample
     double *mean: n
     double *prior: n: mean that the prior share goes back to
-    double prior_share: of the way there after each sample
+    double pull: share of the way there after each sample
     screening *screen: of the samples; holds the variances of the measurement
     double *small: matrices of stride x stride
     function encode: features and readout of x; NULL: they are given

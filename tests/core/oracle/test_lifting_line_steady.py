@@ -93,13 +93,18 @@ def vortex_lattice(
     return list(lift)
 
 
+def force_of(robot: Robot, velocity: np.ndarray) -> np.ndarray:
+    """Force on a robot that moves without turning, on the virtual machine, (3,) [N]."""
+    aero = LiftingLine(robot, lags=NO_STATE, section=PLAIN, surface_constant=0.0)
+    v, still = [*velocity, 0.0, 0.0, 0.0], np.zeros(3)
+    function = aero_functions(aero)[0]
+    force = function(np.zeros(6), v, ca.DM(0, 1), still, robot.parameters, aero.parameters)
+    return np.array(force).ravel()[:3]
+
+
 def coefficients(robot: Robot) -> np.ndarray:
     """Lift and induced drag coefficient over angle and squared angle, on the virtual machine."""
-    aero = LiftingLine(robot, lags=NO_STATE, section=PLAIN, surface_constant=0.0)
-    v = AIRSPEED * np.array([np.cos(ANGLE), 0, -np.sin(ANGLE), 0, 0, 0])
-    function = aero_functions(aero)[0]
-    force = function(np.zeros(6), v, ca.DM(0, 1), np.zeros(3), robot.parameters, aero.parameters)
-    x, _, z = np.array(force).ravel()[:3]
+    x, _, z = force_of(robot, AIRSPEED * np.array([np.cos(ANGLE), 0, -np.sin(ANGLE)]))
     area = sum(s.chord * s.width for s in robot.strips)
     lift, drag = z * np.cos(ANGLE) + x * np.sin(ANGLE), z * np.sin(ANGLE) - x * np.cos(ANGLE)
     return np.array([lift / ANGLE, drag / ANGLE**2]) / (0.5 * 1.225 * AIRSPEED**2 * area)
@@ -141,6 +146,28 @@ def test_a_swept_wing_loses_lift_as_on_a_vortex_lattice(sweep: float) -> None:
     assert finer == pytest.approx(
         [lift, drag], rel=0.05
     )  # the kink is two strips of 12, then of 24
+
+
+@pytest.mark.parametrize("sweep", [-0.4, 0.6])
+@pytest.mark.parametrize("sideslip", [0.0, 0.3])
+def test_a_swept_wing_without_end_is_a_straight_one_that_yaws(
+    sweep: float, sideslip: float
+) -> None:
+    ends = np.linspace(-5e5, 5e5, 4)  # chord 1, two-dimensional to 1e-5
+    straight = wing(ends / np.cos(sweep), np.full(3, np.cos(sweep)))
+    swept = wing(ends, np.ones(3))
+    strips = [
+        replace(s, quarter_chord=(-s.quarter_chord[1] * float(np.tan(sweep)), *s.quarter_chord[1:]))
+        for s in swept.strips
+    ]
+    turn = np.array(
+        [[np.cos(sweep), -np.sin(sweep), 0], [np.sin(sweep), np.cos(sweep), 0], [0, 0, 1]]
+    )
+    wind = AIRSPEED * np.array([np.cos(sideslip), np.sin(sideslip), -0.1])
+    expected = turn @ force_of(straight, turn.T @ wind)
+    found = force_of(replace(swept, strips=tuple(strips)), wind)
+    assert found == pytest.approx(expected, abs=2e-5 * np.linalg.norm(expected))
+    assert abs(found[1]) > 0.01 * np.linalg.norm(found)  # suction pulls along the span
 
 
 @pytest.mark.parametrize(("behind", "above"), [(1.5, 0.2), (1.2, 0.4), (1.0, 1.2), (10.0, 0.2)])

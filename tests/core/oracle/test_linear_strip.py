@@ -19,6 +19,7 @@ from patagium.errors import ParameterError
 from patagium.learning.models import linear_strip
 from patagium.learning.models.linear_strip import (
     BODY_TERMS,
+    EDGES,
     LIFTING_LINE,
     STRIP_TERMS,
     WHOLE_TERMS,
@@ -85,7 +86,7 @@ def test_forces_of_strips_sum_to_the_force_without_added_mass_and_bodies(
     lags = np.random.default_rng(1).standard_normal((3, network.inputs - network.measured_inputs))
     x = np.hstack([x, lags])
     own = {f"{term} of {kind}" for term in OF_STRIPS[1:] for kind in network.surfaces}
-    own |= {LIFTING_LINE.name}
+    own |= {LIFTING_LINE.name, EDGES.name}
     chosen = [term.name in OF_STRIPS or term.name in own for term in network.terms]
     places = network._placed(np.ones(17), chosen, 0.0)
     weights = places * np.random.default_rng(0).standard_normal(network.size)
@@ -94,6 +95,20 @@ def test_forces_of_strips_sum_to_the_force_without_added_mass_and_bodies(
     expected = network.evaluate(x, weights)[:, :3]  # along x, y, z of the world
     atol = 1e-12 * np.abs(expected).max()
     np.testing.assert_allclose(forces.sum(axis=1), expected, atol=atol)
+
+
+def test_side_edges_pull_the_ends_of_attached_wings_outwards(
+    attached: LinearStripNetwork,
+) -> None:
+    robot = attached.robot
+    x = np.r_[robot.coordinates(), 5.0, 0.0, -0.5, np.zeros(2 * robot.dof - 3)]
+    x = np.r_[x, np.ones(attached.inputs - attached.measured_inputs)]  # lags of lift upwards
+    chosen = [float(term is EDGES) for term in attached.terms]
+    pulls = strip_forces(attached, x[None], attached._placed(np.zeros(17), chosen, 0.0))[0, :, 1]
+    left, right = pulls.reshape(2, -1)  # y goes to the left
+    assert left[-1] > 0 > left[0]  # a gap between the roots: four ends
+    assert not left[1:-1].any()
+    assert right == pytest.approx(-left)
 
 
 def test_in_attached_flow_it_begins_with_a_lifting_line_and_added_mass() -> None:

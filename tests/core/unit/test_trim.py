@@ -13,7 +13,7 @@ import patagium as pt
 from patagium.cli.main import run
 from patagium.control import FlightMap, free_parameters, gait_family
 from patagium.control.orbit import Frame
-from patagium.control.trimming import OrbitSearch
+from patagium.control.trimming import OrbitSearch, state_sizes
 from patagium.errors import ParameterError
 from patagium.robot import load_robot_text
 
@@ -281,3 +281,24 @@ def test_the_verb_says_what_lacks(capsys):
     assert json.loads(out)["lacking"]["moment_y"] != 0
     code, out, err = say(capsys, "trim", "aerobat", "--free", "frequency", "--speed", 4)
     assert code == 2 and "at least 2" in err
+
+
+def test_steps_of_a_slow_beat_are_fine_enough():
+    robot = pt.load_robot("ornithopter")
+    usual, fine = pt.trim(robot), pt.trim(robot, steps=1920)
+    sizes = state_sizes(usual.names)
+    # its polar changes sides within steps: about one part in ten thousand; RK4 alone is below 1e-6
+    assert np.abs((usual.states - fine.states) / sizes).max() < 2e-4
+    assert np.abs(usual.values - fine.values).max() < 5e-5
+
+
+def test_a_parameter_at_its_limit_is_held_there_and_costs_no_flight(monkeypatch):
+    flown, fly = [], FlightMap.fly
+    monkeypatch.setattr(FlightMap, "fly", lambda *given: flown.append(1) or fly(*given))
+    robot = pt.load_robot("ornithopter")
+    found = pt.trim(robot)
+    assert found.residual <= 1e-12 and len(flown) == 1 + found.iterations
+    motion = found.gait.motion(np.linspace(0.0, found.period, 4001)).position
+    k = robot.index("left_plunge")
+    place = robot.actuated.index(k)
+    assert motion[:, place].min() == pytest.approx(robot.lower[k], abs=1e-6)  # a joint's margin

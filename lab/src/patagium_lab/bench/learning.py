@@ -260,6 +260,7 @@ _UNSTEADY = """
 air, added = pt.LiftingLine(robot), pt.AddedMass(robot)
 pt.simulate(robot, air, gait, duration=1e-3, time_step=1e-4, added_mass=added, throw=False)
 """
+_TRIM = "assert pt.trim(robot{options}).found\n"
 _END = """
 compilers = resource.getrusage(resource.RUSAGE_CHILDREN)
 print(time.process_time() - before, compilers.ru_utime + compilers.ru_stime)
@@ -270,13 +271,22 @@ _COMPILED = (
     ("compiling one robot on a fresh cache", "aerobat", "plunge", _ALL),
     (f"{_UNSTEADY_NAME}, 10 strips", "aerobat", "plunge", _UNSTEADY),
     (f"{_UNSTEADY_NAME}, 22 strips", "hawk", "left_sweep", _UNSTEADY),
+    *(
+        (f"the first trim on a fresh cache, {robot}", robot, joint, _TRIM.format(options=options))
+        for robot, joint, options in (
+            ("aerobat", "plunge", ""),
+            ("ornithopter", "plunge", ""),
+            ("dragonfly", "left_fore_plunge", ", speed=0.0"),
+            ("hawk", "left_sweep", ", climb=None"),
+        )
+    ),
 )
 
 
 def compile_results() -> Iterator[Result]:
     """Time to compile on an empty cache: everything one robot needs, and unsteady flights.
 
-    The last two are a flight's rate and its record, with lifting line and added mass.
+    Unsteady flights are a rate and its record, with lifting line and added mass.
     """
     for name, robot, joint, code in _COMPILED:
         with tempfile.TemporaryDirectory() as cache:
@@ -286,9 +296,8 @@ def compile_results() -> Iterator[Result]:
                 command, env=environment, capture_output=True, text=True, check=True
             )
         python, compilers, seconds = map(float, done.stdout.split())
-        note = (
-            "dynamics, air, flight, strip network and learner" if code == _ALL else "rate, record"
-        )
+        made = {_ALL: "dynamics, air, flight, strip network and learner", _UNSTEADY: "rate, record"}
+        note = made.get(code, "rate and Jacobian of many states")
         note += f"; processor time: {python:.1f} s Python, {compilers:.1f} s C compilers"
         yield Result(name, seconds, "s", note=f"{note}, on all cores")
 

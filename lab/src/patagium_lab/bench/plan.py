@@ -64,6 +64,12 @@ PARTS: tuple[tuple[str, tuple[str, ...], str], ...] = (
         "controller, beside four other solvers.",
     ),
     (
+        "Trim",
+        ("orbits",),
+        "Periodic orbits from the presets' cruise, by Newton's method with exact derivatives, "
+        "where the code is compiled.",
+    ),
+    (
         "From sensors to commands",
         ("tick",),
         "A tick of an autopilot at 10 kHz in one compiled call: a sample of the inertial unit and "

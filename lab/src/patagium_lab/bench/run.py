@@ -14,7 +14,7 @@ from typing import Any
 
 from patagium.robot import Robot, load_robot
 from patagium_lab.bench import air as benchmark_air
-from patagium_lab.bench import learning, programs, tick
+from patagium_lab.bench import learning, orbits, programs, tick
 from patagium_lab.bench.dynamics import DynamicsBench
 from patagium_lab.bench.plan import BenchPlan
 from patagium_lab.bench.result import Result
@@ -137,6 +137,7 @@ TIMERS: dict[str, Timer] = {
     "programs": _on_one_core(
         lambda bench: chain(programs.program_results(), programs.controller_results())
     ),
+    "orbits": _on_one_core(lambda bench: orbits.orbit_results()),
     "tick": _on_one_core(lambda bench: tick.tick_results()),
     "simulation": _on_one_core(lambda bench: [learning.flight_result(bench.robot)]),
     "compile": lambda bench: learning.compile_results(),

@@ -48,6 +48,12 @@ _NOISY = tuple(
         "by layer, cubature",
     )
 )
+_ORBITS = (
+    *("aerobat, cruise", "aerobat, 4.5 m/s", "ornithopter, cruise", "dragonfly, hover"),
+    *("hawk, glide", "hawk, glide with wings that sweep and fold"),
+    *("monarch butterfly, attitude prescribed", "monarch butterfly, attitude free"),
+    "monarch butterfly, attitude free abdomen still",
+)
 
 TARGETS = (
     SpeedTarget("pinocchio", "mass_matrix_and_bias", 0.2, "Pinocchio"),
@@ -71,11 +77,16 @@ TARGETS = (
     SpeedTarget("pipeline", f"{_NODE}: median", 40e-6),
     SpeedTarget("pipeline", f"{_NODE}: 99 % within", 100e-6),
     SpeedTarget("pipeline", f"{_STRIP}: median", 60e-6),
+    *(SpeedTarget("orbits", f"trim: {name}", 50e-3) for name in _ORBITS),
     SpeedTarget("tick", "whole tick: median", 100e-6),
     SpeedTarget("simulation", "simulation of 1 s of flight", 0.2),
     SpeedTarget("compile", "compiling one robot on a fresh cache", 15.0),
     SpeedTarget("compile", f"{_FLIGHT}, 10 strips", 15.0),
     SpeedTarget("compile", f"{_FLIGHT}, 22 strips", 15.0),
+    *(
+        SpeedTarget("compile", f"the first trim on a fresh cache, {robot}", 15.0)
+        for robot in ("aerobat", "ornithopter", "dragonfly", "hawk")
+    ),
 )
 
 

@@ -242,7 +242,7 @@ class BlockKernel:
             "layers": len(network.perceptron.widths) - 1,
             "activation": ACTIVATION_CODES[network.perceptron.activation],
             "growth": 1.0 / np.sqrt(factor),
-            "prior_share": numbers.settings.prior_share,
+            "pull": numbers.pull,
             "screen": screening,
             "nis": float("nan"),
             **numbers.rule._asdict(),

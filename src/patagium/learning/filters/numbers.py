@@ -1,7 +1,8 @@
 """Numbers of a filter: what follows from its settings for the weights of one network.
 
 Between two samples P <- (1 - s) P / forgetting_factor + s P0 + Q, with s = prior_share, P0
-the covariance before any sample and Q = diag(process_std^2), and W <- W + s (W0 - W).
+the covariance before any sample and Q = diag(process_std^2), and W goes 1 - sqrt(1 - s) of the
+way back to W0: weights wander about their prior (a process of Ornstein and Uhlenbeck).
 """
 
 from __future__ import annotations
@@ -87,6 +88,11 @@ class FilterNumbers(NamedTuple):
     def dtype(self) -> str:
         """Precision of the square root and of the points: "float64" or "float32"."""
         return self.settings.dtype
+
+    @property
+    def pull(self) -> float:
+        """Share of the way back to the prior that the weights go at each sample [1]."""
+        return 1.0 - sqrt(1.0 - self.settings.prior_share)
 
     @property
     def has_process_noise(self) -> bool:

@@ -238,7 +238,7 @@ class WeightFilter:
         mean, kept = self._structure.learned(before, look, directions, moments, gain)
         if not np.isfinite(mean).all():
             return Outcome.NOT_FINITE
-        mean = mean + self.numbers.settings.prior_share * (self._prior - look.mean)
+        mean = mean + self.numbers.pull * (self._prior - look.mean)
         self._place(mean, nis, kept)
         squares = np.einsum("ij,ij->j", inverse, inverse)
         self.screen.learned(moments.mean, innovation, gain, squares, nis)

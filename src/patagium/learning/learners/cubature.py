@@ -19,7 +19,7 @@ class CubatureLearner(FilterLearner, kind="cubature"):
 
         W <- W + S Z P_yy^-1 (y - mean),    P <- P - S Z P_yy^-1 Z' S',
 
-    and W goes a share prior_share of the way back to where it began.
+    and W goes 1 - sqrt(1 - prior_share) of the way back to where it began.
 
     `covariance` says what is kept of P (cost of an update, memory in numbers; k weights a
     neuron, b a layer):

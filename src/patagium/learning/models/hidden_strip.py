@@ -514,11 +514,11 @@ def _wrench(
     lift = air.strips.lift(wash, i, air.density)
     unit = air.scale * air.density * area * flow.speed / 2
     sine = -flow.normal / flow.speed
-    along = motion.spanwise_ahead(ahead)
+    along = unit * motion.spanwise_ahead(ahead)
     push = unit * flow.speed
     force = forward * (attached * (m[0] * lift[0] + push * m[1]) + separated * push * m[4])
     force += normal * (attached * (m[0] * lift[1] + push * m[2]) + separated * push * sine * m[5])
-    force += span * (unit * along * (attached * m[3] + separated * m[7]))
+    force += span * (attached * (m[0] * lift[2] + along * m[3]) + separated * along * m[7])
     point = vector(strip.quarter_chord) + forward * ahead
     return force, cross(point, force) - span * (separated * push * strip.chord * m[6])
 

@@ -78,6 +78,8 @@ WHOLE_TERMS = (
 LIFTING_LINE = Term("lifting line", 1.0, 1.0)
 """Attached lift of strips with trailing vortices and one lag each; where flow is attached, it takes
 the place of blade elements, which are then expected to have no share."""
+EDGES = Term("suction of side edges", 0.0, 0.3)
+"""Pull of attached flow at the free ends of a wing, over density Gamma^2 chord / strip's width."""
 ATTACHED_SHARE = 0.25
 """Prior of corrections where flow is attached, over that elsewhere [1]."""
 TURNING = Term("moment of a section that turns", 0.0, 2.0)
@@ -114,7 +116,7 @@ _OUTPUTS = 4  # of a section: force forward, normal and spanwise, moment
 _CORRECTIONS = (6, 0.5), (11, 0.2)  # polynomials of spanwise flow, of direction; prior of each
 _POLYNOMIALS = sum(count for count, _ in _CORRECTIONS)
 _LAGS = Lags(ONE_STATE.rate, ONE_STATE.lift, ONE_STATE.circulation)
-_TERMS = "of the whole velocity"  # in files: what the weights mean
+_TERMS = "of the whole velocity", "with side edges"  # in files: what the weights mean, attached
 _NOTHING = 1e-6  # prior of weights that stand for nothing
 
 
@@ -204,7 +206,7 @@ class LinearStripNetwork(WingNetwork):
 
     def describe(self) -> dict[str, Any]:
         """Description of the network that rebuilds it, as JSON-able values."""
-        return super().describe() | {"terms": _TERMS}
+        return super().describe() | {"terms": _TERMS[self.attached]}
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> Self:
@@ -214,9 +216,9 @@ class LinearStripNetwork(WingNetwork):
             ParameterError: If a key is missing or unknown, or the terms were others then.
         """
         values = dict(description)
-        found = values.pop("terms", None)
-        if found != _TERMS:
-            expected = f"{_TERMS}; weights of other terms mean other forces: learn the log anew"
+        found, known = values.pop("terms", None), _TERMS[bool(values.get("attached"))]
+        if found != known:
+            expected = f"{known}; weights of other terms mean other forces: learn the log anew"
             raise ParameterError("terms of the network", expected, found)
         return super().from_description(values)
 
@@ -456,7 +458,7 @@ def _surfaces(robot: Robot) -> tuple[str, ...]:
 def _terms(robot: Robot, surfaces: Sequence[str], attached: bool) -> tuple[Term, ...]:
     """Terms of the whole robot, of all strips, of its bodies, and of the strips of each kind.
 
-    Attached flow has the lifting line in addition, and nothing of blade elements and `TURNING`.
+    Attached flow has `EDGES` and the lifting line besides, no blade elements and no `TURNING`.
     """
     bodies = [
         Term(f"{term.name} of {robot.bodies[k].name}", term.mean, term.std)
@@ -471,7 +473,7 @@ def _terms(robot: Robot, surfaces: Sequence[str], attached: bool) -> tuple[Term,
         for term in strips
     ]
     terms = (*WHOLE_TERMS, *strips, *bodies, *departures)
-    return (terms[0]._replace(mean=0.0), *terms[1:], LIFTING_LINE) if attached else terms
+    return (terms[0]._replace(mean=0.0), *terms[1:], EDGES, LIFTING_LINE) if attached else terms
 
 
 def _of_strip(weights: ca.SX, machine: Robot, surfaces: Sequence[str], strip: Strip) -> ca.SX:
@@ -544,14 +546,22 @@ def _sample(machine: Robot, robot: Robot, attached: bool) -> _Sample:
     return _Sample(x, wind, ca.SX.sym("rho"), (q, v, a), airflows, flows, line)
 
 
-def _lifts(line: StripFlow, density: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
-    """Lift of each strip by the lifting line [N] and the point where it acts [m], body axes."""
-    found, wash = [], line.wash(line.state, line.lags)
+def _lifts(line: StripFlow, density: ca.SX, weights: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
+    """Force of each strip by `EDGES` and the lifting line [N], its moment [N m], body axes."""
+    found, wash, ends = [], line.wash(line.state, line.lags), [0] * len(line.motions)
+    for chain in line.vortices.chains:
+        ends[chain.strips[0]] += chain.right[0]
+        ends[chain.strips[-1]] -= chain.right[-1]
     for i, motion in enumerate(line.motions):
-        forward, normal = vector(motion.strip.forward), vector(motion.strip.normal)
-        along, across = line.lift(wash, i, density)
-        place = vector(motion.strip.quarter_chord) + forward * lift_place(motion)
-        found.append((forward * along + normal * across, place))
+        strip, place = motion.strip, vector(motion.strip.quarter_chord)
+        forward, normal = vector(strip.forward), vector(strip.normal)
+        ahead, across, along = line.lift(wash, i, density)
+        span = cross(normal, forward)
+        lift = weights[1] * (forward * ahead + normal * across + span * along)
+        pull = ends[i] * density * wash.circulation[i] ** 2 * strip.chord / strip.width
+        edge = weights[0] * pull * span
+        moment = cross(place + forward * lift_place(motion), lift)
+        found.append((lift + edge, moment + cross(place - forward * (strip.chord / 4), edge)))
     return found
 
 
@@ -576,11 +586,11 @@ def _strip_forces(machine: Robot, surfaces: Sequence[str], attached: bool) -> ca
     blades, poses = QuasiSteady(machine), body_poses(robot, q)
     numbers = ca.vertcat(density, ca.SX(ca.DM(blades.parameters[1:])))
     elements = blades.expressions(robot, q, v, ca.SX(0, 1), wind, numbers).strip_force
-    forces, lifts = [], _lifts(line, density) if line else []
+    forces, lifts = [], _lifts(line, density, terms[-2:]) if line else []
     for k, flow in enumerate(flows):
         own = _of_strip(terms, machine, surfaces, flow.strip)
         force = _force(flow, _section_load(flow, density, coefficients[:, k], own))
-        force = force + terms[-1] * lifts[k][0] if lifts else force
+        force = force + lifts[k][0] if lifts else force
         forces.append(poses[flow.strip.body].rotation @ force)
     inputs = [x, wind, density, robot_parameters, coefficients, terms]
     return ca.Function("strip_forces", inputs, [ca.horzcat(*forces) + terms[0] * elements])
@@ -611,9 +621,8 @@ def _functions(
         force = _force(flow, load)
         moment = cross(flow.middle, force) - flow.axes[2] * (strip.chord * load[3])
         add_wrench(wrenches, strip.body, force, moment)
-    for k, (lift, place) in enumerate(_lifts(line, density) if line else []):
-        force = weights[terms - 1] * lift
-        add_wrench(wrenches, flows[k].strip.body, force, cross(place, force))
+    for k, lift in enumerate(_lifts(line, density, weights[terms - 2 : terms]) if line else []):
+        add_wrench(wrenches, flows[k].strip.body, *lift)
     y = generalized_force(robot, q, wrenches)
     y = (y + _whole_terms(machine, robot, (q, v, a), wind, density) @ whole)[list(rows)]
     seen = [ca.vertcat(_polynomials(flow), ca.SX.zeros(slots, 1)) for flow in flows]

@@ -68,12 +68,11 @@ class StripFlow:
         """Normalwashes of all strips with lags in a state, (n_z, 1) [m/s]."""
         return solve_normalwash(self.vortices, self.geometric, state, lags, self.lift_slope)
 
-    def lift(self, wash: Normalwash, i: int, density: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Attached lift of strip i along forward and normal, at `lift_place` [N]."""
+    def lift(self, wash: Normalwash, i: int, density: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Attached lift of strip i along forward, normal and their span, at `lift_place` [N]."""
         motion, strip = self.motions[i], self.motions[i].strip
         pressure = density * strip.chord * strip.width * self.lift_slope * airspeed(motion) / 2
-        normal = motion.normal_ahead(lift_place(motion))
-        return attached_lift(self.vortices, wash, i, self.gains[i], pressure, normal)
+        return attached_lift(self.vortices, wash, i, self.gains[i], pressure, lift_place(motion))
 
 
 def lift_place(motion: StripMotion) -> ca.SX:

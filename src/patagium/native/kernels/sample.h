@@ -106,8 +106,8 @@ static int learn_sample(weight_filter *f, void *memory, const structure *s) {
   learn_noise(f->screen, f->measured, gain, stride, g);
   learn_misfit(f->screen, f->covariance, f->innovation, gain);
   watch(f->screen, f->nis, kept);
-  for (int k = 0; f->prior_share > 0 && k < f->weights; k++)
-    f->mean[k] += f->prior_share * (f->prior[k] - f->mean[k]);
+  for (int k = 0; f->pull > 0 && k < f->weights; k++)
+    f->mean[k] += f->pull * (f->prior[k] - f->mean[k]);
   s->learn(memory, gain, g);
   state_carried(f);
   return COMPLETED;

@@ -40,23 +40,26 @@ static void normalize(long at, long width, long stride, double *x, double *slope
    rate: of (state, row, robot, aero), its result (size + entries) rows.
    step: time step; step_slope: its derivative by each parameter, (parameters,).
    table: (2 segments steps + 1, row_size), a row every half step, segment after segment.
-   table_slope: (2 segments steps + 1, parameters, columns - size), of the prescribed columns.
+   table_slope: (2 segments steps + 1, outer), derivatives of prescribed columns by parameters.
+   outer_begin: first of these of each prescribed column, and their number, (columns - size + 1,).
+   outer_parameter: parameter of each, (outer,).
    entry_row, entry_column: place of each nonzero, (entries,).
    quaternions: places of the first entries of quaternions in the state, (turns,).
    x: (size, stride), states at the beginning, on return at the end.
    slope: (size, size + parameters, stride), derivatives of x, set by the caller at the beginning.
    work: (2 size stride + segments (size + row_size) + (size + entries) stride + 3 width size stride +
-   parameters (columns - size) stride), width = size + parameters. */
+   outer stride), width = size + parameters. */
 void wingbeat(batch rate, long segments, long stride, long steps, double step,
               const double *step_slope, long size, long row_size,
-              long parameters, long columns, const double *table, const double *table_slope,
+              long parameters, long outer, const double *table, const double *table_slope,
+              const int *outer_begin, const int *outer_parameter,
               const double *robot, const double *aero, long entries,
               const int *entry_row, const int *entry_column, const long *quaternions, long turns,
               double *x, double *slope, double *work)
 {
     static const double reach[4] = {0.0, 0.5, 0.5, 1.0}, weight[4] = {1.0, 2.0, 2.0, 1.0};
     static const int rows_ahead[4] = {0, 1, 1, 2};
-    const long width = size + parameters, outer = columns - size, whole = width * size * stride;
+    const long width = size + parameters, whole = width * size * stride;
     double *const k = work, *const sum = k + size * stride;
     double *const state = sum + size * stride, *const row = state + segments * size;
     double *const found = row + segments * row_size, *const dk = found + (size + entries) * stride;
@@ -77,8 +80,8 @@ void wingbeat(batch rate, long segments, long stride, long steps, double step,
                         x[i * stride + m] + (stage ? far * k[i * stride + m] : 0.0);
                 memcpy(row + m * row_size, table + at * row_size,
                        (size_t)row_size * sizeof(double));
-                for (long e = 0; e < parameters * outer; ++e)
-                    given[e * stride + m] = table_slope[at * parameters * outer + e];
+                for (long e = 0; e < outer; ++e)
+                    given[e * stride + m] = table_slope[at * outer + e];
             }
             for (long i = 0; i < size; ++i)
                 for (long d = 0; d < width; ++d) {
@@ -97,13 +100,14 @@ void wingbeat(batch rate, long segments, long stride, long steps, double step,
                 const double *const j = found + (size + e) * stride;
                 double *const into = dk + entry_row[e] * width * stride;
                 const long c = entry_column[e];
-                const long first = c < size ? 0 : size;
-                const double *const from = c < size ? trial + c * width * stride
-                                                    : given + (c - size) * stride;
-                const long apart = c < size ? stride : outer * stride;
-                for (long d = first; d < width; ++d)
+                const long begin = c < size ? 0 : outer_begin[c - size];
+                const long end = c < size ? width : outer_begin[c - size + 1];
+                const double *const from = c < size ? trial + c * width * stride : given;
+                for (long k = begin; k < end; ++k) {
+                    const long d = c < size ? k : size + outer_parameter[k];
                     for (long m = 0; m < stride; ++m)
-                        into[d * stride + m] += j[m] * from[(d - first) * apart + m];
+                        into[d * stride + m] += j[m] * from[k * stride + m];
+                }
             }
             for (long i = 0; i < size * stride; ++i)
                 sum[i] += weight[stage] * k[i];
