@@ -18,7 +18,7 @@ JOBS ?= 2
 TESTS ?= tests
 OUT ?= out
 UV ?= uv
-EXTRAS := ardupilot bench cluster dev docs export film logs tune viewer
+EXTRAS := ardupilot bench dev docs export film logs tune viewer
 
 BIN := .venv/bin
 STAMP := .venv/installed

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 _DEFAULT = "the default, which errs less"
+_LAGS = "the default, which has lags where flow is attached"
 _SQUARES = "which is least squares where the network is linear in its weights"
 REMOVED = {
     **dict.fromkeys(("FlowNetwork", "HiddenFlowNetwork"), f"LinearStripNetwork, {_DEFAULT}"),
     **dict.fromkeys(("flow", "hidden_flow"), f"linear_strip, {_DEFAULT}"),
+    "HiddenStripNetwork": f"LinearStripNetwork, {_LAGS}",
+    "hidden_strip": f"linear_strip, {_LAGS}",
     "LowRank": 'covariance="layer", which errs less',
     "low rank": "layer, which errs less",
     "wind": "gust with a length_time and stays: true",

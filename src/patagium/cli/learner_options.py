@@ -37,18 +37,16 @@ ACTIVATIONS = ("softplus", "tanh")
 
 
 class NetworkKind(StrEnum):
-    """Networks of each strip, without and with memory, and of anything."""
+    """Networks of each strip, and of anything."""
 
     LINEAR_STRIP = "linear_strip"
     STRIP = "strip"
-    HIDDEN_STRIP = "hidden_strip"
     DENSE = "dense"
 
 
 WINGED = {
     NetworkKind.LINEAR_STRIP: "LinearStripNetwork",
     NetworkKind.STRIP: "StripNetwork",
-    NetworkKind.HIDDEN_STRIP: "HiddenStripNetwork",
 }
 """Networks of a robot with wings, which see its motion: classes in `patagium.learning`."""
 
@@ -172,7 +170,7 @@ def _options(several: bool, file: str) -> Iterator[inspect.Parameter]:
         yield _parameter("settings", Path, typer.Option(help=help_text))
     network = "Network; by default linear_strip for a robot with wings, dense for tables."
     hidden = "Neurons of each hidden layer; 8,8 by default." + repeat
-    activations = "Activation of the hidden layers; softplus by default, tanh of hidden_strip."
+    activations = "Activation of the hidden layers; softplus by default."
     shown: dict[str, Any] = {"rich_help_panel": PANEL}
     option = typer.Option(help=network, **_kind("network", NetworkKind), **shown)
     yield _parameter("network", NetworkKind, option)

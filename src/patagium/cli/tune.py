@@ -27,10 +27,10 @@ EXAMPLES = (
     "patagium tune slow.nc fast.nc --hold-out other.nc --hidden 8,8 --out settings.yaml",
     "patagium tune flight.nc --hidden 8,8 --hidden 12 --covariance node --trials 128 --jobs 4",
     "patagium tune flight.nc --outlier-std 5 --prior-share 0 --learner extended",
-    "patagium tune log.csv --mapping columns.yaml --every 1 --cluster tcp://10.0.0.1:8786",
+    "patagium tune log.csv --mapping columns.yaml --every 1",
     "patagium identify flight.nc --settings settings.yaml",
 )
-PANELS = {"Trials": "horizon jobs cluster mapping"}
+PANELS = {"Trials": "horizon jobs mapping"}
 """Options of each panel of the help; the usual ones come before, in none."""
 
 
@@ -58,9 +58,6 @@ def tune(
     trials: Annotated[int, typer.Option(help="Number of settings to try.")] = 64,
     jobs: Annotated[
         int | None, typer.Option(min=1, help="Number of processes; one for each core by default.")
-    ] = None,
-    cluster: Annotated[
-        str | None, typer.Option(help="Address of a Dask scheduler whose workers do the work.")
     ] = None,
     out: Annotated[Path, output_file("File for the settings (.yaml).", *OUTPUT)] = (
         Path("settings.yaml")
@@ -110,7 +107,6 @@ def tune(
             settings=settings,
             seed=choice.seed,
             jobs=jobs,
-            cluster=cluster,
             journal=journal,
             source=", ".join(names),
             hold_out=dict(zip((file.name for file in held), logs[len(files) :], strict=True)),

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from patagium.learning.model_file import save_model as save_model
     from patagium.learning.models.dense import DenseNetwork as DenseNetwork
     from patagium.learning.models.grey_box import GreyBox as GreyBox
-    from patagium.learning.models.hidden_strip import HiddenStripNetwork as HiddenStripNetwork
     from patagium.learning.models.linear_strip import LinearStripNetwork as LinearStripNetwork
     from patagium.learning.models.network import Encoding as Encoding
     from patagium.learning.models.network import Network as Network
@@ -62,7 +61,6 @@ _NAMES = {
     "model_file": ("Model", "load_model", "model_of", "save_model"),
     "models.dense": ("DenseNetwork",),
     "models.grey_box": ("GreyBox",),
-    "models.hidden_strip": ("HiddenStripNetwork",),
     "models.linear_strip": ("LinearStripNetwork",),
     "models.network": ("Encoding", "Network"),
     "models.registry": ("network_from_description", "register_network"),

@@ -326,7 +326,7 @@ def _chain(learner: Learner, form: SampleForm) -> _CompiledChain | None:
         return None
     lags = None
     if learner.memory is not None:
-        lags = learner.memory.compiled(compiled.x, compiled.weights)
+        lags = learner.memory.compiled(compiled.x)
         if lags is None:
             return None
     return _CompiledChain(learner, compiled, kernel, form, lags)

@@ -23,13 +23,12 @@ _SCALARS: dict[str, Any] = {
 }
 _FUNCTIONS = {
     "function": "void (*function)(const double *const *, double *const *)",
-    "functions": "void (*functions)(const double *const *, double *const *, long, long)",
     "learn_function": "int (*learn_function)(void *)",
     "recall_function": "void (*recall_function)(void *, double)",
     "settle_function": "void (*settle_function)(void *, int)",
     "run_function": "int64_t (*run_function)(void *, int64_t, const double *, double *)",
 }
-"""Types of functions: compiled ones of one point and of many; of filters, memories, pipelines."""
+"""Types of functions: compiled ones of one point; of filters, memories, pipelines."""
 
 
 def header_numbers(name: str) -> SimpleNamespace:
@@ -269,36 +268,10 @@ PANEL_FILTER = struct(
     base=WEIGHT_FILTER,
 )
 
-LAGS = struct(
-    "lags",
-    """
-    int32_t measured: inputs that are measured
-    int32_t states: lags z
-    int32_t remembered: weights that z depends on, the first
-    int32_t own: weights of the encoder, the remembered ones first
-    int32_t directions: own rounded up to whole vectors
-    int32_t constants_count: numbers in `constants`
-    function encode: measured, z, coded, constants -> features, readout
-    functions slopes: sample, dz, dcoded -> of features, of y: along each of own
-    const double *constants: of encode
-    const double *prior: own: coded = prior + reach W
-    const double *reach: own
-    double *x: [measured, z, vec S, W_m], S = dz/dW_m
-    double *coded: own
-    double *state: z at the mean
-    double *sample: [measured, z, coded, outputs of the perceptron, constants] in one row
-    double *moved: own x states: dz along each
-    double *along: own x own: dcoded along each, one
-    double *of_features: items widths[0] x directions
-    double *of_y: n_y x directions
-    """,
-)
-
 EXTENDED_FILTER = struct(
     "extended_filter",
     """
     panel_filter filter: mean, root and sample
-    lags *lags: lags of a network whose encoder has weights, or NULL
     const int32_t *place: weights: row of each in `derivative`; NULL: in their order
     double *derivative: weights x stride: H'
     double *seeds: 2 x items widest x stride: dy / d sums of a layer, of that below
@@ -504,6 +477,6 @@ STRUCTS = (
         WEIGHT_FILTER,
         PANEL_FILTER,
     ),
-    *(LAGS, EXTENDED_FILTER, NODE_FILTER),
+    *(EXTENDED_FILTER, NODE_FILTER),
 )
 """Structures of the kernels; the header of each can be included by any kernel."""

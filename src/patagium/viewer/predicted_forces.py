@@ -18,9 +18,7 @@ from numpy.typing import NDArray
 from patagium.arrays import Array
 from patagium.errors import LogError, ShapeError
 from patagium.learning.model_file import Model
-from patagium.learning.models import hidden_strip, linear_strip
-from patagium.learning.models.hidden_strip import HiddenStripNetwork
-from patagium.learning.models.linear_strip import LinearStripNetwork
+from patagium.learning.models.linear_strip import LinearStripNetwork, strip_forces
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
@@ -32,7 +30,7 @@ from patagium.robot import Robot
 Frames = NDArray[np.int64]
 Predicted: TypeAlias = Trained | Identification
 
-_WINGED = (StripNetwork, HiddenStripNetwork, LinearStripNetwork)
+_WINGED = (StripNetwork, LinearStripNetwork)
 _ASKED = 241  # times at which a model says how sure it is
 
 
@@ -156,10 +154,8 @@ def _with_measurements(network: Network, measured: Any) -> StripNetwork:
 
 def _strip_forces(network: Network, robot: Robot, x: Array, weights: Array) -> Array | None:
     """Force on each strip, world axes, (F, n_strips, 3) [N]; None where the network has none."""
-    if isinstance(network, HiddenStripNetwork):
-        return hidden_strip.strip_forces(network, x, weights)
     if isinstance(network, LinearStripNetwork):
-        return linear_strip.strip_forces(network, x, weights)
+        return strip_forces(network, x, weights)
     every = strip_force_network(network, robot)
     if every is None:
         return None

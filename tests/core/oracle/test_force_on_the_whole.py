@@ -10,8 +10,6 @@ import xarray as xr
 
 import patagium as pt
 from patagium.dynamics.dynamics import poses_at
-from patagium.learning.models.hidden_strip import HiddenStripNetwork, strip_forces
-from patagium.learning.models.memory import network_inputs
 from patagium.simulation import robot_of
 from patagium.viewer.replay import total_force
 
@@ -59,19 +57,3 @@ def test_parts_of_the_force_tell_what_they_can() -> None:
     assert total_force(robot, ("x", "pitch"), np.ones((2, 2)), q, turn, arm) is None
     fixed = pt.load_robot("yeo-wing")
     assert total_force(fixed, tuple(fixed.dof_names), np.ones((2, fixed.dof)), q, turn, arm) is None
-
-
-def test_strips_with_memory_add_up_to_their_force() -> None:
-    robot = pt.load_robot("aerobat")
-    network = HiddenStripNetwork(robot, hidden=(4,))
-    flight = _flown().isel(time=slice(0, 60))
-    x = np.hstack([flight["q"].values, flight["v"].values])
-    weights = network.initial(3)
-    seen = network_inputs(network, weights, flight["time"].values, x)
-    strips = strip_forces(network, seen, weights)
-    assert strips is not None and strips.shape == (60, len(robot.strips), 3)
-    force = network.evaluate(seen, weights)[:, :3]
-    np.testing.assert_allclose(strips.sum(axis=1), force, atol=1e-12 * np.abs(force).max())
-    # a network that starts from theory pushes strips about as the air did
-    truth = flight["strip_force"].values
-    assert np.corrcoef(strips.ravel(), truth.ravel())[0, 1] > 0.8

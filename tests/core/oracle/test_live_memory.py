@@ -36,12 +36,14 @@ def packets(robot):
     return np.column_stack([time, q, v, a, np.zeros_like(q)])
 
 
-@pytest.fixture(scope="module", params=["hidden strip", "attached", "grey"])
+def attached(robot):
+    return LinearStripNetwork(robot, attached=True)
+
+
+@pytest.fixture(scope="module", params=["attached", "grey"])
 def network(request, robot):
-    if request.param == "hidden strip":
-        return pt.learning.HiddenStripNetwork(robot, (4,))
     if request.param == "attached":
-        return LinearStripNetwork(robot, attached=True)
+        return attached(robot)
     return pt.GreyBox(pt.LiftingLine(robot), {"lags.rate[0]": 0.02}, start="steady")
 
 
@@ -74,7 +76,7 @@ def test_live_it_learns_what_it_learns_from_the_log(network, robot, packets):
 
 
 def test_in_c_it_is_what_it_is_in_python(robot, packets, monkeypatch, tmp_path):
-    network = pt.learning.HiddenStripNetwork(robot, (4,))
+    network = attached(robot)
     ours = pipeline_of(network, robot)
     assert ours.compiled == (compiler_name() is not None)
     monkeypatch.setattr(module, "_chain", lambda *arguments: None)
@@ -98,11 +100,11 @@ def test_in_c_it_is_what_it_is_in_python(robot, packets, monkeypatch, tmp_path):
 
 
 def test_with_points_too(robot, packets):
-    network = pt.learning.HiddenStripNetwork(robot, (4,))
+    network = attached(robot)
     options = {"kind": pt.CubatureLearner, "spread": 1.7}
     pipeline, theirs = pipeline_of(network, robot, **options), learner_of(network, **options)
     records = pipeline.run(packets[:15])
-    x = packets[:15, 1 : 1 + 2 * robot.dof]
+    x = packets[:15, 1 : 1 + 3 * robot.dof]
     stream(theirs, packets[:15, 0], x, records.measurement, every=1)
     np.testing.assert_array_equal(pipeline.learner.weights, theirs.weights)
 
@@ -122,7 +124,7 @@ def test_kept_in_a_file_it_goes_on_bit_for_bit(network, robot, packets, tmp_path
 
 
 def test_a_learner_that_is_not_compiled_remembers_too(robot, packets, tmp_path):
-    network = pt.learning.HiddenStripNetwork(robot, (4,))
+    network = attached(robot)
     options = {"prior_std": 0.1, "measurement_std": 0.1, "square_root": "cholesky"}
     whole, part = (Pipeline(pt.CubatureLearner(network, **options), robot) for _ in range(2))
     assert not whole.compiled
@@ -161,14 +163,14 @@ def test_after_a_long_step_memory_begins_anew_and_short_ones_are_bridged(network
 
 
 def test_usual_steps_are_never_gaps_and_a_new_rate_becomes_usual(robot, packets):
-    network = pt.learning.HiddenStripNetwork(robot, (4,))
+    network = attached(robot)
     slow = packets.copy()
     slow[:, 0] *= 50
     pipeline = pipeline_of(network, robot)
     pipeline.run(slow)
     assert pipeline.memory_resets == 0
     memory = pipeline_of(network, robot).learner.memory
-    x, weights = packets[0, 1 : 1 + 2 * robot.dof], network.initial(0)
+    x, weights = packets[0, 1 : 1 + 3 * robot.dof], network.initial(0)
     resets = []
     for time in np.cumsum([*[1e-3] * 50, *[5e-2] * 300]).tolist():
         memory.next_input(time, x, weights)
@@ -178,7 +180,7 @@ def test_usual_steps_are_never_gaps_and_a_new_rate_becomes_usual(robot, packets)
 
 
 def test_a_clock_that_went_back_is_a_new_memory_once_it_is_believed(robot, packets):
-    network = pt.learning.HiddenStripNetwork(robot, (4,))
+    network = attached(robot)
     pipeline = pipeline_of(network, robot)
     again = packets.copy()
     again[:, 0] -= 1.0
@@ -187,7 +189,7 @@ def test_a_clock_that_went_back_is_a_new_memory_once_it_is_believed(robot, packe
     late = COUNT + int((records.outcome == Outcome.LATE).sum())
     assert late == COUNT + 9  # as many as a learner needs to see before it believes the clock
     theirs = learner_of(network)
-    x = np.tile(packets[:, 1 : 1 + 2 * robot.dof], (2, 1))
+    x = np.tile(packets[:, 1 : 1 + 3 * robot.dof], (2, 1))
     used = np.r_[:COUNT, late : 2 * COUNT]
     time, y = STEP * np.arange(len(used)), records.measurement[used]
     stream(theirs, time, x[used], y, every=1, gaps=[COUNT])
@@ -196,7 +198,7 @@ def test_a_clock_that_went_back_is_a_new_memory_once_it_is_believed(robot, packe
 
 
 def test_learners_and_packets_that_do_not_fit_are_told(robot, packets, tmp_path):
-    network = pt.learning.HiddenStripNetwork(robot, (4,))
+    network = attached(robot)
 
     class Bare:
         def __init__(self):

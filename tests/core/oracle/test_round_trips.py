@@ -17,7 +17,6 @@ import pytest
 import patagium as pt
 from patagium.learning import (
     ChangeDetection,
-    HiddenStripNetwork,
     LinearStripNetwork,
     Misfit,
     NoiseEstimation,
@@ -41,7 +40,6 @@ NETWORKS: dict[str, Callable[[], Any]] = {
         pt.LiftingLine(SMALL), {"lags.rate[0]": 0.02, "section.lift_slope": 0.5},
         measured=["x", "z"],
     ),
-    "hidden strips": lambda: HiddenStripNetwork(SMALL, (2,)),
 }  # fmt: skip
 OPTIONS: dict[str, dict[str, Any]] = {
     "plain": {"measurement_std": 0.1},
@@ -64,10 +62,9 @@ CASES = [
 
 def learner_of(kind: str, network: str, option: str) -> Any:
     single = {"dtype": "float32"} if kind == "single" else {}
-    known = {"prior_std": 0.1, "measurement_std": 0.1} if network == "hidden strips" else {}
     chosen = {**OPTIONS, **OF_CUBATURE}[option]
     made = LEARNERS["cubature" if kind == "single" else kind]
-    return made(NETWORKS[network](), **{**known, **chosen, **single})
+    return made(NETWORKS[network](), **{**chosen, **single})
 
 
 def test_every_learner_network_and_setting_is_among_the_cases() -> None:

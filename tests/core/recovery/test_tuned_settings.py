@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -134,35 +132,10 @@ def test_questions_without_an_answer_are_refused() -> None:
         tune(log(), DenseNetwork(3, (4,), 2), every=1)
 
 
-def test_a_cluster_without_its_extra_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ParameterError, match=r"pip install 'patagium\[cluster\]'"):
-        tuned(cluster="tcp://127.0.0.1:8786")
-
-
 def test_a_search_without_its_extra_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "optuna", None)
     with pytest.raises(ParameterError, match=r"pip install 'patagium\[tune\]'"):
         tuned()
-
-
-CLUSTER = """
-import sys
-from distributed import LocalCluster
-sys.path.insert(0, sys.argv[1])
-from test_tuned_settings import tuned
-with LocalCluster(processes=False, dashboard_address=None) as cluster:
-    shared = tuned(trials=8, cluster=cluster.scheduler_address)
-print(shared.best == tuned(trials=8).best)
-"""
-
-
-def test_a_cluster_gives_the_same_answer() -> None:
-    if importlib.util.find_spec("distributed") is None:
-        pytest.skip("the extra `cluster` is not installed")
-    command = [sys.executable, "-c", CLUSTER, str(Path(__file__).parent)]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.stdout.strip() == "True", done.stderr
 
 
 def test_an_option_that_tune_has_not_is_refused() -> None:

@@ -22,7 +22,8 @@ import patagium as pt
 from patagium.cli import stream as cli_stream
 from patagium.cli.live import Shown
 from patagium.cli.main import run
-from patagium.learning import load_learner
+from patagium.learning import LinearStripNetwork, load_learner
+from patagium.learning.tuning.settings_file import LearnerSettings, NetworkSettings, Settings
 from patagium.live import loop, record, sources
 from patagium.live.loop import Counters, Rhythm, Status, follow, summary
 from patagium.live.packets import Intake, datagrams, flight_packets, send_packets
@@ -255,8 +256,9 @@ def test_a_stream_goes_on_where_the_last_one_stood(packets, tmp_path, capsys):
 def test_a_network_with_memory_goes_on_where_it_stood(packets, tmp_path, capsys):
     log, words = tmp_path / "log.csv", ["stream", "", "--robot", "aerobat", "--idle", "0.1"]
     words[1] = str(log)
-    words += ["--network", "hidden_strip", "--hidden", "4", "--learner", "extended", "--json"]
-    words += ["--prior-std", "0.1", "--measurement-std", "3e-3"]
+    words += ["--settings", str(tmp_path / "attached.yaml"), "--json"]
+    network = NetworkSettings.of(LinearStripNetwork(pt.load_robot("aerobat"), attached=True))
+    Settings(every=1, network=network, learner=LearnerSettings()).save(tmp_path / "attached.yaml")
     for state, part in (("a", packets[:20]), ("a", packets[20:50]), ("b", packets[:50])):
         log.write_bytes(text_of(part))
         with pytest.raises(SystemExit) as left:

@@ -46,8 +46,7 @@ def _others() -> list[tuple[str, Callable[..., Any], dict[str, Any]]]:
     return [
         ("air", learning.LinearStripNetwork, {"robot": ROBOT}),
         ("measured", learning.LinearStripNetwork, {"robot": ROBOT}),
-        ("robot", learning.HiddenStripNetwork, {}),
-        ("activation", learning.HiddenStripNetwork, {"robot": ROBOT}),
+        ("robot", learning.LinearStripNetwork, {}),
         ("air", learning.default_learner, {"subject": ROBOT}),
         ("kind", air.register_polar, {}),
         ("blocks", learning.register_blocks, {"name": "own"}),

@@ -96,6 +96,7 @@ def test_many_weights_never_become_a_matrix(tmp_path: Path, rng: np.random.Gener
     [
         ("flow", "linear_strip, the default"),
         ("hidden_flow", "linear_strip, the default"),
+        ("hidden_strip", "linear_strip, the default, which has lags where flow is attached"),
         ("linear", "the extended filter, which is least squares"),
     ],
 )

@@ -13,7 +13,6 @@ import patagium as pt
 from patagium.cli.main import run
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, ParameterError, RobotFileError, ShapeError
-from patagium.learning.models.memory import network_inputs
 from patagium.live.packets import flight_packets
 from patagium.live.record import StreamFile
 from patagium.report.figures import flight_overview
@@ -258,7 +257,7 @@ def test_a_flight_and_a_robot_are_drawn(flight, pair):
 
 def test_networks_that_know_the_wings_see_the_same(flight, pair):
     """In other coordinates the same networks say the same force, to rounding."""
-    time, x, force = pt.training_data(flight)
+    _, x, force = pt.training_data(flight)
     assert x.shape == (401, 17) and force.shape == (401, 8)
     # inverse dynamics of the recorded accelerations against the force that made them
     np.testing.assert_allclose(force, flight.aero_force.values, atol=1e-12)
@@ -266,21 +265,15 @@ def test_networks_that_know_the_wings_see_the_same(flight, pair):
     matrix = np.stack([body_rates(angles, np.tile(unit, (401, 1))) for unit in np.eye(3)], axis=-1)
     of_angles = np.linalg.solve(matrix, rates[..., None])[..., 0]
     other = np.hstack([x[:, :3], angles, x[:, 7:9], x[:, 9:12], of_angles, x[:, 15:]])
-    for kind in (pt.StripNetwork, pt.learning.HiddenStripNetwork):
-        options = {"lags": 1} if kind is pt.learning.HiddenStripNetwork else {}
-        networks = [kind(robot, (4,), **options) for robot in pair]
-        assert networks[1].inputs >= 17
-        weights = networks[0].initial(3)
-        states = [other, x]
-        if kind is pt.learning.HiddenStripNetwork:
-            each = zip(networks, states, strict=True)
-            states = [network_inputs(n, weights, time, s) for n, s in each]
-        said = [n(s[200], weights) for n, s in zip(networks, states, strict=True)]
-        same = [0, 1, 2, 6, 7]  # forces, and moments at hinges
-        scale = np.abs(said[0]).max()
-        np.testing.assert_allclose(said[1][same], said[0][same], rtol=0, atol=1e-10 * scale)
-        turned = matrix[200].T @ said[1][3:6]
-        np.testing.assert_allclose(turned, said[0][3:6], rtol=0, atol=1e-10 * scale)
+    networks = [pt.StripNetwork(robot, (4,)) for robot in pair]
+    assert networks[1].inputs >= 17
+    weights = networks[0].initial(3)
+    said = [n(s[200], weights) for n, s in zip(networks, [other, x], strict=True)]
+    same = [0, 1, 2, 6, 7]  # forces, and moments at hinges
+    scale = np.abs(said[0]).max()
+    np.testing.assert_allclose(said[1][same], said[0][same], rtol=0, atol=1e-10 * scale)
+    turned = matrix[200].T @ said[1][3:6]
+    np.testing.assert_allclose(turned, said[0][3:6], rtol=0, atol=1e-10 * scale)
 
 
 def test_a_learner_learns_a_flight(flight):

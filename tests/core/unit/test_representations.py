@@ -60,8 +60,8 @@ def things(robot: pt.Robot, flight: Any) -> dict[str, Any]:
         *(robot, aero, pt.Air(), strip, result, result.learner, result.learner.network),
         *(pt.Dynamics(robot), pt.AddedMass(robot), pt.DeLaurier(robot), pt.LiftingLine(robot)),
         pt.CubatureLearner(strip, prior_std=0.3, measurement_std=1e-3),
-        *(pt.DenseNetwork(3, (6,), 2), L.HiddenStripNetwork(robot)),
-        *(pt.GreyBox(aero, {"density": 0.1}), pt.Pipeline(result.learner, robot)),
+        *(pt.DenseNetwork(3, (6,), 2), pt.GreyBox(aero, {"density": 0.1})),
+        pt.Pipeline(result.learner, robot),
         *(
             pt.Simulator(robot, aero, gait, duration=0.1, time_step=1e-3),
             A.SmoothPolar(),

@@ -25,7 +25,6 @@ from patagium.errors import FilterDiverged, LogError, Outcome, OutputError, Para
 from patagium.learning import (
     CubatureLearner,
     DenseNetwork,
-    HiddenStripNetwork,
     LinearStripNetwork,
     load_settings,
 )
@@ -56,16 +55,14 @@ LINE = {"x": FloatDistribution(0.0, 1.0), "y": FloatDistribution(0.0, 1.0)}
 
 
 def test_the_command_line_builds_the_networks_of_python() -> None:
-    for kind, network in (("strip", pt.StripNetwork), ("hidden_strip", HiddenStripNetwork)):
-        choice = LearnerChoice(network=NetworkKind(kind), hidden=(3,))
-        made = winged_network(choice, ROBOT, pt.Air())
-        assert made.describe() == network(ROBOT, (3,)).describe()
+    choice = LearnerChoice(network=NetworkKind.STRIP, hidden=(3,))
+    made = winged_network(choice, ROBOT, pt.Air())
+    assert made.describe() == pt.StripNetwork(ROBOT, (3,)).describe()
 
 
 def test_a_settings_file_builds_the_network_that_was_tuned(tmp_path: Path) -> None:
     networks = (
         pt.StripNetwork(ROBOT, (3,), measured=["z"], rotation=True, coefficient_scale=2.0),
-        HiddenStripNetwork(ROBOT, (3,), lags=1),
         LinearStripNetwork(ROBOT, measured=["z"]),
     )
     for network in networks:
@@ -316,7 +313,7 @@ def test_settings_written_by_hand_make_a_learner_and_come_back(tmp_path: Path) -
         (
             "kind: dense",
             "kind: deep",
-            "network.kind: expected one of linear_strip, strip, hidden_strip, dense, found 'deep'",
+            "network.kind: expected one of linear_strip, strip, dense, found 'deep'",
         ),
         (
             "kind: dense",

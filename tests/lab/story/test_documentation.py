@@ -187,7 +187,7 @@ IN_NAME_SPACES = {
         TravelingGust measured_section""",
     "errors": """CompilerError FilterDiverged FlightError LogError Outcome ParameterError PathError
         RobotFileError RobotFileWarning ShapeError SimulationFailed""",
-    "learning": "ChangeDetection HiddenStripNetwork NoiseEstimation Screening",
+    "learning": "ChangeDetection NoiseEstimation Screening",
     "sensing": """ForceSamples MotionTracker SensorLog
         cell_wrench estimate_shifts inspect_log load_cell_force load_sensor_log
         motor_forces save_sensor_log""",

@@ -133,10 +133,6 @@ def _networks() -> dict[str, Valid]:
             learning.FilterSettings, {"prior_std": 0.3},
             ("measurement_std", "process_std", "spread", "dtype", "covariance", "screening"),
         ),
-        "HiddenStripNetwork": Valid(
-            learning.HiddenStripNetwork, {"robot": robot, "hidden": (3,)},
-            ("lags", "air", "activation"),
-        ),
         "LinearStripNetwork": Valid(
             learning.LinearStripNetwork, {"robot": robot},
             ("air", "measured", "attached"),

@@ -37,7 +37,7 @@ _PATHS = (
 )  # fmt: skip
 """Paths within the folder of a case; nothing outside is named."""
 _STUDIED = 0.1  # of the cases
-LEFT_OUT = {"live", "live_address", "cluster", "jobs", "help"}
+LEFT_OUT = {"live", "live_address", "jobs", "help"}
 """Options that serve until stopped, that call other machines, or that start processes."""
 
 

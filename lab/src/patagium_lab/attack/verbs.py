@@ -1,7 +1,6 @@
 """Small valid calls of every verb, with the files that they read and write.
 
-Left out: `view` and `stream` with a live page, which serve until somebody stops them, and
-searches on a cluster.
+Left out: `view` and `stream` with a live page, which serve until somebody stops them.
 """
 
 from __future__ import annotations

@@ -25,7 +25,6 @@ from patagium.errors import ParameterError
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.models.dense import DenseNetwork
-from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
 from patagium.learning.models.wing import WingNetwork
@@ -117,9 +116,6 @@ def _expression(network: Network) -> ca.Function:
     if isinstance(network, WingNetwork):
         features, readout = network.encoding(x)
         items = ca.reshape(features, -1, network.items)
-        offset = np.zeros(network.outputs)
-    elif isinstance(network, HiddenStripNetwork):
-        items, readout = network.encoding(x, weights)
         offset = np.zeros(network.outputs)
     elif isinstance(network, DenseNetwork):
         items = (x - network.input_center) / network.input_scale

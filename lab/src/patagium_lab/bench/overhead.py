@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -16,7 +17,7 @@ import numpy as np
 
 from patagium.aerodynamics import Air
 from patagium.dynamics import equations
-from patagium.learning.models.hidden_strip import HiddenStripNetwork
+from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.network import Network
 from patagium.native.compiler import STRAIGHT_LINE, compiler_command
 from patagium.native.emit import emit
@@ -110,8 +111,8 @@ def aerodynamics_overhead(models: Sequence[str], networks: Sequence[str]) -> lis
         known = np.hstack([states.q, states.v])
         for name in networks:
             network = WING_NETWORKS[name](robot)
-            lags = np.random.default_rng(0).normal(size=(512, network.inputs - known.shape[1]))
-            value = learning.network_cost(network, np.hstack([known, lags]))
+            others = np.random.default_rng(0).normal(size=(512, network.inputs - known.shape[1]))
+            value = learning.network_cost(network, np.hstack([known, others]))
             rows.append(_cost_row(f"network {name} ({network.size} weights)", "learned", value))
     rows += [
         _cost_row(name, "learned", value, values[f"{name} batch"])
@@ -242,7 +243,7 @@ USUAL_RIVALS = ("shared", "short", "recursive")
 QUICK_RIVALS = ("shared", "recursive")
 """One of them symbolic and one differentiated."""
 WING_NETWORKS: dict[str, Callable[[Robot], Network]] = {
-    "hidden states": HiddenStripNetwork,
+    "attached strips": partial(LinearStripNetwork, attached=True),
 }
 """Networks that the bench of updates does not time, by name."""
 AIR_MODELS, AIR_NETWORKS = tuple(benchmark_air.MODELS), tuple(WING_NETWORKS)

@@ -20,7 +20,6 @@ from patagium.learning import (
     DenseNetwork,
     ExtendedLearner,
     GreyBox,
-    HiddenStripNetwork,
     Model,
     Network,
     StripNetwork,
@@ -122,7 +121,6 @@ CONTESTANTS = {
         Contestant("dense", "dense network", _filtered(_dense)),
         Contestant("strip", "strip network", _winged(StripNetwork)),
         Contestant("turning", "strip network, rotation", _winged(StripNetwork, rotation=True)),
-        Contestant("hidden_strip", "hidden strip network", _winged(HiddenStripNetwork)),
         Contestant("grey", "grey box", _filtered(_grey)),
     )
 }

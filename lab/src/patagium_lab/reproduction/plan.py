@@ -56,7 +56,7 @@ class ReproductionPlan:
         dense_every: Large networks learn from one sample in this many at most.
         slow_every: What no target asks for learns from one sample in this many at most: least
             squares, strip networks but the best of each flight, and dense networks on the
-            corrected flight; in air with memory all but the strips with hidden states.
+            corrected flight; in air with memory all but the strips with a lag.
         gradient_every: Gradient steps learn from one sample in this many at most, with replay
             from one in 10.
         rivals: Formulations of the dynamics that are timed, keys of `overhead.RIVALS`.

@@ -265,7 +265,7 @@ def aerodynamics_table(metrics: Metrics) -> Table:
     }
     caption = (
         "Force, and rates of the model's own states, compiled, on one core. One second of flight "
-        "calls the model 40 000 times (Runge-Kutta at 0.1 ms). Lags of hidden states are given."
+        "calls the model 40 000 times (Runge-Kutta at 0.1 ms). Lags of a network are given."
     )
     return table_of(columns, metrics["overhead"]["aerodynamics"], caption)
 

@@ -110,9 +110,9 @@ def relative_samples(flight: xr.Dataset) -> tuple[Array, Array, Array]:
         flight: Flight of a robot whose first coordinates are its position.
 
     Returns:
-        Time (N,) [s]; x = [q, v] with the wind taken off, (N, 2n); y, (N, n) [N, N m].
+        Time (N,) [s]; x = [q, v, a] with the wind taken off, (N, 3n); y, (N, n) [N, N m].
     """
     time, x, y = training_data(flight)
     half = x.shape[1] // 2
     x[:, half : half + 3] -= flight["wind"].to_numpy()
-    return time, x, y
+    return time, np.hstack([x, flight["a"].transpose("time", "dof").to_numpy()]), y

@@ -23,7 +23,7 @@ from patagium_lab.reproduction.unsteady_trials import UnsteadyResult
 from patagium_lab.study import Columns, Metrics, Row, table_of
 from patagium_lab.targets import Target, at_least, at_most
 
-PLAIN, MEMORY = "strip", "hidden"
+PLAIN, MEMORY = "strip", "attached"
 """Candidates that targets compare."""
 ERROR, UNSEEN, EVERY_SAMPLE, RATIO = 1e-3, 1e-2, 1e-4, 5.0
 """Limits: worst force from one sample in 100, on unseen gaits, from every sample; times below."""
@@ -61,10 +61,10 @@ def unsteady_targets(metrics: Metrics) -> list[tuple[Target, list[float]]]:
     for mount, name in MOUNTS.items():
         found = scores_of(metrics, mount, MEMORY, sparse)
         plain = scores_of(metrics, mount, PLAIN, sparse)
-        ratios = [p / h for p, h in zip(plain, found, strict=False)]
+        ratios = [p / one for p in plain for one in found]
         unseen = scores_of(metrics, mount, MEMORY, sparse, "unseen_worst")
         dense = scores_of(metrics, mount, MEMORY, 1)
-        title, half = f"unsteady, {name}: hidden states", "worst force, second half"
+        title, half = f"unsteady, {name}: strips with a lag", "worst force, second half"
         rows += [
             (at_most(f"{title}, one in {sparse}, {half}", ERROR, ".1e"), found),
             (at_least(f"{title}, times below no memory, one in {sparse}", RATIO), ratios),
@@ -149,17 +149,17 @@ def findings(metrics: Metrics) -> list[str]:
 
 
 def _comparisons(metrics: Metrics, every: int) -> list[str]:
-    """Hidden states beside no memory, mount by mount, and the targets that are missed."""
+    """Strips with a lag beside no memory, mount by mount, and the targets that are missed."""
     words = []
     for mount, name in MOUNTS.items():
-        hidden = scores_of(metrics, mount, MEMORY, every)
+        lagged = scores_of(metrics, mount, MEMORY, every)
         plain = scores_of(metrics, mount, PLAIN, every)
-        if not (hidden and plain):
+        if not (lagged and plain):
             continue
-        ratio = float(np.median(plain) / np.median(hidden))
+        ratio = float(np.median(plain) / np.median(lagged))
         side = "below" if ratio >= 1 else "above"
         text = (
-            f"In {name} hidden states bring the error of the strip network "
+            f"In {name} a lag in each strip brings the error "
             f"{cell_text(ratio if ratio >= 1 else 1 / ratio)} times {side} that without memory"
         )
         best = _ranked(metrics, mount, every, WORST)[0][0]
@@ -315,7 +315,8 @@ _INTRODUCTION = (
     "The flights above are flown through quasi-steady air, whose force depends on the present "
     "state alone. Real air has memory. Here the corrected robot flies through a lifting line with "
     "two lag states a strip, its wings carry the air's added mass, and it either flies freely or "
-    "sits on a rigid stand in a wind. Networks see the state relative to the air and learn the "
-    "force of circulation; added mass is known inertia. Then the weights are frozen and tried on "
+    "sits on a rigid stand in a wind. Networks see the state relative to the air, strips with a "
+    "lag its acceleration too, and learn the force of circulation; added mass is known inertia. "
+    "Then the weights are frozen and tried on "
     "gaits, a speed and a gust that were not learned."
 )

@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Air
-from patagium.learning import ExtendedLearner, HiddenStripNetwork, NoiseEstimation, identify
+from patagium.learning import ExtendedLearner, NoiseEstimation, identify
 from patagium.robot import Robot
 from patagium.sensing import (
     ForceSamples,
@@ -28,14 +28,15 @@ from patagium.sensing import (
 )
 from patagium.sensing.sensors import SensorLog, load_sensor_log
 from patagium_lab.reproduction.cases import lever_arms
+from patagium_lab.reproduction.unsteady_models import lifting_line_box
 from patagium_lab.rig.plan import CELL, MOTORS, UNIT, RigPlan
 
 Array = NDArray[np.float64]
 
 SOURCES = ("inverse dynamics", "load cell")
 """Sources of the force; the first uses motors and load cell, the second the cell alone."""
-PRIOR, STRIP_STD, NOISE_MEMORY = 0.1, 5.5e-4, 50
-"""Prior std of a weight [1]; first std of a strip's force [N]; memory of its estimate [samples]."""
+STRIP_STD, NOISE_MEMORY = 4e-4, 50
+"""First std of a strip's force [N]; memory of its estimate [samples]."""
 
 
 @dataclass(frozen=True)
@@ -137,15 +138,14 @@ def forces_of(
 
 
 def new_learner(robot: Robot, air: Air) -> ExtendedLearner:
-    """Learner of a strip network with hidden states that estimates its noise.
+    """Learner of a lifting line with four unknown numbers that estimates its noise.
 
     Args:
         robot: The machine.
         air: Air with its density and wind.
     """
     return ExtendedLearner(
-        HiddenStripNetwork(robot, air=air),
-        prior_std=PRIOR,
+        lifting_line_box(robot, air, start="steady"),
         measurement_std=STRIP_STD * lever_arms(robot),
         noise_estimation=NoiseEstimation(NOISE_MEMORY),
     )

@@ -232,9 +232,10 @@ _MOTION = ("y", "z", "pitch", "left_plunge", "left_elbow")
 LEFT_OUT = (
     "The robot's masses, inertias and wings, the density of the air and the speed of the fan are "
     "known exactly. Added mass is taken from theory, as in the truth, and is not learned.",
-    "The network is a lifting line with hidden states whose lags, lift slope, stall and section "
-    "are unknown; the truth is a lifting line with other numbers. The form of the model is right, "
-    "which it will not be in real air.",
+    "What learns is a lifting line with two lags a strip; unknown are their rates, lift slope and "
+    "profile drag, which begin half as large again as in the truth, or a fifth too small. All else "
+    "of the model is right, which it will not be in real air: on other programs' air a grey box "
+    "errs by more than the default network.",
     "Load cell and amplifiers are triggered by the unit on the body, so that their clocks are "
     "known; nothing in the motion tells a delay of a force from a drag.",
     "Cross-talk of the load cell and errors of its scale are left out, because its data sheet does "
@@ -256,9 +257,9 @@ _SOURCES = (
 )
 _READING = (
     "Errors of a measured force come from the encoders' noise through two derivatives, and from "
-    "clocks. A network of strips can follow neither, so that the learned force can be closer to "
+    "clocks. A lifting line can follow neither, so that the learned force can be closer to "
     "the truth than the measurement that it was learned from. Without noise the remaining error is "
-    "what the network has not learned yet or cannot express."
+    "what has not been learned yet."
 )
 _LIMITS = (
     "These runs have the noise of the data sheets and cover the first eight; clocks are known "

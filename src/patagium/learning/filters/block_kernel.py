@@ -24,7 +24,6 @@ from patagium.learning.filters.kernel_memory import (
     addresses,
     aligned,
     install_encoder,
-    install_lags,
     rounded_up,
     screening_memory,
 )
@@ -33,8 +32,7 @@ from patagium.learning.filters.root import MatrixLost
 from patagium.learning.filters.screening import new_screen
 from patagium.learning.filters.state import symmetric
 from patagium.learning.filters.structure import Structure
-from patagium.learning.models.hidden_strip import HiddenStripNetwork
-from patagium.learning.models.perceptron import PerceptronNetwork, as_perceptron, evaluated
+from patagium.learning.models.perceptron import PerceptronNetwork, as_perceptron
 from patagium.learning.models.structure import blocks_of
 from patagium.native import load_kernel
 from patagium.native.structs import EXTENDED_FILTER, NODE_FILTER, PANEL_FILTER
@@ -70,8 +68,7 @@ def _kernel_for(numbers: FilterNumbers) -> BlockKernel | None:
     """Kernel for the blocks of a filter; None where there is none."""
     network, node = numbers.network, numbers.structure == "node"
     name = "extended" if numbers.linear else "node" if node else "cubature"
-    lags = isinstance(network, HiddenStripNetwork) and network.compiled_encoder() is not None
-    known = isinstance(network, PerceptronNetwork) or (lags and name == "extended")
+    known = isinstance(network, PerceptronNetwork)
     known = known and (name != "cubature" or _of_whole_layers(numbers))
     return BlockKernel(name, numbers) if known and _library(name, numbers.dtype) else None
 
@@ -233,7 +230,7 @@ class BlockKernel:
     def _fill(self, screening: int) -> None:
         """Numbers of the filter and addresses of its arrays, for the kernel."""
         numbers, struct = self._numbers, self._struct
-        network = evaluated(numbers.network)
+        network = as_perceptron(numbers.network)
         factor = 1.0 if self._covariance else numbers.forgetting_factor
         scalars = {
             "weights": network.size,
@@ -261,23 +258,19 @@ class BlockKernel:
 
     def _installed(self, name: str) -> tuple[Array | None, Any]:
         """Input x that the kernel reads, (n_x,), or None; what must stay alive."""
-        network = self._numbers.network
-        keep: dict[str, Array] = {}
+        network, keep = as_perceptron(self._numbers.network), dict[str, Array]()
         if name == "extended":
-            inner, stride = evaluated(network), self._struct.stride
-            room = 2 * inner.items * max(inner.perceptron.widths)
+            stride = self._struct.stride
+            room = 2 * network.items * max(network.perceptron.widths)
             keep = {
-                "derivative": aligned((inner.size + 2 * self._lanes, stride), np.dtype(float)),
+                "derivative": aligned((network.size + 2 * self._lanes, stride), np.dtype(float)),
                 "seeds": aligned((room, stride), np.dtype(float)),
             }
             if np.any(np.diff(order := self._arrays["order"]) != 1):
                 keep["place"] = np.argsort(order).astype(np.int32)
             for key, address in addresses(keep).items():
                 setattr(self._whole, key, address)
-        if isinstance(network, HiddenStripNetwork):
-            seen, lags = install_lags(network, self._whole)
-            return seen, (keep, lags)
-        x, encoder = install_encoder(as_perceptron(network), self._struct, self._arrays)
+        x, encoder = install_encoder(network, self._struct, self._arrays)
         return x, (keep, encoder)
 
     def _take(self, x: Array) -> None:
@@ -308,7 +301,7 @@ def _library(name: str, dtype: str) -> ctypes.CDLL | None:
 
 def _sample_arrays(numbers: FilterNumbers) -> dict[str, Array]:
     """Zeroed arrays of one sample, on cache lines."""
-    network, outputs = evaluated(numbers.network), len(numbers.noise)
+    network, outputs = as_perceptron(numbers.network), len(numbers.noise)
     widths, items = network.perceptron.widths, network.items
     shapes = {
         "mean": (network.size,),
@@ -323,14 +316,13 @@ def _sample_arrays(numbers: FilterNumbers) -> dict[str, Array]:
     }
     arrays = {name: aligned(shape, np.dtype(float)) for name, shape in shapes.items()}
     arrays["widths"] = np.array(widths, np.int32)
-    if isinstance(network, PerceptronNetwork):
-        arrays["offset"][:] = network.offset
+    arrays["offset"][:] = network.offset
     return arrays
 
 
 def _panel_arrays(numbers: FilterNumbers, lanes: int) -> dict[str, Array]:
     """Zeroed arrays of the sizes that `structs.PANEL_FILTER` names, on cache lines."""
-    network, outputs = evaluated(numbers.network), len(numbers.noise)
+    network, outputs = as_perceptron(numbers.network), len(numbers.noise)
     widths, items = network.perceptron.widths, network.items
     panel, layers, widest = 2 * lanes, len(widths) - 1, max(widths)
     counts = [len(block) for block in blocks_in(numbers)]
@@ -377,7 +369,7 @@ def _covariance_arrays(numbers: FilterNumbers, arrays: Mapping[str, Array]) -> d
 
 def _neuron_arrays(numbers: FilterNumbers, lanes: int) -> dict[str, Array]:
     """Zeroed arrays of the sizes that `structs.NODE_FILTER` names, on cache lines."""
-    network, real = evaluated(numbers.network), np.dtype(numbers.dtype)
+    network, real = as_perceptron(numbers.network), np.dtype(numbers.dtype)
     widths, items, outputs = network.perceptron.widths, network.items, network.outputs
     stride = rounded_up(outputs, _WIDE)
     groups = [

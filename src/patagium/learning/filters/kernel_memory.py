@@ -1,4 +1,4 @@
-"""Memory that filters share with kernels by address: arrays, screening, encoder, lags.
+"""Memory that filters share with kernels by address: arrays, screening, encoder.
 
 Arrays live as long as the filter that holds them.
 """
@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from patagium.arrays import Array
 from patagium.learning.filters.bounds import MEMORY
 from patagium.learning.filters.screening import Screen
-from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.perceptron import PerceptronNetwork
-from patagium.native.structs import BOUNDS, LAGS, SCREENING
+from patagium.native.structs import BOUNDS, SCREENING
 
 ACTIVATION_CODES = {"softplus": 0, "tanh": 1}
 """Names of activations to the integers of the kernels."""
@@ -91,52 +90,6 @@ def screening_memory(screen: Screen) -> tuple[Any, Any]:
         **addresses(arrays),
     )
     return whole, limits
-
-
-def install_lags(network: HiddenStripNetwork, whole: Any) -> tuple[Array, tuple[Any, ...]]:
-    """Let a kernel see a sample of a network whose encoder has weights.
-
-    Args:
-        network: Network with compiled lags.
-        whole: Memory of the kernel, `structs.EXTENDED_FILTER`.
-
-    Returns:
-        Input x that the kernel reads, (n_x,); what must stay alive.
-
-    Raises:
-        TypeError: If the network has no compiled lags.
-    """
-    lags, real = network.compiled_encoder(), np.dtype(float)
-    if lags is None:
-        raise TypeError(f"expected a network with compiled lags, found {type(network).__name__}")
-    own, states = len(lags.prior), lags.states
-    directions, outputs = rounded_up(own, 8), network.items * network.perceptron.widths[-1]
-    seen = network.items * network.perceptron.widths[0]
-    known = network.measured_inputs + states + own + outputs + len(lags.constants)
-    arrays = {
-        **{name: np.array(getattr(lags, name)) for name in ("constants", "prior", "reach")},
-        "x": np.zeros(network.inputs),
-        "coded": np.zeros(own),
-        "state": np.zeros(states),
-        "sample": np.zeros(known),
-        "moved": np.zeros((own, states)),
-        "along": np.eye(own),
-        "of_features": aligned((seen, directions), real),
-        "of_y": aligned((network.outputs, directions), real),
-    }
-    found = LAGS.type(
-        measured=network.measured_inputs,
-        states=states,
-        remembered=lags.parameters,
-        own=own,
-        directions=directions,
-        constants_count=len(lags.constants),
-        encode=lags.encode,
-        slopes=lags.slopes,
-        **addresses(arrays),
-    )
-    whole.lags = ctypes.addressof(found)
-    return arrays["x"], (found, arrays)
 
 
 def install_encoder(

@@ -16,7 +16,7 @@ class ExtendedLearner(FilterLearner, kind="extended"):
     with H = dy/dW at W, P_yy = H P H' + R, W <- W + P H' P_yy^-1 (y - y(W)),
     P <- P - P H' P_yy^-1 H P; of that, what `covariance` keeps. Its square root is carried; with
     noise between samples, "full" and "layer" carry P itself, in as much time. Compiled for networks
-    of a perceptron and for `HiddenStripNetwork`, others are in NumPy. Cost and memory of "full" are
+    of a perceptron, others are in NumPy. Cost and memory of "full" are
     of order n^2, of "layer" of the sum of its blocks' squares, of "node", in NumPy, as of "full".
 
     Args:

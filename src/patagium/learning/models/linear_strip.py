@@ -198,11 +198,10 @@ class LinearStripNetwork(WingNetwork):
         self._encode = made["encode"]
         self.lag_equations: LagEquations | None = None
         if attached:
-            nothing, count = np.zeros(0), len(robot.strips)
-            coded = nothing, nothing, self._parameters
-            steps = compiled_steps(made["begin"].address, made["step"].address, *coded)
-            sizes = self.measured_inputs, count * len(_LAGS.rate), count, 0
-            self.lag_equations = StripLags(made, *coded, *sizes, steps)
+            count, begin, step = len(robot.strips), made["begin"].address, made["step"].address
+            steps = compiled_steps(begin, step, self._parameters)
+            sizes = self.measured_inputs, count * len(_LAGS.rate), count
+            self.lag_equations = StripLags(made, self._parameters, *sizes, steps)
 
     def describe(self) -> dict[str, Any]:
         """Description of the network that rebuilds it, as JSON-able values."""
@@ -634,6 +633,4 @@ def _functions(
     encode = named_function("encode", known, {"features": features, "readout": readout})
     if line is None:
         return [encode]
-    none = ca.SX(0, 1), ca.SX(0, 0)
-    measured = x[: machine.state_size + machine.dof]
-    return [encode, *lag_functions(line, (measured, ca.SX(0, 1), parameters), none)]
+    return [encode, *lag_functions(line, x[: machine.state_size + machine.dof], parameters)]

@@ -69,31 +69,27 @@ class MemoryState(NamedTuple):
 
 
 class CompiledSteps(NamedTuple):
-    """Lag equations in C: functions of (x, coded, constants) for the kernel `memory.c`.
+    """Lag equations in C for the kernel `memory.c`, of lags that depend on no weight.
 
     Attributes:
         kernel: The compiled kernel.
-        begin: Address of `void f(x, coded, constants) -> (z, S, driver)`.
-        step: Address of `void f(x, coded, constants, time step, z, S, driver) -> (z, S, driver)`.
-        prior: Coded numbers at zero weights, prior of prior + reach W, (n_o,) [1].
-        reach: Change of each coded number for a weight of one, (n_o,) [1].
+        begin: Address of `void f(x, constants) -> (z, driver)`.
+        step: Address of `void f(x, constants, time step, z, driver) -> (z, driver)`.
         constants: Constants of both functions.
     """
 
     kernel: ctypes.CDLL
     begin: int
     step: int
-    prior: Array
-    reach: Array
     constants: Array
 
 
-def compiled_steps(begin: int | None, step: int | None, *numbers: Array) -> CompiledSteps | None:
-    """Lag equations in C by addresses, prior, reach and constants; None without a compiler."""
+def compiled_steps(begin: int | None, step: int | None, constants: Array) -> CompiledSteps | None:
+    """Lag equations in C by addresses and constants; None without a compiler."""
     kernel = load_kernel("memory")
     if kernel is None or begin is None or step is None:
         return None
-    return CompiledSteps(kernel, begin, step, *numbers)
+    return CompiledSteps(kernel, begin, step, constants)
 
 
 class LagEquations(Protocol):
@@ -322,17 +318,16 @@ class ModelMemory:
                 raise ShapeError("memory", shape, array.shape)
         self.last = found
 
-    def compiled(self, x: Array, mean: Array) -> CompiledLags | None:
+    def compiled(self, x: Array) -> CompiledLags | None:
         """The memory as C code moves it between two calls; None without a compiler.
 
         Args:
             x: Input that a compiled filter reads, (n_x,) [units of x].
-            mean: Mean weights of the filter, (n,).
         """
         lags = self._lags
         if lags is None or lags.compiled is None:
             return None
-        return CompiledLags(lags, lags.compiled, mean, x)
+        return CompiledLags(lags, lags.compiled, x)
 
     @property
     def _lags(self) -> LagEquations | None:
@@ -421,16 +416,16 @@ def _advanced_in_c(
     """Result of `_advanced` by one call of C; None without a compiler."""
     if lags.compiled is None:
         return None
-    block = CompiledLags(lags, lags.compiled, weights)
+    block = CompiledLags(lags, lags.compiled)
     last = -inf if before is None else before.time
     if before is not None:
         block.put(before)
     steps = np.diff(time, prepend=last)
-    rows = np.empty((len(x), row_size(lags)))
+    rows = np.empty((len(x), lags.states))
     arrays = np.ascontiguousarray(x[:, : lags.measured]), anew, steps, rows
     pointers = (ctypes.c_void_p(array.ctypes.data) for array in arrays)
     lags.compiled.kernel.memory_block(ctypes.byref(block), ctypes.c_int64(len(x)), *pointers)
-    return rows, block.taken(float(time[-1]), weights[: lags.parameters])
+    return rows, block.taken(float(time[-1]))
 
 
 class CompiledLags(ctypes.Structure):
@@ -439,36 +434,26 @@ class CompiledLags(ctypes.Structure):
     Args:
         lags: The equations.
         steps: The same in C.
-        mean: Current weights, (n,); those of a compiled filter are read anew at each sample.
         x: Input that a compiled filter reads, (n_x,) [units of x]; None where blocks are recalled.
     """
 
     _fields_ = [
-        *((name, ctypes.c_int32) for name in ("measured", "states", "parameters", "all")),
-        *((name, ctypes.c_int32) for name in ("driver", "own")),
-        *((name, ctypes.c_void_p) for name in ("begin", "step", "coded", "constants", "weights")),
-        *((name, ctypes.c_void_p) for name in ("carried", "prior", "reach", "mean", "x")),
-        *((name, ctypes.c_void_p) for name in ("clock", "counts")),
+        *((name, ctypes.c_int32) for name in ("measured", "states", "all", "driver")),
+        *((name, ctypes.c_void_p) for name in ("begin", "step", "constants", "carried")),
+        *((name, ctypes.c_void_p) for name in ("x", "clock", "counts")),
     ]
 
-    def __init__(
-        self, lags: LagEquations, steps: CompiledSteps, mean: Array, x: Array | None = None
-    ) -> None:
-        (states, drivers), n_m, own = lags.carried, lags.parameters, len(steps.prior)
+    def __init__(self, lags: LagEquations, steps: CompiledSteps, x: Array | None = None) -> None:
+        states, drivers = lags.carried
         self.arrays: dict[str, NDArray[Any]] = {
-            "coded": steps.prior + steps.reach * mean[:own],
             "constants": steps.constants,
-            "weights": mean[:n_m].copy(),
-            "carried": np.zeros(2 * (states * (1 + n_m) + drivers)),
-            "prior": steps.prior,
-            "reach": steps.reach,
-            "mean": mean,
+            "carried": np.zeros(2 * (states + drivers)),
             "x": np.zeros(0) if x is None else x,
             "clock": np.zeros(3),
             "counts": np.zeros(2, np.int64),
         }
         self._kernel = steps.kernel
-        sizes = lags.measured, lags.states, n_m, states, drivers, own
+        sizes = lags.measured, lags.states, states, drivers
         addresses = {name: array.ctypes.data for name, array in self.arrays.items()}
         super().__init__(*sizes, steps.begin, steps.step, **addresses)
 
@@ -480,26 +465,15 @@ class CompiledLags(ctypes.Structure):
         return begin, end, ctypes.addressof(self)
 
     def put(self, memory: MemoryState) -> None:
-        """Memory before the next sample, its sensitivity column by column."""
-        parts = memory.state, memory.sensitivity.ravel(order="F"), memory.driver
+        """Memory before the next sample."""
         carried = self.arrays["carried"]
-        np.concatenate(parts, out=carried[: len(carried) // 2])
+        np.concatenate([memory.state, memory.driver], out=carried[: len(carried) // 2])
 
-    def taken(self, time: float, weights: Array) -> MemoryState:
-        """Memory at the last sample.
-
-        Args:
-            time: Of that sample [s].
-            weights: Weights W_m, (n_m,) [1].
-        """
-        states = self.all
-        n_m = self.parameters
+    def taken(self, time: float) -> MemoryState:
+        """Memory at the last sample, of a time [s]."""
         carried = self.arrays["carried"]
-        end = states * (1 + n_m)
-        slopes = carried[states:end].reshape((states, n_m), order="F").copy()
-        state = carried[:states].copy()
-        driver = carried[end : len(carried) // 2].copy()
-        return MemoryState(state, slopes, weights.copy(), driver, time)
+        state, driver = np.split(carried[: len(carried) // 2].copy(), [self.all])
+        return MemoryState(state, np.zeros((len(state), 0)), np.zeros(0), driver, time)
 
     def load(self, memory: ModelMemory) -> None:
         """Take over the memory of a stream before a call."""
@@ -513,5 +487,4 @@ class CompiledLags(ctypes.Structure):
         begun, memory.resets = self.arrays["counts"].tolist()
         memory.clock = self.arrays["clock"][:2].copy()
         if begun:
-            weights = self.arrays["mean"][: self.parameters]
-            memory.last = self.taken(float(memory.clock[0]), weights)
+            memory.last = self.taken(float(memory.clock[0]))

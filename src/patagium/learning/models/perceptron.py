@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -273,25 +272,6 @@ class PerceptronNetwork(Network):
         out, inner = self.perceptron.linearized(encoding.features, weights)
         y = encoding.offset + encoding.readout @ out.ravel()
         return np.asarray(y), np.asarray(encoding.readout @ inner.reshape(-1, self.size))
-
-
-class Evaluated(Network, Protocol):
-    """A network that ends in one perceptron, evaluated for m items, and a linear readout."""
-
-    @property
-    def items(self) -> int:
-        """Number of evaluations of the perceptron for one x, m."""
-        ...
-
-    @property
-    def perceptron(self) -> Perceptron:
-        """The part at the end of the weights."""
-        ...
-
-
-def evaluated(network: Network) -> Evaluated:
-    """A network of which filters know that it ends in a perceptron."""
-    return cast("Evaluated", network)
 
 
 def as_perceptron(network: Network) -> PerceptronNetwork:

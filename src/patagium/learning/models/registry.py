@@ -9,14 +9,12 @@ from patagium.arguments import checked
 from patagium.errors import ParameterError, refuse_removed
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.grey_box import GreyBox
-from patagium.learning.models.hidden_strip import HiddenStripNetwork
 from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
 
 _KINDS: dict[str, Any] = {
-    network.kind: network
-    for network in (DenseNetwork, StripNetwork, HiddenStripNetwork, LinearStripNetwork, GreyBox)
+    network.kind: network for network in (DenseNetwork, StripNetwork, LinearStripNetwork, GreyBox)
 }
 _OWN = frozenset(_KINDS)
 _Kind = TypeVar("_Kind", bound=type[Network])

@@ -1,15 +1,16 @@
 """Lag states of strips and the trailing vortices they share, for networks built on a lifting line.
 
 The same functions as `LiftingLine`, as equations that a network's memory follows from sample to
-sample; the numbers of the lags are weights of the network, or constants.
+sample; the numbers of the lags are constants.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import casadi as ca
+import numpy as np
 
 from patagium.aerodynamics.indicial import Lags, Relaxation
 from patagium.aerodynamics.local_flow import StripMotion, airspeed, normalwash, strip_motions
@@ -80,83 +81,59 @@ def lift_place(motion: StripMotion) -> ca.SX:
     return (smooth_sign(motion.forward) - 1.0) * (motion.strip.chord / 4)
 
 
-def lag_functions(
-    flow: StripFlow,
-    known: tuple[ca.SX, ca.SX, ca.SX],
-    learned: tuple[ca.SX, ca.SX],
-) -> list[ca.Function]:
+def lag_functions(flow: StripFlow, x: ca.SX, parameters: ca.SX) -> list[ca.Function]:
     """Functions begin and step of `StripLags`.
 
     Args:
-        flow: An expression of the measured inputs, coded numbers and constants that are known.
-        known: These three.
-        learned: Coded numbers on which the lags depend, and their change for weights of one.
+        flow: An expression of the measured inputs and the constants.
+        x: Measured inputs.
+        parameters: Constants.
     """
-    given = dict(zip(("x", "coded", "network_parameters"), known, strict=True))
-    (numbers, reach), count = learned, len(flow.motions)
+    given, count = {"x": x, "network_parameters": parameters}, len(flow.motions)
 
     def of_lags(of_strips: ca.SX) -> ca.SX:
         return ca.vec(ca.repmat(of_strips.T, len(flow.lags.rate), 1))
 
-    def results(state: ca.SX, variables: ca.SX, seeds: ca.SX) -> dict[str, ca.SX]:
-        moved = ca.densify(ca.jtimes(state, variables, seeds))
-        return {"reached": state, "slopes": moved, "driver": flow.semichords}
-
     effective = flow.wash(ca.SX(0, 1), Lags((), (), ())).effective  # nothing is held back yet
-    begun = results(ca.vertcat(of_lags(effective), effective), numbers, reach)
+    begun = ca.vertcat(of_lags(effective), effective)
     step, effective = ca.SX.sym("step"), ca.SX.sym("effective", count)
     semichords, before = ca.SX.sym("semichords", count), ca.vertcat(flow.state, effective)
-    sensitivity = ca.SX.sym("sensitivity", before.numel(), numbers.numel())
     rates = ca.repmat(ca.vertcat(*flow.lags.rate), count, 1) * of_lags(semichords)
     vortices = flow.vortices, flow.geometric, flow.state
     relaxation = Relaxation(rates, of_lags(effective))
     found = implicit_lag_step(*vortices, step, relaxation, flow.lags, flow.lift_slope)
-    reached = ca.vertcat(*found)
-    stepped = results(reached, ca.vertcat(before, numbers), ca.vertcat(sensitivity, reach))
-    carried = {"state": before, "sensitivity": sensitivity, "semichords": semichords}
-    begin = named_function("begin", given, begun)
-    return [begin, named_function("step", {**given, "step": step, **carried}, stepped)]
+    carried = {**given, "step": step, "state": before, "semichords": semichords}
+    return [
+        named_function(name, known, {"reached": state, "driver": flow.semichords})
+        for name, known, state in (("begin", given, begun), ("step", carried, ca.vertcat(*found)))
+    ]
 
 
 class StripLags(NamedTuple):
     """Equations of the lags of all strips; behind the lags z the normalwash of each strip.
 
     Attributes:
-        functions: `lag_functions`; of a network whose air has weights encode and slopes too.
-        prior: Coded numbers at zero weights, prior of prior + reach W, (n_o,) [1].
-        reach: Change of each coded number for a weight of one, (n_o,) [1].
+        functions: `lag_functions`.
         constants: Constants of the functions.
         measured: Length of [q, v] or [q, v, a].
         states: Number of lags z, n_z.
         strips: Number of strips, whose semichords a second each drive the next step.
-        parameters: Number of weights that the lags depend on, n_m.
         compiled: Equations in C; None without a compiler.
+        parameters: Number of weights that the lags depend on.
     """
 
     functions: Mapping[str, NativeFunction]
-    prior: Array
-    reach: Array
     constants: Array
     measured: int
     states: int
     strips: int
-    parameters: int
     compiled: CompiledSteps | None
+    parameters: int = 0
 
     @property
     def carried(self) -> tuple[int, int]:
         """Number of lags and normalwashes, and of strips."""
         return self.states + self.strips, self.strips
-
-    @property
-    def encode(self) -> int | None:
-        """Address of the function of (measured, z, coded, constants)."""
-        return self.functions["encode"].address
-
-    @property
-    def slopes(self) -> int | None:
-        """Address of that of many (dz, dcoded), and [measured, z, coded, outputs, constants]."""
-        return self.functions["slopes"].batch_address
 
     def drivers(self, weights: Array, x: Array) -> Array:
         """Measured inputs of each sample, (N, measured)."""
@@ -164,16 +141,16 @@ class StripLags(NamedTuple):
 
     def begin(self, driver: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Lags of a flow that was always as it is at a sample."""
-        state, sensitivity, semichords = self.functions["begin"](driver, *self._numbers(weights))
-        return state, sensitivity, semichords
+        return self._kept(self.functions["begin"](driver, self.constants))
 
     def step(
         self, driver: Array, weights: Array, time_step: float, before: MemoryState
     ) -> tuple[Array, Array, Array]:
         """Lags a step later."""
-        known = time_step, before.state, before.sensitivity, before.driver
-        state, slopes, semichords = self.functions["step"](driver, *self._numbers(weights), *known)
-        return state, slopes, semichords
+        known = driver, self.constants, time_step, before.state, before.driver
+        return self._kept(self.functions["step"](*known))
 
-    def _numbers(self, weights: Array) -> tuple[Array, Array]:
-        return self.prior + self.reach * weights[: len(self.prior)], self.constants
+    def _kept(self, found: Sequence[Array]) -> tuple[Array, Array, Array]:
+        """State, no sensitivity, and driver."""
+        state, semichords = found
+        return state, np.zeros((len(state), 0)), semichords

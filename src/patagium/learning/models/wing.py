@@ -15,15 +15,15 @@ import numpy as np
 from patagium.aerodynamics.air import Air, air_from_description
 from patagium.arrays import Array
 from patagium.learning.models.dense import described
-from patagium.learning.models.network import Encoding, Network
-from patagium.learning.models.perceptron import Perceptron, PerceptronNetwork
+from patagium.learning.models.network import Encoding
+from patagium.learning.models.perceptron import PerceptronNetwork
 from patagium.native import NativeFunction
 from patagium.robot.files import load_robot_text
 from patagium.robot.model import Robot
 
 
-class RobotNetwork(Network):
-    """An immutable network of the air's force on a robot, whose last part is a perceptron.
+class WingNetwork(PerceptronNetwork):
+    """An immutable network of one perceptron between a compiled encoder of the state and a readout.
 
     A network names its own arguments in `options` and those it shares with others in `shared`,
     and has an attribute for each; pickles and descriptions follow.
@@ -35,7 +35,6 @@ class RobotNetwork(Network):
         readers: Inverse of `describe` of those arguments that are not JSON themselves.
         robot: The machine.
         air: Density and steady wind.
-        perceptron: The part at the end of the weights.
     """
 
     kind: ClassVar[str]
@@ -44,8 +43,9 @@ class RobotNetwork(Network):
     readers: ClassVar[dict[str, Callable[[Any], Any]]] = {"air": air_from_description}
     robot: Robot
     air: Air
-    perceptron: Perceptron
     _names: tuple[str, ...]
+    _parameters: Array
+    _encode: NativeFunction
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self
@@ -57,11 +57,6 @@ class RobotNetwork(Network):
     def output_names(self) -> tuple[str, ...]:
         """Names of the components of y."""
         return self._names
-
-    @property
-    def hidden(self) -> tuple[int, ...]:
-        """Neurons of each hidden layer of the perceptron."""
-        return self.perceptron.widths[1:-1]
 
     @property
     def activation(self) -> str:
@@ -86,18 +81,6 @@ class RobotNetwork(Network):
         values |= {name: read(values[name]) for name, read in cls.readers.items()}
         make: Callable[..., Self] = cls
         return make(load_robot_text(values.pop("robot")), **values)
-
-    def _arguments(self) -> dict[str, Any]:
-        """Arguments that make the network again."""
-        names = (*self.shared, *self.options)
-        return {"robot": self.robot, **{name: getattr(self, name) for name in names}}
-
-
-class WingNetwork(RobotNetwork, PerceptronNetwork):
-    """A network of one perceptron between a compiled encoder of the state and a readout."""
-
-    _parameters: Array
-    _encode: NativeFunction
 
     @property
     def inputs(self) -> int:
@@ -131,6 +114,11 @@ class WingNetwork(RobotNetwork, PerceptronNetwork):
         """Address of the compiled encoder and its constants; None without a compiler."""
         address = self._encode.address
         return None if address is None else (address, self._parameters)
+
+    def _arguments(self) -> dict[str, Any]:
+        """Arguments that make the network again."""
+        names = (*self.shared, *self.options)
+        return {"robot": self.robot, **{name: getattr(self, name) for name in names}}
 
 
 def _described(value: Any) -> Any:

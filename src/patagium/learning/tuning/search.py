@@ -2,8 +2,8 @@
 
 The space is taken from the settings' record, as Optuna's distributions; numbers have three digits:
 more would be noise. A trial depends on the seed, its number and the batches before its own: not on
-the processes that share the work, nor on where an earlier search was stopped. The workers of a
-cluster must have patagium installed. Neglected: ranges that depend on each other.
+the processes that share the work, nor on where an earlier search was stopped. Neglected: ranges
+that depend on each other.
 """
 
 from __future__ import annotations
@@ -125,29 +125,21 @@ def _rounded(number: float) -> float:
 
 
 @contextmanager
-def pool(jobs: int | None, cluster: str | None) -> Iterator[Any]:
-    """Workers of joblib, processes of one thread each or a cluster, which give results in order.
+def pool(jobs: int | None) -> Iterator[Any]:
+    """Workers of joblib, processes of one thread each, which give results in order.
 
     Args:
-        jobs: Number of processes; None: one for each core. A cluster uses all its workers.
-        cluster: Address of a Dask scheduler, such as tcp://10.0.0.1:8786; None: this machine.
+        jobs: Number of processes; None: one for each core.
 
     Raises:
-        ParameterError: If the jobs are below one, or dask.distributed is not installed.
+        ParameterError: If the jobs are below one.
     """
     from joblib import Parallel, cpu_count, parallel_config
 
     if jobs is not None and jobs < 1:
         raise ParameterError("jobs", "a whole number of at least 1", jobs)
-    order = {"return_as": "generator", "batch_size": 1}
-    if cluster is None:
-        with parallel_config("loky", n_jobs=jobs or cpu_count(), inner_max_num_threads=1):
-            yield Parallel(**order)
-        return
-    distributed = _installed("distributed", "cluster", "dask.distributed", cluster)
-    client = distributed.Client(cluster, set_as_default=False)
-    with client, parallel_config("dask", client=client):
-        yield Parallel(**order)
+    with parallel_config("loky", n_jobs=jobs or cpu_count(), inner_max_num_threads=1):
+        yield Parallel(return_as="generator", batch_size=1)
 
 
 class DrawnTrial(NamedTuple):
@@ -280,22 +272,13 @@ def search(
 
 def _optuna() -> Any:
     """The library Optuna, which speaks of warnings only."""
-    optuna = _installed("optuna", "tune", "Optuna", "none")
+    try:
+        optuna: Any = import_module("optuna")
+    except ImportError:
+        install = "Optuna to be installed: pip install 'patagium[tune]'"
+        raise ParameterError("tune", install, "none") from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     return optuna
-
-
-def _installed(module: str, extra: str, library: str, found: str) -> Any:
-    """Module of an optional library.
-
-    Raises:
-        ParameterError: If it is not installed.
-    """
-    try:
-        return import_module(module)
-    except ImportError:
-        install = f"{library} to be installed: pip install 'patagium[{extra}]'"
-        raise ParameterError(extra, install, found) from None
 
 
 def _storage(path: Path) -> Any:

@@ -26,7 +26,7 @@ from patagium.errors import ParameterError, refuse_removed
 from patagium.learning.learners.registry import make_learner
 from patagium.learning.models.network import Network
 from patagium.learning.models.registry import network_options
-from patagium.learning.models.wing import RobotNetwork
+from patagium.learning.models.wing import WingNetwork
 from patagium.learning.settings import settings_from, settings_of
 from patagium.limits import YAML_TEXT
 from patagium.reading import parsed_yaml, refused, text_of
@@ -43,7 +43,7 @@ class NetworkSettings(BaseModel):
     """Network that the settings are for.
 
     Attributes:
-        kind: "linear_strip", "strip", "hidden_strip" or "dense".
+        kind: "linear_strip", "strip" or "dense".
         hidden: Neurons of each hidden layer.
         activation: "softplus" or "tanh" of the hidden layers; None: that of the network.
         options: Other arguments of a network of wings by name, as its description holds them.
@@ -51,7 +51,7 @@ class NetworkSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    kind: Literal["linear_strip", "strip", "hidden_strip", "dense"]
+    kind: Literal["linear_strip", "strip", "dense"]
     hidden: tuple[PositiveInt, ...]
     activation: Literal["softplus", "tanh"] | None = None
     options: dict[str, Any] = Field(default_factory=dict)
@@ -60,7 +60,7 @@ class NetworkSettings(BaseModel):
     def of(cls, network: Network) -> NetworkSettings:
         """Settings of a network; outputs that are all coordinates of its robot are not named."""
         own, said = {}, network.describe()
-        if isinstance(network, RobotNetwork):
+        if isinstance(network, WingNetwork):
             names = [*network.robot.dof_names]
             own = {name: said[name] for name in network.options if said[name] != names}
         activation = said.get("activation")

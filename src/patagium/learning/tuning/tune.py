@@ -134,7 +134,6 @@ def tune(
     hold_out: Sequence[Flight] | Mapping[str, Flight] = (),
     horizon: float | str | None = None,
     jobs: int | None = None,
-    cluster: str | None = None,
     journal: str | Path | None = None,
     source: str = "",
     progress: Progress | None = None,
@@ -162,14 +161,12 @@ def tune(
         horizon: Time for which weights stay when they are judged, such as "100ms" or seconds,
             where nothing else can be left out; None: over the second half of the flight.
         jobs: Number of processes; None: one for each core.
-        cluster: Address of a Dask scheduler whose workers do the work instead.
         journal: File that keeps each trial as it ends; a search that was stopped goes on from it.
         source: Name of the flights in the file of settings.
         progress: Function called with the number of trials done and of all trials.
 
     Raises:
-        ParameterError: If a number is out of its range, no output moves, or dask.distributed
-            is not installed and a cluster is given.
+        ParameterError: If a number is out of its range, or no output moves.
         ShapeError: If the network does not fit the flight.
         LogError: If the journal is of another question, or every trial was refused.
         OutputError: If the journal cannot be written, or another process writes it.
@@ -184,7 +181,7 @@ def tune(
     exams = tuple(_exam(flights, one, every, (tuple(others), ahead, source)) for one in networks)
     problem = _problem(exams, networks, learner, chosen, seed)
     with nullcontext() if journal is None else locked(journal):
-        workers, book = partial(pool, jobs, cluster), TrialJournal(problem.question(), journal)
+        workers, book = partial(pool, jobs), TrialJournal(problem.question(), journal)
         return problem.tuned(_scored_trials(problem, trials, workers, book, progress))
 
 

@@ -53,7 +53,7 @@ static void visit(panel_filter *f) {
   find_noise(f->screen, count, f->readout);
   for (int r = 0; r < count; r++)
     for (int k = 0; k < m; k++) f->weighting[r * f->stride + k] = R(f->readout[r * m + k]);
-  run_at_mean(f, 0);
+  run_at_mean(f);
   for (int b = 0; b < f->blocks; b++)
     for (int first = 0; first < f->counts[b] && (!f->kept || first < pointed(f, b)); first += WIDTH)
       read_out(f, f->starts[b] + first, run_at_points(f, b, first));

@@ -3,55 +3,12 @@
  * The network is y = offset + readout . mlp(features; W) and linear around the mean: H = dy/dW by
  * reverse accumulation through the mlp, Z = S' H', M = R. What a sample then does to mean and
  * root is the cubature filter's: panels.h; where something is added to the covariance between
- * samples, P is kept: covariance.h. Where the network remembers, the first weights are
- * numbers of the air: features, readout and lags depend on them, and their columns of H come
- * from derivatives along each (lags).
+ * samples, P is kept: covariance.h.
  */
 #include "points.h"
 #include "covariance.h"
 
-#include "lags_struct.h"
 #include "extended_filter_struct.h"
-
-/* Lags and coded numbers at weights: z + S (W - W_m). */
-static void place_lags(const lags *g, const double *weights, int known) {
-  const double *z = g->x + g->measured, *slopes = z + g->states;
-  const double *before = slopes + g->states * g->remembered;
-  for (int k = 0; k < g->own; k++)
-    g->coded[k] = g->prior[k] + (k < known ? g->reach[k] * weights[k] : 0);
-  for (int i = 0; i < g->states; i++) {
-    double sum = z[i];
-    for (int k = 0; k < g->remembered; k++)
-      sum += slopes[i * g->remembered + k] * (weights[k] - before[k]);
-    g->state[i] = sum;
-  }
-}
-
-static void encode_with_lags(const lags *g, panel_filter *f) {
-  const double *arguments[4] = {g->x, g->state, g->coded, g->constants};
-  double *results[2] = {f->features, f->readout};
-  g->encode(arguments, results);
-}
-
-/* Features and readout at the mean; the noise of a network that remembers grows with what the
- * remembered weights alone say. */
-static void encode_sample(extended_filter *e) {
-  panel_filter *f = &e->filter;
-  const int count = f->items * f->widths[f->layers];
-  if (!e->lags) {
-    if (f->encode) f->encode(f->encode_arguments, f->encode_results);
-    find_noise(f->screen, count, f->readout);
-    return;
-  }
-  const lags *g = e->lags;
-  if (f->screen->share != 0 || f->screen->floor != 0) {
-    place_lags(g, g->x + g->measured + g->states * (1 + g->remembered), g->remembered);
-    encode_with_lags(g, f);
-    find_noise(f->screen, count, f->readout);
-  }
-  place_lags(g, f->mean, g->own);
-  encode_with_lags(g, f);
-}
 
 /* target <- sum over `count` of scale[k step] rows of a, `apart` numbers from one to the next. */
 static inline void weighted_rows(int stride, int count, const double *scale, int step,
@@ -84,10 +41,10 @@ static void weight_rows(const extended_filter *e, int in, int out, const double 
   }
 }
 
-/* Rows of H' of the mlp's weights, layer by layer from the last; gives dy / d features. */
-static const double *perceptron_slopes(extended_filter *e) {
+/* Rows of H' of the mlp's weights, layer by layer from the last. */
+static void perceptron_slopes(extended_filter *e) {
   panel_filter *f = &e->filter;
-  const int own = e->lags ? e->lags->own : 0, stride = f->stride, items = f->items;
+  const int stride = f->stride, items = f->items;
   const int room = items * widest_of(f) * stride;
   const double *seeds = f->weighting;
   double ones[items];
@@ -105,45 +62,15 @@ static const double *perceptron_slopes(extended_filter *e) {
       weight_rows(e, in, out, x, seed, weight + o * in);
       weighted_rows(stride, items, ones, 1, seed, out * stride, row_of(e, weight + out * in + o));
     }
-    if (l == 0 && !own) break;
+    if (l == 0) break;
     for (int t = 0; t < items; t++)
       for (int j = 0; j < in; j++) {
         double *target = below + (t * in + j) * stride;
         weighted_rows(stride, out, w + j, in, seeds + t * out * stride, stride, target);
-        if (l == 0) continue;
         const double a = x[t * in + j], slope = f->activation == TANH ? 1 - a * a : -expm1(-a);
         for (int k = 0; k < stride; k++) target[k] *= slope;
       }
     seeds = below;
-  }
-  return seeds;
-}
-
-/* Rows of H' of the encoder's weights; through: dy / d features. */
-static void lag_slopes(extended_filter *e, const double *through) {
-  panel_filter *f = &e->filter;
-  const lags *g = e->lags;
-  const int seen = f->items * f->widths[0], outputs = f->items * f->widths[f->layers];
-  const double *slopes = g->x + g->measured + g->states, *m = sums_of(f, f->layers - 1);
-  double *sample = g->sample;
-  const struct { int count; const double *from; } parts[] = {
-      {g->measured, g->x}, {g->states, g->state}, {g->own, g->coded}, {outputs, m},
-      {g->constants_count, g->constants}};
-  for (int k = 0; k < 5; k++) {
-    memcpy(sample, parts[k].from, sizeof(double) * parts[k].count);
-    sample += parts[k].count;
-  }
-  for (int k = 0; k < g->remembered; k++)
-    for (int i = 0; i < g->states; i++)
-      g->moved[k * g->states + i] = slopes[i * g->remembered + k] / g->reach[k];
-  const double *arguments[3] = {g->moved, g->along, g->sample};
-  double *results[2] = {g->of_features, g->of_y};
-  g->slopes(arguments, results, g->own, g->directions);
-  for (int k = 0; k < g->own; k++) {
-    double *row = row_of(e, k);
-    weighted_rows(f->stride, seen, g->of_features + k, g->directions, through, f->stride, row);
-    for (int y = 0; y < f->outputs; y++)
-      row[y] = (row[y] + g->of_y[y * g->directions + k]) * g->reach[k];
   }
 }
 
@@ -160,17 +87,17 @@ static void pad_rows(int m, int stride, int count, const double *rows, double *p
 /* y at the mean in `predicted`, and H'. */
 static void visit(extended_filter *e) {
   panel_filter *f = &e->filter;
-  const int own = e->lags ? e->lags->own : 0, m = f->outputs, stride = f->stride;
+  const int m = f->outputs, stride = f->stride;
   const int count = f->items * f->widths[f->layers];
-  encode_sample(e);
-  run_at_mean(f, own);
+  if (f->encode) f->encode(f->encode_arguments, f->encode_results);
+  find_noise(f->screen, count, f->readout);
+  run_at_mean(f);
   pad_rows(m, stride, count, f->readout, f->weighting);
   const double *center = sums_of(f, f->layers - 1);
   double y[stride];
   combine(count, stride, center, f->weighting, y);
   for (int k = 0; k < m; k++) f->predicted[k] = f->offset[k] + y[k];
-  const double *through = perceptron_slopes(e);
-  if (own) lag_slopes(e, through);
+  perceptron_slopes(e);
 }
 
 /* Z = S' H' where the root is kept, and Z'Z of every block. */

@@ -1,11 +1,7 @@
-/* Lag states of a network from sample to sample, with their sensitivity S = dz/dW.
+/* Lag states of a network from sample to sample, which depend on none of its weights.
  *
  * begin and step are compiled functions of a network; this walks a block of samples through them.
- * What is carried from one sample to the next is one row of numbers:
- *
- *     [z, S, driver],   S column by column, one column for each weight that z depends on.
- *
- * Nothing is allocated or repaired. Python's twin is `memory.py`, field by field.
+ * What is carried from one sample to the next is one row of numbers, [z, driver]. Nothing is allocated or repaired. Python's twin is `memory.py`, field by field.
  */
 #include <math.h>
 #include <stdint.h>
@@ -21,53 +17,34 @@ typedef void (*function)(const double *const *, double *const *);
 typedef struct {
   int32_t measured;   /* of x */
   int32_t states;     /* z that the network reads, the first ones */
-  int32_t parameters; /* weights that z depends on */
   int32_t all;        /* z */
   int32_t driver;     /* numbers of the sample that the next step starts from */
-  int32_t own;        /* coded numbers */
-  function begin;     /* x, coded, constants -> carried */
-  function step;      /* x, coded, constants, time step, carried -> carried */
-  double *coded;
+  function begin;     /* x, constants -> carried */
+  function step;      /* x, constants, time step, carried -> carried */
   const double *constants;
-  double *weights;    /* parameters: that hold over the block */
   double *carried;    /* two rows: of the sample before, and of the next */
   /* of samples that come one by one, as `ModelMemory` has them */
-  const double *prior; /* own: coded = prior + reach W */
-  const double *reach; /* own */
-  const double *mean;  /* W of the filter */
-  double *x;           /* of the filter: measured, then [z, vec S, W] */
-  double *clock;       /* last stamp, usual step, the next stamp */
-  int64_t *counts;     /* whether there is a memory; how often it began anew */
+  double *x;          /* of the filter: measured, then z */
+  double *clock;      /* last stamp, usual step, the next stamp */
+  int64_t *counts;    /* whether there is a memory; how often it began anew */
 } lags;
 
-static int row_size(const lags *g) { return g->states * (1 + g->parameters) + g->parameters; }
+static int carried_size(const lags *g) { return g->all + g->driver; }
 
-static int carried_size(const lags *g) { return g->all * (1 + g->parameters) + g->driver; }
-
-/* The next sample from the one before: the second row of carried from the first, and
- * [z, vec S, W]. */
+/* The next sample from the one before: the second row of carried from the first, and z. */
 static void advance(const lags *g, int anew, const double *x, const double *step, double *row) {
-  const int n = g->states, m = g->parameters, all = g->all, end = all * (1 + m);
   double *before = g->carried, *after = g->carried + carried_size(g);
-  double *const found[] = {after, after + all, after + end};
-  if (anew) {
-    g->begin((const double *[]){x, g->coded, g->constants}, found);
-  } else {
-    g->step((const double *[]){x, g->coded, g->constants, step, before, before + all,
-                               before + end},
-            found);
-  }
-  memcpy(row, after, sizeof(double) * n);
-  for (int i = 0; i < n; i++)
-    for (int j = 0; j < m; j++) row[n + i * m + j] = after[all + j * all + i];
-  memcpy(row + n * (1 + m), g->weights, sizeof(double) * m);
+  double *const found[] = {after, after + g->all};
+  if (anew) g->begin((const double *[]){x, g->constants}, found);
+  else g->step((const double *[]){x, g->constants, step, before, before + g->all}, found);
+  memcpy(row, after, sizeof(double) * g->states);
 }
 
 /* Rows of `count` samples; anew: whether memory begins with a sample, steps: from the one before
  * [s]. What is carried stands in the first row afterwards. */
 void memory_block(lags *g, int64_t count, const double *x, const int8_t *anew,
                   const double *steps, double *rows) {
-  for (int64_t k = 0; k < count; k++, x += g->measured, rows += row_size(g)) {
+  for (int64_t k = 0; k < count; k++, x += g->measured, rows += g->states) {
     advance(g, anew[k], x, steps + k, rows);
     memcpy(g->carried, g->carried + carried_size(g), sizeof(double) * carried_size(g));
   }
@@ -83,17 +60,14 @@ static int follows(const lags *g) {
 void memory_next(lags *g, double stamp) {
   const double step = stamp - g->clock[0];
   g->clock[2] = stamp;
-  for (int k = 0; k < g->own; k++) g->coded[k] = g->prior[k] + g->reach[k] * g->mean[k];
-  memcpy(g->weights, g->mean, sizeof(double) * g->parameters);
   advance(g, !follows(g), g->x, &step, g->x + g->measured);
 }
 
-/* The filter is done with that sample: the memory goes on, moved along S. */
+/* The filter is done with that sample: the memory goes on. */
 void memory_settle(lags *g, int outcome) {
-  const int length = row_size(g), all = g->all;
   const double step = g->clock[2] - g->clock[0], usual = g->clock[1];
   double sum = 0;
-  for (int k = 0; k < length; k++) sum += g->x[g->measured + k] - g->x[g->measured + k];
+  for (int k = 0; k < g->states; k++) sum += g->x[g->measured + k] - g->x[g->measured + k];
   if (sum != 0 || outcome == BAD_INPUT || outcome == LATE || outcome == DUPLICATE) return;
   if (g->counts[0]) {
     g->counts[1] += !follows(g);
@@ -103,8 +77,4 @@ void memory_settle(lags *g, int outcome) {
   g->clock[0] = g->clock[2];
   g->counts[0] = 1;
   memcpy(g->carried, g->carried + carried_size(g), sizeof(double) * carried_size(g));
-  for (int j = 0; j < g->parameters; j++) {
-    const double change = g->mean[j] - g->weights[j];
-    for (int i = 0; i < all; i++) g->carried[i] += g->carried[all + j * all + i] * change;
-  }
 }

@@ -48,10 +48,10 @@ static inline __attribute__((always_inline)) void sum_items(
   for (int t = 0; t < count; t++) z[t * out] = sum[t];
 }
 
-/* All layers at the mean, in the order of operations of the points; `first`: weights before. */
-static void run_at_mean(panel_filter *f, int first) {
+/* All layers at the mean, in the order of operations of the points. */
+static void run_at_mean(panel_filter *f) {
   for (int j = 0; j < f->weights; j++) f->near[j] = R(f->mean[j]);
-  const REAL *w = f->near + first;
+  const REAL *w = f->near;
   REAL *x = inputs_of(f, 0);
   const double *features = f->features;
   const int features_count = f->items * f->widths[0];
