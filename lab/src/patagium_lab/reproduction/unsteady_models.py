@@ -1,7 +1,8 @@
 """Learners of the air with memory: strips without memory and with lags, a grey box.
 
-Each candidate is one entry of `CANDIDATES`; its settings, chosen by small searches on these
-flights, are the same for both mounts and all rates of samples. Strips without memory learn by the
+Each candidate is one entry of `CANDIDATES`, the same for both mounts and all rates of samples.
+Strips with lags are the default's of attached flow, with no setting; settings of the others were
+chosen by small searches on these flights. Strips without memory learn by the
 cubature filter, the others by the extended filter: it is exact for weights that are linear, and
 points of a grey box take eight times as long.
 """
@@ -24,8 +25,6 @@ from patagium_lab.reproduction.cases import SPREAD, WEIGHT_STD, lever_arms
 
 STRIP_STD = {"strip": 1e-4, "strip_rotation": 1e-4, "grey": 3e-3}
 """Standard deviation of a strip's force, by candidate [N]."""
-ATTACHED_SHARE = 1e-2
-"""Share of the prior that the strips with lags forget with each sample, `prior_share`."""
 _STILL = Air()
 GREY_START = {"lift_slope": 0.8, "profile_drag": 1.5, "rate": 1.5}
 """First numbers of the grey box over the true ones; its prior std is half of each number."""
@@ -61,7 +60,7 @@ def _strip_rotation(robot: Robot, interval: float, seed: int) -> Learner:
 
 def _attached(robot: Robot, interval: float, seed: int) -> Learner:
     network = LinearStripNetwork(robot, attached=True)
-    return ExtendedLearner(network, prior_share=ATTACHED_SHARE, seed=seed)
+    return ExtendedLearner(network, seed=seed)
 
 
 def lifting_line_box(robot: Robot, air: Air = _STILL, start: Start = "still") -> GreyBox:

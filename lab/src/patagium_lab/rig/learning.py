@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 SOURCES = ("inverse dynamics", "load cell")
 """Sources of the force; the first uses motors and load cell, the second the cell alone."""
-STRIP_STD, NOISE_MEMORY = 4e-4, 50
+STRIP_STD, NOISE_MEMORY = 2e-3, 50
 """First std of a strip's force [N]; memory of its estimate [samples]."""
 
 

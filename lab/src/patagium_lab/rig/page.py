@@ -241,7 +241,7 @@ LEFT_OUT = (
     "Cross-talk of the load cell and errors of its scale are left out, because its data sheet does "
     "not give their signs. The zeros of the encoders are calibrated.",
     "The prior of the learner's noise, which sets the width of its intervals in forces that no "
-    "instrument feels, was chosen on flights like these.",
+    "instrument feels, was chosen on a flight of three wingbeats, no part of these.",
     "Without noise the instruments are said to have a tenth of the data sheets' errors, because a "
     "smoother needs some error to weigh its measurements.",
 )
