@@ -26,7 +26,7 @@ LEARNERS: dict[str, type[FilterLearner]] = {
     learner.kind: learner for learner in (CubatureLearner, ExtendedLearner)
 }
 """Learners by kind."""
-_FROM_DATA = ("input_center", "input_scale", "output_center", "output_scale", "attached")
+_FROM_DATA = ("input_center", "input_scale", "output_center", "output_scale", "attached", "terms")
 _LONGEST = 60  # characters of a value in a message
 
 
