@@ -23,7 +23,7 @@ GONE = 1e-12
 """Size of a multiplier whose rate is rounding's: nothing is left of the mode after a beat."""
 FAILS = 0.2
 """Relative error of an averaged rate from which on averaging fails."""
-_NEWTON = 20
+_BALANCED = 1e-8  # mean rate of an equilibrium, rounding of some thousand operations [SI]
 
 
 @dataclass(frozen=True)
@@ -193,23 +193,26 @@ def _averaged_rates(orbit: Orbit) -> NDArray[np.complex128]:
 def _first_order_rates(orbit: Orbit) -> NDArray[np.complex128]:
     """Rates of averaging of first order about its own equilibrium, (n - 4,) [1/s].
 
-    The mean rate of a held state vanishes at the equilibrium, which Newton's method finds from
-    the mean state of the orbit.
+    The mean rate of a held state vanishes at the equilibrium, which Levenberg and Marquardt's
+    method finds from the mean state of the orbit.
     """
+    from scipy.optimize import root  # slow to import, rarely needed
+
     frame, m = Frame(orbit.names), len(orbit.states)
-    kept = frame.kept
     state = np.array([frame.seen(one)[0] for one in orbit.states]).mean(axis=0)
     state[frame.neutral] = 0.0
-    for _ in range(_NEWTON):
+
+    def mean_rate(kept: Array) -> tuple[Array, Array]:
+        state[frame.kept] = kept
         rate, slope = (part.mean(axis=0) for part in _beat_slopes(orbit, np.tile(state, (m, 1))))
-        if not (np.isfinite(slope).all() and np.abs(state).max() < 1e6):
-            break
-        seen = frame.seen_rate(state, rate, slope)
-        step = np.linalg.lstsq(seen, -(frame.seen(state)[1] @ rate)[kept], rcond=None)[0]
-        state[kept] += step
-        if np.abs(step).max() <= 1e-9 * (1.0 + np.abs(state).max()):
-            return np.asarray(np.linalg.eigvals(seen), complex)
-    return np.full(len(kept), np.nan, complex)
+        return (frame.seen(state)[1] @ rate)[frame.kept], frame.seen_rate(state, rate, slope)
+
+    with np.errstate(all="ignore"):
+        found = root(mean_rate, state[frame.kept], jac=True, method="lm", options={"xtol": 1e-13})
+        residual, seen = mean_rate(found.x)
+    if not (np.isfinite(seen).all() and np.abs(residual).max() <= _BALANCED):
+        return np.full(len(found.x), np.nan, complex)
+    return np.asarray(np.linalg.eigvals(seen), complex)
 
 
 def _matched(rates: Array, others: NDArray[np.complex128]) -> list[complex]:

@@ -93,9 +93,9 @@ def _works(command: Sequence[str]) -> bool:
 
 
 @functools.cache
-def compiler_accepts(compiler: tuple[str, ...], flag: str) -> bool:
-    """Whether a compiler knows a flag."""
-    command = [*compiler, flag, "-Werror", "-fsyntax-only", "-x", "c", os.devnull]
+def compiler_accepts(compiler: tuple[str, ...], flags: tuple[str, ...]) -> bool:
+    """Whether a compiler knows all of some flags."""
+    command = [*compiler, *flags, "-Werror", "-fsyntax-only", "-x", "c", os.devnull]
     return subprocess.run(command, capture_output=True).returncode == 0
 
 

@@ -118,7 +118,7 @@ def _library(compiler: tuple[str, ...], key: str, code: Callable[[], Code], labe
 
 def _built(name: str, compiler: tuple[str, ...], code: Code, label: str) -> Library:
     """Compiled library of some code, recorded under a name; compiled now if the cache lacks it."""
-    spared = [flag for flag in SPARED if compiler_accepts(compiler, flag)]
+    spared = SPARED if compiler_accepts(compiler, SPARED) else ()
     library = build(compiler, code.units, (*STRAIGHT_LINE, *spared), label)
     record_library(name, library.digest, code.signatures)
     return library._replace(facts=code.signatures)
