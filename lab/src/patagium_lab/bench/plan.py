@@ -64,12 +64,6 @@ PARTS: tuple[tuple[str, tuple[str, ...], str], ...] = (
         "controller, beside four other solvers.",
     ),
     (
-        "Trim",
-        ("orbits",),
-        "Periodic orbits from the presets' cruise, by Newton's method with exact derivatives, "
-        "where the code is compiled.",
-    ),
-    (
         "From sensors to commands",
         ("tick",),
         "A tick of an autopilot at 10 kHz in one compiled call: a sample of the inertial unit and "
@@ -77,7 +71,12 @@ PARTS: tuple[tuple[str, tuple[str, ...], str], ...] = (
         "where an interval begins. A sample of the cameras comes 4.2 ms late, and what came since "
         "is taken again.",
     ),
-    ("A flight", ("simulation",), "Simulating free flight, everything recorded."),
+    (
+        "A flight",
+        ("orbits", "simulation"),
+        "Periodic orbits from the presets' cruise, by Newton's method with exact derivatives, where "
+        "the code is compiled. Simulating free flight, everything recorded.",
+    ),
     (
         "Compiling",
         ("compile",),

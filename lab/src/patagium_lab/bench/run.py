@@ -137,8 +137,8 @@ TIMERS: dict[str, Timer] = {
     "programs": _on_one_core(
         lambda bench: chain(programs.program_results(), programs.controller_results())
     ),
-    "orbits": _on_one_core(lambda bench: orbits.orbit_results()),
     "tick": _on_one_core(lambda bench: tick.tick_results()),
+    "orbits": _on_one_core(lambda bench: orbits.orbit_results()),
     "simulation": _on_one_core(lambda bench: [learning.flight_result(bench.robot)]),
     "compile": lambda bench: learning.compile_results(),
 }
