@@ -160,7 +160,7 @@ class GaitFamily:
         wave = _waves(steps, len(order))
 
         def derived(series: NDArray[np.complex128], count: int) -> Array:
-            """The first derivatives by the phase of a series, itself the first."""
+            """Fourier series of the joints and its derivatives by the phase, `count` in all."""
             powers = np.hstack([series * order**k for k in range(count)])
             return np.asarray((wave @ powers).real.reshape(len(phase), count, -1))
 

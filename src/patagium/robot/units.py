@@ -152,7 +152,7 @@ def _dimension(quantity: Any) -> str:
 
 @cache
 def pint_units() -> Any:
-    """Unit registry of pint, made once."""
+    """Registry of units of the library pint, created at the first call."""
     import pint  # a fifth of a second: only where a unit is written
 
     return pint.UnitRegistry()

@@ -119,7 +119,7 @@ def export(record: xr.Dataset, path: str | Path) -> Path:
 
 
 def _check_clock(time: Array) -> None:
-    """Refuse a record of two clocks, whose parts readers would mix."""
+    """Refuse a record whose clock was reset: its two parts would be mixed in time."""
     back = np.maximum.accumulate(time) - time
     if back.max(initial=0.0) > _LATE:
         row = int((back > _LATE).argmax())

@@ -147,7 +147,7 @@ def _targets(module: Module, known: set[str]) -> Iterator[str]:
 
 
 def _called(node: ast.Call) -> str:
-    """Name of the function that is called, without its module."""
+    """Name of a called function, without its module."""
     return str(getattr(node.func, "attr", getattr(node.func, "id", "")))
 
 

@@ -94,7 +94,7 @@ def vortex_lattice(
 
 
 def force_of(robot: Robot, velocity: np.ndarray) -> np.ndarray:
-    """Force on a robot that moves without turning, on the virtual machine, (3,) [N]."""
+    """Force of the air on a robot in pure translation, computed by CasADi, (3,) [N]."""
     aero = LiftingLine(robot, lags=NO_STATE, section=PLAIN, surface_constant=0.0)
     v, still = [*velocity, 0.0, 0.0, 0.0], np.zeros(3)
     function = aero_functions(aero)[0]

@@ -53,7 +53,7 @@ def samples_of(network, rng, count):
 @pytest.mark.parametrize("structure", STRUCTURES, ids=str)
 @pytest.mark.parametrize("learner", ["cubature", "extended"])
 def test_weights_that_nothing_excites_go_back_to_the_prior(learner, structure):
-    """A share of the way after each sample, as their variance does; a copy goes on alike."""
+    """The mean of the weights decays to the prior's, as their variance does, in a copy too."""
     network = pt.DenseNetwork(2, (), 1)
     for one in pair_of(numbers_of(network, learner, covariance=structure, prior_share=0.02)):
         start = one.mean.copy()

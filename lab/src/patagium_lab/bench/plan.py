@@ -74,8 +74,8 @@ PARTS: tuple[tuple[str, tuple[str, ...], str], ...] = (
     (
         "A flight",
         ("orbits", "simulation"),
-        "Periodic orbits from the presets' cruise, by Newton's method with exact derivatives, where "
-        "the code is compiled. Simulating free flight, everything recorded.",
+        "Periodic orbits from the presets' cruise, by Newton's method with exact derivatives, "
+        "where the code is compiled. Simulating free flight, everything recorded.",
     ),
     (
         "Compiling",

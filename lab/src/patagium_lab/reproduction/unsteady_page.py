@@ -149,7 +149,7 @@ def findings(metrics: Metrics) -> list[str]:
 
 
 def _comparisons(metrics: Metrics, every: int) -> list[str]:
-    """Strips with a lag beside no memory, mount by mount, and the targets that are missed."""
+    """Sentences that compare strips with and without lag states, and name missed targets."""
     words = []
     for mount, name in MOUNTS.items():
         lagged = scores_of(metrics, mount, MEMORY, every)

@@ -70,7 +70,7 @@ class StripFlow:
         return solve_normalwash(self.vortices, self.geometric, state, lags, self.lift_slope)
 
     def lift(self, wash: Normalwash, i: int, density: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Attached lift of strip i along forward, normal and their span, at `lift_place` [N]."""
+        """Attached lift of strip i, forward, normal and spanwise, at `lift_place` [N]."""
         motion, strip = self.motions[i], self.motions[i].strip
         pressure = density * strip.chord * strip.width * self.lift_slope * airspeed(motion) / 2
         return attached_lift(self.vortices, wash, i, self.gains[i], pressure, lift_place(motion))

@@ -1,7 +1,8 @@
 /* Lag states of a network from sample to sample, which depend on none of its weights.
  *
  * begin and step are compiled functions of a network; this walks a block of samples through them.
- * What is carried from one sample to the next is one row of numbers, [z, driver]. Nothing is allocated or repaired. Python's twin is `memory.py`, field by field.
+ * What is carried from one sample to the next is one row of numbers, [z, driver]. Nothing is
+ * allocated or repaired. Python's twin is `memory.py`, field by field.
  */
 #include <math.h>
 #include <stdint.h>
