@@ -79,4 +79,4 @@ def test_a_lifting_line_is_learned_by_a_network_with_lags_and_not_without(robot)
     assert worst["linear_strip"] < worst["strip"] / 5
     other = flapping(robot, time[:400], beat=2 * np.pi * 4.0, feather=0.15)
     x = network_inputs(pupil, weights, time[:400], with_accelerations(time[:400], other))
-    assert nmse(flown(truth, time[:400], other)[50:], pupil.evaluate(x, weights)[50:]) < 0.1
+    assert nmse(flown(truth, time[:400], other)[50:], pupil.evaluate(x, weights)[50:]) < 1e-2
