@@ -115,14 +115,15 @@ class _Sensed:
     def in_python(self, ticks: int) -> float:
         """Median time of a tick whose parts are called one after the other [us]."""
         tracker, (regulator, pipeline) = self.tracker(), self.others()
-        robot, took, due = self.orbit.robot, [], 0.0
+        robot, took, due, newest = self.orbit.robot, [], 0.0, self.begin
         for row in self.rows[:ticks]:
             begun = perf_counter()
             for name in self.log.readings:
                 stamp, *values = row[self.places[name]]
                 if np.isfinite(stamp):
                     tracker.push(name, stamp, values)
-            now = tracker.now(max(row[0], tracker.span[1]))
+                    newest = max(newest, stamp)
+            now = tracker.now(max(row[0], newest))  # a stamp is the tick's time but for rounding
             forces = row[self.places["forces"]]
             pipeline.step(np.concatenate([row[:1], now.q, now.v, now.a, forces]))
             if row[0] >= due - 1e-9:  # as the autopilot does: where an interval begins
