@@ -3,8 +3,9 @@
 Each function can be written for one state, and for many, a vector of them side by side
 (`<name>_batch`). All sines and cosines whose angles are known at the same time are taken in one
 branch-free vector call. A function that CasADi was told never to inline stays one call of a kernel
-written by hand (`KERNELS`), if there is one: its SX form is the kernel's oracle and its fallback.
-The operations and their order are CasADi's.
+written by hand (`KERNELS`), if there is one: its SX form is the kernel's oracle and its fallback. One whose
+name begins with `each_` is a C function of its own in code for one state, written once and called
+for each strip. The operations and their order are CasADi's.
 """
 
 from __future__ import annotations
@@ -24,10 +25,14 @@ KERNELS = {"horseshoes": "horseshoes", "fwd1_horseshoes": "horseshoes", "table":
 """Inner calls and the header of `kernels/` that holds them: functions named
 `<kernel>_<size>_<size>...`, a first derivative `fwd1_<kernel>_<size>...` as CasADi names it."""
 
+EACH = "each_"
+"""Beginning of the names of inner functions that are C functions of their own."""
+
 LONG_BODY = 600
 """Statements in one C function of many states; a longer body is cut into parts."""
 UNITS = 4
 """Texts, beside the first, that the parts of a long body are written to."""
+_OPERATIONS = "operations"  # header that all texts include
 _VALUES = re.compile(r"\b(?:t\d+|(?:co)?sine\d+_\d+)\b")
 
 _BINARY = {
@@ -84,9 +89,15 @@ class _Node:
 
 
 class _Graph:
-    """Nodes of a function, each distinct operation once, and what it writes."""
+    """Nodes of a function, each distinct operation once, and what it writes.
 
-    def __init__(self, function: ca.Function) -> None:
+    Args:
+        function: The function.
+        calls: Whether functions named `each_` stay calls; otherwise they are written out.
+    """
+
+    def __init__(self, function: ca.Function, calls: bool) -> None:
+        self._calls = calls
         self.nodes: list[_Node] = []
         self.callees: dict[str, ca.Function] = {}
         self._known: dict[_Node, int] = {}
@@ -135,7 +146,7 @@ class _Graph:
     def _call(self, callee: ca.Function, inputs: tuple[int, ...]) -> list[int]:
         """Positions of all numbers that an inner call gives; without a kernel it is written out."""
         name = callee.name()
-        if kernel_of(name)[0] not in KERNELS:
+        if kernel_of(name)[0] not in KERNELS and not (self._calls and name.startswith(EACH)):
             places = [(k, i) for k in range(callee.n_in()) for i in range(callee.nnz_in(k))]
             found = self._read(callee, dict(zip(places, inputs, strict=True)))
             return [node for _, _, node in sorted(found)]
@@ -184,21 +195,31 @@ def kernel_of(name: str) -> tuple[str, list[str]]:
     return "_".join(words[: len(words) - len(sizes)]), sizes
 
 
-def _dense_graph(function: ca.Function) -> _Graph:
+def _dense_graph(function: ca.Function, calls: bool) -> _Graph:
     inputs = [ca.SX.sym(n, *function.size_in(k)) for k, n in enumerate(function.name_in())]
     outputs = [ca.densify(output) for output in function.call(inputs, True, False)]
-    return _Graph(ca.Function(function.name(), inputs, outputs))
+    return _Graph(ca.Function(function.name(), inputs, outputs), calls)
 
 
 def emit(function: ca.Function) -> str:
     """C text of a function of one state: a translation unit that defines `name`."""
-    name, graph = function.name(), _dense_graph(function)
-    lines = [
-        *_header(function),
-        *_includes(graph),
-        f"void {name}(const double *const *arg, double *const *res) {{",
-        *_pointers(function),
-    ]
+    graph = _dense_graph(function, calls=True)
+    includes, texts = set(_includes(graph)), dict[str, str]()
+    main = _one_state(function, graph, includes, texts)
+    first = f'#include "{_OPERATIONS}.h"'
+    others = sorted(includes - {first})
+    return "\n".join([*_header(function), first, *others, *texts.values(), main, ""])
+
+
+def _one_state(
+    function: ca.Function, graph: _Graph, includes: set[str], texts: dict[str, str]
+) -> str:
+    """C function of one state; those it calls and the headers they need are added to the others."""
+    includes.update(_includes(graph))
+    for name, callee in graph.callees.items():
+        if name.startswith(EACH) and name not in texts:
+            body = _one_state(callee, _Graph(callee, calls=True), includes, texts)
+            texts[name] = f"static __attribute__((noinline)) {body}"
 
     def angle_block(group: list[int], number: int) -> list[str]:
         padded = -(-len(group) // 8) * 8
@@ -216,8 +237,8 @@ def emit(function: ca.Function) -> str:
         return f"  r{result}[{entry}] = {value};"
 
     dialect = _Dialect("double", "scalar_", load, store, angle_block, "{0}{1}[{2}]")
-    lines += _Writer(graph, dialect).statements()
-    return "\n".join([*lines, "}", ""])
+    head = f"void {function.name()}(const double *const *arg, double *const *res) {{"
+    return "\n".join([head, *_pointers(function), *_Writer(graph, dialect).statements(), "}"])
 
 
 def emit_batch(function: ca.Function) -> list[str]:
@@ -229,7 +250,7 @@ def emit_batch(function: ca.Function) -> list[str]:
         function: An SX function. Inputs whose name ends in `parameters` are the
             same for all states.
     """
-    name, graph = function.name(), _dense_graph(function)
+    name, graph = function.name(), _dense_graph(function, calls=False)
     shared = [k.endswith(SHARED_SUFFIX) for k in function.name_in()]
     sizes = [function.size1_in(k) * function.size2_in(k) for k in range(function.n_in())]
     tiles = _tiles(sizes, shared)
@@ -338,8 +359,9 @@ def _header(function: ca.Function) -> list[str]:
 
 
 def _includes(graph: _Graph) -> list[str]:
-    kernels = sorted({KERNELS[kernel_of(name)[0]] for name in graph.callees})
-    return [f'#include "{name}.h"' for name in ("operations", *kernels)]
+    called = (kernel_of(name)[0] for name in graph.callees)
+    kernels = sorted({KERNELS[name] for name in called if name in KERNELS})
+    return [f'#include "{name}.h"' for name in (_OPERATIONS, *kernels)]
 
 
 def _pointers(function: ca.Function) -> list[str]:
@@ -392,6 +414,7 @@ class _Writer:
         self._lines: list[str] = []
         self._written = [node.op == ca.OP_CONST for node in graph.nodes]
         self._angles: dict[int, tuple[int, int]] = {}
+        self._lists: dict[tuple[int, ...], str] = {}
         self._stores: dict[int, list[tuple[int, int]]] = {}
         for result, entry, k in graph.outputs:
             self._stores.setdefault(k, []).append((result, entry))
@@ -417,17 +440,47 @@ class _Writer:
         if self._written[k]:
             return
         self._written[k] = True
-        node, dialect = self._graph.nodes[k], self._dialect
-        if node.callee:
-            values = [self._argument(i) for i in node.inputs]
-            callee = self._graph.callees[node.callee]
-            block = _call_block(callee, f"call{k}", dialect.kind, values)
-            nodes = enumerate(self._graph.nodes)
-            for own in [one for one, other in nodes if other.inputs == (k,)]:
-                block += self._statements(own)
-            self._lines.append("\n".join(block))
+        if not self._graph.nodes[k].callee:
+            self._lines += self._statements(k)
             return
-        self._lines += self._statements(k)
+        block = self._call_block(k)
+        for own, other in enumerate(self._graph.nodes):
+            block += self._statements(own) if other.inputs == (k,) else []
+        self._lines.append("\n".join(block))
+
+    def _call_block(self, k: int) -> list[str]:
+        """Statements of a call: `<kernel>_<kind>(number of sizes, sizes, in, out)` or `each_`.
+
+        Numbers that `each_` was given before, or gave, are not copied again.
+        """
+        callee = self._graph.callees[self._graph.nodes[k].callee]
+        kind, each = self._dialect.kind, callee.name().startswith(EACH)
+        block, given, results, first, own = list[str](), list[str](), list[str](), 0, k + 1
+        for place in range(callee.n_in()):
+            held = self._graph.nodes[k].inputs[first : first + callee.nnz_in(place)]
+            first += len(held)
+            if not each or held not in self._lists:
+                name = self._lists[held] = f"call{k}_a{place}"
+                block.append(f"  {kind} {name}[] = {{{self._held(held)}}};")
+            given.append(self._lists[held])
+        for place in range(callee.n_out()):
+            count, name = callee.nnz_out(place), f"call{k}_r{place}"
+            self._lists[tuple(range(own, own + count))] = name
+            own += count
+            block.append(f"  {kind} {name}[{count}];")
+            results.append(name)
+        into = f"(const {kind} *const[]){{{', '.join(given)}}}"
+        out = f"({kind} *const[]){{{', '.join(results)}}}"
+        if each:
+            return [*block, f"  {callee.name()}({into}, {out});"]
+        kernel, sizes = kernel_of(callee.name())
+        listed = f"(const int[]){{{', '.join(sizes)}}}"
+        return [*block, f"  {kernel}_{kind}({len(sizes)}, {listed},", f"    {into}, {out});"]
+
+    def _held(self, nodes: tuple[int, ...]) -> str:
+        """C text of the numbers of an argument."""
+        nothing = "lanes_broadcast(0.0)" if self._dialect.kind == "lanes" else "0.0"
+        return ", ".join(self._argument(i) for i in nodes) or nothing
 
     def _statements(self, k: int) -> list[str]:
         """Statements of the value of a node, and of the results that it is."""
@@ -458,23 +511,3 @@ class _Writer:
             raise ParameterError("expression", "operations that C can express", node.op)
         arguments = ", ".join(self._argument(i) for i in node.inputs)
         return f"{self._dialect.prefix}{_CALLS[node.op]}({arguments})"
-
-
-def _call_block(callee: ca.Function, label: str, kind: str, values: list[str]) -> list[str]:
-    """Statements that call a kernel: `<kernel>_<kind>(number of sizes, sizes, in, out)`."""
-    kernel, sizes = kernel_of(callee.name())
-    block, start = [], 0
-    for k in range(callee.n_in()):
-        count = callee.nnz_in(k)
-        nothing = "lanes_broadcast(0.0)" if kind == "lanes" else "0.0"
-        held = ", ".join(values[start : start + count]) or nothing
-        block.append(f"  {kind} {label}_a{k}[] = {{{held}}};")
-        start += count
-    block += [f"  {kind} {label}_r{k}[{callee.nnz_out(k)}];" for k in range(callee.n_out())]
-    arguments = ", ".join(f"{label}_a{k}" for k in range(callee.n_in()))
-    results = ", ".join(f"{label}_r{k}" for k in range(callee.n_out()))
-    return [
-        *block,
-        f"  {kernel}_{kind}({len(sizes)}, (const int[]){{{', '.join(sizes)}}},",
-        f"    (const {kind} *const[]){{{arguments}}}, ({kind} *const[]){{{results}}});",
-    ]

@@ -16,6 +16,7 @@ from patagium.errors import CompilerError, ParameterError, ShapeError
 from patagium.native import compiler as compiler_module
 from patagium.native import compiler_name, load_functions, load_kernel
 from patagium.native.compiler import compiler_accepts, compiler_command
+from patagium.native.emit import emit
 
 needs_compiler = pytest.mark.skipif(compiler_name() is None, reason="no C compiler here")
 
@@ -78,6 +79,41 @@ def test_every_operation_agrees_with_casadi(choice, monkeypatch, rng):
             np.testing.assert_allclose(vectors[k], vector, rtol=ROUNDING, atol=ROUNDING)
             np.testing.assert_allclose(matrices[k], matrix, rtol=ROUNDING, atol=ROUNDING)
             np.testing.assert_allclose(scalars[k], scalar, rtol=ROUNDING, atol=ROUNDING)
+
+
+def each_of_three():
+    """Three calls of one function, the third with what the second gave; and its plain form."""
+    x, y, held = ca.SX.sym("x", 2), ca.SX.sym("y"), ca.SX.sym("held", 3)
+    results = [ca.vertcat(ca.sin(x[0]) * y, x[1] + held[2], held[0] - y), x * held[1]]
+    inner = ca.Function("each_piece", [x, y, held], results, {"never_inline": True})
+    plain = ca.Function("piece", [x, y, held], results)
+    given = ca.SX.sym("given", 4)
+
+    def outer(call):
+        first, last = call(given[:2], given[2], ca.SX([0, 1, 2])), []
+        for place in (2, 3):
+            first = call(given[:2], given[place], first[0])
+            last += [first[1]]
+        return ca.Function("outer", [given], [ca.vertcat(first[0], *last)], ["given"], ["found"])
+
+    return outer(lambda *values: inner.call(values, False, True)), outer(plain)
+
+
+@pytest.mark.parametrize("choice", ["", "none"])
+def test_a_function_of_each_strip_is_written_once_and_called(choice, monkeypatch, rng):
+    monkeypatch.setenv("PATAGIUM_COMPILER", choice)
+    called, plain = each_of_three()
+    text = emit(called)
+    assert text.count("each_piece(const double") == 1
+    assert text.count("  each_piece(") == 3
+    assert text.count("= {") == 3 + 2  # one list a call, x and the first `held` once
+    compiled = load_functions("each of three", lambda: [called], label="test")["outer"]
+    for given in rng.normal(size=(20, 4)):
+        expected = np.array(plain(given)).ravel()
+        np.testing.assert_allclose(compiled(given), expected, rtol=ROUNDING, atol=ROUNDING)
+    given = rng.normal(size=(9, 4))
+    expected = [np.array(plain(one)).ravel() for one in given]
+    np.testing.assert_allclose(compiled.batch(given), expected, rtol=ROUNDING, atol=ROUNDING)
 
 
 @needs_compiler

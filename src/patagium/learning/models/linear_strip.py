@@ -34,7 +34,7 @@ from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.dynamics.chain import cross, vector
-from patagium.dynamics.kinematics import Twist, add_wrench, body_poses, generalized_force
+from patagium.dynamics.kinematics import Twist, body_poses, generalized_force
 from patagium.dynamics.rnea import body_accelerations, kirchhoff_force
 from patagium.errors import ParameterError
 from patagium.learning.models.memory import LagEquations, compiled_steps, row_size
@@ -353,13 +353,12 @@ class _Flow(NamedTuple):
         return smooth_norm(u**2 + n**2 + s**2)
 
 
-def _flow(strip: Strip, airflow: Twist, acceleration: tuple[ca.SX, ca.SX, ca.SX]) -> _Flow:
-    """Motion of a strip."""
+def _flow(strip: Strip, linear: ca.SX, w: ca.SX, dw: ca.SX, rising: ca.SX) -> _Flow:
+    """Motion of a strip, by the velocity of its body in the air and by `body_accelerations`."""
     forward, normal = vector(strip.forward), vector(strip.normal)
     span, chord = cross(normal, forward), strip.chord
     middle = vector(strip.quarter_chord) - forward * (chord / 4)
-    moving, turning = velocity_at(airflow, middle), airflow.angular
-    w, dw, rising = acceleration
+    moving = velocity_at(Twist(linear, w), middle)
     rising = rising + cross(dw, middle) + cross(w, cross(w, middle))
     return _Flow(
         strip,
@@ -367,9 +366,9 @@ def _flow(strip: Strip, airflow: Twist, acceleration: tuple[ca.SX, ca.SX, ca.SX]
         middle,
         (ca.dot(forward, moving), ca.dot(normal, moving), ca.dot(span, moving)),
         (
-            -chord * ca.dot(span, turning),
-            chord * ca.dot(forward, turning),
-            chord * ca.dot(normal, turning),
+            -chord * ca.dot(span, w),
+            chord * ca.dot(forward, w),
+            chord * ca.dot(normal, w),
         ),
         (chord * ca.dot(normal, rising), -(chord**2) * ca.dot(span, dw)),
     )
@@ -422,6 +421,39 @@ def _strip_terms(flow: _Flow) -> ca.SX:
         (-beyond * u, -beyond * n, -beyond * s, 0),
     ]
     return ca.horzcat(*[ca.vertcat(*column) for column in columns])
+
+
+def _section(rows: int) -> ca.Function:
+    """What a strip adds: the same function for every strip, which the code calls.
+
+    Of the motion of its body (velocity in the air, `body_accelerations`), its own numbers, density,
+    the Jacobian of a wrench on the body (6, rows) and the wrench of the terms of strips before it
+    (6, m): its polynomials, forces of unit coefficients (rows, 4), the wrench with its own terms.
+    """
+    motion, numbers = ca.SX.sym("motion", 3, 4), ca.SX.sym("strip", 11)
+    density, jacobian = ca.SX.sym("density"), ca.SX.sym("jacobian", 6, rows)
+    before = ca.SX.sym("before", 6, len(STRIP_TERMS))
+    linear, *acceleration = ca.horzsplit(motion)
+    place, forward, normal = (tuple(ca.vertsplit(numbers[k : k + 3])) for k in (0, 3, 6))
+    strip = Strip("", "", 0, False, place, forward, normal, numbers[9], numbers[10])
+    flow = _flow(strip, linear, *acceleration)
+    axes = ca.horzcat(*flow.axes, ca.SX.zeros(3, 1))
+    moments = [cross(flow.middle, one) for one in flow.axes]
+    turning = -flow.axes[2] * strip.chord
+    unit = density / 2 * strip.chord * strip.width * ca.vertcat(axes, ca.horzcat(*moments, turning))
+    after = before + unit @ _strip_terms(flow)
+    return ca.Function(
+        f"each_section_{rows}",
+        [motion, numbers, density, jacobian, before],
+        [_polynomials(flow), ca.densify(jacobian.T @ unit), ca.densify(after)],
+        {"never_inline": True},
+    )
+
+
+def _numbers(strip: Strip) -> ca.SX:
+    """Numbers of a strip as `_section` takes them, (11, 1)."""
+    place, *axes = (vector(one) for one in (strip.quarter_chord, strip.forward, strip.normal))
+    return ca.vertcat(place, *axes, strip.chord, strip.width)
 
 
 def _whole_terms(
@@ -519,7 +551,7 @@ class _Sample(NamedTuple):
         density: Of the air [kg/m^3].
         motion: q, v and a.
         airflows: Velocity of each body relative to the air, body axes.
-        flows: Motion of each strip.
+        motions: The same velocity, then `body_accelerations`, of each body, (3, 4).
         line: The lifting line, where flow is attached.
     """
 
@@ -528,7 +560,7 @@ class _Sample(NamedTuple):
     density: ca.SX
     motion: tuple[ca.SX, ca.SX, ca.SX]
     airflows: Sequence[Twist]
-    flows: list[_Flow]
+    motions: list[ca.SX]
     line: StripFlow | None
 
 
@@ -539,14 +571,15 @@ def _sample(machine: Robot, robot: Robot, attached: bool) -> _Sample:
     q, v, a = x[:n_q], x[n_q : n_q + dof], x[n_q + dof :]
     airflows = body_airflows(robot, q, v, wind)
     accelerations = body_accelerations(robot, q, v, a, ca.SX(0))
-    flows = [_flow(s, airflows[s.body], accelerations[s.body]) for s in robot.strips]
+    moving = zip(airflows, accelerations, strict=True)
+    motions = [ca.densify(ca.horzcat(twist.linear, *rest)) for twist, rest in moving]
     line = StripFlow(machine, robot, (q, v, wind), _LAGS, 2 * pi) if attached else None
     x = x if line is None else ca.vertcat(x, line.state)
-    return _Sample(x, wind, ca.SX.sym("rho"), (q, v, a), airflows, flows, line)
+    return _Sample(x, wind, ca.SX.sym("rho"), (q, v, a), airflows, motions, line)
 
 
-def _lifts(line: StripFlow, density: ca.SX, weights: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
-    """Force of each strip by `EDGES` and the lifting line [N], its moment [N m], body axes."""
+def _lifts(line: StripFlow, density: ca.SX) -> list[ca.SX]:
+    """Wrench of each strip, body axes, by `EDGES` and by the lifting line, (6, 2) [N, N m]."""
     found, wash, ends = [], line.wash(line.state, line.lags), [0] * len(line.motions)
     for chain in line.vortices.chains:
         ends[chain.strips[0]] += chain.right[0]
@@ -556,42 +589,33 @@ def _lifts(line: StripFlow, density: ca.SX, weights: ca.SX) -> list[tuple[ca.SX,
         forward, normal = vector(strip.forward), vector(strip.normal)
         ahead, across, along = line.lift(wash, i, density)
         span = cross(normal, forward)
-        lift = weights[1] * (forward * ahead + normal * across + span * along)
-        pull = ends[i] * density * wash.circulation[i] ** 2 * strip.chord / strip.width
-        edge = weights[0] * pull * span
-        moment = cross(place + forward * lift_place(motion), lift)
-        found.append((lift + edge, moment + cross(place - forward * (strip.chord / 4), edge)))
+        lift = forward * ahead + normal * across + span * along
+        pull = ends[i] * density * wash.circulation[i] ** 2 * strip.chord / strip.width * span
+        moments = cross(place - forward * (strip.chord / 4), pull)
+        wrench = ca.vertcat(lift, cross(place + forward * lift_place(motion), lift))
+        found.append(ca.horzcat(ca.vertcat(pull, moments), wrench))
     return found
-
-
-def _section_load(flow: _Flow, density: ca.SX, coefficients: ca.SX, terms: ca.SX) -> ca.SX:
-    """Force forward, normal, along the span [N], and moment over the chord [N], (4, 1)."""
-    area = flow.strip.chord * flow.strip.width
-    return density * area / 2 * (coefficients + _strip_terms(flow) @ terms)
-
-
-def _force(flow: _Flow, load: ca.SX) -> ca.SX:
-    """Force of a section, body axes, (3, 1) [N]."""
-    forward, normal, span = flow.axes
-    return forward * load[0] + normal * load[1] + span * load[2]
 
 
 def _strip_forces(machine: Robot, surfaces: Sequence[str], attached: bool) -> ca.Function:
     """Force of each strip, world axes, (3, m) [N], by corrections (4, m) and weights of terms."""
     robot, robot_parameters = machine.symbolic()
-    x, wind, density, (q, v, _), _, flows, line = _sample(machine, robot, attached)
-    coefficients = ca.SX.sym("c", _OUTPUTS, len(flows))
+    sample = _sample(machine, robot, attached)
+    (q, v, _), density, line = sample.motion, sample.density, sample.line
+    coefficients = ca.SX.sym("c", _OUTPUTS, len(robot.strips))
     terms = ca.SX.sym("w", len(_terms(machine, surfaces, attached)))
     blades, poses = QuasiSteady(machine), body_poses(robot, q)
     numbers = ca.vertcat(density, ca.SX(ca.DM(blades.parameters[1:])))
-    elements = blades.expressions(robot, q, v, ca.SX(0, 1), wind, numbers).strip_force
-    forces, lifts = [], _lifts(line, density, terms[-2:]) if line else []
-    for k, flow in enumerate(flows):
-        own = _of_strip(terms, machine, surfaces, flow.strip)
-        force = _force(flow, _section_load(flow, density, coefficients[:, k], own))
-        force = force + lifts[k][0] if lifts else force
-        forces.append(poses[flow.strip.body].rotation @ force)
-    inputs = [x, wind, density, robot_parameters, coefficients, terms]
+    elements = blades.expressions(robot, q, v, ca.SX(0, 1), sample.wind, numbers).strip_force
+    world = [ca.densify(ca.vertcat(pose.rotation.T, ca.SX.zeros(3, 3))) for pose in poses]
+    forces, lifts = [], _lifts(line, density) if line else []
+    for k, strip in enumerate(robot.strips):
+        _, unit, wrench = _of_section(sample, strip, world[strip.body], _NO_TERMS)
+        turn = poses[strip.body].rotation
+        own = wrench[:3, :] @ _of_strip(terms, machine, surfaces, strip)
+        own = own + lifts[k][:3, :] @ terms[-2:] if lifts else own
+        forces.append(unit @ coefficients[:, k] + turn @ own)
+    inputs = [sample.x, sample.wind, density, robot_parameters, coefficients, terms]
     return ca.Function("strip_forces", inputs, [ca.horzcat(*forces) + terms[0] * elements])
 
 
@@ -603,34 +627,71 @@ def _functions(
     Behind it, where flow is attached, begin and step of the lags.
     """
     robot, robot_parameters = machine.symbolic()
-    x, wind, density, (q, v, a), airflows, flows, line = _sample(machine, robot, attached)
-    terms = len(_terms(machine, surfaces, attached))
-    strips, slots = len(flows), _slots(terms)
-    coefficients = ca.SX.sym("c", _OUTPUTS, strips)
-    weights = ca.SX.sym("w", _OUTPUTS * slots)
-    whole, first = weights[: len(WHOLE_TERMS)], len(WHOLE_TERMS) + len(STRIP_TERMS)
-    wrenches: Wrenches = {}
-    for place, k in enumerate(_bare(robot)):
-        own = weights[first + len(BODY_TERMS) * place :][: len(BODY_TERMS)]
-        wrenches[k] = _body_wrench(robot.bodies[k], airflows[k], density, own)
-    for number, flow in enumerate(flows):
-        strip = flow.strip
-        own = _of_strip(weights, machine, surfaces, flow.strip)
-        load = _section_load(flow, density, coefficients[:, number], own)
-        force = _force(flow, load)
-        moment = cross(flow.middle, force) - flow.axes[2] * (strip.chord * load[3])
-        add_wrench(wrenches, strip.body, force, moment)
-    for k, lift in enumerate(_lifts(line, density, weights[terms - 2 : terms]) if line else []):
-        add_wrench(wrenches, flows[k].strip.body, *lift)
-    y = generalized_force(robot, q, wrenches)
-    y = (y + _whole_terms(machine, robot, (q, v, a), wind, density) @ whole)[list(rows)]
-    seen = [ca.vertcat(_polynomials(flow), ca.SX.zeros(slots, 1)) for flow in flows]
+    sample, lists = _sample(machine, robot, attached), list(rows)
+    jacobians = _jacobians(robot, sample.motion[0], lists)
+    units, seen, wrenches = [], [], dict[tuple[int, str], ca.SX]()
+    for strip in robot.strips:
+        of = strip.body, _kind(strip) if surfaces else ""
+        before = wrenches.get(of, _NO_TERMS)
+        found = _of_section(sample, strip, jacobians[strip.body], before)
+        polynomials, unit, wrenches[of] = found
+        seen.append(polynomials)
+        units.append(unit)
+    kinds = {kind: ca.SX.zeros(len(lists), len(STRIP_TERMS)) for kind in surfaces or ("",)}
+    for (body, kind), wrench in wrenches.items():
+        kinds[kind] += jacobians[body].T @ wrench
+    whole = _whole_terms(machine, robot, sample.motion, sample.wind, sample.density)[lists, :]
+    terms = [whole, sum(kinds.values()), *_body_columns(robot, sample, jacobians)]
+    terms += [*(kinds[kind] for kind in surfaces), *_line_columns(robot, sample, jacobians)]
+    slots = _slots(len(_terms(machine, surfaces, attached)))
+    rest = ca.SX.zeros(len(lists), _OUTPUTS * slots - sum(one.shape[1] for one in terms))
     ones = ca.vertcat(ca.SX.zeros(_POLYNOMIALS, slots), ca.SX.eye(slots))
-    features = ca.densify(ca.horzcat(*seen, ones))
-    readout = ca.densify(ca.jacobian(y, ca.vertcat(ca.vec(coefficients), weights)))
-    parameters = ca.vertcat(wind, density, robot_parameters)
-    known = {"x": x, "network_parameters": parameters}
+    wide = [ca.vertcat(one, ca.SX.zeros(slots, 1)) for one in seen]
+    features = ca.densify(ca.horzcat(*wide, ones))
+    readout = ca.densify(ca.horzcat(*units, *terms, rest))
+    parameters = ca.vertcat(sample.wind, sample.density, robot_parameters)
+    known = {"x": sample.x, "network_parameters": parameters}
     encode = named_function("encode", known, {"features": features, "readout": readout})
-    if line is None:
+    if sample.line is None:
         return [encode]
-    return [encode, *lag_functions(line, x[: machine.state_size + machine.dof], parameters)]
+    measured = sample.x[: machine.state_size + machine.dof]
+    return [encode, *lag_functions(sample.line, measured, parameters)]
+
+
+_NO_TERMS = ca.SX.zeros(6, len(STRIP_TERMS))
+
+
+def _of_section(sample: _Sample, strip: Strip, jacobian: ca.SX, before: ca.SX) -> list[ca.SX]:
+    """Call of `_section` for a strip."""
+    section = _section(jacobian.shape[1])
+    motion = sample.motions[strip.body]
+    given = [motion, _numbers(strip), sample.density, jacobian, before]
+    found: list[ca.SX] = section.call(given, False, True)
+    return found
+
+
+def _jacobians(robot: Robot, q: ca.SX, rows: list[int]) -> list[ca.SX]:
+    """Of a wrench on each body, body axes, to the generalized force, (6, rows)."""
+    wrenches = {k: (ca.SX.sym("f", 3), ca.SX.sym("m", 3)) for k in range(len(robot.bodies))}
+    force = generalized_force(robot, q, wrenches)[rows]
+    of = [ca.vertcat(*wrench) for wrench in wrenches.values()]
+    return [ca.densify(ca.jacobian(force, one).T) for one in of]
+
+
+def _body_columns(robot: Robot, sample: _Sample, jacobians: list[ca.SX]) -> list[ca.SX]:
+    """Generalized forces of `BODY_TERMS` of each body without strips."""
+    weights, found = ca.SX.sym("w", len(BODY_TERMS)), []
+    for k in _bare(robot):
+        wrench = _body_wrench(robot.bodies[k], sample.airflows[k], sample.density, weights)
+        found.append(jacobians[k].T @ ca.jacobian(ca.vertcat(*wrench), weights))
+    return found
+
+
+def _line_columns(robot: Robot, sample: _Sample, jacobians: list[ca.SX]) -> list[ca.SX]:
+    """Generalized forces of `EDGES` and `LIFTING_LINE`, where there is a lifting line."""
+    if sample.line is None:
+        return []
+    wrenches = dict[int, ca.SX]()
+    for strip, lift in zip(robot.strips, _lifts(sample.line, sample.density), strict=True):
+        wrenches[strip.body] = wrenches.get(strip.body, 0) + lift
+    return [sum(jacobians[body].T @ one for body, one in wrenches.items())]
