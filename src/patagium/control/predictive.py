@@ -4,8 +4,7 @@ Multiple shooting over N intervals of time: states and inputs of all are unknown
 ends of the intervals and their derivatives at the last prediction, and each sample of the state
 takes one quadratic program (`quadratic_program`), the prediction before shifted by an interval as
 its warm start. Ranges and rates of inputs are hard limits, limits of states soft. Repeated at one
-sample it converges to the minimum of the nonlinear problem (`converge`), quadratic costs being
-their own Gauss-Newton approximation. Neglected: errors of the model, but for the feedback.
+sample it converges to the minimum of the nonlinear problem, quadratic costs being their own Gauss-Newton approximation. Neglected: errors of the model, but for the feedback.
 
 References:
     Diehl, Bock & Schloder (2005), A real-time iteration scheme for nonlinear optimization in
@@ -35,9 +34,6 @@ from patagium.robot import Robot
 from patagium.simulation.gait_models import Gait
 from patagium.simulation.simulator import FlightState
 from patagium.simulation.steered_gait import Responses, SteeredGait
-
-MOST_ITERATIONS, SETTLED = 50, 1e-9
-"""Iterations of `converge`, and the change of an input, over its range, that ends them."""
 
 
 @dataclass(frozen=True)
@@ -145,22 +141,6 @@ class RealTimeIteration:
         if status is ProgramStatus.SOLVED:
             self.states, self.inputs = program["x"].copy(), program["u"].copy()
         return status
-
-    def converge(self, first: int, start: Array, before: Array) -> ProgramStatus:
-        """Iterations at one state, all as `iterate` takes it, until the inputs settle.
-
-        Returns:
-            SOLVED where they settled; NOT_CONVERGED where they did not.
-        """
-        spread = np.ptp(np.clip([self.program["lower"], self.program["upper"]], -1, 1), axis=0)
-        for _ in range(MOST_ITERATIONS):
-            last = self.inputs
-            status = self.iterate(first, start, before)
-            if status is not ProgramStatus.SOLVED:
-                return status
-            if (np.abs(self.inputs - last) <= SETTLED * np.maximum(spread, 1e-3)).all():
-                return status
-        return ProgramStatus.NOT_CONVERGED
 
     def shift(self) -> None:
         """Go on by one interval: what was predicted next is predicted now."""

@@ -3,9 +3,9 @@
 Each function can be written for one state, and for many, a vector of them side by side
 (`<name>_batch`). All sines and cosines whose angles are known at the same time are taken in one
 branch-free vector call. A function that CasADi was told never to inline stays one call of a kernel
-written by hand (`KERNELS`), if there is one: its SX form is the kernel's oracle and its fallback. One whose
-name begins with `each_` is a C function of its own in code for one state, written once and called
-for each strip. The operations and their order are CasADi's.
+written by hand (`KERNELS`), if there is one: its SX form is the kernel's oracle and its fallback.
+One named `each_...` is a C function of its own in code for one state, written once and called for
+each strip. The operations and their order are CasADi's.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ LONG_BODY = 600
 """Statements in one C function of many states; a longer body is cut into parts."""
 UNITS = 4
 """Texts, beside the first, that the parts of a long body are written to."""
-_OPERATIONS = "operations"  # header that all texts include
+_APART = "__attribute__((noinline))"
 _VALUES = re.compile(r"\b(?:t\d+|(?:co)?sine\d+_\d+)\b")
 
 _BINARY = {
@@ -93,7 +93,7 @@ class _Graph:
 
     Args:
         function: The function.
-        calls: Whether functions named `each_` stay calls; otherwise they are written out.
+        calls: Whether functions named `each_...` stay calls.
     """
 
     def __init__(self, function: ca.Function, calls: bool) -> None:
@@ -203,23 +203,17 @@ def _dense_graph(function: ca.Function, calls: bool) -> _Graph:
 
 def emit(function: ca.Function) -> str:
     """C text of a function of one state: a translation unit that defines `name`."""
-    graph = _dense_graph(function, calls=True)
-    includes, texts = set(_includes(graph)), dict[str, str]()
-    main = _one_state(function, graph, includes, texts)
-    first = f'#include "{_OPERATIONS}.h"'
-    others = sorted(includes - {first})
-    return "\n".join([*_header(function), first, *others, *texts.values(), main, ""])
+    texts = dict[str, str]()
+    main = _one_state("void", function, _dense_graph(function, calls=True), texts)
+    return "\n".join([*_header(function), *texts.values(), main, ""])
 
 
-def _one_state(
-    function: ca.Function, graph: _Graph, includes: set[str], texts: dict[str, str]
-) -> str:
-    """C function of one state; those it calls and the headers they need are added to the others."""
-    includes.update(_includes(graph))
+def _one_state(kind: str, function: ca.Function, graph: _Graph, texts: dict[str, str]) -> str:
+    """C function of one state; those that it calls are added to the texts."""
     for name, callee in graph.callees.items():
         if name.startswith(EACH) and name not in texts:
-            body = _one_state(callee, _Graph(callee, calls=True), includes, texts)
-            texts[name] = f"static __attribute__((noinline)) {body}"
+            inner = _Graph(callee, calls=True)
+            texts[name] = _one_state(f"static {_APART} void", callee, inner, texts)
 
     def angle_block(group: list[int], number: int) -> list[str]:
         padded = -(-len(group) // 8) * 8
@@ -237,8 +231,9 @@ def _one_state(
         return f"  r{result}[{entry}] = {value};"
 
     dialect = _Dialect("double", "scalar_", load, store, angle_block, "{0}{1}[{2}]")
-    head = f"void {function.name()}(const double *const *arg, double *const *res) {{"
-    return "\n".join([head, *_pointers(function), *_Writer(graph, dialect).statements(), "}"])
+    head = f"{kind} {function.name()}(const double *const *arg, double *const *res) {{"
+    body = [*_pointers(function), *_Writer(graph, dialect).statements(), "}"]
+    return "\n".join([*_includes(graph), head, *body])
 
 
 def emit_batch(function: ca.Function) -> list[str]:
@@ -361,7 +356,7 @@ def _header(function: ca.Function) -> list[str]:
 def _includes(graph: _Graph) -> list[str]:
     called = (kernel_of(name)[0] for name in graph.callees)
     kernels = sorted({KERNELS[name] for name in called if name in KERNELS})
-    return [f'#include "{name}.h"' for name in (_OPERATIONS, *kernels)]
+    return [f'#include "{name}.h"' for name in ("operations", *kernels)]
 
 
 def _pointers(function: ca.Function) -> list[str]:
@@ -455,13 +450,15 @@ class _Writer:
         """
         callee = self._graph.callees[self._graph.nodes[k].callee]
         kind, each = self._dialect.kind, callee.name().startswith(EACH)
+        nothing = "lanes_broadcast(0.0)" if kind == "lanes" else "0.0"
         block, given, results, first, own = list[str](), list[str](), list[str](), 0, k + 1
         for place in range(callee.n_in()):
             held = self._graph.nodes[k].inputs[first : first + callee.nnz_in(place)]
             first += len(held)
             if not each or held not in self._lists:
                 name = self._lists[held] = f"call{k}_a{place}"
-                block.append(f"  {kind} {name}[] = {{{self._held(held)}}};")
+                values = ", ".join(self._argument(i) for i in held) or nothing
+                block.append(f"  {kind} {name}[] = {{{values}}};")
             given.append(self._lists[held])
         for place in range(callee.n_out()):
             count, name = callee.nnz_out(place), f"call{k}_r{place}"
@@ -476,11 +473,6 @@ class _Writer:
         kernel, sizes = kernel_of(callee.name())
         listed = f"(const int[]){{{', '.join(sizes)}}}"
         return [*block, f"  {kernel}_{kind}({len(sizes)}, {listed},", f"    {into}, {out});"]
-
-    def _held(self, nodes: tuple[int, ...]) -> str:
-        """C text of the numbers of an argument."""
-        nothing = "lanes_broadcast(0.0)" if self._dialect.kind == "lanes" else "0.0"
-        return ", ".join(self._argument(i) for i in nodes) or nothing
 
     def _statements(self, k: int) -> list[str]:
         """Statements of the value of a node, and of the results that it is."""

@@ -335,7 +335,9 @@ def test_terms_of_own_air_are_found_from_a_flight(network: LinearStripNetwork) -
             a[k] = -size * w * w * np.sin(w * t + phase)
         y = np.array(blades.batch.generalized_force(q[None], v[None]))[0]
         learner.update(np.concatenate([q, v, a]), y, t)
-    found = network.term_weights(learner.weights)
+    held, (inputs, outputs) = learner.weights, network.perceptron.widths
+    placed = held[: inputs * outputs].reshape(outputs, inputs)[:, 17:].T.ravel()
+    found = {term.name: w for term, w in zip(network.terms, placed, strict=False)}
     total = found["added mass"] + found["acceleration of the air carried along"]
     assert abs(total) < 0.05 and found["blade elements"] == pytest.approx(1.0, abs=0.05)
 

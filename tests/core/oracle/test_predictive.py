@@ -86,9 +86,18 @@ def by_ipopt():
     return float(found["f"])
 
 
+def converged(iteration):
+    """Iterations at one state until no input changes by more than 1e-9 of its range of 8."""
+    for _ in range(50):
+        last = iteration.inputs
+        assert iteration.iterate(0, START, BEFORE) is ProgramStatus.SOLVED
+        if (np.abs(iteration.inputs - last) <= 8e-9).all():
+            return iteration
+    raise AssertionError("the inputs go on changing")
+
+
 def test_it_converges_to_the_minimum_that_ipopt_finds():
-    iteration = problem()
-    assert iteration.converge(0, START, BEFORE) is ProgramStatus.SOLVED
+    iteration = converged(problem())
     assert iteration.cost == pytest.approx(by_ipopt(), rel=1e-6)  # of the issue
     program = iteration.program
     assert (np.abs(iteration.inputs) <= 4 + 1e-7).all()
@@ -120,8 +129,7 @@ def test_iterations_in_real_time_bring_it_home():
 
 
 def test_what_is_not_finite_leaves_the_prediction():
-    iteration = problem()
-    iteration.converge(0, START, BEFORE)
+    iteration = converged(problem())
     states, inputs = iteration.states.copy(), iteration.inputs.copy()
     assert iteration.iterate(0, START * np.nan, BEFORE) is ProgramStatus.NOT_FINITE
     np.testing.assert_array_equal(iteration.states, states)

@@ -193,7 +193,8 @@ class ThrustNetwork(GroupedNetwork):
         rest = weights[PHYSICAL:]
         seen, state, slopes = self._seen(encoding.features, weights[0])
         out, inner = self._perceptron.linearized(seen, rest)
-        through = self._perceptron.input_slopes(seen, rest, np.eye(1))[0, 0, :ROTORS]
+        first = np.array(self._perceptron.neurons[0])  # the slope for a bias is that for its sum
+        through = inner[0, 0, first[:, -1]] @ rest[first[:, :ROTORS]]
         square, plain = 2 * (state[0] ** 2).mean(), 2 * state[0].mean()
         of_state = 2 * through + (2 * weights[1] * state[0] + weights[2]) * (2 / ROTORS)
         slope = np.concatenate([[of_state @ slopes[0], square, plain], inner[0, 0]])

@@ -27,10 +27,10 @@ import numpy as np
 
 from patagium.aerodynamics.added_mass import AddedMass
 from patagium.aerodynamics.air import Air
-from patagium.aerodynamics.indicial import ONE_STATE, Lags
 from patagium.aerodynamics.local_flow import body_airflows, velocity_at
 from patagium.aerodynamics.quasi_steady import QuasiSteady
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
+from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.dynamics.chain import cross, vector
@@ -51,8 +51,6 @@ from patagium.learning.settings import Misfit
 from patagium.native import load_functions, named_function
 from patagium.robot.model import Body, Robot, Strip
 from patagium.robot.strip_chains import strip_chains
-
-Wrenches = dict[int, tuple[ca.SX, ca.SX]]
 
 
 class Term(NamedTuple):
@@ -115,7 +113,6 @@ _SMALL = 0.02  # incidence beyond which a thin wing's flow leaves its leading ed
 _OUTPUTS = 4  # of a section: force forward, normal and spanwise, moment
 _CORRECTIONS = (6, 0.5), (11, 0.2)  # polynomials of spanwise flow, of direction; prior of each
 _POLYNOMIALS = sum(count for count, _ in _CORRECTIONS)
-_LAGS = Lags(ONE_STATE.rate, ONE_STATE.lift, ONE_STATE.circulation)
 _TERMS = "of the whole velocity", "with side edges"  # in files: what the weights mean, attached
 _NOTHING = 1e-6  # prior of weights that stand for nothing
 
@@ -200,7 +197,7 @@ class LinearStripNetwork(WingNetwork):
         if attached:
             count, begin, step = len(robot.strips), made["begin"].address, made["step"].address
             steps = compiled_steps(begin, step, self._parameters)
-            sizes = self.measured_inputs, count * len(_LAGS.rate), count
+            sizes = self.measured_inputs, count
             self.lag_equations = StripLags(made, self._parameters, *sizes, steps)
 
     def describe(self) -> dict[str, Any]:
@@ -271,29 +268,6 @@ class LinearStripNetwork(WingNetwork):
             features[k], readout[k], _ = self.encode_one(row)
         return Encoding(features, readout, self.offset)
 
-    def term_weights(self, weights: Array) -> dict[str, float]:
-        """Weights of the physical terms by name.
-
-        Args:
-            weights: Weights, (n,) [1].
-        """
-        values = self._matrix(weights)[:, _POLYNOMIALS:].T.ravel()[: len(self.terms)]
-        return {term.name: float(w) for term, w in zip(self.terms, values, strict=True)}
-
-    def section_forces(self, features: Array, weights: Array) -> Array:
-        """Corrections of the coefficients of each section, (N, m, 4) [m^2/s^2].
-
-        Args:
-            features: Polynomials of each strip, (N, m, n_in) [m^2/s^2].
-            weights: Weights, (n,) [1].
-        """
-        return np.asarray(features @ self._matrix(weights).T)
-
-    def _matrix(self, weights: Array) -> Array:
-        """Weights of the corrections and the terms, (4, n_in) [1]."""
-        inputs, _ = self.perceptron.widths
-        return np.asarray(weights, float)[: _OUTPUTS * inputs].reshape(_OUTPUTS, inputs)
-
     def _placed(self, corrections: Array, terms: Sequence[float], others: float) -> Array:
         """Numbers of the corrections, of the terms and of what stands for nothing, (n,)."""
         inputs, _ = self.perceptron.widths
@@ -315,63 +289,10 @@ def strip_forces(network: LinearStripNetwork, x: Array, weights: Array) -> Array
         x: Inputs, (N, n_x) [units of x].
         weights: Weights, (n,) [1].
     """
-    robot, terms = network.robot, network.term_weights(weights)
-    features = network.encode(x).features[:, : len(robot.strips)]
-    corrections = network.section_forces(features, weights)
+    robot, air = network.robot, network.air
     forces = _strip_forces(robot, network.surfaces, network.attached)
-    wind, density = network.air.wind, network.air.density
-    found = [
-        forces(sample, wind, density, robot.parameters, section.T, [*terms.values()]).full().T
-        for sample, section in zip(x, corrections, strict=True)
-    ]
-    return np.array(found)
-
-
-class _Flow(NamedTuple):
-    """Motion of a strip at mid-chord relative to the air, in its own axes.
-
-    Attributes:
-        strip: The strip.
-        axes: Forward, normal and spanwise direction, body axes, (3, 1) each [1].
-        middle: Mid-chord from the body's origin, body axes, (3, 1) [m].
-        velocity: Forward u, normal n, along the span s [m/s].
-        spin: Rates of pitch, flap and yaw times the chord [m/s].
-        rate: Normal acceleration times the chord, and that of pitch times its square [m^2/s^2].
-    """
-
-    strip: Strip
-    axes: tuple[ca.SX, ca.SX, ca.SX]
-    middle: ca.SX
-    velocity: tuple[ca.SX, ca.SX, ca.SX]
-    spin: tuple[ca.SX, ca.SX, ca.SX]
-    rate: tuple[ca.SX, ca.SX]
-
-    @property
-    def speed(self) -> ca.SX:
-        """V, never zero [m/s]."""
-        u, n, s = self.velocity
-        return smooth_norm(u**2 + n**2 + s**2)
-
-
-def _flow(strip: Strip, linear: ca.SX, w: ca.SX, dw: ca.SX, rising: ca.SX) -> _Flow:
-    """Motion of a strip, by the velocity of its body in the air and by `body_accelerations`."""
-    forward, normal = vector(strip.forward), vector(strip.normal)
-    span, chord = cross(normal, forward), strip.chord
-    middle = vector(strip.quarter_chord) - forward * (chord / 4)
-    moving = velocity_at(Twist(linear, w), middle)
-    rising = rising + cross(dw, middle) + cross(w, cross(w, middle))
-    return _Flow(
-        strip,
-        (forward, normal, span),
-        middle,
-        (ca.dot(forward, moving), ca.dot(normal, moving), ca.dot(span, moving)),
-        (
-            -chord * ca.dot(span, w),
-            chord * ca.dot(forward, w),
-            chord * ca.dot(normal, w),
-        ),
-        (chord * ca.dot(normal, rising), -(chord**2) * ca.dot(span, dw)),
-    )
+    given = air.wind, air.density, robot.parameters, weights
+    return np.array([forces(sample, *given).full().T for sample in x])
 
 
 def _size(x: ca.SX) -> ca.SX:
@@ -379,9 +300,13 @@ def _size(x: ca.SX) -> ca.SX:
     return x * smooth_sign(x)
 
 
-def _polynomials(flow: _Flow) -> ca.SX:
+_NO_TERMS = ca.SX.zeros(6, len(STRIP_TERMS))
+
+
+def _polynomials(velocity: ca.SX, spin: ca.SX) -> ca.SX:
     """Polynomials of the flow, (17, 1) [m^2/s^2]; see `LinearStripNetwork`."""
-    (u, n, s), (_, r, y), speed = flow.velocity, flow.spin, flow.speed
+    (u, n, s), (_, r, y) = ca.vertsplit(velocity), ca.vertsplit(spin)
+    speed = _speed(velocity)
     f, d = u / speed, n / speed
     spanwise = [s * u, s * n, r * u, r * n, y * u, y * n]
     directions = [f**3, f**2 * d, f * d**2, d**3, f**4, f**3 * d, f**2 * d**2, f * d**3, d**4]
@@ -389,14 +314,20 @@ def _polynomials(flow: _Flow) -> ca.SX:
     return ca.vertcat(*spanwise, *[speed**2 * one for one in directions])
 
 
-def _strip_terms(flow: _Flow) -> ca.SX:
+def _speed(velocity: ca.SX) -> ca.SX:
+    """V, never zero [m/s]."""
+    return smooth_norm(ca.sumsqr(velocity))
+
+
+def _strip_terms(velocity: ca.SX, spin: ca.SX, rate: ca.SX) -> ca.SX:
     """Force forward, normal, along the span and moment of `STRIP_TERMS`, (4, m) [m^2/s^2].
 
+    The rate is that of the normal velocity times the chord, and that of pitch times its square.
     Times density, chord and width over two they are forces; the last row, times the chord too,
     is a moment about mid-chord that raises the leading edge.
     """
-    (u, n, s), (p, r, _), speed = flow.velocity, flow.spin, flow.speed
-    normal_rate, pitch_rate = flow.rate
+    (u, n, s), (p, r, _) = ca.vertsplit(velocity), ca.vertsplit(spin)
+    (normal_rate, pitch_rate), speed = ca.vertsplit(rate), _speed(velocity)
     quarter = smooth_sign(u) / 4  # of the chord ahead of mid-chord: where lift acts
     wash = -(n - quarter * p)  # normalwash at three quarters of the chord
     rising = normal_rate - p * u - r * s  # rate of n, the axes turning along
@@ -424,49 +355,58 @@ def _strip_terms(flow: _Flow) -> ca.SX:
 
 
 def _section(rows: int) -> ca.Function:
-    """What a strip adds: the same function for every strip, which the code calls.
+    """Function of what a strip adds, the same for every strip: the code calls it.
 
-    Of the motion of its body (velocity in the air, `body_accelerations`), its own numbers, density,
-    the Jacobian of a wrench on the body (6, rows) and the wrench of the terms of strips before it
+    Given velocity in the air and `body_accelerations` of its body (3, 4), its `_numbers`, density,
+    the Jacobian of a wrench on its body (6, rows) and the wrench by the terms of strips before it
     (6, m): its polynomials, forces of unit coefficients (rows, 4), the wrench with its own terms.
     """
-    motion, numbers = ca.SX.sym("motion", 3, 4), ca.SX.sym("strip", 11)
-    density, jacobian = ca.SX.sym("density"), ca.SX.sym("jacobian", 6, rows)
-    before = ca.SX.sym("before", 6, len(STRIP_TERMS))
-    linear, *acceleration = ca.horzsplit(motion)
-    place, forward, normal = (tuple(ca.vertsplit(numbers[k : k + 3])) for k in (0, 3, 6))
-    strip = Strip("", "", 0, False, place, forward, normal, numbers[9], numbers[10])
-    flow = _flow(strip, linear, *acceleration)
-    axes = ca.horzcat(*flow.axes, ca.SX.zeros(3, 1))
-    moments = [cross(flow.middle, one) for one in flow.axes]
-    turning = -flow.axes[2] * strip.chord
-    unit = density / 2 * strip.chord * strip.width * ca.vertcat(axes, ca.horzcat(*moments, turning))
-    after = before + unit @ _strip_terms(flow)
+    motion, numbers, density = ca.SX.sym("motion", 3, 4), ca.SX.sym("strip", 11), ca.SX.sym("rho")
+    jacobian, before = ca.SX.sym("jacobian", 6, rows), ca.SX.sym("before", _NO_TERMS.shape)
+    linear, w, dw, rising = ca.horzsplit(motion)
+    place, forward, normal = numbers[:3], numbers[3:6], numbers[6:9]
+    chord, width, span = numbers[9], numbers[10], cross(normal, forward)
+    middle = place - forward * (chord / 4)
+    moving, axes = velocity_at(Twist(linear, w), middle), ca.horzcat(forward, normal, span)
+    rising = rising + cross(dw, middle) + cross(w, cross(w, middle))
+    velocity, turning = axes.T @ moving, chord * axes.T @ w
+    spin = ca.vertcat(-turning[2], turning[0], turning[1])
+    rate = ca.vertcat(chord * ca.dot(normal, rising), -(chord**2) * ca.dot(span, dw))
+    moments = [cross(middle, forward), cross(middle, normal), cross(middle, span), -span * chord]
+    unit = ca.vertcat(ca.horzcat(axes, ca.SX.zeros(3, 1)), ca.horzcat(*moments))
+    unit = density / 2 * chord * width * unit
     return ca.Function(
         f"each_section_{rows}",
         [motion, numbers, density, jacobian, before],
-        [_polynomials(flow), ca.densify(jacobian.T @ unit), ca.densify(after)],
+        [
+            _polynomials(velocity, spin),
+            ca.densify(jacobian.T @ unit),
+            before + unit @ _strip_terms(velocity, spin, rate),
+        ],
         {"never_inline": True},
     )
 
 
 def _numbers(strip: Strip) -> ca.SX:
-    """Numbers of a strip as `_section` takes them, (11, 1)."""
-    place, *axes = (vector(one) for one in (strip.quarter_chord, strip.forward, strip.normal))
-    return ca.vertcat(place, *axes, strip.chord, strip.width)
+    """Quarter chord, forward and normal direction, chord and width of a strip, (11, 1)."""
+    axes = (vector(one) for one in (strip.quarter_chord, strip.forward, strip.normal))
+    return ca.vertcat(*axes, strip.chord, strip.width)
 
 
-def _whole_terms(
-    machine: Robot, robot: Robot, motion: tuple[ca.SX, ca.SX, ca.SX], wind: ca.SX, density: ca.SX
-) -> ca.SX:
+def _elements(machine: Robot, robot: Robot, sample: _Sample) -> AeroExpressions:
+    """Forces of `QuasiSteady`."""
+    blades, (q, v, _) = QuasiSteady(machine), sample.motion
+    numbers = ca.vertcat(sample.density, ca.SX(ca.DM(blades.parameters[1:])))
+    return blades.expressions(robot, q, v, ca.SX(0, 1), sample.wind, numbers)
+
+
+def _whole_terms(machine: Robot, robot: Robot, sample: _Sample) -> ca.SX:
     """Generalized forces of `WHOLE_TERMS`, (n, m) [N, N m]."""
-    q, v, a = motion
-    blades, carried = QuasiSteady(machine), AddedMass(machine)
-    numbers = ca.vertcat(density, ca.SX(ca.DM(blades.parameters[1:])))
-    elements = blades.expressions(robot, q, v, ca.SX(0, 1), wind, numbers).generalized_force
-    factor = ca.vertcat(density, 1)
+    (q, v, a), wind, carried = sample.motion, sample.wind, AddedMass(machine)
+    elements, factor = _elements(machine, robot, sample), ca.vertcat(sample.density, 1)
     ideal = kirchhoff_force(robot, q, v, a, carried.inertia(robot, wind, factor))
-    return ca.horzcat(elements, ideal, carried.circulation_force(robot, q, v, wind, factor))
+    circulation = carried.circulation_force(robot, q, v, wind, factor)
+    return ca.horzcat(elements.generalized_force, ideal, circulation)
 
 
 def _bare(robot: Robot) -> list[int]:
@@ -524,17 +464,18 @@ def _slots(terms: int) -> int:
     return -(-terms // _OUTPUTS)
 
 
-def _body_wrench(body: Body, airflow: Twist, density: ca.SX, weights: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Drag of a body, as of the uniform box with its mass and inertia: `BODY_TERMS`."""
+def _body_wrenches(body: Body, airflow: Twist, density: ca.SX) -> ca.SX:
+    """Drag of a body, as of the uniform box with its mass and inertia, (6, m): `BODY_TERMS`."""
     xx, yy, zz = body.inertia[:3]
     squares = (yy + zz - xx, xx + zz - yy, xx + yy - zz)
     x, y, z = (ca.sqrt(ca.fmax(6 * one / body.mass, 0)) for one in squares)
     center = vector(body.center_of_mass)
-    moving = velocity_at(airflow, center)
-    force = -density / 2 * ca.vertcat(y * z, x * z, x * y) * weights[:3] * _square(moving)
+    areas = ca.vertcat(y * z, x * z, x * y)
+    forces = ca.diag(-density / 2 * areas * _square(velocity_at(airflow, center)))
     arms = ca.vertcat(x * (y**4 + z**4), y * (x**4 + z**4), z * (x**4 + y**4))
-    moment = -density / 64 * weights[3] * arms * _square(airflow.angular)
-    return force, moment + cross(center, force)
+    moment = -density / 64 * arms * _square(airflow.angular)
+    moments = [cross(center, forces[:, k]) for k in range(3)]
+    return ca.vertcat(ca.horzcat(forces, ca.SX.zeros(3, 1)), ca.horzcat(*moments, moment))
 
 
 def _square(values: ca.SX) -> ca.SX:
@@ -551,7 +492,7 @@ class _Sample(NamedTuple):
         density: Of the air [kg/m^3].
         motion: q, v and a.
         airflows: Velocity of each body relative to the air, body axes.
-        motions: The same velocity, then `body_accelerations`, of each body, (3, 4).
+        motions: The same velocity, then `body_accelerations`, of each body, (3, 4) [SI].
         line: The lifting line, where flow is attached.
     """
 
@@ -573,14 +514,14 @@ def _sample(machine: Robot, robot: Robot, attached: bool) -> _Sample:
     accelerations = body_accelerations(robot, q, v, a, ca.SX(0))
     moving = zip(airflows, accelerations, strict=True)
     motions = [ca.densify(ca.horzcat(twist.linear, *rest)) for twist, rest in moving]
-    line = StripFlow(machine, robot, (q, v, wind), _LAGS, 2 * pi) if attached else None
+    line = StripFlow(machine, robot, (q, v, wind)) if attached else None
     x = x if line is None else ca.vertcat(x, line.state)
     return _Sample(x, wind, ca.SX.sym("rho"), (q, v, a), airflows, motions, line)
 
 
 def _lifts(line: StripFlow, density: ca.SX) -> list[ca.SX]:
     """Wrench of each strip, body axes, by `EDGES` and by the lifting line, (6, 2) [N, N m]."""
-    found, wash, ends = [], line.wash(line.state, line.lags), [0] * len(line.motions)
+    found, wash, ends = [], line.wash(), [0] * len(line.motions)
     for chain in line.vortices.chains:
         ends[chain.strips[0]] += chain.right[0]
         ends[chain.strips[-1]] -= chain.right[-1]
@@ -598,25 +539,25 @@ def _lifts(line: StripFlow, density: ca.SX) -> list[ca.SX]:
 
 
 def _strip_forces(machine: Robot, surfaces: Sequence[str], attached: bool) -> ca.Function:
-    """Force of each strip, world axes, (3, m) [N], by corrections (4, m) and weights of terms."""
+    """Force of each strip, world axes, (3, m) [N], by a sample and the weights."""
     robot, robot_parameters = machine.symbolic()
-    sample = _sample(machine, robot, attached)
-    (q, v, _), density, line = sample.motion, sample.density, sample.line
-    coefficients = ca.SX.sym("c", _OUTPUTS, len(robot.strips))
-    terms = ca.SX.sym("w", len(_terms(machine, surfaces, attached)))
-    blades, poses = QuasiSteady(machine), body_poses(robot, q)
-    numbers = ca.vertcat(density, ca.SX(ca.DM(blades.parameters[1:])))
-    elements = blades.expressions(robot, q, v, ca.SX(0, 1), sample.wind, numbers).strip_force
-    world = [ca.densify(ca.vertcat(pose.rotation.T, ca.SX.zeros(3, 3))) for pose in poses]
+    sample, count = _sample(machine, robot, attached), len(_terms(machine, surfaces, attached))
+    density, line = sample.density, sample.line
+    weights = ca.SX.sym("w", _OUTPUTS * (_POLYNOMIALS + _slots(count) + 1))
+    matrix = ca.reshape(weights[:-_OUTPUTS], -1, _OUTPUTS).T
+    terms = ca.vec(matrix[:, _POLYNOMIALS:])[:count]
+    turns = [ca.densify(pose.rotation) for pose in body_poses(robot, sample.motion[0])]
+    elements = _elements(machine, robot, sample).strip_force
     forces, lifts = [], _lifts(line, density) if line else []
     for k, strip in enumerate(robot.strips):
-        _, unit, wrench = _of_section(sample, strip, world[strip.body], _NO_TERMS)
-        turn = poses[strip.body].rotation
+        world = ca.vertcat(turns[strip.body].T, ca.SX.zeros(3, 3))
+        polynomials, unit, wrench = _of_section(sample, strip, world, _NO_TERMS)
         own = wrench[:3, :] @ _of_strip(terms, machine, surfaces, strip)
         own = own + lifts[k][:3, :] @ terms[-2:] if lifts else own
-        forces.append(unit @ coefficients[:, k] + turn @ own)
-    inputs = [sample.x, sample.wind, density, robot_parameters, coefficients, terms]
-    return ca.Function("strip_forces", inputs, [ca.horzcat(*forces) + terms[0] * elements])
+        found = unit @ matrix[:, :_POLYNOMIALS] @ polynomials + turns[strip.body] @ own
+        forces.append(found + terms[0] * elements[:, k])
+    inputs = [sample.x, sample.wind, density, robot_parameters, weights]
+    return ca.Function("strip_forces", inputs, [ca.horzcat(*forces)])
 
 
 def _functions(
@@ -640,9 +581,16 @@ def _functions(
     kinds = {kind: ca.SX.zeros(len(lists), len(STRIP_TERMS)) for kind in surfaces or ("",)}
     for (body, kind), wrench in wrenches.items():
         kinds[kind] += jacobians[body].T @ wrench
-    whole = _whole_terms(machine, robot, sample.motion, sample.wind, sample.density)[lists, :]
-    terms = [whole, sum(kinds.values()), *_body_columns(robot, sample, jacobians)]
-    terms += [*(kinds[kind] for kind in surfaces), *_line_columns(robot, sample, jacobians)]
+    terms = [_whole_terms(machine, robot, sample)[lists, :], sum(kinds.values())]
+    for k in _bare(robot):
+        drag = _body_wrenches(robot.bodies[k], sample.airflows[k], sample.density)
+        terms.append(jacobians[k].T @ drag)
+    terms += [kinds[kind] for kind in surfaces]
+    if sample.line:
+        lifts = dict[int, ca.SX]()
+        for strip, lift in zip(robot.strips, _lifts(sample.line, sample.density), strict=True):
+            lifts[strip.body] = lifts.get(strip.body, 0) + lift
+        terms.append(sum(jacobians[body].T @ one for body, one in lifts.items()))
     slots = _slots(len(_terms(machine, surfaces, attached)))
     rest = ca.SX.zeros(len(lists), _OUTPUTS * slots - sum(one.shape[1] for one in terms))
     ones = ca.vertcat(ca.SX.zeros(_POLYNOMIALS, slots), ca.SX.eye(slots))
@@ -658,40 +606,15 @@ def _functions(
     return [encode, *lag_functions(sample.line, measured, parameters)]
 
 
-_NO_TERMS = ca.SX.zeros(6, len(STRIP_TERMS))
-
-
 def _of_section(sample: _Sample, strip: Strip, jacobian: ca.SX, before: ca.SX) -> list[ca.SX]:
-    """Call of `_section` for a strip."""
-    section = _section(jacobian.shape[1])
-    motion = sample.motions[strip.body]
-    given = [motion, _numbers(strip), sample.density, jacobian, before]
-    found: list[ca.SX] = section.call(given, False, True)
-    return found
+    """Results of `_section` for a strip."""
+    given = sample.motions[strip.body], _numbers(strip), sample.density, jacobian, before
+    return list(_section(jacobian.shape[1]).call(given, False, True))
 
 
 def _jacobians(robot: Robot, q: ca.SX, rows: list[int]) -> list[ca.SX]:
-    """Of a wrench on each body, body axes, to the generalized force, (6, rows)."""
+    """Jacobian from a wrench on each body, body axes, to the generalized force, (6, rows)."""
     wrenches = {k: (ca.SX.sym("f", 3), ca.SX.sym("m", 3)) for k in range(len(robot.bodies))}
     force = generalized_force(robot, q, wrenches)[rows]
     of = [ca.vertcat(*wrench) for wrench in wrenches.values()]
     return [ca.densify(ca.jacobian(force, one).T) for one in of]
-
-
-def _body_columns(robot: Robot, sample: _Sample, jacobians: list[ca.SX]) -> list[ca.SX]:
-    """Generalized forces of `BODY_TERMS` of each body without strips."""
-    weights, found = ca.SX.sym("w", len(BODY_TERMS)), []
-    for k in _bare(robot):
-        wrench = _body_wrench(robot.bodies[k], sample.airflows[k], sample.density, weights)
-        found.append(jacobians[k].T @ ca.jacobian(ca.vertcat(*wrench), weights))
-    return found
-
-
-def _line_columns(robot: Robot, sample: _Sample, jacobians: list[ca.SX]) -> list[ca.SX]:
-    """Generalized forces of `EDGES` and `LIFTING_LINE`, where there is a lifting line."""
-    if sample.line is None:
-        return []
-    wrenches = dict[int, ca.SX]()
-    for strip, lift in zip(robot.strips, _lifts(sample.line, sample.density), strict=True):
-        wrenches[strip.body] = wrenches.get(strip.body, 0) + lift
-    return [sum(jacobians[body].T @ one for body, one in wrenches.items())]

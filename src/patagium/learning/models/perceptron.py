@@ -127,10 +127,11 @@ class Perceptron:
         Returns:
             (m, n_out), and (m, n_out, size).
         """
-        slope, (layers, inputs, sums) = (
-            ACTIVATIONS[self.activation][1],
-            self._pass(features, weights),
-        )
+        function, slope = ACTIVATIONS[self.activation][:2]
+        layers, inputs, sums = list(self._layers(weights)), [features], list[Array]()
+        for matrix, bias in layers:
+            sums.append(inputs[-1] @ matrix.T + bias)
+            inputs.append(function(sums[-1]))
         items, outputs = len(features), self.widths[-1]
         seed = np.broadcast_to(np.eye(outputs), (items, outputs, outputs))
         parts: list[Array] = []
@@ -140,57 +141,6 @@ class Perceptron:
             if number:
                 seed = (seed @ layers[number][0]) * slope(sums[number - 1])[:, None, :]
         return sums[-1], np.concatenate(parts, axis=-1)
-
-    def sensitivities(
-        self, features: Array, weights: Array, readout: Array
-    ) -> tuple[Array, list[Array], list[Array]]:
-        """Outputs, and by layers what makes up the derivative of y = readout . outputs.
-
-        The derivative of y for the weight from input j to neuron o of a layer is the sum over
-        the m inputs of (dy / dz_o) x_j: see `linearized`, where it is multiplied out.
-
-        Args:
-            features: Inputs, (m, n_in) [1].
-            weights: (size,).
-            readout: Matrix from outputs to y, (n_y, m n_out) [unit of y].
-
-        Returns:
-            (m, n_out); x of each layer, (m, in); dy / dz of each layer, (m, out, n_y).
-        """
-        slope, (layers, inputs, sums) = (
-            ACTIVATIONS[self.activation][1],
-            self._pass(features, weights),
-        )
-        shape = (len(readout), len(features), self.widths[-1])
-        seeds = [np.ascontiguousarray(np.moveaxis(readout.reshape(shape), 0, -1))]
-        for number in reversed(range(1, len(layers))):
-            steps = slope(sums[number - 1])[:, :, None]
-            seeds.insert(0, steps * (layers[number][0].T @ seeds[0]))
-        return sums[-1], inputs, seeds
-
-    def input_slopes(self, features: Array, weights: Array, readout: Array) -> Array:
-        """Derivative of y = readout . outputs for the inputs, (n_y, m, n_in).
-
-        Args:
-            features: Inputs, (m, n_in) [1].
-            weights: (size,).
-            readout: Matrix from outputs to y, (n_y, m n_out) [unit of y].
-        """
-        _, _, seeds = self.sensitivities(features, weights, readout)
-        matrix, _ = next(self._layers(weights))
-        return np.asarray(np.einsum("oj,moy->ymj", matrix, seeds[0]))
-
-    def _pass(
-        self, features: Array, weights: Array
-    ) -> tuple[list[tuple[Array, Array]], list[Array], list[Array]]:
-        """Weights, inputs (m, in) and sums (m, out) of each layer."""
-        function = ACTIVATIONS[self.activation][0]
-        layers = list(self._layers(weights))
-        inputs, sums = [features], []
-        for matrix, bias in layers:
-            sums.append(inputs[-1] @ matrix.T + bias)
-            inputs.append(function(sums[-1]))
-        return layers, inputs[:-1], sums
 
     def _layers(self, weights: Array) -> Iterator[tuple[Array, Array]]:
         start, leading = 0, weights.shape[:-1]

@@ -1,18 +1,19 @@
-"""Lag states of strips and the trailing vortices they share, for networks built on a lifting line.
+"""Lag states of strips and the trailing vortices they share, for a network of attached flow.
 
 The same functions as `LiftingLine`, as equations that a network's memory follows from sample to
-sample; the numbers of the lags are constants.
+sample: one lag a strip, of constant numbers.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from math import pi
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from patagium.aerodynamics.indicial import Lags, Relaxation
+from patagium.aerodynamics.indicial import ONE_STATE, Lags, Relaxation
 from patagium.aerodynamics.local_flow import StripMotion, airspeed, normalwash, strip_motions
 from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.aerodynamics.trailing_vortices import (
@@ -31,6 +32,11 @@ from patagium.native import NativeFunction, named_function
 from patagium.robot.model import Robot
 from patagium.robot.strip_chains import strip_chains
 
+LAGS = Lags(ONE_STATE.rate, ONE_STATE.lift, ONE_STATE.circulation)
+"""Memory of a section."""
+LIFT_SLOPE = 2 * pi
+"""Lift slope of attached flow [1/rad]."""
+
 
 class StripFlow:
     """Strips of a lifting line and their trailing vortices, as expressions.
@@ -39,40 +45,31 @@ class StripFlow:
         machine: The robot in numbers.
         robot: Its symbolic twin.
         motion: q, v and the wind, world axes.
-        lags: Numbers of the memory of a section.
-        lift_slope: Of attached flow [1/rad].
 
     Attributes:
         motions: Motion of each strip.
-        state: Lags, strip by strip, (n_z, 1) [m/s].
+        state: Lag of each strip, (m, 1) [m/s].
         semichords: Half chords that each strip travels in a second, (m, 1) [1/s].
     """
 
-    def __init__(
-        self,
-        machine: Robot,
-        robot: Robot,
-        motion: tuple[ca.SX, ca.SX, ca.SX],
-        lags: Lags,
-        lift_slope: Any,
-    ) -> None:
+    def __init__(self, machine: Robot, robot: Robot, motion: tuple[ca.SX, ca.SX, ca.SX]) -> None:
         chains = strip_chains(machine)
-        self.lags, self.lift_slope = lags, lift_slope
         self.motions = strip_motions(robot, *motion)
         self.vortices = VortexSystem(chains, lattice(robot, chains, *motion), self.motions)
         self.geometric = ca.vertcat(*[normalwash(one) for one in self.motions])
         self.gains = surface_gains(machine, robot, SURFACE_CONSTANT)
-        self.state = ca.SX.sym("state", len(self.motions) * len(lags.rate))
+        self.state = ca.SX.sym("state", len(self.motions))
         self.semichords = ca.vertcat(*[2 * airspeed(m) / m.strip.chord for m in self.motions])
 
-    def wash(self, state: ca.SX, lags: Lags) -> Normalwash:
-        """Normalwashes of all strips with lags in a state, (n_z, 1) [m/s]."""
-        return solve_normalwash(self.vortices, self.geometric, state, lags, self.lift_slope)
+    def wash(self, held: bool = True) -> Normalwash:
+        """Normalwashes of all strips; not held: as if nothing were held back by lags."""
+        state, lags = (self.state, LAGS) if held else (ca.SX(0, 1), Lags((), (), ()))
+        return solve_normalwash(self.vortices, self.geometric, state, lags, LIFT_SLOPE)
 
     def lift(self, wash: Normalwash, i: int, density: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Attached lift of strip i, forward, normal and spanwise, at `lift_place` [N]."""
         motion, strip = self.motions[i], self.motions[i].strip
-        pressure = density * strip.chord * strip.width * self.lift_slope * airspeed(motion) / 2
+        pressure = density * strip.chord * strip.width * LIFT_SLOPE * airspeed(motion) / 2
         return attached_lift(self.vortices, wash, i, self.gains[i], pressure, lift_place(motion))
 
 
@@ -90,18 +87,13 @@ def lag_functions(flow: StripFlow, x: ca.SX, parameters: ca.SX) -> list[ca.Funct
         parameters: Constants.
     """
     given, count = {"x": x, "network_parameters": parameters}, len(flow.motions)
-
-    def of_lags(of_strips: ca.SX) -> ca.SX:
-        return ca.vec(ca.repmat(of_strips.T, len(flow.lags.rate), 1))
-
-    effective = flow.wash(ca.SX(0, 1), Lags((), (), ())).effective  # nothing is held back yet
-    begun = ca.vertcat(of_lags(effective), effective)
+    effective = flow.wash(held=False).effective
+    begun = ca.vertcat(effective, effective)
     step, effective = ca.SX.sym("step"), ca.SX.sym("effective", count)
     semichords, before = ca.SX.sym("semichords", count), ca.vertcat(flow.state, effective)
-    rates = ca.repmat(ca.vertcat(*flow.lags.rate), count, 1) * of_lags(semichords)
+    relaxation = Relaxation(LAGS.rate[0] * semichords, effective)
     vortices = flow.vortices, flow.geometric, flow.state
-    relaxation = Relaxation(rates, of_lags(effective))
-    found = implicit_lag_step(*vortices, step, relaxation, flow.lags, flow.lift_slope)
+    found = implicit_lag_step(*vortices, step, relaxation, LAGS, LIFT_SLOPE)
     carried = {**given, "step": step, "state": before, "semichords": semichords}
     return [
         named_function(name, known, {"reached": state, "driver": flow.semichords})
@@ -110,14 +102,13 @@ def lag_functions(flow: StripFlow, x: ca.SX, parameters: ca.SX) -> list[ca.Funct
 
 
 class StripLags(NamedTuple):
-    """Equations of the lags of all strips; behind the lags z the normalwash of each strip.
+    """Equations of the lags of all strips; behind the lags the normalwash of each strip.
 
     Attributes:
         functions: `lag_functions`.
         constants: Constants of the functions.
-        measured: Length of [q, v] or [q, v, a].
-        states: Number of lags z, n_z.
-        strips: Number of strips, whose semichords a second each drive the next step.
+        measured: Length of [q, v, a].
+        states: Number of strips, whose semichords a second each drive the next step.
         compiled: Equations in C; None without a compiler.
         parameters: Number of weights that the lags depend on.
     """
@@ -126,14 +117,13 @@ class StripLags(NamedTuple):
     constants: Array
     measured: int
     states: int
-    strips: int
     compiled: CompiledSteps | None
     parameters: int = 0
 
     @property
     def carried(self) -> tuple[int, int]:
         """Number of lags and normalwashes, and of strips."""
-        return self.states + self.strips, self.strips
+        return 2 * self.states, self.states
 
     def drivers(self, weights: Array, x: Array) -> Array:
         """Measured inputs of each sample, (N, measured)."""
