@@ -4,7 +4,8 @@ Multiple shooting over N intervals of time: states and inputs of all are unknown
 ends of the intervals and their derivatives at the last prediction, and each sample of the state
 takes one quadratic program (`quadratic_program`), the prediction before shifted by an interval as
 its warm start. Ranges and rates of inputs are hard limits, limits of states soft. Repeated at one
-sample it converges to the minimum of the nonlinear problem, quadratic costs being their own Gauss-Newton approximation. Neglected: errors of the model, but for the feedback.
+sample it converges to the minimum of the nonlinear problem, quadratic costs being their own
+Gauss-Newton approximation. Neglected: errors of the model, but for the feedback.
 
 References:
     Diehl, Bock & Schloder (2005), A real-time iteration scheme for nonlinear optimization in
