@@ -329,8 +329,7 @@ def _walk(
                 marks = _marks(curve, here, last, way, length)
                 found.append(last._replace(marks=marks))
             return found, f"the limit {end:.5g} {curve.unit}"
-        excess = curve.search.excess(ahead.at.values)
-        if excess:
+        if excess := curve.search.excess(ahead.at.values):
             return found, excess
         marks = _marks(curve, here, ahead, way, length)
         ahead = ahead._replace(marks=marks)

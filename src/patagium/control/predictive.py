@@ -335,7 +335,8 @@ class OrbitModel:
         matrix, slopes, forced = self.by_state[part], [], []
         first = 0
         for i, size in enumerate(self.chains):
-            free, answer = self._lag(i, times)
+            sharpness = float(self.steered.sharpness[self.places[i]])
+            free, answer = lagged(sharpness, times, size == 4)
             ways = np.concatenate([free, answer[:, :, None]], axis=2)[:, :3].transpose(1, 0, 2)
             value, rate, bend = ways[..., None]
             shape, moved, bent = given[:, i].transpose(1, 0, 2)[:, :, None]
@@ -358,10 +359,6 @@ class OrbitModel:
         matrix[:n, :n] = found.by_state[0][np.ix_(self.kept, self.kept)]
         matrix[:n, n:] = found.by_parameter[0][self.kept, :total]
         self.by_input[part, :n] = found.by_parameter[0][self.kept, total:]
-
-    def _lag(self, command: int, times: Array) -> tuple[Array, Array]:
-        sharpness = float(self.steered.sharpness[self.places[command]])
-        return lagged(sharpness, times, self.chains[command] == 4)
 
     def departure(self, first: int, state: Array, time: float) -> Array:
         """Departure of the flight from the orbit, (n_x,).

@@ -38,24 +38,17 @@ _LOW, _HIGH = ("lower", "fall", "least"), ("upper", "rise", "most")
 
 
 class ProgramStatus(IntEnum):
-    """Status of a program; the integers are those of the kernel."""
+    """Status of a program; the integers are those of the kernel.
+
+    Infeasible: ranges and rates of the inputs contradict each other. Not convex: the cost in the
+    inputs is not.
+    """
 
     SOLVED = 0
     NOT_FINITE = 1
     NOT_CONVEX = 2
     INFEASIBLE = 3
     NOT_CONVERGED = 4
-
-    @property
-    def sentence(self) -> str:
-        """Sentence that says it of the program."""
-        return {
-            ProgramStatus.SOLVED: "the program is solved",
-            ProgramStatus.NOT_FINITE: "a number of the program is not finite",
-            ProgramStatus.NOT_CONVEX: "the cost is not convex in the inputs",
-            ProgramStatus.INFEASIBLE: "ranges and rates of the inputs contradict each other",
-            ProgramStatus.NOT_CONVERGED: "the steps that are allowed did not solve the program",
-        }[self]
 
 
 def _fields(n: int, nx: int, nu: int) -> list[tuple[str, Any, tuple[int, ...]]]:
@@ -134,6 +127,14 @@ class QuadraticProgram:
             self[name][...] = -np.inf
         for name in _HIGH:
             self[name][...] = np.inf
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        fields = set(self.data.dtype.names) - {"inverse", "held"}  # addresses
+        return QuadraticProgram, self.sizes, {name: self[name].copy() for name in fields}
+
+    def __setstate__(self, fields: dict[str, Array]) -> None:
+        for name, value in fields.items():
+            self.data[name] = value
 
     def __getitem__(self, name: str) -> Array:
         """Field of the program or of its solution by name; a single number has the shape ().

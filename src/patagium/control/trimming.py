@@ -25,7 +25,7 @@ from patagium.control.gait_family import MOST_STEPS, GaitFamily, gait_family, sy
 from patagium.control.orbit import Frame, NoOrbit, Orbit, check_attitude
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.dynamics import Dynamics
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.robot.assembly import MARGIN
 from patagium.robot.model import FLOATING_COORDINATES
@@ -71,8 +71,7 @@ class Conditions:
         for name in ("climb", "speed"):
             value = getattr(self, name)
             if abs(value or 0.0) > _SOUND:
-                expected = f"up to {_SOUND:g} m/s"
-                raise ParameterError(name, expected, value)
+                raise ParameterError(name, f"up to {_SOUND:g} m/s", value)
 
     def beside(self, frame: Frame, end: Array, period: float) -> tuple[Array, Array, Array]:
         """Misfits of all but the return, their slopes by the end and by the period.
@@ -141,10 +140,12 @@ class OrbitSearch:
         self.still = np.zeros(len(family.names), bool)
         self._scale = state_sizes(flight_map.names)
         self._reach = parameter_sizes(family)
-        sizes = dict(zip(flight_map.names, self._scale, strict=True)) | dict(tolerable)
+        sizes = dict(zip(flight_map.names, self._scale, strict=True))
+        for name, value in tolerable.items():
+            if name not in sizes:
+                raise ParameterError("tolerable", f"one of {', '.join(sizes)}", name, sizes)
+            sizes[name] = positive(f"tolerable: {name}", value)
         self._size = np.array([sizes[name] for name in self.frame.names])
-        actuators = flight_map.robot.actuators.items()
-        self._commands = [(k, one, *flight_map.robot.command(k)) for k, one in actuators]
         self._pitch = [k for k, name in enumerate(flight_map.names) if name == "pitch"]
         self.iterations = self.points = 0
 
@@ -325,14 +326,15 @@ class OrbitSearch:
             if motion[0] < low - MARGIN or motion[1] > high + MARGIN:
                 seen = _apart(robot.dof_units[i], *motion, low, high)
                 way = f"{joint} would go from {seen[0]} to {seen[1]} {seen[4]}"
-                return f"{way}, and its limits are {seen[2]} to {seen[3]}"
-        for name, actuator, kind, joints in self._commands:
-            for joint in ("frequency",) if kind == "frequency" else joints:
-                value = gait.frequency
-                if kind != "frequency":
-                    place = gait.joints.index(joint)
-                    half = (most[place] - least[place]) / 2
-                    value = {"amplitude": half, "offset": float(gait.mean[place])}.get(kind, 0.0)
+                return f"{way}, and its limits are {seen[2]} to {seen[3]} {seen[4]}"
+        half = (np.array(most) - least) / 2
+        known = {"frequency": 0 * half + gait.frequency, "amplitude": half, "offset": gait.mean}
+        for name, actuator in robot.actuators.items():
+            kind, joints = robot.command(name)
+            for k, value in enumerate(known.get(kind, 0 * half)):
+                if gait.joints[k] not in joints or not (half[k] or kind == "offset"):
+                    continue  # nothing moves
+                joint = kind if kind == "frequency" else gait.joints[k]
                 low, high = actuator.range
                 if not low - 1e-5 <= value <= high + 1e-5:
                     seen = _apart(actuator.unit, value, value, low, high)
@@ -408,12 +410,12 @@ def trim(
     aero = aero or QuasiSteady(robot)
     _check(robot, aero)
     gait = gait or (start.gait if start else gaits.cruise(robot))
+    gaits.check_gait(robot, gait)
     conditions = Conditions(turn_rate, climb, speed)
     family = _family(robot, gait, free, conditions)
     flight = FlightMap(robot, aero, added_mass)
     search = OrbitSearch(flight, family, _steps(family, steps), tolerable or {})
-    excess = search.excess(family.neutral)
-    if excess:
+    if excess := search.excess(family.neutral):
         raise ParameterError("gait", "a gait within the limits of the robot", excess)
     states = _first_states(search, robot, start)
     at, trouble = _searched(search, states, conditions, start.turn_rate if start else 0.0)
@@ -563,7 +565,7 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
         least = np.r_[np.maximum(sizes, _RANK), np.full(len(asked), _RANK)]
         weak = np.abs(asked) / least[: len(asked)]
         worst = int(np.argmax(weak))
-        lacking = _mean_wrench(search, at, -left[:, worst] * asked[worst])
+        lacking = _mean_wrench(search, at, left[:, worst] * asked[worst])
         most = max(lacking, key=lambda name: abs(lacking[name]) * _LEVER[name[0]])
         unit = "N m" if most.startswith("moment") else "N"
         reason += f"; what the free parameters hardly reach is {lacking[most]:.2g} {unit} of {most}"
@@ -577,7 +579,7 @@ _LEVER = {"f": 0.1, "m": 1.0}
 
 
 def _mean_wrench(search: OrbitSearch, at: Point, left: Array) -> dict[str, float]:
-    """Mean force [N] and moment [N m] along x, y, z that scaled misfits of a beat stand for."""
+    """Mean force [N] and moment [N m] along x, y, z that scaled changes of a beat ask for."""
     robot, names = search.map.robot, search.map.names
     misfit = left * search.rows_scale(len(left) - len(search.frame.kept))
     axes = [name for name in FLOATING_COORDINATES if name in names]

@@ -299,7 +299,7 @@ class SteeredGait:
         """Kind of a command, and its places among the responses, none where nobody answers."""
         kind, named = self._robot.command(name)
         if kind == "frequency":
-            return kind, [0] if self.gait.period else []
+            return kind, [0] if self.gait.period and np.ptp(self.reach, axis=0).any() else []
         found = [
             k
             for k, joint in enumerate(self.joints)

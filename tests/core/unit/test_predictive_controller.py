@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+from copy import deepcopy
 from types import SimpleNamespace
 
 import numpy as np
@@ -111,6 +113,28 @@ def test_a_sample_that_is_wrong_leaves_the_last_command(cruise):
     found = controller(5 * period, FlightState(robot, 5 * period, q, v))
     assert set(found) == set(BIRD_COMMANDS) and all(map(np.isfinite, found.values()))
     assert PredictiveController(cruise, BIRD_COMMANDS).report() == "Every sample was answered."
+
+
+def copied(controller):
+    return pickle.loads(pickle.dumps(controller))
+
+
+@pytest.mark.parametrize("copy", [copied, deepcopy])
+def test_a_copy_goes_on_bit_for_bit_on_its_own(cruise, copy):
+    # A predictive controller could not be sent to another process: its program holds addresses.
+    controller, robot = PredictiveController(cruise, BIRD_COMMANDS), cruise.robot
+    period, start, rng = controller.model.period, cruise.start(), np.random.default_rng(0)
+
+    def samples(k):
+        return FlightState(robot, k * period, start["q"], start["v"] + rng.normal(size=robot.dof))
+
+    for k in range(12):  # beyond a beat: inverses of each phase are kept
+        controller(k * period, samples(k))
+    other = copy(controller)
+    for k in range(12, 24):
+        sample = samples(k)
+        assert controller(k * period, sample) == other(k * period, sample)
+    assert not np.shares_memory(controller.iteration.program["u"], other.iteration.program["u"])
 
 
 def test_commands_keep_ranges_and_rates(cruise):

@@ -181,6 +181,52 @@ def test_what_lacks_is_said():
     assert failed.residual > 1e-6
 
 
+def test_what_lacks_is_the_force_that_is_missing_not_the_one_that_is_left_over():
+    # The sign was the other way round: a bird that should fall faster lacked force upward.
+    hawk = pt.load_robot("hawk")
+    gait = pt.gaits.sinusoidal(hawk, frequency=2.0, sweep=0.05)
+    failed = pt.trim(hawk, gait=gait, climb=-40.0, free=("elevation_offset",))
+    assert not failed.found
+    assert failed.lacking["force_z"] < -0.1
+    assert "-0.18 N of force_z" in failed.reason
+
+
+def test_wings_that_are_held_need_no_frequency_and_no_amplitude():
+    # An actuator of the frequency refused every glide: "frequency would need 10 Hz".
+    bird = pt.load_robot("ornithopter")
+    assert "frequency" in bird.actuators and "plunge_amplitude" in bird.actuators
+    still = pt.gaits.still(bird, plunge=0.1)
+    glide = pt.trim(bird, gait=still, climb=None, free=("elevation_offset",))
+    assert glide.found and glide.climb < 0
+    flight = glide.flight(beats=3.0)
+    change = np.ptp(flight.v.sel(dof=["x", "z", "pitch"]).values, axis=0)
+    assert change.max() <= 1e-9  # an equilibrium of the simulator
+    commands = ("elevation_offset", "rudder_offset")
+    multipliers = pt.control.LinearRegulator(glide, commands).multipliers
+    assert np.abs(multipliers).max() <= 1 + 1e-6
+    with pytest.raises(ParameterError, match="expected frequency, amplitude"):
+        pt.control.LinearRegulator(glide, ("frequency",))
+
+
+@pytest.mark.parametrize(
+    ("tolerable", "said"),
+    [
+        ({"height": 0.1}, "tolerable: expected one of x, y, z, roll"),
+        ({"z": 0.0}, "tolerable: z: expected a positive number, found 0.0"),
+        ({"pitch": -1.0}, "tolerable: pitch: expected a positive number, found -1.0"),
+    ],
+)
+def test_a_size_that_is_none_is_refused(aerobat, tolerable, said):
+    # They were taken, and the answer was that without them.
+    with pytest.raises(ParameterError, match=said):
+        pt.trim(aerobat, speed=4.5, tolerable=tolerable)
+
+
+def test_an_orbit_of_another_robot_is_no_start(orbit):
+    with pytest.raises(ParameterError, match="a gait of 'ornithopter', of the joints"):
+        pt.trim(pt.load_robot("ornithopter"), start=orbit)
+
+
 def test_a_limit_is_told_in_digits_that_show_it_and_no_iterate_as_a_need():
     ornithopter = pt.load_robot("ornithopter")
     failed = pt.trim(ornithopter, speed=9.0)
@@ -195,7 +241,8 @@ def test_a_limit_is_told_in_digits_that_show_it_and_no_iterate_as_a_need():
     top = pt.gaits.cruise(ornithopter).motion(np.arange(64) / 64 / 4.5).position[:, 0].max()
     over = search.excess(np.array([4.5, ornithopter.upper[joint] - top + 1e-5]))
     low, high = over.partition("go from ")[2].partition(" deg")[0].split(" to ")
-    assert float(high) > float(over.rpartition(" ")[2]) and float(low) < 0.0
+    limit, unit = over.split(" ")[-2:]
+    assert float(high) > float(limit) and unit == "deg" and float(low) < 0.0
 
 
 def test_a_start_that_breaks_is_a_reason(aerobat):
