@@ -26,7 +26,7 @@ from patagium.control.gait_program import (
     Optimum,
     lateral_states,
 )
-from patagium.control.orbit import NoOrbit, Orbit
+from patagium.control.orbit import NoOrbit, Orbit, said
 from patagium.control.trimming import Conditions, OrbitSearch, orbit_of, trim
 from patagium.control.wingbeat import FlightMap
 from patagium.errors import ParameterError
@@ -104,7 +104,7 @@ class OptimalGait:
         lines = [
             f"gait of {GOALS[self.goal]} of {orbit.robot.name}, "
             f"{self.harmonics} harmonic{'s' * (self.harmonics > 1)}, {orbit.gait.frequency:.4g} Hz",
-            f"  speed {orbit.speed:.4g} m/s, climb {orbit.climb:.4g} m/s",
+            f"  speed {said(orbit.speed)} m/s, climb {said(orbit.climb)} m/s",
             f"  power {self.power:.4g} W, {self.energy_per_meter:.4g} J/m "
             f"(before {self.power_before:.4g} W"
             + (f"; best sinusoid {best.power:.4g} W)" if best else ")"),

@@ -261,12 +261,12 @@ class Orbit:
         )
         lines = [
             f"periodic orbit of {self.robot.name}, one beat of {self.period:.4g} s",
-            f"  speed {_said(self.speed)} m/s, climb {_said(self.climb)} m/s, "
-            f"turn {_said(np.degrees(self.turn_rate))} deg/s, "
+            f"  speed {said(self.speed)} m/s, climb {said(self.climb)} m/s, "
+            f"turn {said(np.degrees(self.turn_rate))} deg/s, "
             f"pitch {pitch.min():.3g} to {pitch.max():.3g} deg",
             "  free: "
             + ", ".join(
-                f"{name} {_said(value)} {unit}".removesuffix(" 1") + f" (was {_said(was)})"
+                f"{name} {said(value)} {unit}".removesuffix(" 1") + f" (was {said(was)})"
                 for name, value, was, unit in free
             ),
             f"  residual {self.residual:.1e} [SI] after {self.iterations} Newton steps, "
@@ -277,7 +277,7 @@ class Orbit:
         return "\n".join(lines)
 
 
-def _said(value: float) -> str:
+def said(value: float) -> str:
     """Number in four digits; 0 where it is rounding."""
     return f"{value if abs(value) > 1e-10 else 0.0:.4g}"
 

@@ -69,6 +69,8 @@ def test_the_gait_keeps_limits_between_samples(ornithopter, best):
 
 def test_the_orbit_is_one_like_those_of_a_trim(best):
     assert len(pt.control.floquet(best.orbit).modes) > 3
+    nearly = replace(best, orbit=replace(best.orbit, climb=7.5e-19))
+    assert "climb 0 m/s" in repr(nearly)
     text = repr(best)
     assert len(text.splitlines()) <= 10
     for word in ("W", "J/m", "best sinusoid", "harmonics", "held by"):
