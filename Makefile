@@ -21,6 +21,8 @@ UV ?= uv
 EXTRAS := ardupilot bench dev docs export film logs tune viewer
 
 BIN := .venv/bin
+# the lock holds all that is needed, so that two processes can install half of it each
+PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps
 STAMP := .venv/installed
 
 # every program here starts other interpreters: without bytecode each compiles the package anew
@@ -38,8 +40,10 @@ $(STAMP): requirements.lock pyproject.toml lab/pyproject.toml
 	@test -x $(BIN)/python || { echo "Making .venv with $(PYTHON)"; $(PYTHON) -m venv .venv || { \
 	  rm -rf .venv; echo "$(PYTHON) has no working venv module (Debian: apt install python3-venv)." >&2; exit 1; }; }
 	@echo "Installing requirements.lock into .venv (once)"
-	@$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --require-hashes -r requirements.lock
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e . -e lab
+	@mkdir -p .venv/lock && awk '/^[A-Za-z0-9]/ { n++ } { print > (".venv/lock/" n % 2) }' requirements.lock
+	@$(PIP) --no-compile --require-hashes -r .venv/lock/0 & $(PIP) --no-compile --require-hashes -r .venv/lock/1; \
+	  second=$$?; wait $$! && exit $$second
+	@$(PIP) --no-build-isolation -e . -e lab
 	@touch $@
 
 demo: $(STAMP)

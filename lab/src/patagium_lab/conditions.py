@@ -10,6 +10,7 @@ import platform
 import subprocess
 from datetime import date
 from importlib.metadata import version
+from pathlib import Path
 
 from patagium import __version__
 from patagium.native.compiler import STRAIGHT_LINE, compiler_command
@@ -48,7 +49,8 @@ def _compiler() -> str:
         return "no C compiler"
     done = subprocess.run([*compiler, "--version"], capture_output=True, text=True, check=False)
     flags = " ".join(flag for flag in STRAIGHT_LINE if flag != "-fPIC")
-    return f"{done.stdout.splitlines()[0]}, {flags}"
+    said = done.stdout.splitlines() or [Path(compiler[0]).name]
+    return f"{said[0]}, {flags}"
 
 
 def _processor() -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from datetime import date
+from pathlib import Path
 
 import pytest
 
@@ -20,6 +21,16 @@ def test_conditions_name_program_machine_and_day(monkeypatch: pytest.MonkeyPatch
     assert found["load average at the end"]
     monkeypatch.setenv("PATAGIUM_COMPILER", "none")
     assert "no C compiler" in machine()
+
+
+def test_a_compiler_that_says_nothing_of_itself_has_its_name(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    silent = tmp_path / "quiet-cc"
+    silent.write_text('#!/bin/sh\n[ "$1" = --version ] || exec cc "$@"\n', encoding="utf-8")
+    silent.chmod(0o755)
+    monkeypatch.setattr("patagium_lab.conditions.compiler_command", lambda: (str(silent),))
+    assert "quiet-cc, -O2" in machine()
 
 
 def test_the_load_is_told_or_said_to_be_unknown(monkeypatch: pytest.MonkeyPatch) -> None:

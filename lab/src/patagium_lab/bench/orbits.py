@@ -19,6 +19,13 @@ from patagium_lab.validation.cases.monarch import hovers
 
 TIMES = 21
 """Searches of each orbit that are timed."""
+ORBITS = (
+    *("aerobat, cruise", "aerobat, 4.5 m/s", "ornithopter, cruise", "dragonfly, hover"),
+    *("hawk, glide", "hawk, glide with wings that sweep and fold"),
+    *("monarch butterfly, attitude prescribed", "monarch butterfly, attitude free"),
+    "monarch butterfly, attitude free abdomen still",
+)
+"""Names of the orbits that are searched."""
 
 
 def orbit_results(times: int = TIMES) -> Iterator[Result]:
@@ -51,17 +58,15 @@ def _searches() -> dict[str, Callable[[], Orbit | NoOrbit]]:
     trims = {name: partial(pt.trim, robot, pt.QuasiSteady(robot)) for name, robot in robots.items()}
     offset = {"elevation": 0.34, "sweep": 0.2, "fold": 0.3}
     beat = pt.gaits.sinusoidal(robots["hawk"], frequency=2.0, sweep=0.2, fold=0.3, offset=offset)
-    found: dict[str, Callable[[], Orbit | NoOrbit]] = {
-        "aerobat, cruise": trims["aerobat"],
-        "aerobat, 4.5 m/s": partial(trims["aerobat"], speed=4.5),
-        "ornithopter, cruise": trims["ornithopter"],
-        "dragonfly, hover": partial(trims["dragonfly"], speed=0.0),
-        "hawk, glide": partial(trims["hawk"], climb=None),
-        "hawk, glide with wings that sweep and fold": partial(trims["hawk"], gait=beat, climb=None),
-    }
+    found: list[Callable[[], Orbit | NoOrbit]] = [
+        trims["aerobat"],
+        partial(trims["aerobat"], speed=4.5),
+        trims["ornithopter"],
+        partial(trims["dragonfly"], speed=0.0),
+        partial(trims["hawk"], climb=None),
+        partial(trims["hawk"], gait=beat, climb=None),
+    ]
     for one in hovers():
         aero = pt.QuasiSteady(one.robot, pt.Air(1.225), force_point="fixed")
-        found[f"monarch butterfly, {one.name}"] = partial(
-            pt.trim, one.robot, aero, one.gait, speed=0.0
-        )
-    return found
+        found.append(partial(pt.trim, one.robot, aero, one.gait, speed=0.0))
+    return dict(zip(ORBITS, found, strict=True))

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from patagium_lab.bench.orbits import ORBITS
 from patagium_lab.comparisons import seconds_text
 from patagium_lab.targets import NOT_RUN, Target
 
@@ -48,13 +49,6 @@ _NOISY = tuple(
         "by layer, cubature",
     )
 )
-_ORBITS = (
-    *("aerobat, cruise", "aerobat, 4.5 m/s", "ornithopter, cruise", "dragonfly, hover"),
-    *("hawk, glide", "hawk, glide with wings that sweep and fold"),
-    *("monarch butterfly, attitude prescribed", "monarch butterfly, attitude free"),
-    "monarch butterfly, attitude free abdomen still",
-)
-
 TARGETS = (
     SpeedTarget("pinocchio", "mass_matrix_and_bias", 0.2, "Pinocchio"),
     SpeedTarget("pinocchio", "forward", 0.25, "Pinocchio"),
@@ -77,7 +71,7 @@ TARGETS = (
     SpeedTarget("pipeline", f"{_NODE}: median", 40e-6),
     SpeedTarget("pipeline", f"{_NODE}: 99 % within", 100e-6),
     SpeedTarget("pipeline", f"{_STRIP}: median", 60e-6),
-    *(SpeedTarget("orbits", f"trim: {name}", 50e-3) for name in _ORBITS),
+    *(SpeedTarget("orbits", f"trim: {name}", 50e-3) for name in ORBITS),
     SpeedTarget("tick", "whole tick: median", 100e-6),
     SpeedTarget("simulation", "simulation of 1 s of flight", 0.2),
     SpeedTarget("compile", "compiling one robot on a fresh cache", 15.0),
