@@ -236,7 +236,8 @@ class InnovationSums:
         Returns:
             nis_per_channel: mean of the normalized innovation squared, over the number of
             channels; 1 if right, larger if too sure. nis_inside: share of updates in its central
-            95 % interval. innovation_correlation: of normalized innovations one update apart, by
+            95 % interval. updates_learned: those that taught something, 0 if NIS is unknown.
+            innovation_correlation: of normalized innovations one update apart, by
             output; 0 if white, NaN for outputs that never err.
         """
         count, ratio, inside = self.totals.tolist()
@@ -246,6 +247,7 @@ class InnovationSums:
         return {
             "nis_per_channel": ratio / count if count else np.nan,
             "nis_inside": inside / count if count else np.nan,
+            "updates_learned": int(count),
             "innovation_correlation": {names[k]: float(color[k]) for k in chosen},
         }
 

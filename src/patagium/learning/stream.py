@@ -457,7 +457,7 @@ def stream(
     last used sample before it; the first one by the initial weights.
 
     Args:
-        learner: What learns; it goes on from where it stands, and is changed.
+        learner: What learns; its weights go on, wherever and whenever the log before ended.
         time: Increasing, (N,) [s].
         x: Measured inputs of the network, (N, n_measured) [units of x]; it recalls the rest.
         y: What it predicts, (N, n_y) [unit of y]; NaN where a channel was not measured.
@@ -484,6 +484,8 @@ def stream(
         LogError: If an input is not finite or time does not advance.
     """
     samples = checked_samples(learner.network, (time, x, y), gaps, std)
+    if isinstance(learner, FilterLearner):
+        learner.restart_clock()
     outputs = samples.y.shape[1]
     names = tuple(names or learner.network.output_names)
     units = tuple(units or ("1",) * outputs)

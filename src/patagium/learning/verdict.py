@@ -90,6 +90,11 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
             warnings.append(f"Note: {times}, but errors are {small}.")
         else:
             warnings.append(f"Warning: {times}.")
+    count, learned = scores["updates"], scores.get("updates_learned", 0)
+    if 0 < learned < 0.99 * count:
+        events = ", ".join(f"{name} {number}" for name, number in scores["events"].items())
+        text = f"{count - learned} of the {count} samples to learn from taught nothing"
+        warnings.append(f"Warning: {text} (events so far: {events}).")
     unseen = scores.get("unseen_share", 0.0)
     if unseen > _UNSEEN:
         warnings.append(
