@@ -31,7 +31,7 @@ from patagium.learning.models.physical import Estimate
 from patagium.learning.parameter_paths import estimates_of, parameter_paths, parameter_scores
 from patagium.learning.result import UPDATED, Check, Identification, check, record_of
 from patagium.learning.scores import Scorer, persistence
-from patagium.learning.verdict import physics_scores, with_verdict
+from patagium.learning.verdict import frozen_scores, with_verdict
 
 Progress = Callable[[int, int], None]
 
@@ -398,6 +398,7 @@ class BlockRun:
     def facts(self) -> dict[str, Any]:
         """State of the learner after the last sample, by the names of its scores."""
         s, late = self.samples, late_samples(self.reached)
+        log, weights = (s.time, s.x, s.y), self.learner.weights
         variance = self.updated["largest_variance"]
         variance = variance[np.isfinite(variance)]
         return {
@@ -407,7 +408,7 @@ class BlockRun:
             "largest_variance": float(variance[-1]) if len(variance) else float("nan"),
             "time_per_update": float(self.learner.time_per_update),
             **parameter_scores(estimates_of(self.learner)),
-            **physics_scores(self.learner.network, s.time, s.x, s.y, s.gaps, late),
+            **frozen_scores(self.learner.network, log, s.gaps, late, weights),
         }
 
     def _told(self) -> dict[str, Array]:

@@ -111,3 +111,17 @@ def test_warning_of_samples_that_taught_nothing() -> None:
         told = [text for text in scores["verdict"] if "taught nothing" in text]
         assert len(told) == (refused > 3)
     assert "30 of the 300 samples" in told[0] and "bad_inputs 30" in told[0]
+
+
+def test_warning_of_weights_that_follow_a_log_and_are_no_model_of_it() -> None:
+    """A constant input: the weights follow a slow wave, and know one moment of it in the end."""
+    time = 0.01 * np.arange(800)
+    wave = np.sin(4 * time)[:, None]
+    for x, follows in ((np.ones((800, 1)), True), (wave, False)):
+        learner = ExtendedLearner(DenseNetwork(1, (), ("y",)), forgetting_factor=0.8)
+        scores = stream(learner, time, x, wave, every=1).scores
+        guess = learner.network.evaluate(x, learner.weights)[400:]
+        own = ((guess - wave[400:]) ** 2).mean() / wave[400:].var()
+        assert scores["frozen_second_half"]["y"] == pytest.approx(own, rel=1e-9, abs=1e-20)
+        told = [text for text in scores["verdict"] if "no model of it" in text]
+        assert bool(told) == follows == (scores["nmse_second_half"]["y"] < 1 < own)
