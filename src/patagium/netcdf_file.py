@@ -164,7 +164,7 @@ _KINDS = {
     "patagium stream": "a record of `patagium stream`, which `pt.load_log` reads",
     "scores": "predictions, which `patagium view --predictions` takes",
     "force_std": "a file of `patagium motion`; learn from its log in Python: "
-    "pt.identify(pt.inverse_dynamics_force(pt.estimate_motion(log)))",
+    "pt.identify(patagium.sensing.force.flown_force.motion_and_force(log)[1])",
     "aero": "a flight, which `pt.load_flight` reads",
 }
 """Kinds of files by their format, else by what only they hold."""

@@ -82,7 +82,8 @@ def inspect(
 
 def _mapping(found: Inspection, topics: Sequence[str]) -> str:
     """Mapping to begin from: forces and moments of the topics, or the last field, are outputs."""
-    time = "{rate: 100 Hz}"
+    rates = [one.rate for one in found.topics if one.name in topics and one.rate > 0]
+    time = f"{{rate: {max(rates, default=100.0):.4g} Hz}}"
     if not found.topics[0].name:
         time = f"{{column: {json.dumps(found.topics[0].stamps)}}}"
         if found.topics[0].stamps == "rows":
@@ -92,6 +93,8 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
         place = "column"
         if one.name:
             place = f"topic: {json.dumps(one.name)}, field"
+        if one.kind == "table" and one.name:  # some columns of a table, by their stamps
+            place = f"stamp: {json.dumps(one.stamps)}, column"
         for field in one.channels if one.name in topics else ():
             if not (field.name and field.low <= field.high):
                 continue  # an index, or a column without a number

@@ -29,7 +29,7 @@ from patagium.learning.samples import samples, stds
 from patagium.learning.scores import Scorer, persistence
 from patagium.learning.stream import MOST_CHECKS, Progress, late_samples, stream, thin, used_samples
 from patagium.learning.table_network import scaling_samples
-from patagium.learning.verdict import physics_scores, with_verdict
+from patagium.learning.verdict import frozen_scores, with_verdict
 from patagium.robot import Robot
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.sensing.logs.table import LogTable
@@ -220,7 +220,7 @@ def compare(
         **scorer.error_scores(),
         **scorer.interval_scores(),
         **parameter_scores(estimates_of(model)),
-        **physics_scores(model.network, time, x, y, gaps, rows),
+        **frozen_scores(model.network, (time, x, y), gaps, rows),
         **_unseen_scores(model, checks, ~scorer.silent),
     }
     arrays = {"time": time, "measurement": y, "prediction": guess, "persistence": held}

@@ -236,8 +236,8 @@ class InnovationSums:
         Returns:
             nis_per_channel: mean of the normalized innovation squared, over the number of
             channels; 1 if right, larger if too sure. nis_inside: share of updates in its central
-            95 % interval. innovation_correlation: of normalized innovations one update apart, by
-            output; 0 if white, NaN for outputs that never err.
+            95 % interval. updates_learned: those with a NIS. innovation_correlation: of normalized
+            innovations one update apart; 0 if white, NaN for outputs that never err.
         """
         count, ratio, inside = self.totals.tolist()
         product, power = self.products[0], np.sqrt(self.products[1] * self.products[2])
@@ -246,6 +246,7 @@ class InnovationSums:
         return {
             "nis_per_channel": ratio / count if count else np.nan,
             "nis_inside": inside / count if count else np.nan,
+            "updates_learned": int(count),
             "innovation_correlation": {names[k]: float(color[k]) for k in chosen},
         }
 

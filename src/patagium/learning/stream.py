@@ -31,7 +31,7 @@ from patagium.learning.models.physical import Estimate
 from patagium.learning.parameter_paths import estimates_of, parameter_paths, parameter_scores
 from patagium.learning.result import UPDATED, Check, Identification, check, record_of
 from patagium.learning.scores import Scorer, persistence
-from patagium.learning.verdict import physics_scores, with_verdict
+from patagium.learning.verdict import frozen_scores, with_verdict
 
 Progress = Callable[[int, int], None]
 
@@ -398,6 +398,7 @@ class BlockRun:
     def facts(self) -> dict[str, Any]:
         """State of the learner after the last sample, by the names of its scores."""
         s, late = self.samples, late_samples(self.reached)
+        log, weights = (s.time, s.x, s.y), self.learner.weights
         variance = self.updated["largest_variance"]
         variance = variance[np.isfinite(variance)]
         return {
@@ -407,7 +408,7 @@ class BlockRun:
             "largest_variance": float(variance[-1]) if len(variance) else float("nan"),
             "time_per_update": float(self.learner.time_per_update),
             **parameter_scores(estimates_of(self.learner)),
-            **physics_scores(self.learner.network, s.time, s.x, s.y, s.gaps, late),
+            **frozen_scores(self.learner.network, log, s.gaps, late, weights),
         }
 
     def _told(self) -> dict[str, Array]:
@@ -457,7 +458,7 @@ def stream(
     last used sample before it; the first one by the initial weights.
 
     Args:
-        learner: What learns; it goes on from where it stands, and is changed.
+        learner: What learns; its weights go on, wherever and whenever the log before ended.
         time: Increasing, (N,) [s].
         x: Measured inputs of the network, (N, n_measured) [units of x]; it recalls the rest.
         y: What it predicts, (N, n_y) [unit of y]; NaN where a channel was not measured.
@@ -484,6 +485,8 @@ def stream(
         LogError: If an input is not finite or time does not advance.
     """
     samples = checked_samples(learner.network, (time, x, y), gaps, std)
+    if isinstance(learner, FilterLearner):
+        learner.restart_clock()
     outputs = samples.y.shape[1]
     names = tuple(names or learner.network.output_names)
     units = tuple(units or ("1",) * outputs)

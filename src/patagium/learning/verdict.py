@@ -33,26 +33,22 @@ def with_verdict(scores: Mapping[str, Any]) -> dict[str, Any]:
     return {**scores, "verdict": words}
 
 
-def physics_scores(
-    network: Network, time: Array, x: Array, y: Array, gaps: ArrayLike, rows: Indices
+def frozen_scores(
+    network: Network, log: tuple[Array, ...], gaps: ArrayLike, rows: Indices, *weights: Array
 ) -> dict[str, Any]:
-    """NMSE of physics alone, where the network begins with it, in some samples of a log.
-
-    Args:
-        network: What learned.
-        time: Increasing, (N,) [s].
-        x: Inputs, measured or all, (N, n_x) [units of x].
-        y: What was measured, (N, n_y) [unit of y].
-        gaps: First sample after each gap in time.
-        rows: Which samples.
-    """
-    if not (isinstance(network, LinearStripNetwork) and len(rows)):
-        return {}
-    sums, weights = ErrorSums(network.outputs), network.initial(0)
-    known = network_inputs(network, weights, time, x, gaps)[rows]
-    sums.add(y[rows], network.evaluate(known, weights))
-    each = zip(network.output_names, sums.nmse.tolist(), strict=True)
-    return {"physics_second_half": dict(each)}
+    """NMSE of weights that stay, in some rows of a log: those of physics alone, and given ones."""
+    time, x, y = log
+    kinds = dict(zip(["frozen_second_half"], weights, strict=False))
+    if isinstance(network, LinearStripNetwork):
+        kinds["physics_second_half"] = network.initial(0)
+    found = {}
+    for name, kept in kinds.items() if len(rows) else ():
+        sums = ErrorSums(network.outputs)
+        sums.add(
+            y[rows], network.evaluate(network_inputs(network, kept, time, x, gaps)[rows], kept)
+        )
+        found[name] = dict(zip(network.output_names, sums.nmse.tolist(), strict=True))
+    return found
 
 
 def _interval_words(scores: Mapping[str, Any]) -> list[str]:
@@ -82,6 +78,11 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
         if names:
             outputs = f"{len(names)} outputs" if len(names) > 3 else ", ".join(names)
             warnings.append(f"Warning: the error of {outputs} is larger than that of {rival}.")
+    frozen = scores.get("frozen_second_half", {})
+    names = [name for name, value in error.items() if value < 1 < frozen.get(name, 0.0)]
+    if names:
+        text = f"with the last weights, {', '.join(names)} would err by more than their mean does"
+        warnings.append(f"Warning: {text}: the weights follow this log, and are no model of it.")
     nis = scores["nis_second_half"]
     if isfinite(nis) and not 1 / _NIS <= nis <= _NIS:
         times = f"squared errors are {nis:.2g} times what was predicted (NIS)"
@@ -90,6 +91,11 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
             warnings.append(f"Note: {times}, but errors are {small}.")
         else:
             warnings.append(f"Warning: {times}.")
+    count, learned = scores["updates"], scores.get("updates_learned", 0)
+    if 0 < learned < 0.99 * count:
+        events = ", ".join(f"{name} {number}" for name, number in scores["events"].items())
+        text = f"{count - learned} of the {count} samples to learn from taught nothing"
+        warnings.append(f"Warning: {text} (events so far: {events}).")
     unseen = scores.get("unseen_share", 0.0)
     if unseen > _UNSEEN:
         warnings.append(

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import io
 import re
+import shlex
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 import patagium as pt
 from patagium.cli.main import run
@@ -36,7 +38,7 @@ WRITTEN = (
 
 def _said(words: str, capsys: pytest.CaptureFixture[str]) -> str:
     with pytest.raises(SystemExit) as left:
-        run(words.split())
+        run(shlex.split(words))
     said = capsys.readouterr()
     assert not left.value.code, said.err
     return said.out
@@ -150,6 +152,23 @@ def test_a_mapping_to_begin_from_has_all_fields_with_forces_as_outputs(
     with pytest.raises(SystemExit):
         run(["inspect", "rig.csv", "-o", "map.yaml"])
     assert "--output: expected a file that is not there yet" in capsys.readouterr().err
+
+
+def test_a_mapping_to_begin_from_imports_arrays_with_clocks_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """At the rate of the fastest: a lower one would fold what is faster."""
+    monkeypatch.chdir(tmp_path)
+    fast, slow = 0.002 * np.arange(600), 0.005 * np.arange(240)
+    unit = {"t": fast, "gyro": np.sin(9 * fast)}
+    savemat("rig.mat", {"unit": unit, "cell": {"t": slow, "fz": np.cos(9 * slow)}})
+    topics = "--topic 'table of 600 rows' --topic 'table of 240 rows'"
+    last = _said(f"inspect rig.mat {topics} -o map.yaml", capsys).splitlines()[-1]
+    assert load_mapping("map.yaml").time.rate == "500 Hz"
+    _said(f"{last.partition('then patagium ')[2]} -o log.nc", capsys)
+    log = pt.load_log("log.nc")
+    for name, wave in (("unit.gyro", np.sin), ("cell.fz", np.cos)):
+        np.testing.assert_allclose(log[name], wave(9 * log.time), atol=3e-4)  # linear between
 
 
 def test_the_file_of_a_new_robot_flies_and_is_never_written_over(

@@ -82,6 +82,27 @@ def test_a_flight_comes_back_and_is_learned_from(
     assert worst[0] == pytest.approx(worst[1], rel=1e-3)  # stamps are whole nanoseconds
 
 
+def test_forces_where_no_motor_is_need_not_be_in_a_log(log: Path) -> None:
+    """A free body has none: files to learn from and to stream are those of a log with zeros."""
+    file = log.with_name("map.yaml")
+    words = json.loads(file.read_text(encoding="utf-8"))
+    whole = pt.import_log(log, file, log.with_name("whole.nc")).path
+    rows = pd.read_csv(pt.import_log(log, file, log.with_name("whole.csv")).path)
+    base = {f"u1.{name}" for name in ("x", "y", "z", "roll", "pitch", "yaw")}
+    words["channels"] = [one for one in words["channels"] if one["name"] not in base]
+    file.write_text(json.dumps(words), encoding="utf-8")
+    less = pt.import_log(log, file, log.with_name("less.nc"))
+    assert any(text.text.startswith("taken as zero") for text in less.findings)
+    for part in PARTS:
+        assert np.array_equal(pt.load_log(less.path)[part], pt.load_log(whole)[part])
+    again = pd.read_csv(pt.import_log(log, file, log.with_name("less.csv")).path)
+    pd.testing.assert_frame_equal(again[rows.columns], rows, check_dtype=False)
+    words["channels"] = [one for one in words["channels"] if one["name"] != "u1.left_plunge"]
+    file.write_text(json.dumps(words), encoding="utf-8")
+    with LogRecord(pt.import_log(log, file, log.with_name("less.nc")).path) as record:
+        assert not record.is_flight and not base & set(record.labels)
+
+
 def test_an_imported_flight_is_streamed(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mapping, facts = log.with_name("map.yaml"), []
     for out in ("out.nc", "out.csv"):

@@ -81,3 +81,47 @@ def test_warning_of_errors_above_physics_alone_and_held_samples() -> None:
     assert not any("physics alone" in text for text in right.scores["verdict"])
     assert any("physics alone" in text for text in wrong.scores["verdict"])
     assert any("held" in text for text in wrong.scores["verdict"])
+
+
+def walk(count: int = 300) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Samples of a smooth path in two inputs, which ends far from where it began."""
+    time = 0.01 * np.arange(count)
+    x = np.column_stack([np.sin(2 * time), time])
+    return time, x, x @ np.array([[1.0], [-0.5]])
+
+
+def test_another_log_is_learned_wherever_and_whenever_it_begins() -> None:
+    """Its first sample is back at the place and at the time of the beginning."""
+    learner, log = ExtendedLearner(DenseNetwork(2, (), ("y",)), measurement_std=0.01), walk()
+    for count in (300, 600):
+        scores = stream(learner, *log, every=1).scores
+        assert learner.count == count and scores["events"] == {}
+        assert scores["updates"] == scores["updates_learned"] == 300
+
+
+def test_warning_of_samples_that_taught_nothing() -> None:
+    """An input that jumps for 30 samples of 300; one missing output of them is a trifle."""
+    time, x, y = walk()
+    few, jumped = y.copy(), x.copy()
+    few[200], jumped[200:230, 1] = np.nan, 30.0
+    for inputs, outputs, refused in ((x, few, 1), (jumped, y, 30)):
+        learner = ExtendedLearner(DenseNetwork(2, (), ("y",)), measurement_std=0.01)
+        scores = stream(learner, time, inputs, outputs, every=1).scores
+        assert scores["updates_learned"] == learner.count == 300 - refused
+        told = [text for text in scores["verdict"] if "taught nothing" in text]
+        assert len(told) == (refused > 3)
+    assert "30 of the 300 samples" in told[0] and "bad_inputs 30" in told[0]
+
+
+def test_warning_of_weights_that_follow_a_log_and_are_no_model_of_it() -> None:
+    """A constant input: the weights follow a slow wave, and know one moment of it in the end."""
+    time = 0.01 * np.arange(800)
+    wave = np.sin(4 * time)[:, None]
+    for x, follows in ((np.ones((800, 1)), True), (wave, False)):
+        learner = ExtendedLearner(DenseNetwork(1, (), ("y",)), forgetting_factor=0.8)
+        scores = stream(learner, time, x, wave, every=1).scores
+        guess = learner.network.evaluate(x, learner.weights)[400:]
+        own = ((guess - wave[400:]) ** 2).mean() / wave[400:].var()
+        assert scores["frozen_second_half"]["y"] == pytest.approx(own, rel=1e-9, abs=1e-20)
+        told = [text for text in scores["verdict"] if "no model of it" in text]
+        assert bool(told) == follows == (scores["nmse_second_half"]["y"] < 1 < own)

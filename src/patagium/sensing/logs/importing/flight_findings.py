@@ -24,6 +24,14 @@ def flight_labels(robot: Robot | None) -> dict[str, str]:
     return {} if robot is None else {c.name: c.unit for c in packet_columns(robot)[1:]}
 
 
+def zero_forces(robot: Robot | None, plan: Plan) -> dict[str, str]:
+    """Units of u1 where no motor is, by name, if a log lacks nothing else of a flight."""
+    held = {label for item in plan.items for label in item.column.labels}
+    missing = {name: unit for name, unit in flight_labels(robot).items() if name not in held}
+    unforced = {f"u1.{robot.dof_names[k]}" for k in robot.passive} if robot else ()
+    return missing if missing.keys() <= set(unforced) else {}
+
+
 def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...]) -> list[Finding]:
     """Findings about coordinates that were not measured, or that never change."""
     wanted = flight_labels(robot)
@@ -43,13 +51,17 @@ def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...])
     based = {dof for body in robot.bodies for dof in body.floating_dofs or ()}
     joints = [name for k, name in enumerate(robot.dof_names) if k not in based]
     unmeasured = [name for name in joints if f"q.{name}" not in held]
-    if robot.strips and joints and unmeasured:
-        text = f"no q of {_some(unmeasured)}, joints of {robot.name!r}; {_DENSE}"
-        found.append(Finding("warning", "flight", "joints", text))
-    elif robot.strips and joints and {f"q.{name}" for name in joints} <= set(still):
-        text = f"no joint moves in the whole log ({_some(joints)}): were they measured? {_DENSE}"
-        found.append(Finding("warning", "flight", "joints", text))
-    missing = sorted(set(wanted) - set(held) - {f"q.{name}" for name in joints})
+    text = ""
+    if unmeasured:
+        text = f"no q of {_some(unmeasured)}, joints of {robot.name!r}"
+    elif {f"q.{name}" for name in joints} <= set(still):
+        text = f"no joint moves in the whole log: were {_some(joints)} measured? If not"
+    if text and robot.strips and joints:
+        found.append(Finding("warning", "flight", "joints", f"{text}, {_DENSE}"))
+    if plan.zero:
+        text = f"taken as zero, as no motor is there: {', '.join(plan.zero)}"
+        found.append(Finding("note", "flight", "missing", text))
+    missing = sorted(set(wanted) - set(held) - {f"q.{name}" for name in joints} - plan.zero.keys())
     if missing:
         text = f"found no {_some(missing)}: the log is no flight of {robot.name!r} yet"
         found.append(Finding("note", "flight", "missing", text))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -28,6 +28,7 @@ from patagium.sensing.logs.files.channels import LogFile
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.importing.consistency import consistency
 from patagium.sensing.logs.importing.findings import SECOND, Finding, Progress, StampSurvey
+from patagium.sensing.logs.importing.flight_findings import zero_forces
 from patagium.sensing.logs.importing.log_findings import log_findings
 from patagium.sensing.logs.importing.plan import Plan, plan_import, variable_name
 from patagium.sensing.logs.importing.resample import (
@@ -77,6 +78,8 @@ class NetcdfWriter:
                 if item.is_attitude:
                     facts["body_in_log"] = words.body
                 self._columns.append(self._variable(label, item.unit, facts))
+        for name, unit in plan.zero.items():
+            self._columns.append(self._variable(name, unit, {"role": "channel", "quantity": name}))
         self._rows = 0
 
     def write(self, time: Array, values: Array) -> None:
@@ -113,7 +116,7 @@ class CsvWriter:
     def __init__(self, path: Path, plan: Plan) -> None:
         self._file = path.open("w", encoding="utf-8", newline="")
         labels = [label for item in plan.items for label in item.column.labels]
-        self._append(pd.DataFrame(columns=["time", *labels]), header=True)
+        self._append(pd.DataFrame(columns=["time", *labels, *plan.zero]), header=True)
 
     def write(self, time: Array, values: Array) -> None:
         """Append samples: time (k,) [s] and values of all labels (k, n) in their units."""
@@ -189,11 +192,11 @@ def import_log(
     if target.suffix.lower() not in (".nc", ".csv"):
         raise LogError(f"{target}: expected a name that ends in .nc or .csv")
     with closing(open_log(paths, skip_rows=words.skip_rows)) as log:
-        for path in _files(log.path):
-            if target.exists() and target.samefile(path):
-                raise LogError(f"{target}: expected another name than that of the log itself")
-        plan = plan_import(log, words, source)
-        robot = _robot(words, source)
+        read = (log.path, *log.path.glob("*"))
+        if target.exists() and any(target.samefile(path) for path in read):
+            raise LogError(f"{target}: expected another name than that of the log itself")
+        robot, plan = _robot(words, source), plan_import(log, words, source)
+        plan = replace(plan, zero=zero_forces(robot, plan))
         place = Draft(target)  # refused before anything is read
         place.discard()  # and nothing is left if the program is killed while it reads
         with (
@@ -234,7 +237,9 @@ def _written(
         "patagium_version": __version__,
         "source": log.path.name,
         "source_format": log.format,
-        "mapping": _without_folders(mapping).model_dump_json(by_alias=True, exclude_defaults=True),
+        "mapping": mapping.model_copy(
+            update={"robot": mapping.robot and Path(mapping.robot).name}  # no folders
+        ).model_dump_json(by_alias=True, exclude_defaults=True),
         "findings": json.dumps([one.plain() for one in findings], ensure_ascii=False),
         "consistency": json.dumps(facts),
         "time_base": base.describe(plan),
@@ -242,8 +247,10 @@ def _written(
         "resampling": "numbers and vectors linear, attitudes by slerp, angles the short way",
         "axes": "x forward, y left, z up; attitudes w, x, y, z, body to world",
         "gap": mapping.gap,
-        **_robot_attributes(robot, mapping),
     }
+    if robot is not None:
+        air = mapping.air.model_dump_json()
+        attributes |= {"robot": robot.source, "robot_name": robot.name, "air": air}
     writer: Writer = (
         NetcdfWriter(draft.file, plan, base.count, attributes)
         if isinstance(draft, NetcdfDraft)
@@ -313,7 +320,8 @@ def _write(
         stamps = stamps_in(spool, base, begin, end)
         parts = [resampled(spool, item, stamps, gap) for item in spool.plan.items]
         valid = np.logical_and.reduce([ok for _, ok in parts])
-        values = np.column_stack([part for part, _ in parts])[valid]
+        zeros = np.zeros((len(stamps), len(spool.plan.zero)))
+        values = np.column_stack([*(part for part, _ in parts), zeros])[valid]
         time = (stamps[valid] - base.origin) / SECOND
         if len(time):
             first = float(time[0]) if not samples else first
@@ -335,26 +343,6 @@ def _robot(mapping: TableMapping, source: str) -> Robot | None:
             f"its path from the mapping file or the working folder, found {mapping.robot!r}"
         )
     return load_robot(mapping.robot)
-
-
-def _without_folders(mapping: TableMapping) -> TableMapping:
-    if mapping.robot is None:
-        return mapping
-    return mapping.model_copy(update={"robot": Path(mapping.robot).name})
-
-
-def _robot_attributes(robot: Robot | None, mapping: TableMapping) -> dict[str, str]:
-    if robot is None:
-        return {}
-    air = mapping.air.model_dump_json()
-    return {"robot": robot.source, "robot_name": robot.name, "air": air}
-
-
-def _files(path: Path) -> Iterator[Path]:
-    if path.is_dir():
-        yield from sorted(inner for inner in path.iterdir() if inner.is_file())
-    else:
-        yield path
 
 
 def _half(progress: Progress | None, which: int) -> Progress | None:

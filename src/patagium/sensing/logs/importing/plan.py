@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -108,6 +108,7 @@ class Plan:
         counts: Number of rows of each stream, or an estimate; 0 where unknown.
         rates: Rate at which the rows of each stream are restamped [Hz]; None to keep stamps.
         last: Whether the last row with a stamp is kept, not the first.
+        zero: Units of numbers that the log lacks and that are zero, by name.
     """
 
     wanted: tuple[Request, ...]
@@ -116,6 +117,7 @@ class Plan:
     counts: tuple[int, ...]
     rates: tuple[float | None, ...]
     last: bool = False
+    zero: dict[str, str] = field(default_factory=dict)
 
     def stream_of(self, topic: str) -> int | None:
         """First stream of a topic; None if the topic has no stream."""
