@@ -14,6 +14,8 @@ import numpy as np
 
 from patagium.errors import ParameterError, is_finite, similar
 
+Progress = Callable[[int, int], None]
+"""Function that is told the work done and the work in all."""
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _WORDS = MappingProxyType({
     "float": "a finite number", "int": "a whole number below 2^63",

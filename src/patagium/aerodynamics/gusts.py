@@ -19,7 +19,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.local_flow import strip_motions, velocity_at
 from patagium.aerodynamics.named_descriptions import (
@@ -29,7 +29,7 @@ from patagium.aerodynamics.named_descriptions import (
 )
 from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.arguments import check_fields
-from patagium.arrays import Array, real_array
+from patagium.arrays import Array, Indices, real_array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import ParameterError, positive
@@ -513,7 +513,7 @@ def gusts_at_strips(pieces: CubicPieces, time: Array, delays: Array) -> Array:
     return np.asarray(np.moveaxis(total.reshape(*shape, GUST_COMPONENTS), 1, 2))
 
 
-def _piece_of(pieces: CubicPieces, time: Array) -> NDArray[np.int64]:
+def _piece_of(pieces: CubicPieces, time: Array) -> Indices:
     return np.searchsorted(pieces.knots, time, side="right").astype(np.int64)
 
 

@@ -5,7 +5,6 @@ Only `robot` is needed; the rest is chosen, and `Prepared.words` says how.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
@@ -14,6 +13,7 @@ import xarray as xr
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from patagium.aerodynamics import AddedMass, Air
+from patagium.arguments import Progress
 from patagium.cli.estimates import GreyModel, air_class
 from patagium.control.adaptation import AdaptiveController
 from patagium.control.estimators import NoisyState, TrackedState
@@ -291,7 +291,7 @@ class Prepared:
             f"Flight of {self.duration:.3g} s; events: {events}",
         )
 
-    def fly(self, progress: Callable[[int, int], None] | None = None) -> xr.Dataset:
+    def fly(self, progress: Progress | None = None) -> xr.Dataset:
         """Flight of the plan, up to where it breaks.
 
         Raises:

@@ -19,7 +19,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
-from patagium.arguments import checked, of_kind
+from patagium.arguments import Progress, checked, of_kind
 from patagium.arrays import Array
 from patagium.control.estimators import Estimate, Estimator, NoisyState, TrackedState, Truth
 from patagium.control.events import Event, StuckEvent, with_gusts
@@ -28,7 +28,6 @@ from patagium.control.predictive import OrbitModel
 from patagium.errors import Outcome, ParameterError, SimulationFailed, positive
 from patagium.limits import MOST_STEPS
 from patagium.robot import Robot
-from patagium.simulation.runge_kutta import Progress
 from patagium.simulation.simulator import FlightState, Simulator, check_robots, period_of
 from patagium.simulation.steered_gait import SteeredGait
 

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from patagium.arguments import checked
+from patagium.arguments import Progress, checked
 from patagium.arrays import Array, Bools
 from patagium.errors import LogError, Outcome, ParameterError
 from patagium.learning.default_learner import choices, chosen_every, default_learner, table_every
@@ -27,7 +27,7 @@ from patagium.learning.propagation import robot_motion
 from patagium.learning.result import Check, Identification, check, record_of
 from patagium.learning.samples import samples, stds
 from patagium.learning.scores import Scorer, persistence
-from patagium.learning.stream import MOST_CHECKS, Progress, late_samples, stream, thin, used_samples
+from patagium.learning.stream import MOST_CHECKS, late_samples, stream, thin, used_samples
 from patagium.learning.table_network import scaling_samples
 from patagium.learning.verdict import frozen_scores, with_verdict
 from patagium.robot import Robot

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from patagium.arguments import Progress
 from patagium.errors import LogError, Outcome, OutputError
 from patagium.learning.default_learner import choices, default_learner, table_every
 from patagium.learning.forecast import ForecastSums, Horizons, named_horizons
@@ -29,7 +30,6 @@ from patagium.learning.scores import Scorer, persistence
 from patagium.learning.stream import (
     BlockRun,
     ForecastPlan,
-    Progress,
     Samples,
     forecast_scores,
     forecasters,

@@ -11,7 +11,7 @@ interval, and no forecast reaches across one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from patagium.arguments import checked
+from patagium.arguments import Progress, checked
 from patagium.arrays import Array, Indices, real_array, rising
 from patagium.errors import FilterDiverged, LogError, Outcome, ParameterError, ShapeError
 from patagium.learning.forecast import Forecaster, ForecastSums, Horizons, Motion, named_horizons
@@ -32,8 +32,6 @@ from patagium.learning.parameter_paths import estimates_of, parameter_paths, par
 from patagium.learning.result import UPDATED, Check, Identification, check, record_of
 from patagium.learning.scores import Scorer, persistence
 from patagium.learning.verdict import frozen_scores, with_verdict
-
-Progress = Callable[[int, int], None]
 
 MOST_CHECKS = 500
 """The predicted interval is checked in at most this many hold intervals, spread evenly."""

@@ -37,6 +37,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from patagium.arguments import Progress
 from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError, Unreadable
 from patagium.live.raw_sensors import sensor_rows, sensors_text
@@ -384,7 +385,7 @@ def send_packets(
     rate: float | None = None,
     rows: int = 1,
     key: bytes | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> int:
     """Send a flight or the raw samples of a sensor log as datagrams.
 

@@ -43,40 +43,12 @@ _BINARY = {
 }
 _UNARY = {ca.OP_NEG: "(-{0})", ca.OP_SQ: "({0} * {0})", ca.OP_TWICE: "({0} + {0})"}
 _UNARY |= {ca.OP_INV: "(1.0 / {0})"}
-_CALLS = {
-    ca.OP_EXP: "exp",
-    ca.OP_LOG: "log",
-    ca.OP_LOG1P: "log1p",
-    ca.OP_EXPM1: "expm1",
-    ca.OP_SQRT: "sqrt",
-    ca.OP_TAN: "tan",
-    ca.OP_ASIN: "asin",
-    ca.OP_ACOS: "acos",
-    ca.OP_ATAN: "atan",
-    ca.OP_SINH: "sinh",
-    ca.OP_COSH: "cosh",
-    ca.OP_TANH: "tanh",
-    ca.OP_FABS: "fabs",
-    ca.OP_FLOOR: "floor",
-    ca.OP_CEIL: "ceil",
-    ca.OP_SIGN: "sign",
-    ca.OP_NOT: "not",
-    ca.OP_POW: "pow",
-    ca.OP_CONSTPOW: "pow",
-    ca.OP_ATAN2: "atan2",
-    ca.OP_FMIN: "fmin",
-    ca.OP_FMAX: "fmax",
-    ca.OP_FMOD: "fmod",
-    ca.OP_HYPOT: "hypot",
-    ca.OP_COPYSIGN: "copysign",
-    ca.OP_LT: "lt",
-    ca.OP_LE: "le",
-    ca.OP_EQ: "eq",
-    ca.OP_NE: "ne",
-    ca.OP_AND: "and",
-    ca.OP_OR: "or",
-    ca.OP_IF_ELSE_ZERO: "if_else_zero",
-}
+_NAMES = (
+    "exp log log1p expm1 sqrt tan asin acos atan sinh cosh tanh fabs floor ceil sign not pow atan2 "
+    "fmin fmax fmod hypot copysign lt le eq ne and or if_else_zero"
+)
+_CALLS = {getattr(ca, f"OP_{name.upper()}"): name for name in _NAMES.split()}
+_CALLS[ca.OP_CONSTPOW] = "pow"
 _COMMUTATIVE = {ca.OP_ADD, ca.OP_MUL, ca.OP_FMIN, ca.OP_FMAX, ca.OP_EQ, ca.OP_NE}
 
 

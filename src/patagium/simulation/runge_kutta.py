@@ -17,6 +17,7 @@ from typing import TypeAlias
 import numpy as np
 
 from patagium.aerodynamics.gusts import GUST_COMPONENTS, CubicPieces, gusts_at_strips
+from patagium.arguments import Progress
 from patagium.arrays import Array
 from patagium.errors import Interrupted, Outcome
 from patagium.native import NativeFunction, load_kernel
@@ -102,8 +103,6 @@ def _met(pieces: CubicPieces, times: Array, delays: Array) -> Array:
     )
     return found
 
-
-Progress: TypeAlias = Callable[[int, int], None]
 
 CHUNK = 1000
 """Steps between looks at the keyboard."""

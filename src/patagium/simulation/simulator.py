@@ -19,7 +19,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
-from patagium.arguments import checked, of_kind
+from patagium.arguments import Progress, checked, of_kind
 from patagium.arrays import Array, real_array
 from patagium.errors import Outcome, ParameterError, SimulationFailed, positive
 from patagium.limits import MOST_STEPS
@@ -36,7 +36,6 @@ from patagium.simulation.runge_kutta import (
     GustField,
     Integration,
     IntegrationResult,
-    Progress,
     times_of,
 )
 from patagium.simulation.state_layout import StateLayout, state_layout

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.arrays import Array
+from patagium.arrays import Array, Indices
 from patagium.errors import Outcome, ParameterError
 from patagium.robot import Robot
 from patagium.robot.units import meant, spoken
@@ -171,7 +171,7 @@ def tidy_step(duration: float, most: float) -> float:
     return step if abs(steps - round(steps)) < 1e-6 and round(steps) else duration / ceil(steps)
 
 
-def _sample_numbers(first: int, last: int) -> NDArray[np.int64]:
+def _sample_numbers(first: int, last: int) -> Indices:
     """Numbers of some samples from the first to the last, both included."""
     return np.unique(np.linspace(first, last, SAMPLES).astype(np.int64))
 

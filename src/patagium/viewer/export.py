@@ -16,10 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from patagium.arrays import Array
+from patagium.arrays import Array, Indices
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import LogError, ParameterError
 from patagium.sensing.force.air_force import PARTS, packet_columns
@@ -184,9 +183,7 @@ def _messages(topic: Topic) -> Iterator[str]:
             yield mixed % tuple(repr(one) if isfinite(one) else "null" for one in row)
 
 
-def _frame_messages(
-    frames: dict[str, tuple[Array, Array]], times: NDArray[np.int64]
-) -> Iterator[str]:
+def _frame_messages(frames: dict[str, tuple[Array, Array]], times: Indices) -> Iterator[str]:
     """Frames of all bodies at each time, in JSON."""
     for k, time in enumerate(times.tolist()):
         seconds, rest = divmod(time, 10**9)

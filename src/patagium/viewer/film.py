@@ -13,6 +13,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from PIL import Image
 
+from patagium.arguments import Progress
 from patagium.errors import ParameterError
 from patagium.report.replay_page import Replay
 from patagium.report.still import draw_still, room_of
@@ -32,7 +33,7 @@ def film(
     predicted: Predicted | None = None,
     start: float | None = None,
     end: float | None = None,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: Progress = lambda done, total: None,
 ) -> Path:
     """Film of a span of a flight in slow motion, seen as in `still`.
 
@@ -60,7 +61,7 @@ def film(
     return Path(path)
 
 
-def _pictures(shown: Replay, progress: Callable[[int, int], None]) -> Iterator[NDArray[np.uint8]]:
+def _pictures(shown: Replay, progress: Progress) -> Iterator[NDArray[np.uint8]]:
     """Pictures with even numbers of dots, each (height, width, 3)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.arrays import Array
+from patagium.arrays import Array, Indices
 from patagium.learning.learners.learner import Learner
 from patagium.learning.models.network import Network
 from patagium.live.pipeline import Records
@@ -89,7 +89,7 @@ class Mailbox:
         return found
 
     def _attach(self) -> None:
-        self._count: NDArray[np.int64] = np.frombuffer(self._memory, "i8", 1)
+        self._count: Indices = np.frombuffer(self._memory, "i8", 1)
         self._slots: NDArray[np.void] = np.frombuffer(self._memory, self._slot, offset=8)
 
 

@@ -13,9 +13,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
-from patagium.arrays import Array
+from patagium.arrays import Array, Indices
 from patagium.errors import LogError, ShapeError
 from patagium.learning.model_file import Model
 from patagium.learning.models.linear_strip import LinearStripNetwork, strip_forces
@@ -27,7 +26,7 @@ from patagium.learning.result import Identification
 from patagium.learning.samples import samples
 from patagium.robot import Robot
 
-Frames = NDArray[np.int64]
+Frames = Indices
 Predicted: TypeAlias = Trained | Identification
 
 _WINGED = (StripNetwork, LinearStripNetwork)

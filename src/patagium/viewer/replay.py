@@ -15,11 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from patagium.arguments import checked
-from patagium.arrays import Array
+from patagium.arrays import Array, Indices
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, ParameterError
 from patagium.report.figures import events_of, off_reference
@@ -51,9 +50,7 @@ class CarryingArm(NamedTuple):
     solids: list[Solid]
 
 
-def carrying_arm(
-    robot: Robot, carrier: Carrier | None, frames: NDArray[np.int64]
-) -> CarryingArm | None:
+def carrying_arm(robot: Robot, carrier: Carrier | None, frames: Indices) -> CarryingArm | None:
     """Arm under the robot of a flight; None if there is no arm.
 
     Of a robot composed with its arm only the foot: its links are bodies of the robot.

@@ -18,6 +18,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.aerodynamics import Aerodynamics
+from patagium.arguments import Progress
 from patagium.arrays import Array
 from patagium.dynamics.equations import damping_force, forward
 from patagium.errors import Outcome, ParameterError, SimulationFailed
@@ -26,7 +27,7 @@ from patagium.robot import Robot
 from patagium.simulation.flight import FlightOrigin, flight_record
 from patagium.simulation.flight_equations import RECORDED, external_force, observed
 from patagium.simulation.gaits import sinusoidal
-from patagium.simulation.runge_kutta import Equations, Progress, integrate, times_of
+from patagium.simulation.runge_kutta import Equations, integrate, times_of
 from patagium.simulation.simulator import check_robots, whole_steps
 from patagium.simulation.state_layout import IMPULSE, WORKS
 from patagium.simulation.state_limits import check_start, limits, outcome_message

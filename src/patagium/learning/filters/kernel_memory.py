@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.arrays import Array
+from patagium.arrays import Array, Indices
 from patagium.learning.filters.bounds import MEMORY
 from patagium.learning.filters.screening import Screen
 from patagium.learning.models.perceptron import PerceptronNetwork
@@ -48,8 +48,8 @@ class Compiled(NamedTuple):
     stamp: Array
     mean: Array
     covariance: Array
-    alarm: NDArray[np.int64]
-    left_out: NDArray[np.int64]
+    alarm: Indices
+    left_out: Indices
     nis: int
     weights: Array
 

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from patagium.arrays import Array
+from patagium.arrays import Array, Indices
 from patagium.errors import Outcome, ShapeError
 from patagium.learning.models.network import Network
 from patagium.native import load_kernel
@@ -219,7 +219,7 @@ class ModelMemory:
         self.last: MemoryState | None = None
         self.clock, self.resets = np.array([-inf, nan]), 0
         self._next: MemoryState | None = None
-        self._log: tuple[Array, Array, NDArray[np.int64]] | None = None
+        self._log: tuple[Array, Array, Indices] | None = None
         self._reached = 0
 
     def recall(self, weights: Array, time: ArrayLike, x: Array, gaps: ArrayLike = ()) -> Array:

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.arguments import checked
 from patagium.arrays import Array, Indices
@@ -86,7 +85,7 @@ class Perceptron:
         return np.concatenate(parts)
 
     @property
-    def neurons(self) -> tuple[tuple[NDArray[np.int64], ...], ...]:
+    def neurons(self) -> tuple[tuple[Indices, ...], ...]:
         """Weights of each neuron, its bias last, layer by layer, (below + 1,) each."""
         layers, start = [], 0
         for below, above in pairwise(self.widths):

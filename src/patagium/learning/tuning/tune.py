@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from patagium.arguments import checked
+from patagium.arguments import Progress, checked
 from patagium.arrays import brief
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.learners.registry import LEARNERS, make_learner
@@ -50,8 +50,6 @@ from patagium.learning.wingbeats import duration
 from patagium.sensing.logs.table import LogTable
 from patagium.version import __version__
 from patagium.whole_file import locked
-
-Progress = Callable[[int, int], None]
 
 MOST_WEIGHTS = 400
 """Larger networks are tried with covariance blocks of one neuron only, unless others are given."""

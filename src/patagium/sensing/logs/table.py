@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from patagium.arrays import Array, brief, selected
+from patagium.arrays import Array, Indices, brief, selected
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class LogTable:
     output_units: tuple[str, ...]
     input_range: Array
     output_range: Array
-    gaps: NDArray[np.int64]
+    gaps: Indices
     gap: float
     source: str
     __repr__ = brief
@@ -76,7 +76,7 @@ class LogTable:
         )
 
 
-def find_gaps(time: ArrayLike, factor: float) -> NDArray[np.int64]:
+def find_gaps(time: ArrayLike, factor: float) -> Indices:
     """Index of the first sample after each gap, (n_gaps,).
 
     Args:

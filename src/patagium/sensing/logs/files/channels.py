@@ -18,10 +18,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.arrays import Array
+from patagium.arrays import Array, Indices
 from patagium.errors import LogError, PatagiumError
 
-Stamps = NDArray[np.int64]
+Stamps = Indices
 
 NO_STAMP = np.iinfo(np.int64).min
 """Stamp of a row without a usable stamp."""

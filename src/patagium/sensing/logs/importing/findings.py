@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from patagium.arguments import Progress
 from patagium.arrays import Array, Bools
 from patagium.sensing.logs.files.channels import NO_STAMP, Block, LogFile, Request, Stamps
 from patagium.sensing.logs.mapping import conversion
 
-Progress = Callable[[int, int], None]
 Keep = Callable[[Block, Bools], Array]
 
 _WIDTH = 0.005

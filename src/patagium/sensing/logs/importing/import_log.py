@@ -19,7 +19,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from patagium.arguments import checked
+from patagium.arguments import Progress, checked
 from patagium.arrays import Array
 from patagium.errors import LogError
 from patagium.netcdf_file import NetcdfDraft
@@ -27,7 +27,7 @@ from patagium.robot import Robot, load_robot, preset_names
 from patagium.sensing.logs.files.channels import LogFile
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.importing.consistency import consistency
-from patagium.sensing.logs.importing.findings import SECOND, Finding, Progress, StampSurvey
+from patagium.sensing.logs.importing.findings import SECOND, Finding, StampSurvey
 from patagium.sensing.logs.importing.flight_findings import zero_forces
 from patagium.sensing.logs.importing.log_findings import log_findings
 from patagium.sensing.logs.importing.plan import Plan, plan_import, variable_name

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from patagium.arguments import checked
+from patagium.arguments import Progress, checked
 from patagium.errors import LogError
 from patagium.sensing.logs.files.channels import ColumnError, LogFile, Request, StampSource, Topic
 from patagium.sensing.logs.files.message_files import NO_MESSAGE
@@ -24,7 +24,6 @@ from patagium.sensing.logs.files.table_files import TIME_NAME, guessed_base
 from patagium.sensing.logs.importing.findings import (
     SECOND,
     Finding,
-    Progress,
     StampSurvey,
     StreamSurvey,
     ValueSurvey,

@@ -16,6 +16,7 @@ from tempfile import TemporaryFile
 
 import numpy as np
 
+from patagium.arguments import Progress
 from patagium.arrays import Array, Bools
 from patagium.errors import LogError
 from patagium.sensing.logs.axes import continuous, slerp
@@ -23,7 +24,6 @@ from patagium.sensing.logs.files.channels import NO_STAMP, Block, LogFile, Stamp
 from patagium.sensing.logs.importing.findings import (
     SECOND,
     Finding,
-    Progress,
     StampSurvey,
     StreamSurvey,
     new_survey,
