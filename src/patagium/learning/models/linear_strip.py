@@ -394,7 +394,7 @@ def _numbers(strip: Strip) -> ca.SX:
 
 
 def _elements(machine: Robot, robot: Robot, sample: _Sample) -> AeroExpressions:
-    """Forces of `QuasiSteady`."""
+    """Forces of blade elements, those of `QuasiSteady`."""
     blades, (q, v, _) = QuasiSteady(machine), sample.motion
     numbers = ca.vertcat(sample.density, ca.SX(ca.DM(blades.parameters[1:])))
     return blades.expressions(robot, q, v, ca.SX(0, 1), sample.wind, numbers)

@@ -25,7 +25,7 @@ def flight_labels(robot: Robot | None) -> dict[str, str]:
 
 
 def zero_forces(robot: Robot | None, plan: Plan) -> dict[str, str]:
-    """Units of u1 where no motor is, by name, if a log lacks nothing else of a flight."""
+    """Units of joint forces that are zero without a motor, where a log lacks only these."""
     held = {label for item in plan.items for label in item.column.labels}
     missing = {name: unit for name, unit in flight_labels(robot).items() if name not in held}
     unforced = {f"u1.{robot.dof_names[k]}" for k in robot.passive} if robot else ()
