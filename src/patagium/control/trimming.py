@@ -579,7 +579,7 @@ _LEVER = {"f": 0.1, "m": 1.0}
 
 
 def _mean_wrench(search: OrbitSearch, at: Point, left: Array) -> dict[str, float]:
-    """Mean force [N] and moment [N m] along x, y, z that scaled changes of a beat ask for."""
+    """Mean force [N] and moment [N m] along x, y, z that would make scaled changes in a beat."""
     robot, names = search.map.robot, search.map.names
     misfit = left * search.rows_scale(len(left) - len(search.frame.kept))
     axes = [name for name in FLOATING_COORDINATES if name in names]

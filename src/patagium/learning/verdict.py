@@ -36,7 +36,7 @@ def with_verdict(scores: Mapping[str, Any]) -> dict[str, Any]:
 def frozen_scores(
     network: Network, log: tuple[Array, ...], gaps: ArrayLike, rows: Indices, *weights: Array
 ) -> dict[str, Any]:
-    """NMSE of weights that stay, in some rows of a log: those of physics alone, and given ones."""
+    """NMSE of constant weights in some rows of a log: physics alone, and weights that are given."""
     time, x, y = log
     kinds = dict(zip(["frozen_second_half"], weights, strict=False))
     if isinstance(network, LinearStripNetwork):

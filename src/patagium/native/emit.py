@@ -32,7 +32,6 @@ LONG_BODY = 600
 """Statements in one C function of many states; a longer body is cut into parts."""
 UNITS = 4
 """Texts, beside the first, that the parts of a long body are written to."""
-_APART = "__attribute__((noinline))"
 _VALUES = re.compile(r"\b(?:t\d+|(?:co)?sine\d+_\d+)\b")
 
 _BINARY = {
@@ -181,11 +180,11 @@ def emit(function: ca.Function) -> str:
 
 
 def _one_state(kind: str, function: ca.Function, graph: _Graph, texts: dict[str, str]) -> str:
-    """C function of one state; those that it calls are added to the texts."""
+    """Text of a C function of one state; texts of functions that it calls are added to `texts`."""
     for name, callee in graph.callees.items():
         if name.startswith(EACH) and name not in texts:
             inner = _Graph(callee, calls=True)
-            texts[name] = _one_state(f"static {_APART} void", callee, inner, texts)
+            texts[name] = _one_state("static __attribute__((noinline)) void", callee, inner, texts)
 
     def angle_block(group: list[int], number: int) -> list[str]:
         padded = -(-len(group) // 8) * 8
@@ -416,7 +415,7 @@ class _Writer:
         self._lines.append("\n".join(block))
 
     def _call_block(self, k: int) -> list[str]:
-        """Statements of a call: `<kernel>_<kind>(number of sizes, sizes, in, out)` or `each_`.
+        """Statements that call a kernel, `<kernel>_<kind>(count, sizes, in, out)`, or `each_...`.
 
         Numbers that `each_` was given before, or gave, are not copied again.
         """

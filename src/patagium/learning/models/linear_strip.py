@@ -18,6 +18,7 @@ gusts; elsewhere history of the flow and neighboring strips.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from math import pi
 from typing import Any, NamedTuple, Self
@@ -354,6 +355,7 @@ def _strip_terms(velocity: ca.SX, spin: ca.SX, rate: ca.SX) -> ca.SX:
     return ca.horzcat(*[ca.vertcat(*column) for column in columns])
 
 
+@functools.cache
 def _section(rows: int) -> ca.Function:
     """Function of what a strip adds, the same for every strip: the code calls it.
 
@@ -389,8 +391,7 @@ def _section(rows: int) -> ca.Function:
 
 def _numbers(strip: Strip) -> ca.SX:
     """Quarter chord, forward and normal direction, chord and width of a strip, (11, 1)."""
-    axes = (vector(one) for one in (strip.quarter_chord, strip.forward, strip.normal))
-    return ca.vertcat(*axes, strip.chord, strip.width)
+    return ca.vertcat(*strip.quarter_chord, *strip.forward, *strip.normal, strip.chord, strip.width)
 
 
 def _elements(machine: Robot, robot: Robot, sample: _Sample) -> AeroExpressions:
@@ -608,8 +609,8 @@ def _functions(
 
 def _of_section(sample: _Sample, strip: Strip, jacobian: ca.SX, before: ca.SX) -> list[ca.SX]:
     """Results of `_section` for a strip."""
-    given = sample.motions[strip.body], _numbers(strip), sample.density, jacobian, before
-    return list(_section(jacobian.shape[1]).call(given, False, True))
+    motion, section = sample.motions[strip.body], _section(jacobian.shape[1])
+    return list(section(motion, _numbers(strip), sample.density, jacobian, before))
 
 
 def _jacobians(robot: Robot, q: ca.SX, rows: list[int]) -> list[ca.SX]:

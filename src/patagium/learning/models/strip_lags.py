@@ -102,7 +102,7 @@ def lag_functions(flow: StripFlow, x: ca.SX, parameters: ca.SX) -> list[ca.Funct
 
 
 class StripLags(NamedTuple):
-    """Equations of the lags of all strips; behind the lags the normalwash of each strip.
+    """Equations of the lags of all strips. The state holds the lags, then the normalwashes.
 
     Attributes:
         functions: `lag_functions`.
