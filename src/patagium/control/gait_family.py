@@ -113,11 +113,15 @@ class GaitFamily:
             self.base, frequency=shape.frequency, mean=mean, cosine=series.real, sine=-series.imag
         )
 
-    def positions(self, values: ArrayLike) -> Array:
-        """Positions of the joints at 65 phases of a beat, (65, n_a) [rad, m]."""
+    def swings(self, values: ArrayLike) -> tuple[float, Array, Array]:
+        """Frequency [Hz], means (n_a,) and positions at 65 phases, (65, n_a), of the joints [SI].
+
+        Args:
+            values: (p,) [Hz, 1, rad or m, rad].
+        """
         shape = self._shape(values)
-        series = self._turned(shape) + shape.added
-        return self.base.mean + shape.offset + (_waves(32, len(series)) @ series).real
+        series, mean = self._turned(shape) + shape.added, self.base.mean + shape.offset
+        return shape.frequency, mean, mean + (_waves(32, len(series)) @ series).real
 
     def _shape(self, values: ArrayLike) -> _Shape:
         """Frequency, and amplitudes, offsets, phases and coefficients of all joints."""

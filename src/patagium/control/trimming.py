@@ -246,7 +246,7 @@ class OrbitSearch:
             while best is None and part >= _SHORTEST:
                 nodes, trial = at.states + part * states, at.values + part * values
                 upright = np.abs(nodes[:, self._pitch]).max(initial=0.0) < _STEEPEST
-                if upright and self.family.gait(trial).frequency > 0:
+                if upright and self.family.swings(trial)[0] > 0:
                     best = self.point(nodes, trial, conditions)
                     if not best.size < (1.0 - 0.1 * part) * at.size:
                         best = None
@@ -316,25 +316,25 @@ class OrbitSearch:
 
     def excess(self, values: Array) -> str:
         """Limit that a gait exceeds, in words that begin with its joint; empty if there is none."""
-        robot, gait = self.map.robot, self.family.gait(values)
-        if not gait.frequency > 0:
-            return f"frequency would be {gait.frequency:.3g} Hz"
-        position = self.family.positions(values)
+        robot, moved = self.map.robot, self.family.base.joints
+        frequency, mean, position = self.family.swings(values)
+        if not frequency > 0:
+            return f"frequency would be {frequency:.3g} Hz"
         least, most = position.min(axis=0).tolist(), position.max(axis=0).tolist()
-        for joint, i, *motion in zip(gait.joints, robot.actuated, least, most, strict=True):
+        for joint, i, *motion in zip(moved, robot.actuated, least, most, strict=True):
             low, high = robot.lower[i], robot.upper[i]
             if motion[0] < low - MARGIN or motion[1] > high + MARGIN:
                 seen = _apart(robot.dof_units[i], *motion, low, high)
                 way = f"{joint} would go from {seen[0]} to {seen[1]} {seen[4]}"
                 return f"{way}, and its limits are {seen[2]} to {seen[3]} {seen[4]}"
         half = (np.array(most) - least) / 2
-        known = {"frequency": 0 * half + gait.frequency, "amplitude": half, "offset": gait.mean}
+        known = {"frequency": 0 * half + frequency, "amplitude": half, "offset": mean}
         for name, actuator in robot.actuators.items():
             kind, joints = robot.command(name)
             for k, value in enumerate(known.get(kind, 0 * half)):
-                if gait.joints[k] not in joints or not (half[k] or kind == "offset"):
+                if moved[k] not in joints or not (half[k] or kind == "offset"):
                     continue  # nothing moves
-                joint = kind if kind == "frequency" else gait.joints[k]
+                joint = kind if kind == "frequency" else moved[k]
                 low, high = actuator.range
                 if not low - 1e-5 <= value <= high + 1e-5:
                     seen = _apart(actuator.unit, value, value, low, high)

@@ -24,8 +24,10 @@ from patagium.arguments import check_fields
 from patagium.arrays import Array, Indices, real_array
 from patagium.errors import ParameterError
 from patagium.native import NativeFunction, load_functions, load_kernel
+from patagium.native.elimination import jacobian
+from patagium.native.emit import calls_kernels
 from patagium.robot import Robot
-from patagium.simulation.flight_equations import flight_functions
+from patagium.simulation.flight_equations import flight_balance
 from patagium.simulation.mounts import mount_of
 from patagium.simulation.simulator import check_added_mass, check_robots
 from patagium.simulation.state_layout import state_layout
@@ -78,7 +80,7 @@ class _Slopes:
 
     Attributes:
         function: Rate, then nonzeros of its Jacobian, as one column; or rate and its derivative
-            along a seed, where the Jacobian as a whole would be too long to compile.
+            along a seed, where a Jacobian would be too long to compile.
         rows: State or rate entry of each nonzero, (e,).
         columns: Column of each nonzero: state, prescribed row, own parameters, (e,).
         constants: Parameters of robot and air.
@@ -239,38 +241,38 @@ def _slope_functions(
 ) -> Sequence[ca.Function]:
     """CasADi functions of rate and Jacobian, and of where its nonzeros are.
 
-    Of loads, and where the air's equations call kernels, whose Jacobian is long, the function takes
-    a seed too and gives rate and derivative along it.
+    Where the air's equations call kernels, whose Jacobian is long, the function takes a seed too
+    and gives rate and derivative along it.
     """
-    robot, aero, added_mass = flight.robot, flight.aero, flight.added_mass
-    layout = state_layout(robot, aero, mount_of(robot, None), added_mass)
-    whole = flight_functions(robot, aero, mount_of(robot, None), added_mass)[loads]
-    size, names = flight.size, [*whole.name_in()]
-    given = list(whole.sx_in())
-    state, row = ca.SX.sym("state", size), given[1]
-    rest = ca.SX.zeros(layout.size - size, 1)
-    outputs = whole.call([ca.vertcat(state, rest), *given[1:]], True, False)
-    if loads:
-        effort, v = (outputs[whole.name_out().index(name)] for name in ("u1", "v"))
-        own = list(robot.actuated)
-        rate = ca.vertcat(effort[own], (effort * v)[own])
+    mount = mount_of(flight.robot, None)
+    balance = flight_balance(flight.robot, flight.aero, mount, flight.added_mass)
+    state, row, *constants = balance.inputs
+    outputs = balance.effort if loads else balance.rate[: flight.size]
+    own = ca.vertcat(*constants)[list(places)]
+    variables = ca.vertcat(state[: flight.size], row[:-3], own)
+    both, everything = ca.vertcat(outputs, balance.lacking), ca.vertcat(variables, balance.free)
+    still = ca.substitute(balance.lacking, balance.free, ca.DM.zeros(balance.free.shape))
+    solved, count = ca.densify(balance.response(-still)), outputs.numel()
+    inputs = [state[: flight.size], row, *constants]
+    names = ["state", "row", "robot_parameters", "aero_parameters"]
+    seed, seeded = ca.SX.sym("seed", variables.numel()), calls_kernels(both)
+    if seeded:
+        along = ca.jtimes(both, variables, seed)
+        answer = -balance.response(along[count:])
+        found = [along[:count] + ca.jtimes(outputs, balance.free, answer)]
+        inputs, names = [*inputs, seed], [*names, "seed"]
     else:
-        rate = outputs[0][:size]
-    parameters = ca.vertcat(*given[2:])
-    variables = ca.vertcat(state, row[: layout.row_size - 3], parameters[list(places)])
-    inputs = [state, *given[1:]]
-    if loads or whole.find_functions():
-        seed = ca.SX.sym("seed", variables.shape[0])
-        found = ca.vertcat(rate, ca.jtimes(rate, variables, seed))
-        return [ca.Function("slope", [*inputs, seed], [found], [*names, "seed"], ["found"])]
-    jacobian = ca.jacobian(rate, variables)
-    found = ca.vertcat(rate, *jacobian.nonzeros())
-    places_of = [*jacobian.sparsity().row(), *jacobian.sparsity().get_col()]
-    unused = ca.SX.sym("unused")
-    return [
-        ca.Function("slope", inputs, [found], names, ["found"]),
-        ca.Function("entries", [unused], [ca.SX(ca.DM(places_of))], ["unused"], ["entries"]),
-    ]
+        slopes = jacobian(both, everything)
+        answer = -balance.response(slopes[count:, : seed.numel()])
+        whole = slopes[:count, : seed.numel()] + slopes[:count, seed.numel() :] @ answer
+        found = whole.nonzeros()
+    (found,) = ca.substitute([ca.vertcat(outputs, *found)], [balance.free], [solved])
+    functions = [ca.Function("slope", inputs, [found], names, ["found"])]
+    if not seeded:
+        filled = whole.sparsity()
+        entries, unused = ca.SX(ca.DM([*filled.row(), *filled.get_col()])), ca.SX.sym("unused")
+        functions.append(ca.Function("entries", [unused], [entries], ["unused"], ["entries"]))
+    return functions
 
 
 def _flown_compiled(
@@ -355,9 +357,10 @@ def _rate_and_slope(
         found = found.reshape(count, directions, 2, -1)
         return found[:, 0, 0].copy(), found[:, :, 1].transpose(0, 2, 1).copy()
     found = slopes.function.batch(x, row, *slopes.constants)
-    jacobian = np.zeros((count, size, seeds.shape[1]))
-    jacobian[:, slopes.rows, slopes.columns] = found[:, size:]
-    return found[:, :size], jacobian @ seeds
+    results = found.shape[1] - len(slopes.rows)
+    matrix = np.zeros((count, results, seeds.shape[1]))
+    matrix[:, slopes.rows, slopes.columns] = found[:, results:]
+    return found[:, :results], matrix @ seeds
 
 
 def _normalize(x: Array, slope: Array, quaternions: Indices) -> None:

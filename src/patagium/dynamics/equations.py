@@ -38,21 +38,25 @@ __all__ = [
     "mass_matrix",
     "momentum",
     "potential_energy",
+    "response",
     "spring_force",
     "total_mass",
 ]
 
 
-def inverse(robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
-    """Generalized force of a motion, D a + C v + G, (n, 1) [N, N m].
+def inverse(
+    robot: Robot, q: ca.SX, v: ca.SX, a: ca.SX, added: BodyAddedMass | None = None
+) -> ca.SX:
+    """Generalized force of a motion, D a + C v + G, of carried fluid too, (n, 1) [N, N m].
 
     Args:
         robot: The machine.
         q: Generalized coordinates, (n_q,) [m, rad, 1].
         v: Generalized velocities, (n,) [m/s, rad/s].
         a: Generalized accelerations, (n,) [m/s^2, rad/s^2].
+        added: Added mass of the bodies; None for a vacuum.
     """
-    return newton_euler(robot, q, v, a, ca.SX(robot.gravity)) + spring_force(robot, q)
+    return newton_euler(robot, q, v, a, ca.SX(robot.gravity), added) + spring_force(robot, q)
 
 
 def spring_force(robot: Robot, q: ca.SX) -> ca.SX:
@@ -89,8 +93,7 @@ def bias(robot: Robot, q: ca.SX, v: ca.SX, added: BodyAddedMass | None = None) -
         v: Generalized velocities, (n,) [m/s, rad/s].
         added: Added mass of the bodies; None for a vacuum.
     """
-    still = ca.SX.zeros(robot.dof, 1)
-    return newton_euler(robot, q, v, still, ca.SX(robot.gravity), added) + spring_force(robot, q)
+    return inverse(robot, q, v, ca.SX.zeros(robot.dof, 1), added)
 
 
 def coriolis(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:
@@ -164,21 +167,34 @@ def forward_prescribed(
     a = ca.SX.zeros(robot.dof, 1)
     for position, i in enumerate(held):
         a[i] = a_prescribed[position]
-    residual = f - newton_euler(robot, q, v, a, ca.SX(robot.gravity), added)
-    residual = residual - spring_force(robot, q)
+    residual = f - inverse(robot, q, v, a, added)
     force = ca.SX.zeros(robot.dof, 1)
     for i in held:
         force[i] = -residual[i]
     if not free:
         return a, force
-    matrix = mass_matrix(robot, q, added)
-    selected = list(free)
-    a_free = solve(matrix[selected, selected], residual[selected], _parents_among(robot, free))
+    a_free, matrix = response(robot, q, residual[list(free)], free, added)
     for position, i in enumerate(free):
         a[i] = a_free[position]
         for k in held:
             force[k] = force[k] + matrix[k, i] * a_free[position]
     return a, force
+
+
+def response(
+    robot: Robot, q: ca.SX, force: ca.SX, free: tuple[int, ...], added: BodyAddedMass | None
+) -> tuple[ca.SX, ca.SX]:
+    """Accelerations of free coordinates by forces on them, (m, k), and the mass matrix, (n, n).
+
+    Args:
+        robot: The machine.
+        q: Generalized coordinates, (n_q,) [m, rad, 1].
+        force: Generalized forces, (m, k) [N, N m].
+        free: Coordinates that are free; all others are still.
+        added: Added mass of the bodies; None for a vacuum.
+    """
+    matrix, selected = mass_matrix(robot, q, added), list(free)
+    return solve(matrix[selected, selected], force, _parents_among(robot, free)), matrix
 
 
 def _parents_among(robot: Robot, selected: tuple[int, ...]) -> tuple[int, ...]:

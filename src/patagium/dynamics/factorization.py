@@ -16,12 +16,12 @@ def solve(matrix: ca.SX, right: ca.SX, parents: Sequence[int]) -> ca.SX:
 
     Args:
         matrix: D, (m, m), symmetric positive definite [kg, kg m, kg m^2].
-        right: b, (m, 1) [N, N m].
+        right: b, (m, k) [N, N m].
         parents: For each row the row before it on the way to the root, -1 at the
             root; D[i, j] is zero unless one is an ancestor of the other.
 
     Returns:
-        x, (m, 1).
+        x, (m, k).
 
     References:
         Featherstone (2008), Rigid Body Dynamics Algorithms, section 6.5.
@@ -40,11 +40,11 @@ def solve(matrix: ca.SX, right: ca.SX, parents: Sequence[int]) -> ca.SX:
             for j in ancestors[k][position:]:
                 h[i, j] = h[j, i] = h[i, j] - ratio * h[k, j]
             factor[k, i] = ratio
-            x[i] = x[i] - ratio * x[k]
-    x = x * inverse_pivot
+            x[i, :] = x[i, :] - ratio * x[k, :]
+    x = ca.diag(inverse_pivot) @ x
     for k in order:
         for i in ancestors[k]:
-            x[k] = x[k] - factor[k, i] * x[i]
+            x[k, :] = x[k, :] - factor[k, i] * x[i, :]
     return x
 
 

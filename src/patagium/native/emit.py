@@ -166,7 +166,19 @@ def kernel_of(name: str) -> tuple[str, list[str]]:
     return "_".join(words[: len(words) - len(sizes)]), sizes
 
 
-def _dense_graph(function: ca.Function, calls: bool) -> _Graph:
+def calls_kernels(expression: ca.SX) -> bool:
+    """Whether a kernel is called in an expression."""
+    called = ca.Function("whole", ca.symvar(expression), [expression]).find_functions()
+    return any(kernel_of(function.name())[0] in KERNELS for function in called)
+
+
+def dense_graph(function: ca.Function, calls: bool) -> _Graph:
+    """Nodes of a function all of whose results are written, zeros too.
+
+    Args:
+        function: The function.
+        calls: Whether functions named `each_...` stay calls.
+    """
     inputs = [ca.SX.sym(n, *function.size_in(k)) for k, n in enumerate(function.name_in())]
     outputs = [ca.densify(output) for output in function.call(inputs, True, False)]
     return _Graph(ca.Function(function.name(), inputs, outputs), calls)
@@ -175,7 +187,7 @@ def _dense_graph(function: ca.Function, calls: bool) -> _Graph:
 def emit(function: ca.Function) -> str:
     """C text of a function of one state: a translation unit that defines `name`."""
     texts = dict[str, str]()
-    main = _one_state("void", function, _dense_graph(function, calls=True), texts)
+    main = _one_state("void", function, dense_graph(function, calls=True), texts)
     return "\n".join([*_header(function), *texts.values(), main, ""])
 
 
@@ -216,7 +228,7 @@ def emit_batch(function: ca.Function) -> list[str]:
         function: An SX function. Inputs whose name ends in `parameters` are the
             same for all states.
     """
-    name, graph = function.name(), _dense_graph(function, calls=False)
+    name, graph = function.name(), dense_graph(function, calls=False)
     shared = [k.endswith(SHARED_SUFFIX) for k in function.name_in()]
     sizes = [function.size1_in(k) * function.size2_in(k) for k in range(function.n_in())]
     tiles = _tiles(sizes, shared)

@@ -8,7 +8,7 @@ everything is in state and row.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -23,10 +23,12 @@ from patagium.dynamics.equations import (
     fluid_energy,
     fluid_momentum,
     forward_prescribed,
+    inverse,
     kinetic_energy,
     kirchhoff_force,
     momentum,
     potential_energy,
+    response,
     total_mass,
 )
 from patagium.dynamics.kinematics import body_poses, coordinate_rates
@@ -70,23 +72,27 @@ def flight_functions(
         added_mass: Inertia of the air, whose parameters follow the model's; or None.
         cells: Load cells.
     """
-    symbolic, robot_parameters = robot.symbolic()
-    layout = state_layout(symbolic, aero, mount, added_mass, cells)
-    state = ca.SX.sym("state", layout.size)
-    row = ca.SX.sym("row", layout.row_size + GUST_COMPONENTS * layout.met)
-    count = len(aero.parameters) + (0 if added_mass is None else len(added_mass.parameters))
-    aero_parameters = ca.SX.sym("c", count + (GUST if layout.met else 0))
-    rate, recorded = _equations(layout, aero, added_mass, state, row, aero_parameters)
-    inputs = [state, row, robot_parameters, aero_parameters]
+    layout, inputs = _symbols(robot, aero, mount, added_mass, cells)
+    machine, (state, row, _, aero_parameters) = layout.machine, inputs
+    motion = _motion(layout, aero, added_mass, inputs)
+    held = (*range(layout.hidden), *layout.prescribed)
+    a, constraint = forward_prescribed(
+        machine,
+        motion.q,
+        motion.v,
+        layout.prescribed_acceleration(row),
+        motion.applied + motion.damping,
+        held,
+        motion.added,
+    )
+    rate, recorded = _equations(layout, motion, state, a, constraint)
     names = ["state", "row", "robot_parameters", "aero_parameters"]
     functions = [
         ca.Function("rate", inputs, [rate], names, ["rate"]),
         ca.Function("record", inputs, [*recorded.values()], names, [*recorded]),
     ]
     if layout.met:
-        delays = strip_delays(
-            layout.machine, *layout.coordinates_and_velocities(state, row), aero_parameters[-GUST:]
-        )
+        delays = strip_delays(machine, motion.q, motion.v, aero_parameters[-GUST:])
         functions.append(ca.Function("meet", inputs, [delays], names, ["delays"]))
     if layout.quaternions:
         prepared = layout.normalized(state)
@@ -94,40 +100,100 @@ def flight_functions(
     return functions
 
 
-def _equations(
-    layout: StateLayout,
+class FlightBalance(NamedTuple):
+    """Equations of flight before they are solved for the free accelerations.
+
+    Attributes:
+        inputs: State, prescribed row, parameters of the robot and of its air.
+        free: Symbols of the free accelerations, (m, 1) [m/s^2, rad/s^2].
+        rate: Rate of the state with them.
+        effort: Forces and powers of the actuated joints with them, (2 n_a, 1) [N, N m, W].
+        lacking: Force that the motion of the free coordinates lacks, (m, 1) [N, N m].
+        response: Gives the free accelerations of forces on these coordinates.
+    """
+
+    inputs: list[ca.SX]
+    free: ca.SX
+    rate: ca.SX
+    effort: ca.SX
+    lacking: ca.SX
+    response: Callable[[ca.SX], ca.SX]
+
+
+def flight_balance(
+    robot: Robot, aero: Aerodynamics, mount: Mount, added_mass: AddedMass | None
+) -> FlightBalance:
+    """Balance of forces of a flight.
+
+    Args:
+        robot: The machine around which the model of the air is.
+        aero: Model of the air around it.
+        mount: Mount that holds it.
+        added_mass: Inertia of the air, or None.
+    """
+    layout, inputs = _symbols(robot, aero, mount, added_mass)
+    machine, motion = layout.machine, _motion(layout, aero, added_mass, inputs)
+    free, a = ca.SX.sym("a", len(layout.passive)), ca.SX.zeros(machine.dof, 1)
+    passive = list(layout.passive)
+    a[[*range(layout.hidden), *layout.prescribed]] = layout.prescribed_acceleration(inputs[1])
+    a[passive] = free
+    lacking = inverse(machine, motion.q, motion.v, a, motion.added)
+    lacking = lacking - (motion.applied + motion.damping)
+    constraint = ca.SX(lacking)
+    constraint[passive] = 0
+    rate, recorded = _equations(layout, motion, inputs[0], a, constraint)
+    effort = recorded["u1"], recorded["u1"] * recorded["v"]
+    own = list(robot.actuated)
+
+    def answer(force: ca.SX) -> ca.SX:
+        return response(machine, motion.q, force, layout.passive, motion.added)[0]
+
+    effort = ca.vertcat(*(part[own] for part in effort))
+    return FlightBalance(inputs, free, rate, effort, lacking[passive], answer)
+
+
+def _symbols(
+    robot: Robot,
     aero: Aerodynamics,
+    mount: Mount,
     added_mass: AddedMass | None,
-    state: ca.SX,
-    row: ca.SX,
-    parameters: ca.SX,
+    cells: Sequence[InternalLoadCell] = (),
+) -> tuple[StateLayout, list[ca.SX]]:
+    """Layout of a robot whose numbers are symbols; state, row, robot and aero parameters."""
+    symbolic, robot_parameters = robot.symbolic()
+    layout = state_layout(symbolic, aero, mount, added_mass, cells)
+    state = ca.SX.sym("state", layout.size)
+    row = ca.SX.sym("row", layout.row_size + GUST_COMPONENTS * layout.met)
+    count = len(aero.parameters) + (0 if added_mass is None else len(added_mass.parameters))
+    aero_parameters = ca.SX.sym("c", count + (GUST if layout.met else 0))
+    return layout, [state, row, robot_parameters, aero_parameters]
+
+
+def _equations(
+    layout: StateLayout, motion: _Motion, state: ca.SX, a: ca.SX, constraint: ca.SX
 ) -> tuple[ca.SX, dict[str, ca.SX]]:
-    """Rate of the state, (size, 1), and the recorded quantities by name [SI]."""
-    machine = layout.machine
-    q, v = layout.coordinates_and_velocities(state, row)
-    air = _air_forces(layout, aero, added_mass, (q, v), state, row, parameters)
-    damping = damping_force(machine, v)
-    applied = air.on_strips.generalized_force + air.circulation
-    a, constraint = forward_prescribed(
-        machine,
-        q,
-        v,
-        layout.prescribed_acceleration(row),
-        applied + damping,
-        (*range(layout.hidden), *layout.prescribed),
-        air.added,
-    )
+    """Rate of the state, (size, 1), and the recorded quantities by name [SI].
+
+    Args:
+        layout: Where everything is.
+        motion: Coordinates, velocities and forces.
+        state: The state.
+        a: Accelerations, (n, 1) [m/s^2, rad/s^2].
+        constraint: Force that keeps the prescribed motion, (n, 1) [N, N m].
+    """
+    machine, q, v = layout.machine, motion.q, motion.v
+    applied, damping, added = motion.applied, motion.damping, motion.added
     joint = ca.SX.zeros(machine.dof, 1)
     joint[list(machine.actuated)] = constraint[list(machine.actuated)]
     mount = constraint - joint
     forces, external = [joint, applied, damping, mount], applied + damping + mount
-    if air.added is not None:
-        forces.append(kirchhoff_force(machine, q, v, a, air.added))
+    if added is not None:
+        forces.append(kirchhoff_force(machine, q, v, a, added))
         external = external + forces[-1]
     rate = ca.vertcat(
         coordinate_rates(machine, q, v)[list(layout.passive_coordinates)],
         a[list(layout.passive)],
-        air.on_strips.state_derivative,
+        motion.on_strips.state_derivative,
         ca.vertcat(*[ca.dot(force, v) for force in forces]),
         external_force(machine, external),
     )
@@ -135,27 +201,30 @@ def _equations(
     lag, works, impulse = layout.after_velocities(state)
     recorded = {
         **{"q": q[layout.hidden :], "v": v[of_robot], "a": a[of_robot], "u1": joint[of_robot]},
-        "aero_force": air.on_strips.generalized_force[of_robot],
+        "aero_force": motion.on_strips.generalized_force[of_robot],
         **{"damping_force": damping[of_robot], "mount_force": mount[of_robot]},
         "mount_wrench": mount_wrench(machine, q, mount),
-        **observed(machine, q, v, air.on_strips),
+        **observed(machine, q, v, motion.on_strips),
         **{"works": works, "impulse": impulse, "aero_state": lag},
     }
-    if air.added is not None:
-        recorded["added_mass_force"] = (forces[-1] + air.circulation)[of_robot]
-        recorded["fluid_energy"] = fluid_energy(machine, q, v, air.added)
-        recorded["fluid_momentum"] = fluid_momentum(machine, q, v, air.added)
+    if added is not None:
+        recorded["added_mass_force"] = (forces[-1] + motion.circulation)[of_robot]
+        recorded["fluid_energy"] = fluid_energy(machine, q, v, added)
+        recorded["fluid_momentum"] = fluid_momentum(machine, q, v, added)
     if layout.cells:
         recorded[LOAD_CELLS] = _through_cells(layout, q, constraint, damping)
     if layout.met:
-        recorded[STRIP_WIND] = air.wind
+        recorded[STRIP_WIND] = motion.wind
     return rate, {name: recorded[name] for name in recorded_names(layout)}
 
 
-class _AirForces(NamedTuple):
-    """Forces of the air in a flight.
+class _Motion(NamedTuple):
+    """Motion of a machine in flight, and the forces that do not depend on accelerations.
 
     Attributes:
+        q: Generalized coordinates, (n_q, 1) [m, rad, 1].
+        v: Generalized velocities, (n, 1) [m/s, rad/s].
+        damping: Force of the passive dampers, (n, 1) [N, N m].
         on_strips: Expressions of the aerodynamic model.
         circulation: Part of the added mass's force that circulation takes back, (n, 1) [N, N m]:
             not the strips' own force, but its power is the air's, for carried air keeps its energy.
@@ -163,23 +232,26 @@ class _AirForces(NamedTuple):
         wind: Wind that strips answer to, world axes, (3, 1) or (3, n_strips) [m/s].
     """
 
+    q: ca.SX
+    v: ca.SX
+    damping: ca.SX
     on_strips: AeroExpressions
     circulation: ca.SX
     added: BodyAddedMass | None
     wind: ca.SX
 
+    @property
+    def applied(self) -> ca.SX:
+        """Force of the air but for its inertia, (n, 1) [N, N m]."""
+        return self.on_strips.generalized_force + self.circulation
 
-def _air_forces(
-    layout: StateLayout,
-    aero: Aerodynamics,
-    added_mass: AddedMass | None,
-    motion: tuple[ca.SX, ca.SX],
-    state: ca.SX,
-    row: ca.SX,
-    parameters: ca.SX,
-) -> _AirForces:
-    """Forces of the air on a machine whose coordinates and velocities are given."""
-    machine, (q, v) = layout.machine, motion
+
+def _motion(
+    layout: StateLayout, aero: Aerodynamics, added_mass: AddedMass | None, inputs: list[ca.SX]
+) -> _Motion:
+    """Motion of a machine whose state, row and parameters are given."""
+    machine, (state, row, _, parameters) = layout.machine, inputs
+    q, v = layout.coordinates_and_velocities(state, row)
     wind = mean = row[layout.row_size - 3 : layout.row_size]
     gust = ca.reshape(row[layout.row_size :], GUST_COMPONENTS, layout.met) if layout.met else None
     if gust is not None:
@@ -187,14 +259,15 @@ def _air_forces(
     count = len(aero.parameters)
     lag, _, _ = layout.after_velocities(state)
     on_strips = aero.expressions(machine, q, v, lag, wind, parameters[:count])
-    if added_mass is None:
-        return _AirForces(on_strips, ca.SX.zeros(machine.dof, 1), None, wind)
-    others = parameters[count:]
-    circulation = added_mass.circulation_force(machine, q, v, wind, others)
-    if gust is not None:
-        push = added_mass.gust_force(machine, q, gust_rates(gust), others)
-        circulation = circulation + push
-    return _AirForces(on_strips, circulation, added_mass.inertia(machine, mean, others), wind)
+    circulation, added = ca.SX.zeros(machine.dof, 1), None
+    if added_mass is not None:
+        others = parameters[count:]
+        circulation = added_mass.circulation_force(machine, q, v, wind, others)
+        added = added_mass.inertia(machine, mean, others)
+        if gust is not None:
+            push = added_mass.gust_force(machine, q, gust_rates(gust), others)
+            circulation = circulation + push
+    return _Motion(q, v, damping_force(machine, v), on_strips, circulation, added, wind)
 
 
 def recorded_names(layout: StateLayout) -> tuple[str, ...]:
