@@ -10,7 +10,7 @@ import typer
 
 from patagium.cli.options import OUTPUT, FilesArgument, ResultOption, output_file
 from patagium.cli.words import existing, progress_bar, say_json, say_next
-from patagium.errors import command
+from patagium.errors import PatagiumError, command
 
 NAME = "import"
 EXAMPLES = (
@@ -73,16 +73,26 @@ def import_log(
                 f"({spread}) m/s^2; the change itself is ({moved}) m/s^2 rms."
             )
     typer.echo(f"The log is in {found.path}")
-    say_next(*(command(f"patagium {verb} {{}}", found.path) for verb in _verbs(found.path)))
+    verbs = [command(f"patagium {verb} {{}}", found.path) for verb in _verbs(found.path)]
+    say_next(*(verbs or [f"change {mapping}, then import again"]))
 
 
 def _verbs(path: Path) -> list[str]:
-    """Verbs that take an imported log, by what it holds."""
+    """Verbs that take an imported log, by what it holds; what `motion` lacks is told."""
+    from patagium.sensing import sensor_log
     from patagium.sensing.logs.record import LogRecord
+    from patagium.sensing.motion.estimate_motion import coupled
+    from patagium.sensing.motion.sensor_streams import streams_of
 
     if path.suffix == ".csv":
         return ["stream --robot ROBOT"]
     with LogRecord(path) as record:
         learns = record.is_flight or bool(record.of_role("output"))
-        robot = " --robot ROBOT" * (record.robot is None)
-        return ["identify"] * learns + [f"motion{robot}"] * bool(record.of_role("channel"))
+        moves, robot, count = bool(record.of_role("channel")), record.robot, record.count
+    if moves and robot is not None and not learns and count < 1e6:  # it is read again
+        try:
+            coupled(robot, streams_of(sensor_log(path), robot, {}))
+        except PatagiumError as error:
+            typer.echo(f"patagium motion cannot take it yet: {error}", err=True)
+            moves = False
+    return ["identify"] * learns + ["motion" + " --robot ROBOT" * (robot is None)] * moves

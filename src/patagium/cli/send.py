@@ -28,17 +28,19 @@ def send(
     key_file: Annotated[Path | None, typer.Option(help="File of a key that signs them.")] = None,
 ) -> None:
     """Send a flight's motion and forces, or the raw samples of a log, to `patagium stream`."""
+    from patagium.cli.logs import record_of
     from patagium.live.packets import read_key, send_packets
     from patagium.live.sources import address_of
     from patagium.sensing import SensorLog, load_sensor_log, sensor_log
-    from patagium.sensing.logs.record import is_log
     from patagium.sensing.sensors.sense import is_sensor_log
     from patagium.simulation import load_flight
 
     key = None if key_file is None else read_key(key_file)
     recorded: xr.Dataset | SensorLog
-    if is_log(existing(file)):
-        recorded = sensor_log(file)
+    record = record_of(existing(file), None)
+    if record is not None:
+        with record:
+            recorded = record.flight() if record.is_flight else sensor_log(file)
     else:
         recorded = load_sensor_log(file) if is_sensor_log(file) else load_flight(file)
     address = address_of(target)

@@ -1,6 +1,7 @@
 """A flight as another program would have logged it: imported, learned from, and streamed."""
 
 import json
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ import xarray as xr
 import patagium as pt
 from patagium.cli.main import run
 from patagium.errors import FlightError, LogError
+from patagium.live.packets import flight_packets
 from patagium.sensing.logs.record import LogRecord
 from patagium.simulation import air_of, robot_of
 
@@ -122,6 +124,19 @@ def test_an_imported_flight_is_streamed(log: Path, capsys: pytest.CaptureFixture
     with pytest.raises(SystemExit):
         run(["stream", str(log.with_name("out.csv"))])
     assert "--robot: expected a preset or a robot file" in capsys.readouterr().err
+
+
+def test_an_imported_flight_is_sent_with_its_accelerations(flight: xr.Dataset, log: Path) -> None:
+    """It went as raw samples of encoders and cameras, without the v and a that it has."""
+    out = log.with_name("out.nc")
+    say("import", log, "--map", log.with_name("map.yaml"), "-o", out)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
+        listener.bind(("127.0.0.1", 0))
+        listener.settimeout(5.0)
+        say("send", out, f"udp://127.0.0.1:{listener.getsockname()[1]}", "--rate", "1e5")
+        first = np.frombuffer(listener.recv(1 << 16), "<f8")[2:]
+    expected = flight_packets(flight)[0]
+    np.testing.assert_allclose(first, expected, rtol=1e-9, atol=1e-9)
 
 
 def test_python_learns_from_an_imported_flight_as_from_the_flight(

@@ -92,6 +92,33 @@ def test_findings_of_the_import_are_told_and_the_file_is_no_flight(
     assert out.endswith("Next: patagium motion --robot ROBOT log.nc\n")
 
 
+def test_an_import_says_what_motion_lacks(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It said "Next: patagium motion", which refused the log."""
+    Path("bird.yaml").write_text(MAPPING + "robot: ornithopter\n", "utf-8")
+    with pytest.raises(SystemExit):
+        run(["import", "flight.csv", "--map", "bird.yaml", "-o", "log.nc"])
+    told = capsys.readouterr()
+    assert "patagium motion cannot take it yet: log: expected sensors that see left_" in told.err
+    assert told.out.endswith("Next: change bird.yaml, then import again\n")
+
+
+def test_coordinates_of_a_floating_base_become_cameras(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """q.x, q.y and q.z were taken for one vector, whose attitude was then missing."""
+    time = np.arange(200) / 200.0
+    turns = np.column_stack([0.1 * np.sin(9 * time), 0.2 * np.cos(9 * time), 0.5 * time])
+    rows = np.column_stack([time, time, 0 * time, -2.45 * time**2, turns])
+    header = "t,x,y,z,roll,pitch,yaw"
+    np.savetxt("flight.csv", rows, delimiter=",", header=header, comments="")
+    parts = [(name, "m" if name in "xyz" else "rad") for name in header.split(",")[1:]]
+    words = [f"  - {{column: {name}, unit: {unit}, name: q.{name}}}" for name, unit in parts]
+    text = "\n".join(["time: {column: t, unit: s}", "robot: brick.yaml", "channels:", *words])
+    Path("map.yaml").write_text(text, "utf-8")
+    said(["import", "flight.csv", "--map", "map.yaml", "-o", "log.nc"], capsys)
+    assert "cameras of body: 200 samples" in said(["motion", "log.nc"], capsys)
+
+
 def test_an_imported_log_gives_the_same_in_python(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

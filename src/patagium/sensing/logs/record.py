@@ -24,6 +24,7 @@ from patagium.sensing.logs.table import LogTable, find_gaps
 from patagium.simulation.flight import quantities, robot_of
 
 FORMAT = "patagium log 1"
+_COMPONENTS = (".w", ".x", ".y", ".z")
 _CACHE = 1 << 19
 """Cache of a variable [B]; the default of netCDF4 is many times that."""
 
@@ -208,10 +209,11 @@ class LogRecord:
             base = self.flight()
             used = {label for labels in self._parts(robot_of(base)).values() for label in labels}
         parts: dict[str, list[str]] = {}
+        single = {one.rpartition(".")[0] for one in self.labels if one[-2:] not in _COMPONENTS}
         for name in (label for label in self.labels if label not in used):
-            head, dot, tail = name.rpartition(".")
-            whole = head if dot and tail in ("w", "x", "y", "z") and head not in base else name
-            parts.setdefault(whole, []).append(name)
+            head = name[:-2] if name[-2:] in _COMPONENTS else ""
+            apart = not head or head in base or (head in PARTS and head in single)
+            parts.setdefault(name if apart else head, []).append(name)
         variables: dict[str, Any] = {}
         for whole, names in parts.items():
             dims = {3: ("time", "axis"), 4: ("time", "quaternion")}.get(len(names))

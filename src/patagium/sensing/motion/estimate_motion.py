@@ -310,7 +310,8 @@ def coupled(robot: Robot, streams: Sequence[Stream]) -> list[int]:
     unseen = set(range(robot.dof)) - set(seen) - found
     if unseen:
         silent = ", ".join(robot.dof_names[i] for i in sorted(unseen))
-        raise LogError(f"log: expected sensors that see {silent}, found none")
+        remedy = "an encoder, or in a mapping angles named after these joints, would"
+        raise LogError(f"log: expected sensors that see {silent}, found none; {remedy}")
     return sorted(set(range(robot.dof)) - alone)
 
 
