@@ -16,6 +16,7 @@ from patagium.errors import LogError, ParameterError, command
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from patagium.report import Table
     from patagium.sensing.logs.importing.findings import Finding
     from patagium.sensing.logs.importing.inspection import Inspection
 
@@ -59,9 +60,8 @@ def inspect(
     unknown = [name for name in topic or () if name not in names]
     if unknown:
         raise LogError(f"{found.path}: holds no topic {unknown[0]!r}, but {', '.join(names)}")
-    _show_topics(found)
-    _show_channels(found, topic or (names if len(names) == 1 else ()))
-    _show_unplaced(found)
+    for table in _tables(found, topic or (names if len(names) == 1 else ())):
+        show_table(table)
     show_findings(found.findings)
     for note in found.notes:
         typer.echo(f"Note: {note}")
@@ -132,7 +132,8 @@ def show_findings(findings: Sequence[Finding], *, err: bool = False) -> None:
     show_table(Table(["", "where", "what", "found"], rows, "Findings"), err=err)
 
 
-def _show_topics(found: Inspection) -> None:
+def _tables(found: Inspection, shown: Sequence[str]) -> list[Table]:
+    """Tables of the topics, of the fields of those to show, and of what is not read."""
     from patagium.report import Table
 
     columns = ["topic", "type", "rows", "stamps", "begin [s]", "duration [s]", "rate [Hz]",
@@ -142,29 +143,15 @@ def _show_topics(found: Inspection) -> None:
          one.duration, one.rate, one.gaps, one.longest, one.duplicates, one.backwards,
          len(one.channels)] for one in found.topics
     ]  # fmt: skip
-    show_table(Table(columns, rows, f"{found.path}: {found.format}"))
-
-
-def _show_channels(found: Inspection, names: Sequence[str]) -> None:
-    from patagium.report import Table
-
+    tables = [Table(columns, rows, f"{found.path}: {found.format}")]
     columns = ["field", "type", "unit", "lowest", "highest", "mean", "rms", "missing"]
     for one in found.topics:
-        if one.name not in names:
-            continue
-        rows: list[list[str | float | bool | None]] = [
-            [c.name, c.dtype, c.unit, c.low, c.high, c.mean, c.rms, c.missing] for c in one.channels
-        ]
-        show_table(Table(columns, rows, one.name or "table"))
-
-
-def _show_unplaced(found: Inspection) -> None:
-    from patagium.report import Table
-
-    rows: list[list[str | float | bool | None]] = [
-        [one.name or "table", path, reason]
-        for one in found.topics
-        for path, reason in one.unplaced.items()
-    ]
-    if rows:
-        show_table(Table(["topic", "field", "reason"], rows, "Not read"))
+        if one.name in shown:
+            rows = [
+                [c.name, c.dtype, c.unit, c.low, c.high, c.mean, c.rms, c.missing]
+                for c in one.channels
+            ]
+            tables.append(Table(columns, rows, one.name or "table"))
+    parts = [(one.name or "table", *part) for one in found.topics for part in one.unplaced.items()]
+    lost = [Table(["topic", "field", "reason"], [[*part] for part in parts], "Not read")]
+    return tables + lost * bool(parts)

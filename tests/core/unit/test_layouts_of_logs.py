@@ -568,6 +568,22 @@ def test_a_twist_may_hold_accelerations(
     assert {one.kind for one in found} == kinds
 
 
+@pytest.mark.parametrize(
+    ("head", "unit"),
+    [("Zeit [ms]", 1e3), ("Temps [s]", 1.0), ("time_boot_ms", 1e3), ("time/s", 1.0),
+     ("time in us", 1e6), ("Time [min]", 1 / 60), ("delay [ms]", None), ("zeit", None)],
+)  # fmt: skip
+def test_a_first_column_with_a_unit_of_time_is_time(
+    head: str, unit: float | None, tmp_path: Path
+) -> None:
+    time = np.arange(0.0, 2.0, 0.01)
+    rows = np.column_stack([time * (unit or 1.0), np.sin(time)])
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=";", header=f"{head};lift [N]", comments="")
+    (topic,) = inspect_log(tmp_path / "log.csv").topics
+    assert topic.stamps == ("rows" if unit is None else head)
+    assert unit is None or (topic.rate, topic.duration) == pytest.approx((100.0, 1.99))
+
+
 def test_an_index_column_without_a_name_is_no_matter(tmp_path: Path) -> None:
     pd.DataFrame({"t": np.arange(50) / 100, "f": 1.0 * np.arange(50)}).to_csv(tmp_path / "log.csv")
     import_log(tmp_path / "log.csv", parse_mapping(mapped(LIFT)), tmp_path / "out.nc")

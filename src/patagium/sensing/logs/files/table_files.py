@@ -45,10 +45,11 @@ from patagium.sensing.logs.files.mat_elements import check_elements
 from patagium.sensing.logs.mapping import conversion
 
 _HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
-_NANOSECONDS = {"s": 1e9, "sec": 1e9, "ms": 1e6, "us": 1e3, "usec": 1e3, "µs": 1e3, "ns": 1.0}
 TIME_NAME = re.compile(
-    r"^(time|t|timestamp|stamp|tout|clock)(?:[_ .(\[]*(s|sec|ms|us|usec|µs|ns)\W?)?$"
+    r"^(time|t|timestamp|stamp|tout|clock)"
+    r"(?:(?:[_ ]in[_ ]|[_ .(\[/]*)(s|sec|ms|us|usec|µs|ns)\W?)?$"
 )
+_SPAN = re.compile(r"(?i)(^|[^a-z])(delay|latency|lag|dt|period|duration|interval)([^a-z]|$)")
 _IN_GRAVITIES = re.compile(r"(^|[^a-z])a(cc[a-z]*)?[_. ]?[xyz]?_g$")
 _TIMED = re.compile(r"(^|_)(time[a-z]*|stamp|clock|delay|latency|dt|period)_(\w+_)?(ms|us|ns)$")
 _SUFFIXES = {
@@ -140,10 +141,21 @@ def guessed_base(
             unit = match[2] or channels[column].unit or "s"
             plain = not match[2] and unit == "s"
             guess = f"column {column!r} taken for time in s; a mapping says it better"
-            return StampSource(
-                "column", column, _NANOSECONDS.get(unit, 1e9)
-            ), guess if plain else ""
+            return StampSource("column", column, _nanoseconds_in(unit) or 1e9), guess * plain
+    for column in [*channels][:1]:
+        factor = 0.0 if _SPAN.search(column) else _nanoseconds_in(channels[column].unit)
+        if factor:
+            guess = f"first column {column!r} taken for time; a mapping says it better"
+            return StampSource("column", column, factor), guess
     return StampSource("rows"), "no column is named like time; rows are counted instead"
+
+
+def _nanoseconds_in(unit: str) -> float:
+    """Nanoseconds in a unit of time; 0 of another unit."""
+    try:
+        return float(round(conversion(unit, "ns", "time")[0]))
+    except LogError:
+        return 0.0
 
 
 def as_numbers(raw: Any, column: str, where: str, first: int) -> Array:
