@@ -5,13 +5,16 @@ Only `robot` is needed; the rest is chosen, and `Prepared.words` says how.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias, Union
 
 import xarray as xr
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
+from pydantic import (  # isort: skip
+    AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, ValidationInfo,
+    create_model,
+)  # fmt: skip
 from patagium.aerodynamics import AddedMass, Air
 from patagium.arguments import Progress
 from patagium.cli.estimates import GreyModel, air_class
@@ -35,7 +38,10 @@ from patagium.errors import LogError, ParameterError, PatagiumError, positive, r
 from patagium.limits import ROBOT_FILE
 from patagium.reading import parsed_yaml, refused, text_of
 from patagium.robot import Robot, load_robot
-from patagium.robot.units import Duration, Frequency, Length, Mass, PureNumber, Speed, quantity_type
+
+from patagium.robot.units import (  # isort: skip
+    Duration, Frequency, Length, Mass, PureNumber, Speed, quantity_type, si_at,
+)  # fmt: skip
 from patagium.sensing.sensors import presets
 from patagium.sensing.sensors.sensor import Sensor
 from patagium.simulation import gaits
@@ -47,6 +53,25 @@ BEATS = 40
 """Duration of a flight in wingbeats where none is given."""
 GUST_SHARE = 0.1
 """Gust over the speed where no event is given."""
+
+
+def _in_si(written: Any, info: ValidationInfo, name: str = "") -> Any:
+    """Numbers by state in SI, or that of a command, once the robot is known."""
+    robot = info.context
+    if robot is None or (written is None and not name):
+        return written
+    if isinstance(written, dict):
+        return {key: _in_si(one, info, key) for key, one in written.items()}
+    rate, _, state = name.rpartition(" of ")
+    command = robot.actuators.get(info.data.get("command", name))
+    unit = command.unit if command else ""
+    if state in robot.dof_names:
+        per = {"velocity": "/s", "acceleration": "/s^2"}.get(rate, "")
+        unit = robot.dof_units[robot.index(state)] + per
+    return si_at(written, unit, "a quantity", name)
+
+
+States: TypeAlias = Annotated[dict[str, Any], AfterValidator(_in_si)]
 
 
 class _Part(BaseModel):
@@ -80,7 +105,7 @@ class ControllerPart(_Part):
 
     type: Literal["predictive", "regulator", "averaged"] = "predictive"
     commands: tuple[str, ...] = ()
-    tolerable: dict[str, PureNumber] = {}
+    tolerable: States = {}
     learn: bool = False
 
 
@@ -105,7 +130,7 @@ class SensorPart(_Part):
 class SensorsPart(_Part):
     """Knowledge of the state: `NoisyState`, or with `parts` the tracker of sensors."""
 
-    std: dict[str, PureNumber] = {}
+    std: States = {}
     delay: Duration = 0.0
     missing: PureNumber = 0.0
     parts: tuple[SensorPart, ...] = ()
@@ -124,56 +149,14 @@ class SensorsPart(_Part):
         return TrackedState([part.sensor(robot) for part in self.parts])
 
 
-class _EventPart(_Part):
-    time: Duration
-
-    def event(self) -> Event:
-        """Event of the loop."""
-        kind = EVENTS[str(getattr(self, "type", ""))]
-        return kind(**{one.name: getattr(self, one.name) for one in fields(kind)})
-
-
-class GustPart(_EventPart):
-    """Gust of one minus cosine, or wind that turns and stays."""
-
-    type: Literal["gust"]
-    velocity: Velocity
-    length_time: Duration
-    stays: bool = False
-
-
-class PayloadPart(_EventPart):
-    """Mass on a body."""
-
-    type: Literal["payload"]
-    body: str
-    mass: Mass
-    position: tuple[Length, Length, Length] | None = None
-
-
-class WingLossPart(_EventPart):
-    """Outer part of a wing that is lost."""
-
-    type: Literal["wing_loss"]
-    wing: str
-    share: PureNumber
-
-
-class PolarPart(_EventPart):
-    """Numbers of the polar that are multiplied."""
-
-    type: Literal["polar"]
-    factors: dict[str, PureNumber]
-
-
-class StuckPart(_EventPart):
-    """Drive that holds its value."""
-
-    type: Literal["stuck"]
-    command: str
-    value: PureNumber | None = None
-
-
+_TYPES: dict[str, Any] = {
+    **dict.fromkeys(("time", "length_time"), Duration),
+    **{"velocity": Velocity, "mass": Mass, "share": PureNumber, "stays": bool},
+    "position": tuple[Length, Length, Length] | None,
+    "factors": dict[str, PureNumber],
+    "value": Annotated[Any, AfterValidator(_in_si)],
+}
+"""Types of the fields of events; others are names."""
 EVENTS: dict[str, type[Event]] = {
     "gust": GustEvent,
     "payload": PayloadEvent,
@@ -183,6 +166,15 @@ EVENTS: dict[str, type[Event]] = {
 }
 
 
+def _event_part(name: str, kind: type[Event]) -> Any:
+    """Event of a kind, as a plan has it."""
+    given: dict[str, Any] = {"type": (Literal[name], ...)}
+    for one in fields(kind):
+        default = ... if one.default is MISSING else one.default
+        given[one.name] = (_TYPES.get(one.name, str), default)
+    return create_model(kind.__name__, __base__=_Part, **given)
+
+
 def _kept(event: object) -> object:
     """Event of a plan; refused where its type was removed."""
     if isinstance(event, dict):
@@ -190,11 +182,8 @@ def _kept(event: object) -> object:
     return event
 
 
-EventPart: TypeAlias = Annotated[
-    GustPart | PayloadPart | WingLossPart | PolarPart | StuckPart,
-    Field(discriminator="type"),
-    BeforeValidator(_kept),
-]
+_PARTS: Any = Union[tuple(_event_part(*one) for one in EVENTS.items())]  # noqa: UP007
+EventPart: TypeAlias = Annotated[_PARTS, Field(discriminator="type"), BeforeValidator(_kept)]
 
 
 class Plan(_Part):
@@ -232,15 +221,14 @@ def load_plan(name_or_path: str | Path) -> Plan:
         return Plan(robot=str(name_or_path))
     try:
         plan = Plan.model_validate(described)
+        beside = path.parent / plan.robot
+        robot = str(beside) if beside.is_file() else plan.robot
+        told = {**described, "robot": robot}
+        return Plan.model_validate(told, context=load_robot(robot))
     except ValidationError as problem:
         raise refused(str(path), problem.errors(), Plan, text) from None
-    beside = path.parent / plan.robot
-    robot = str(beside) if beside.is_file() else plan.robot
-    try:
-        load_robot(robot)
     except PatagiumError as error:
         raise LogError(f"{path}: robot: {error}") from None
-    return plan.model_copy(update={"robot": robot})
 
 
 @dataclass(frozen=True)
@@ -339,7 +327,7 @@ def prepared(plan: Plan) -> Prepared:
     positive("duration", duration, "a positive number of seconds")
     events: tuple[Event, ...] = (_default_gust(orbit, duration),)
     if plan.events is not None:
-        events = tuple(one.event() for one in plan.events)
+        events = tuple(_event(dict(one)) for one in plan.events)
     known = plan.sensors.known(robot)
     return Prepared(plan, orbit, controller, duration, events, known)
 
@@ -354,6 +342,10 @@ def _controller(
         averaged = part.type == "averaged"
         law = LinearRegulator(orbit, named, tolerable=dict(part.tolerable), averaged=averaged)
     return AdaptiveController(law, orbit) if part.learn else law
+
+
+def _event(told: dict[str, Any]) -> Event:
+    return EVENTS[told.pop("type")](**told)
 
 
 def _default_gust(orbit: Orbit, duration: float) -> GustEvent:

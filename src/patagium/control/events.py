@@ -8,7 +8,8 @@ Neglected: what flies off, and the time that a change takes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from typing import Any, TypeAlias
 
@@ -54,6 +55,15 @@ class Event:
         """Event in words."""
         given = ", ".join(f"{k} {v}" for k, v in asdict(self).items() if k != "time")
         return f"{type(self).__name__}: {given}"
+
+    @contextmanager
+    def named(self) -> Iterator[None]:
+        """Errors in whose message the event is named."""
+        try:
+            yield
+        except ParameterError as error:
+            error.args = (f"events: at {self.time:g} s {self.words}: {error}",)
+            raise
 
     def gust(self) -> Gust | None:
         """Gust that it adds to the air, or None."""
@@ -220,8 +230,11 @@ def with_gusts(aero: Aerodynamics, events: Sequence[Event]) -> Aerodynamics:
     Raises:
         ParameterError: If there are other gusts than one that travels.
     """
-    found = [event.gust() for event in events]
-    gusts = [gust.describe() for gust in found if gust is not None]
+    gusts = []
+    for event in events:
+        with event.named():
+            gust = event.gust()
+        gusts += [] if gust is None else [gust.describe()]
     if not gusts:
         return aero
     aero.air.require_uniform("aero")

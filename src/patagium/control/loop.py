@@ -177,12 +177,13 @@ class _Loop:
         )  # fmt: skip
         self.due, machine = [], self.robot
         for event in sorted(self.events, key=lambda one: one.time):
-            if event.time > self.duration:
-                expected = f"within the flight of {self.duration:g} s"
-                raise ParameterError("events: time", expected, event.time)
-            if isinstance(event, StuckEvent):
-                self.gait.places(event.command)
-            machine, aero = event.changed(machine, aero)
+            with event.named():
+                if event.time > self.duration:
+                    expected = f"within the flight of {self.duration:g} s"
+                    raise ParameterError("time", expected, event.time)
+                if isinstance(event, StuckEvent):
+                    self.gait.places(event.command)
+                machine, aero = event.changed(machine, aero)
             self.due.append((ceil(event.time / step - 1e-9), event, machine, aero))
 
     def run(self, estimator: Estimator, learner: Learner | None, progress: Progress | None) -> None:

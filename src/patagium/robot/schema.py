@@ -21,12 +21,13 @@ from pydantic import (
 )
 
 from patagium.arrays import Array
-from patagium.limits import LEAST_MASS, TURN
+from patagium.limits import LEAST_MASS
 from patagium.robot.model import CAPACITIES, capacity_units
 
 from patagium.robot.units import (  # isort: skip
     Acceleration, Angle, BeamStiffness, Duration, Frequency, Inertia, Length, Mass, PureNumber,
-    SlidingDamping, Speed, Swing, Tilt, TurningDamping, UnitMismatch, in_si, mismatch, spoken,
+    SlidingDamping, Speed, Swing, Tilt, TurningDamping, UnitMismatch, in_si, mismatch, si_at,
+    spoken,
 )  # fmt: skip
 
 
@@ -229,17 +230,16 @@ class JointPart(_Part):
         converted = dict(written)
         for key, limit_unit in zip(CAPACITIES, capacity_units(unit), strict=True):
             if key in written:
-                converted[key] = most = _converted(written[key], limit_unit, "a limit", key)
+                converted[key] = most = si_at(written[key], limit_unit, "a limit", key)
                 if not most > 0:
                     raise mismatch("a positive quantity", f"{most:g}", key)
         if isinstance(written.get("limits"), list):
             converted["limits"] = tuple(
-                _converted(k, unit, noun, f"limits.{i}", np.inf)
-                for i, k in enumerate(written["limits"])
+                si_at(k, unit, noun, f"limits.{i}", np.inf) for i, k in enumerate(written["limits"])
             )
         for key, (own_unit, own_noun) in units.items():
             if key in written:
-                converted[key] = _converted(written[key], own_unit, own_noun, key)
+                converted[key] = si_at(written[key], own_unit, own_noun, key)
         return converted
 
     @model_validator(mode="after")
@@ -253,13 +253,6 @@ class JointPart(_Part):
         if self.rest and not self.stiffness:
             raise mismatch("a stiffness where there is a rest", "none", "stiffness")
         return self
-
-
-def _converted(written: object, unit: str, noun: str, key: str, most: float = TURN) -> float:
-    try:
-        return in_si(written, unit, noun, most)
-    except UnitMismatch as error:
-        raise mismatch(error.expected, error.found, key) from None
 
 
 class FloatingDamping(_Part):

@@ -174,16 +174,16 @@ _EXAMPLES = {
 
 def quantity_type(unit: str, noun: str, most: float = TURN) -> Any:
     """Pydantic field type of a quantity: text with a unit in, an SI float out."""
+    convert = BeforeValidator(lambda written: si_at(written, unit, noun, "", most))
+    return Annotated[float, convert, Field(examples=[_EXAMPLES.get(unit, f"1 {unit}")])]
 
-    def convert(written: object) -> float:
-        try:
-            return in_si(written, unit, noun, most)
-        except UnitMismatch as error:
-            raise mismatch(error.expected, error.found) from None
 
-    return Annotated[
-        float, BeforeValidator(convert), Field(examples=[_EXAMPLES.get(unit, f"1 {unit}")])
-    ]
+def si_at(written: object, unit: str, noun: str, at: str, most: float = TURN) -> float:
+    """SI value of a quantity below a key of a file; else the error that pydantic carries."""
+    try:
+        return in_si(written, unit, noun, most)
+    except UnitMismatch as error:
+        raise mismatch(error.expected, error.found, at) from None
 
 
 def mismatch(expected: str, found: str, at: str = "") -> PydanticCustomError:

@@ -104,6 +104,8 @@ def test_a_glider_holds_its_glide(tmp_path, capsys):
         ("speed: 6 m/s", "speed: fast", "line 3, trim.speed: .*a speed"),
         ("time: 0.2 s, ", "", "line 9, events.1.*time: .*found nothing"),
         ("missing: 0.02", "missing: .nan", "line 6, sensors.missing"),
+        ("velocity of z: 0.02", "velocity of z: 2 cm", r"line 6, sensors.std.velocity of z: .*m/s"),
+        ("value: 0", "value: 3 mm", r"line 13, events.5.stuck.value: .*rad"),
         ("robot: ornithopter\n", "", "robot: expected `robot: ornithopter`, found nothing"),
     ],
 )
@@ -112,6 +114,24 @@ def test_wrong_words_of_a_plan_are_told_with_their_line(tmp_path, old, new, wher
     path.write_text(PLAN.replace(old, new))
     with pytest.raises(LogError, match=where):
         load_plan(path)
+
+
+def test_numbers_of_a_plan_may_carry_units(tmp_path):
+    path = tmp_path / "plan.yaml"
+    words = PLAN.replace("std: {z: 0.005", "std: {z: 5 mm, pitch: 1 deg, velocity of yaw: 2 deg/s")
+    words = words.replace("value: 0}", "value: -3 deg}")
+    path.write_text(words.replace("commands:", "tolerable: {x: 20 cm, pitch: 0.1}, commands:"))
+    plan = load_plan(path)
+    assert plan.sensors.std == pytest.approx(
+        {
+            "z": 0.005,
+            "pitch": np.radians(1),
+            "velocity of yaw": np.radians(2),
+            "velocity of z": 0.02,
+        }
+    )
+    assert plan.controller.tolerable == {"x": 0.2, "pitch": 0.1}
+    assert plan.events[-1].value == pytest.approx(np.radians(-3))
 
 
 def test_the_robot_of_a_plan_is_looked_for_beside_it(tmp_path, monkeypatch):
@@ -138,9 +158,14 @@ def test_a_plan_asks_for_a_model_that_relearns(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "where"),
     [
-        ("wing: left_wing", "wing: left_wng", "wing"),
-        ("share: 0.03", "share: 1.5", "share"),
-        ("body: body", "body: boddy", "body"),
+        (
+            "wing: left_wing",
+            "wing: left_wng",
+            "events: at 0.4 s the outer 3 % of left_wng lost: wing",
+        ),
+        ("share: 0.03", "share: 1.5", "events: at 0.4 s the outer 150 % of left_wing lost: share"),
+        ("body: body", "body: boddy", "events: at 0.3 s a payload of 5 g on boddy: body"),
+        ("50 ms, stays", "-1 s, stays", "events: at 0.2 s a wind of 0.1, 0, 0 m/s more"),
         ("mass: 5 g", "mass: -5 g", "mass"),
         ("drag_offset", "drag_ofset", "factors"),
         ("command: rudder_offset", "command: ruder_offset", "ruder_offset"),
