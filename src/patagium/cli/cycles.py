@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from patagium.cli.options import FlightArgument, JsonOption, output_file
+from patagium.cli.options import FlightArgument, JsonOption, option_in, output_file
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import FLIGHT, answer, flight_file, quantity, say_next
+from patagium.cli.words import FLIGHT, answer, flight_file, say_next
 from patagium.errors import command
 
 EXAMPLES = (
@@ -22,10 +22,7 @@ def cycles(
     flight: FlightArgument = FLIGHT,
     period: Annotated[
         float | None,
-        typer.Option(
-            parser=quantity("s", "a time"),
-            help="Period of a wingbeat, in s; that of the gait by default.",
-        ),
+        option_in("s", "a time", "Period of a wingbeat, in s; that of the gait by default."),
     ] = None,
     skip: Annotated[
         int, typer.Option(min=0, help="Number of wingbeats left out at the beginning.")

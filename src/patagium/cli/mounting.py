@@ -10,15 +10,11 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import typer
 
-from patagium.cli.words import Vector, existing, named_quantities, quantity
+from patagium.cli.words import Vector, existing, named_quantities, parts_of, quantity
 from patagium.errors import ParameterError
 
 if TYPE_CHECKING:
     from patagium.simulation.mounts import Mount
-
-PATHS = ("line", "circle", "figure-of-eight", "sinusoid")
-"""Paths by name; any other word is a file."""
-
 
 MountKind: TypeAlias = Literal["free", "fixed", "carried", "arm"]
 """Mounts that hold the robot."""
@@ -30,10 +26,7 @@ class Sizes(tuple[float, ...]):
 
 def sizes(text: str) -> Sizes:
     """Lengths such as "0.9,0.3 m"; a last unit holds for all."""
-    parts = [part.strip() for part in text.split(",")]
-    last = parts[-1].partition(" ")[2]
-    one = quantity("m", "a length")
-    found = Sizes(one(part if " " in part else f"{part} {last}".strip()) for part in parts)
+    found = Sizes(map(quantity("m", "a length"), parts_of(text)))
     if len(found) > 3:
         raise typer.BadParameter(f"expected one to three lengths such as 0.9,0.3 m, found {text!r}")
     return found
@@ -107,33 +100,15 @@ def _path(words: PathWords) -> Any:
     from patagium.simulation import paths
 
     if words.kind is None:
-        expected = f"one of {', '.join(PATHS)}, or a CSV file"
+        expected = f"one of {', '.join(_MAKERS)}, or a CSV file"
         raise ParameterError("--path", expected, None)
-    makers: dict[str, Callable[[PathWords], Any]] = {
-        "line": _line,
-        "circle": _circle,
-        "figure-of-eight": _eight,
-        "sinusoid": _sinusoid,
-    }
-    _refuse_what_is_unused(words)
-    if words.kind not in makers:
-        return paths.from_csv(existing(Path(words.kind)))
-    return makers[words.kind](words)
-
-
-def _refuse_what_is_unused(words: PathWords) -> None:
-    used = _USED.get(words.kind or "", set())
+    make, used = _MAKERS.get(words.kind, (None, ()))
     for name, value in vars(words).items():
         if name != "kind" and value not in (None, ()) and name not in used:
             raise ParameterError(f"--path-{name}", f"nothing of the kind with {words.kind}", "one")
+    return paths.from_csv(existing(Path(words.kind))) if make is None else make(words)
 
 
-_USED = {
-    "line": {"center", "size", "speed", "attitude"},
-    "circle": {"center", "size", "speed", "frequency", "along", "attitude"},
-    "figure-of-eight": {*("center", "size", "speed", "frequency"), "along", "across", "attitude"},
-    "sinusoid": {"center", "frequency", "attitude", "amplitude"},
-}
 _ZERO = (0.0, 0.0, 0.0)
 
 
@@ -159,34 +134,18 @@ def _line(words: PathWords) -> Any:
     return paths.line(start, end, duration=duration, attitude=words.attitude or _ZERO)
 
 
-def _circle(words: PathWords) -> Any:
+def _round(words: PathWords) -> Any:
+    """Circle, or figure of eight."""
     from patagium.simulation import paths
 
-    (radius,) = _sized(words, 1, "a circle's radius, such as '20 cm'")
-    return paths.circle(
-        words.center or _ZERO,
-        radius,
-        speed=words.speed,
-        frequency=words.frequency,
-        normal=words.along or (0.0, 0.0, 1.0),
-        attitude=words.attitude or _ZERO,
-    )
-
-
-def _eight(words: PathWords) -> Any:
-    from patagium.simulation import paths
-
+    center, attitude = words.center or _ZERO, words.attitude or _ZERO
+    pace: Any = {"speed": words.speed, "frequency": words.frequency, "attitude": attitude}
+    if words.kind == "circle":
+        (radius,) = _sized(words, 1, "a circle's radius, such as '20 cm'")
+        return paths.circle(center, radius, normal=words.along or (0.0, 0.0, 1.0), **pace)
     length, width = _sized(words, 2, "length and width, such as '0.9,0.3 m'")
-    return paths.figure_of_eight(
-        words.center or _ZERO,
-        length,
-        width,
-        speed=words.speed,
-        frequency=words.frequency,
-        along=words.along or (1.0, 0.0, 0.0),
-        across=words.across or (0.0, 1.0, 0.0),
-        attitude=words.attitude or _ZERO,
-    )
+    along, across = words.along or (1.0, 0.0, 0.0), words.across or (0.0, 1.0, 0.0)
+    return paths.figure_of_eight(center, length, width, along=along, across=across, **pace)
 
 
 def _sinusoid(words: PathWords) -> Any:
@@ -201,3 +160,12 @@ def _sinusoid(words: PathWords) -> Any:
     center, attitude = words.center or _ZERO, words.attitude or _ZERO
     rate, still = words.frequency, None
     return paths.sinusoid(center, frequency=rate, phase=still, attitude=attitude, **size)
+
+
+_MAKERS: dict[str, tuple[Callable[[PathWords], Any], set[str]]] = {
+    "line": (_line, {"center", "size", "speed", "attitude"}),
+    "circle": (_round, {"center", "size", "speed", "frequency", "along", "attitude"}),
+    "figure-of-eight": (_round, {*"center size speed frequency along across attitude".split()}),
+    "sinusoid": (_sinusoid, {"center", "frequency", "attitude", "amplitude"}),
+}
+"""How a path of a kind is made, and the words that it takes."""

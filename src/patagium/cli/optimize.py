@@ -15,10 +15,11 @@ from patagium.cli.options import (
     JsonOption,
     PolarOption,
     RobotArgument,
+    option_in,
     output_file,
 )
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import Numbers, answer, numbers, quantity, say_json, show_table
+from patagium.cli.words import Numbers, answer, numbers, say_json, show_table
 from patagium.errors import ParameterError, PatagiumError
 
 if TYPE_CHECKING:
@@ -40,15 +41,9 @@ def optimize(
     robot: RobotArgument,
     speed: Annotated[
         float | None,
-        typer.Option(
-            parser=quantity("m/s", "a speed"),
-            help="Mean speed forward, in m/s; free by default, 0 hovers.",
-        ),
+        option_in("m/s", "a speed", "Mean speed forward, in m/s; free by default, 0 hovers."),
     ] = None,
-    climb: Annotated[
-        float,
-        typer.Option(parser=quantity("m/s", "a speed"), help="Mean speed upward, in m/s."),
-    ] = 0.0,
+    climb: Annotated[float, option_in("m/s", "a speed", "Mean speed upward, in m/s.")] = 0.0,
     goal: Annotated[
         Literal["power", "range", "speed"],
         typer.Option(help="Least mean power, least energy a meter, or greatest speed."),

@@ -18,6 +18,11 @@ def output_file(text: str, *words: str, callback: Any = None) -> Any:
     return typer.Option(*words, writable=True, callback=callback, help=text)
 
 
+def option_in(unit: str, noun: str, text: str) -> Any:
+    """Option of a quantity in a unit, with its help."""
+    return typer.Option(parser=quantity(unit, noun), help=text)
+
+
 FlightArgument = Annotated[Path, typer.Argument(help="Flight that patagium simulate wrote (.nc).")]
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
 ResultOption = Annotated[bool, typer.Option("--json", help="Result as JSON on stdout.")]
@@ -41,14 +46,8 @@ MappingOption = Annotated[
     Path | None,
     typer.Option("--mapping", "--map", help="Meaning of the columns or fields of a log (YAML)."),
 ]
-DurationOption = Annotated[
-    float | None,
-    typer.Option(parser=quantity("s", "a time"), help="Duration of the flight, in s."),
-]
-DensityOption = Annotated[
-    float,
-    typer.Option(parser=quantity("kg/m^3", "a density"), help="Density of the air, in kg/m^3."),
-]
+DurationOption = Annotated[float | None, option_in("s", "a time", "Duration of the flight, in s.")]
+DensityOption = Annotated[float, option_in("kg/m^3", "a density", "Density of the air, in kg/m^3.")]
 PolarOption = Annotated[
     str | None,
     typer.Option(

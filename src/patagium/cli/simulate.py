@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
@@ -21,6 +22,7 @@ from patagium.cli.options import (
     JsonOption,
     PolarOption,
     RobotArgument,
+    option_in,
 )
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import (
@@ -83,9 +85,10 @@ def simulate(
     duration: DurationOption = None,
     time_step: Annotated[
         float | None,
-        typer.Option(
-            parser=quantity("s", "a time"),
-            help="Fixed step of the RK4, in s; by default a 400th of a wingbeat or shorter.",
+        option_in(
+            "s",
+            "a time",
+            "Fixed step of the RK4, in s; by default a 400th of a wingbeat or shorter.",
         ),
     ] = None,
     gait: Annotated[
@@ -96,8 +99,7 @@ def simulate(
         ),
     ] = None,
     frequency: Annotated[
-        float | None,
-        typer.Option(parser=quantity("Hz", "a frequency"), help="Wing beats a second, in Hz."),
+        float | None, option_in("Hz", "a frequency", "Wing beats a second, in Hz.")
     ] = None,
     plunge: Annotated[
         float | None, typer.Option(**_ANGLE, help="Amplitude of plunge, in rad.")
@@ -134,14 +136,12 @@ def simulate(
     ] = None,
     ground: Annotated[
         float | None,
-        typer.Option(
-            parser=quantity("m", "a height"),
-            help="Height of the ground, world z, in m; without it there is none.",
+        option_in(
+            "m", "a height", "Height of the ground, world z, in m; without it there is none."
         ),
     ] = None,
     speed: Annotated[
-        float | None,
-        typer.Option(parser=quantity("m/s", "a speed"), help="Initial speed forward, in m/s."),
+        float | None, option_in("m/s", "a speed", "Initial speed forward, in m/s.")
     ] = None,
     pitch: Annotated[
         float | None, typer.Option(**_TILT, help="Initial pitch, positive nose down, in rad.")
@@ -171,12 +171,10 @@ def simulate(
         ),
     ] = None,
     path_speed: Annotated[
-        float | None,
-        typer.Option(parser=quantity("m/s", "a speed"), help="Greatest speed on the path, in m/s."),
+        float | None, option_in("m/s", "a speed", "Greatest speed on the path, in m/s.")
     ] = None,
     path_frequency: Annotated[
-        float | None,
-        typer.Option(parser=quantity("Hz", "a frequency"), help="Frequency of the path, in Hz."),
+        float | None, option_in("Hz", "a frequency", "Frequency of the path, in Hz.")
     ] = None,
     path_along: Annotated[
         Vector | None,
@@ -248,13 +246,11 @@ def simulate(
         keep(flight, output, figure, as_json)
         return
     amplitudes = {"plunge": plunge, "elbow": elbow, "feather": feather}
-    moves = (
-        gaits.cruise(machine, frequency)
-        if own
-        else _gait(
-            machine, gait, frequency, amplitudes, amplitude=amplitude, phase=phase, offset=offset
-        )
-    )
+    named = {"amplitude": amplitude, "phase": phase, "offset": offset}
+    if own:
+        moves: Gait = gaits.cruise(machine, frequency)
+    else:
+        moves = _gait(machine, gait, frequency, amplitudes, **named)
     words = PathWords(
         path, path_center, path_size, path_speed, path_frequency, path_along, path_across,
         path_attitude, path_amplitude or (),
@@ -396,12 +392,8 @@ def _gait(
         )
         raise ParameterError("--frequency", expected, None)
     if kind == "linkage":
-        return gaits.linkage(
-            machine,
-            frequency=frequency,
-            plunge_offset=means.get("plunge", 0.0),
-            elbow_offset=means.get("elbow", 0.0),
-        )
+        offsets: Any = {f"{name}_offset": value for name, value in means.items()}
+        return gaits.linkage(machine, frequency=frequency, **offsets)
     return gaits.sinusoidal(machine, frequency=frequency, phase=leads, offset=means, **sizes)
 
 
@@ -447,10 +439,7 @@ def _fly(
     from patagium.simulation.simulator import Simulator
 
     if shown is not None:
-
-        def start(moves: Gait) -> Simulator:
-            return Simulator(machine, model, moves, **conditions)
-
+        start = partial(Simulator, machine, model, **conditions)
         return live_options.fly_live(shown, start, machine, gait, model.air)
     with progress_bar(f"Flying {machine.name}") as bar, interruptible(bar) as progress:
         return simulation.simulate(
@@ -471,15 +460,9 @@ def _published(
 
     if frequency is None or plunge is None:
         raise ParameterError("--stepping published", "--frequency and --plunge with it", None)
-    return _of_laboratory(plugin(STEPPINGS, "published"), "--stepping")(
-        machine,
-        model,
-        frequency=frequency,
-        amplitude=plunge,
-        speed=speed,
-        duration=duration,
-        time_step=time_step,
-    )
+    how: Any = {"frequency": frequency, "amplitude": plunge, "speed": speed}
+    published = _of_laboratory(plugin(STEPPINGS, "published"), "--stepping")
+    return published(machine, model, duration=duration, time_step=time_step, **how)
 
 
 def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:

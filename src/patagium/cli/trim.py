@@ -15,13 +15,25 @@ from patagium.cli.options import (
     JsonOption,
     PolarOption,
     RobotArgument,
+    option_in,
     output_file,
 )
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import answer, for_person, heading, quantity, say_json, show_table
+from patagium.cli.words import (
+    answer,
+    for_person,
+    heading,
+    named_quantities,
+    parts_of,
+    quantity,
+    say_json,
+    show_table,
+)
 from patagium.errors import ParameterError, PatagiumError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from matplotlib.figure import Figure
 
     from patagium.control import Branch
@@ -48,9 +60,10 @@ def trim(
     ] = None,
     turn_rate: Annotated[
         float,
-        typer.Option(
-            parser=quantity("rad/s", "a rate of turning"),
-            help="Mean rate of the heading, positive to the left, in rad/s.",
+        option_in(
+            "rad/s",
+            "a rate of turning",
+            "Mean rate of the heading, positive to the left, in rad/s.",
         ),
     ] = 0.0,
     free: Annotated[
@@ -71,7 +84,7 @@ def trim(
         str | None,
         typer.Option(
             help="Branch of orbits along speed, climb or a gait parameter, from one value to "
-            "another, in SI units: speed=2:6."
+            "another, in SI units or with a unit: speed=2:6."
         ),
     ] = None,
     figure: Annotated[
@@ -113,7 +126,8 @@ def trim(
             answer(orbit.summary(), as_json=True)
         raise PatagiumError(repr(orbit))
     if along is not None:
-        name, limits = _range(along)
+        units = dict(zip(orbit.family.names, orbit.family.units, strict=True))
+        name, limits = _range(along, {**units, "speed": "m/s", "climb": "m/s"})
         hold = ("climb",) if level is not None or climb is not None else ()
         hold = (*hold, *(("speed",) if speed is not None else ()))
         _branch(control.continue_orbit(orbit, name, limits, hold=hold), figure, as_json)
@@ -136,13 +150,14 @@ def trim(
         typer.echo(f"Next: patagium {words}", err=True)
 
 
-def _range(words: str) -> tuple[str, tuple[float, float]]:
-    """Name of a parameter and its limits, from words such as "speed=2:6"."""
+def _range(words: str, units: Mapping[str, str]) -> tuple[str, tuple[float, float]]:
+    """Name of a parameter and its limits [unit by name], from words such as "speed=2:6 m/s"."""
     name, _, rest = words.partition("=")
-    try:
-        low, high = map(float, rest.split(":"))
-    except ValueError:
-        raise ParameterError("--along", "a name and two numbers: speed=2:6", words) from None
+    ends, unit = parts_of(rest, ":"), units.get(name, "").removesuffix("1")
+    if len(ends) != 2:
+        raise ParameterError("--along", "a name and two values: speed=2:6", words)
+    told = [named_quantities("--along", [f"{name}={one}"], unit, "a value") for one in ends]
+    low, high = sorted(one[name] for one in told)
     return name, (low, high)
 
 

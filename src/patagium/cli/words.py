@@ -81,15 +81,20 @@ def vector(unit: str, noun: str) -> Callable[[str], Vector]:
     one = quantity(unit, noun)
 
     def read(text: str) -> Vector:
-        parts = [part.strip() for part in text.split(",")]
+        parts = parts_of(text)
         if len(parts) != 3:
             raise typer.BadParameter(f"expected three numbers such as -3,0,0, found {text!r}")
-        last = parts[2].partition(" ")[2]
-        whole = [part if " " in part else f"{part} {last}".strip() for part in parts]
-        return Vector(*map(one, whole))
+        return Vector(*map(one, parts))
 
     read.__name__ = "X,Y,Z"
     return read
+
+
+def parts_of(text: str, between: str = ",") -> list[str]:
+    """Quantities of a text such as "1,2 m"; a last unit holds for all."""
+    parts = [part.strip() for part in text.split(between)]
+    last = parts[-1].partition(" ")[2]
+    return [part if " " in part else f"{part} {last}".strip() for part in parts]
 
 
 def numbers(text: str) -> Numbers:

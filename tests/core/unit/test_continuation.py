@@ -10,6 +10,7 @@ from scipy.optimize import minimize_scalar
 
 import patagium as pt
 from patagium.cli.main import run
+from patagium.cli.trim import _range
 from patagium.control import continue_orbit
 from patagium.control.continuation import crossing_kind
 from patagium.errors import ParameterError
@@ -134,3 +135,9 @@ def test_the_verb_shows_a_branch_and_a_picture(tmp_path, capsys):
     with pytest.raises(SystemExit) as left:
         run(["trim", "aerobat", "--along", "speed"])
     assert left.value.code == 2
+
+
+@pytest.mark.parametrize("words", ["speed=4.1:3.9", "speed=390:410 cm/s", "speed=3.9 m/s:410 cm/s"])
+def test_a_range_falls_or_has_units(words):
+    name, limits = _range(words, {"speed": "m/s"})
+    assert (name, limits) == ("speed", pytest.approx((3.9, 4.1)))
