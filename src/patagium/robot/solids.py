@@ -22,7 +22,7 @@ from patagium.robot.schema import Box, Cylinder, Ellipsoid, Plate, PointMass, Ro
 _BONE = 0.008  # radius of a bone over the span
 _STOUTNESS = 0.02  # the same over its own length, at least
 _TUBE = 0.06  # radius of a tube over the longest, where there is no wing: an arm's links
-_LEAST_BONE = 0.002  # radius, at least [m]
+_LEAST_BONE = 0.002  # radius of a robot without extent [m]
 
 
 class Solid(NamedTuple):
@@ -53,7 +53,7 @@ def solids(robot: Robot) -> list[Solid]:
     for index, body in enumerate(robot.bodies):
         shape = shapes.get(body.name)
         strips = [strip for strip in robot.strips if strip.body == index]
-        radius = max(_LEAST_BONE, thick if index < own or not robot.strips else thin)
+        radius = (thick if index < own or not robot.strips else thin) or _LEAST_BONE
         if shape is None or isinstance(shape, PointMass) or (isinstance(shape, Plate) and strips):
             found += _bones(robot, index, strips, radius)
         else:

@@ -10,7 +10,7 @@ import pytest
 import patagium as pt
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import ShapeError
-from patagium.robot import preset_names
+from patagium.robot import load_robot_text, preset_names
 from patagium.robot.planform import strip_corners
 from patagium.robot.solids import solids, wing_tips
 
@@ -71,6 +71,32 @@ def test_a_mounted_robot_keeps_its_shapes() -> None:
     kinds = {robot.bodies[solid.body].name: solid.kind for solid in solids(robot)}
     assert kinds["body"] == "cylinder" and kinds["right_humerus"] == "cylinder"
     assert kinds["arm_forearm"] == "capsule"
+
+
+def test_bones_of_an_insect_are_as_thin_as_those_of_a_bird() -> None:
+    """They had 2 mm at least: thicker than the body of a robot of 1 g."""
+    text = """
+name: bird
+gravity: 9.81
+bodies:
+  body: {floating: true, mass: 1 g, shape: {type: point}}
+  left_wing:
+    parent: body
+    joints: [{name: left_plunge, axis: x}]
+    mass: 0.1 g
+    center_of_mass: [0, 2 cm, 0]
+    shape: {type: plate, chord: 1 cm, span: 4 cm, thickness: 1 mm}
+wings:
+  - name: left_wing
+    segments:
+      - {body: left_wing, strips: 2, stations: [
+          {span: 0, leading: 0, trailing: -1 cm}, {span: 4 cm, leading: 0, trailing: -1 cm}]}
+mirror: [{from: left, to: right}]
+"""
+    insect = solids(load_robot_text(text, "insect"))
+    bird = solids(load_robot_text(text.replace(" cm", " m"), "bird"))
+    for small, large in zip(insect, bird, strict=True):
+        assert np.multiply(100, small.size) == pytest.approx(large.size)
 
 
 def test_every_body_is_seen() -> None:
