@@ -7,7 +7,9 @@ they run, so that --help is quick.
 
 from __future__ import annotations
 
+import codecs
 import os
+import re
 import sys
 import warnings
 from collections.abc import Sequence
@@ -147,7 +149,8 @@ def run(arguments: Sequence[str] | None = None) -> None:
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug, stderr = "--debug" in words, sys.stderr
     if isinstance(sys.stdout, TextIOWrapper):  # names of files may hold what is no text
-        sys.stdout.reconfigure(errors="backslashreplace")
+        codecs.register_error("patagium", _in_fewer_letters)
+        sys.stdout.reconfigure(errors="patagium")
     sys.stderr = cast(TextIO, _Messages(stderr))
     try:
         with repeated_interrupt(), warnings.catch_warnings():
@@ -174,6 +177,14 @@ def run(arguments: Sequence[str] | None = None) -> None:
     finally:
         sys.stderr = stderr
         _drop_unwritable()
+
+
+def _in_fewer_letters(problem: Any) -> tuple[str | bytes, int]:
+    """Text for letters that an encoding lacks, such as -3x10^-4 for a number with its signs."""
+    lost = problem.object[problem.start : problem.end]
+    plain = re.sub("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", r"^\g<0>", lost)
+    plain = plain.translate(str.maketrans("−–⁻×⁰¹²³⁴⁵⁶⁷⁸⁹", "---x0123456789"))
+    return plain.encode("ascii", "backslashreplace").decode(), problem.end
 
 
 class _Messages:

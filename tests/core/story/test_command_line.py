@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import subprocess
@@ -475,3 +476,17 @@ def test_identify_needs_nothing_and_says_what_it_chose(flight: Path, speak: Spea
 def test_debug_shows_where_it_went_wrong() -> None:
     with pytest.raises(RobotFileError, match="albatross"):
         run(["robots", "albatross", "--debug"])
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
+def test_numbers_are_read_where_letters_lack(
+    encoding: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A terminal of few letters showed the code of a minus before 0.69, which reads as digits."""
+    shown = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
+    monkeypatch.setattr(sys, "stdout", shown)
+    with pytest.raises(SystemExit):
+        run(["--version"])
+    print("−0.69 3×10⁻⁴ – \u4e2d", file=shown, flush=True)
+    told = shown.buffer.getvalue().decode(encoding).splitlines()[-1]  # type: ignore[attr-defined]
+    assert told.replace("×", "x").replace("–", "-") == "-0.69 3x10^-4 - \\u4e2d"
