@@ -13,8 +13,8 @@ import typer
 from patagium.cli.learner_options import LearnerChoice, NetworkKind, nested, with_learner_options
 from patagium.cli.options import OUTPUT, MappingOption, output_file
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import progress_bar, say_json, show_table
-from patagium.errors import LogError
+from patagium.cli.words import progress_bar, say_json, say_next, show_table
+from patagium.errors import LogError, command
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -120,6 +120,9 @@ def tune(
     told = partial(say_json, best) if as_json else partial(_show, found)
     outputs.attempt("trials on stdout", told)
     outputs.check()
+    if not as_json:
+        meant = "" if mapping is None else command(" --mapping {}", mapping)
+        say_next(command("patagium identify {} --settings {}", files[0], out) + meant)
 
 
 def _tried(choice: LearnerChoice, table: LogTable | None) -> list[LearnerChoice]:

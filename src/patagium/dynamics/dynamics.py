@@ -310,6 +310,9 @@ class Point:
         )
         self._parameters = robot.parameters
 
+    def __repr__(self) -> str:
+        return f"<Point {self.offset} m on {self.robot.bodies[self.body].name} of {self.robot!r}>"
+
     def position(self, q: ArrayLike) -> Array:
         """Position in world axes, (3,) [m].
 

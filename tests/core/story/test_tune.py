@@ -193,6 +193,7 @@ def test_flights_are_left_out_and_must_be_of_one_robot_in_one_wind(
     said = " ".join(answer.out.split())
     assert answer.code == 0, answer.err
     assert "Rule: left-out flights: other.nc. " in said and "trials were refused." in said
+    assert said.endswith(f"Next: patagium identify {flight} --settings {out}")
     assert yaml.safe_load(out.read_text("utf-8"))["search"]["rule"] == "left-out flights: other.nc"
     refused = speak("tune", flight, "--hold-out", windy, *TUNE, *base)
     assert refused.code == 2 and "expected the wind of flight.nc" in refused.err

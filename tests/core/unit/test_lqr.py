@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -91,6 +93,13 @@ def test_an_averaged_regulator_says_where_it_fails_and_does(orbit):
         flown(orbit, one, beats, 1e-4) for one, beats in zip(each, (40, 80), strict=True)
     )
     assert late / early == pytest.approx(grows**40, rel=0.3)  # other modes are not yet gone
+
+
+def test_a_controller_says_what_it_commands(orbit):
+    told = repr(LinearRegulator(orbit, COMMANDS))
+    assert re.fullmatch(
+        r"<LinearRegulator of \S+: frequency, elevation_offset, rudder_offset each \S+ s>", told
+    )
 
 
 def test_a_command_that_is_none_is_refused(orbit):

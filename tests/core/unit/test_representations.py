@@ -113,6 +113,11 @@ def test_every_public_object_says_what_it_is_in_a_few_lines(things: dict[str, An
     assert "samples: 10001\n" in repr(many)  # a count, all its digits
 
 
+def test_a_point_says_where_it_is(robot: pt.Robot) -> None:
+    point = pt.Dynamics(robot).point("left_plate", (0.0, 0.1, 0.0))
+    assert repr(point).startswith("<Point [0.  0.1 0. ] m on left_plate of <Robot aerobat: ")
+
+
 def test_what_equations_depend_on_is_not_what_a_person_reads(robot: pt.Robot) -> None:
     heavier = robot.with_parameters({robot.parameter_names[0]: 1.0})
     assert repr(robot) == repr(heavier) and robot.structure == heavier.structure
