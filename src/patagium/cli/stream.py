@@ -167,8 +167,10 @@ def _robot_of(source: str) -> Robot:
     from patagium.sensing.logs.record import LogRecord, is_log
     from patagium.sensing.sensors.sense import is_sensor_log
 
-    found = load_sensor_log(source).robot if is_sensor_log(source) else None
-    if is_log(source):
+    found, named = None, source == "-" or "://" in source
+    if not named and is_sensor_log(source):
+        found = load_sensor_log(source).robot
+    if not named and is_log(source):
         with LogRecord(source) as record:
             found = record.robot
     if found is None:

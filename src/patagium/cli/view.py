@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.options import OUTPUT, PredictedOption, output_file
-from patagium.cli.words import FLIGHT, existing, flight_file, progress_bar, quantity, say_next
+from patagium.cli.options import OUTPUT, PredictedOption, option_in, output_file
+from patagium.cli.words import FLIGHT, existing, flight_file, progress_bar, say_next
 from patagium.errors import ParameterError, command
 
 if TYPE_CHECKING:
@@ -41,12 +41,10 @@ def view(
     ] = None,
     title: Annotated[str | None, typer.Option(help="Heading of the page.")] = None,
     start: Annotated[
-        float | None,
-        typer.Option(parser=quantity("s", "a time"), help="Show the flight from here, in s."),
+        float | None, option_in("s", "a time", "Show the flight from here, in s.")
     ] = None,
     end: Annotated[
-        float | None,
-        typer.Option(parser=quantity("s", "a time"), help="Show the flight up to here, in s."),
+        float | None, option_in("s", "a time", "Show the flight up to here, in s.")
     ] = None,
     still: Annotated[
         Path | None, output_file("File for a picture of one moment instead (.png, .svg, .pdf).")
@@ -56,8 +54,7 @@ def view(
         output_file("File for a film of --start to --end instead (.gif; .mp4: [film])."),
     ] = None,
     at: Annotated[
-        float | None,
-        typer.Option(parser=quantity("s", "a time"), help="That moment, in s; else the middle."),
+        float | None, option_in("s", "a time", "That moment, in s; else the middle.")
     ] = None,
 ) -> None:
     """Show a flight in three dimensions: one HTML file, opened by any browser, offline.
@@ -67,53 +64,37 @@ def view(
     Bodies, folding wings, forces on strips, path; plays from 1/200 of real time, steps, repeats a
     wingbeat; plots of generalized forces with a cursor at the time shown.
     """
+    from patagium.report.figures import save_figure
+    from patagium.report.page import page_path
     from patagium.simulation import load_flight
     from patagium.viewer import replay
+    from patagium.viewer import still as draw_still
+    from patagium.viewer.film import film as write_film
 
     if model is not None and predictions is not None:
         raise ParameterError("--predictions", "either a model or predictions", "both")
     flight, *others = flights
     if len(others) > 1:
         raise ParameterError("flights", "one or two", len(flights))
-    if still is not None:
-        _draw(flight, still, at, _predicted(model, predictions))
-        return
-    if film is not None:
-        _film(flight, film, _predicted(model, predictions), start, end)
-        return
-    if at is not None:
+    if len({out, still, film} - {None}) > 1:
+        raise ParameterError("--out, --still, --film", "one of them", "several")
+    page = page_path(flight.with_suffix(".html") if out is None else out, name="--out")
+    if at is not None and still is None:
         raise ParameterError("--at", "--still, the picture it is for, as well", "none")
-    page = flight.with_suffix(".html") if out is None else out
-    if page.suffix.lower() not in (".html", ".htm"):
-        raise ParameterError("--out", "a name ending in .html", page.name)
-    options: dict[str, Any] = {"title": title, "start": start, "end": end}
-    options["beside"] = {other.stem: load_flight(flight_file(other)) for other in others}
-    replay(
-        load_flight(flight_file(flight)), page, predicted=_predicted(model, predictions), **options
-    )
-    typer.echo(f"The page is in {page}", err=True)
-    say_next(f"open {page} in a browser", command("patagium cycles {}", flight))
-
-
-def _draw(flight: Path, picture: Path, at: float | None, predicted: Predicted | None) -> None:
-    from patagium.report.figures import save_figure
-    from patagium.simulation import load_flight
-    from patagium.viewer import still
-
-    save_figure(still(load_flight(flight_file(flight)), at, predicted=predicted), picture)
-    typer.echo(f"The picture is in {picture}", err=True)
-
-
-def _film(
-    flight: Path, path: Path, predicted: Predicted | None, start: float | None, end: float | None
-) -> None:
-    from patagium.simulation import load_flight
-    from patagium.viewer.film import film
-
-    with progress_bar("Filming") as progress:
-        recorded = load_flight(flight_file(flight))
-        film(recorded, path, predicted=predicted, start=start, end=end, progress=progress)
-    typer.echo(f"The film is in {path}", err=True)
+    shown, predicted = load_flight(flight_file(flight)), _predicted(model, predictions)
+    if still is not None:
+        save_figure(draw_still(shown, at, predicted=predicted), still)
+        typer.echo(f"The picture is in {still}", err=True)
+    elif film is not None:
+        with progress_bar("Filming") as progress:
+            write_film(shown, film, predicted=predicted, start=start, end=end, progress=progress)
+        typer.echo(f"The film is in {film}", err=True)
+    else:
+        beside = {other.stem: load_flight(flight_file(other)) for other in others}
+        options: dict[str, Any] = {"title": title, "start": start, "end": end, "beside": beside}
+        replay(shown, page, predicted=predicted, **options)
+        typer.echo(f"The page is in {page}", err=True)
+        say_next(f"open {page} in a browser", command("patagium cycles {}", flight))
 
 
 def _predicted(model: Path | None, predictions: Path | None) -> Predicted | None:

@@ -24,6 +24,7 @@ from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError
 from patagium.live.packets import LARGEST_DATAGRAM, DatagramPackets, Intake, TextPackets, read_key
 from patagium.live.raw_sensors import MotionPackets, beyond_limits, sensor_rows, sensors_text
+from patagium.netcdf_file import kind_of
 from patagium.reading import regular_file
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import packet_parts
@@ -400,6 +401,9 @@ def source_of(
         return RecordSource(columns, path)
     if is_sensor_log(path):
         return SensorLogSource(load_sensor_log(path))
+    if other := kind_of(path):
+        expected = "text of packets, an imported log or a sensor log"
+        raise LogError(f"{path}: expected {expected}, found {other}; patagium send sends a flight")
     return TextSource(columns, path, idle=idle)
 
 

@@ -381,9 +381,7 @@ def write_page(
     Raises:
         ParameterError: If the name ends otherwise than a page's.
     """
-    path, told = Path(path), dict(facts or {})
-    if path.suffix not in ("", ".html", ".htm", ".md"):
-        raise ParameterError("page", "a name ending in .html", path.name)
+    path, told = page_path(path, "", ".md"), dict(facts or {})
     if path.suffix == ".md":
         text, pictures = markdown_page(title, sections, summary, told, path.stem, opening)
         for name, image in pictures.items():
@@ -394,6 +392,18 @@ def write_page(
             title=title, summary=summary, sections=sections, facts=told, opening=first
         )
     return write_whole(path, text)
+
+
+def page_path(path: str | Path, *more: str, name: str = "page") -> Path:
+    """Path of a page, whose name ends in .html, .htm or as `more` says.
+
+    Raises:
+        ParameterError: If it ends otherwise.
+    """
+    page = Path(path)
+    if page.suffix.lower() not in (".html", ".htm", *more):
+        raise ParameterError(name, "a name ending in .html", page.name)
+    return page
 
 
 _FIRST: tuple[Any, ...] = (Picture, KeyNumber, str | Table | Note | Link)

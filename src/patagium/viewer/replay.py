@@ -22,6 +22,7 @@ from patagium.arrays import Array, Indices
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, ParameterError
 from patagium.report.figures import events_of, off_reference
+from patagium.report.page import page_path
 from patagium.report.replay_page import Arrows, Mark, Replay, Series, Surface, write_replay
 from patagium.report.still import OBLIQUE, draw_still
 from patagium.robot import Robot
@@ -195,11 +196,12 @@ def replay(
 
     Raises:
         FlightError: If the flight does not carry its robot.
-        ParameterError: If the span holds no two samples, or beside another flight predicted
-            forces are asked for too.
+        ParameterError: If the span holds no two samples, the path ends not in .html, or beside
+            another flight predicted forces are asked for too.
         ShapeError: If the model is of another robot.
         LogError: If the identification is of another flight.
     """
+    page = page_path(path)
     if beside and predicted is not None:
         raise ParameterError("beside", "nothing with predicted forces", ", ".join(beside))
     shown = replay_content(flight, predicted, title, start, end)
@@ -208,7 +210,7 @@ def replay(
         beside = {"reference": flight.assign(q=wanted)}
     for name, other in (beside or {}).items():
         shown = _beside(shown, replay_content(other, None, None, start, end), name)
-    return write_replay(path, shown)
+    return write_replay(page, shown)
 
 
 def _beside(shown: Replay, other: Replay, name: str) -> Replay:

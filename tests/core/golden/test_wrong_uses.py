@@ -107,11 +107,15 @@ identify flight.nc --hidden 8,x
 identify flight.nc --prior-std -1
 identify flight.nc --every 0
 identify flight.nc --horizon soon
+identify flight.nc --horizon 5
 view aerobat
 view flight.nc --model flight.nc
 view flight.nc --model modl.json
 view flight.nc --out page.txt
 view flight.nc --still picture.bmp
+view flight.nc --still picture.png --film film.gif
+stream flight.nc --robot aerobat
+stream udp://127.0.0.1:9000
 view model.json
 fly
 fly ornithoptr

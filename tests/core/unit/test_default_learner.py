@@ -51,6 +51,14 @@ def test_a_flight_is_learned_without_any_choice(flight: xr.Dataset) -> None:
     assert np.array_equal(again.learner.weights, result.learner.weights)
 
 
+def test_a_motion_without_accelerations_is_refused_in_words() -> None:
+    robot = pt.load_robot("aerobat")
+    learner = pt.ExtendedLearner(LinearStripNetwork(robot), measurement_std=1e-3)
+    q, v = robot.coordinates(), robot.coordinates(x=3.0)
+    with pytest.raises(pt.errors.ShapeError, match=r"\(42,\) of np.concatenate\(\[q, v, a\]\)"):
+        learner.predict([q, v])
+
+
 def test_the_first_wingbeat_says_whether_flow_is_attached(
     flight: xr.Dataset, tmp_path: Path
 ) -> None:

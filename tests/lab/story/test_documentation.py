@@ -20,6 +20,7 @@ import pytest
 
 import patagium as pt
 from patagium.cli.main import run
+from patagium.cli.plan import load_plan
 from patagium.sensing.logs.files import opening
 
 ROOT = Path(__file__).parents[3]
@@ -214,6 +215,21 @@ def _unspaced(name: str) -> str:
     """Name without its name space: `air.QuasiSteady` is also `QuasiSteady`."""
     space, _, rest = name.partition(".")
     return rest if space in NAME_SPACES and rest in pt.__all__ else name
+
+
+def test_shapes_and_the_plan_of_the_pages_are_read(tmp_path: Path) -> None:
+    shapes = re.findall(r"^\| `(\{type: .*\})` \|", _texts()["robot_file.md"], re.MULTILINE)
+    assert len(shapes) == 5
+    path = tmp_path / "one.yaml"
+    for one in shapes:
+        body = f"{{floating: true, mass: 1 g, shape: {one}}}"
+        path.write_text(f"name: one\ngravity: 9.81\nbodies: {{b: {body}}}", encoding="utf-8")
+        if "point" not in one:  # nothing that turns may be without inertia
+            assert pt.load_robot(path).bodies[0].mass == 0.001
+    plan = re.search(r"```yaml\n(robot: ornithopter\n.*?)```", _texts()["control.md"], re.DOTALL)
+    assert plan is not None
+    path.write_text(plan[1], encoding="utf-8")
+    assert load_plan(path).sensors.std["z"] == 0.002
 
 
 def test_every_public_name_has_an_example_or_is_given_by_one() -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arrays import Array, real_array
-from patagium.errors import FilterDiverged, Outcome
+from patagium.errors import FilterDiverged, Outcome, ShapeError
 from patagium.learning.models.network import Network
 
 _KEPT = 2**16
@@ -123,7 +123,13 @@ def as_input(network: Network, x: ArrayLike) -> Array:
     Raises:
         ShapeError: If it has another shape.
     """
-    return real_array("x", x, (network.inputs,))
+    try:
+        return real_array("x", x, (network.inputs,))
+    except ShapeError as problem:
+        robot, told = getattr(network, "robot", None), ""
+        if robot is not None and network.inputs == robot.state_size + robot.dof:
+            told = " of np.concatenate([q, v, a])"
+        raise ShapeError("x", f"{problem.expected}{told}", problem.found) from None
 
 
 def shaped_sample(network: Network, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
