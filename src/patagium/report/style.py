@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from patagium.arrays import Array
 from patagium.errors import ParameterError, ShapeError
+from patagium.report.page import SMALLEST_LETTERS
 
 TRUTH = "#1a1a1a"
 COLORS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
@@ -108,8 +109,6 @@ def round_down(value: float) -> float:
     return float(power * max(k for k in (1, 2, 5) if k * power <= value * (1 + 1e-9)))
 
 
-SMALLEST_LETTERS = 8.5
-"""Size of the smallest letters of a figure [pt]."""
 _STYLE: Any = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
