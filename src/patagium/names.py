@@ -10,7 +10,6 @@ import ast
 import sys
 from importlib import import_module
 from importlib.util import find_spec
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -26,7 +25,8 @@ def offer_names(package: str) -> list[str]:
         The names, for `__all__`.
     """
     module = sys.modules[package]
-    stub = Path(str(module.__file__)).with_suffix(".pyi").read_text("utf-8")
+    loader: Any = module.__loader__  # of folders or of archives
+    stub = loader.get_data(str(module.__file__).rpartition(".")[0] + ".pyi").decode("utf-8")
     lines = [line for line in ast.parse(stub).body if isinstance(line, ast.ImportFrom)]
     homes = {one.name: str(line.module) for line in lines for one in line.names}
     module.__dict__["_homes"] = homes
