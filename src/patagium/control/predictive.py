@@ -528,12 +528,12 @@ class OrbitController:
         self.costs, self.gains = self._law(model)
         self.held: Counter[str] = Counter()
         self._time = 0.0
+        self._followed = False
 
     def __repr__(self) -> str:
         commands = ", ".join(self.model.commands)
         name = f"{type(self).__name__} of {self.model.robot.name}"
         return f"<{name}: {commands} each {self.period:.3g} s>"
-        self._followed = False
 
     def restart(self) -> None:
         """Start anew, as at the beginning of a flight.
