@@ -248,30 +248,26 @@ def _slope_functions(
     balance = flight_balance(flight.robot, flight.aero, mount, flight.added_mass)
     state, row, *constants = balance.inputs
     outputs = balance.effort if loads else balance.rate[: flight.size]
-    own = ca.vertcat(*constants)[list(places)]
-    variables = ca.vertcat(state[: flight.size], row[:-3], own)
+    variables = ca.vertcat(state[: flight.size], row[:-3], ca.vertcat(*constants)[list(places)])
     both, everything = ca.vertcat(outputs, balance.lacking), ca.vertcat(variables, balance.free)
     still = ca.substitute(balance.lacking, balance.free, ca.DM.zeros(balance.free.shape))
     solved, count = ca.densify(balance.response(-still)), outputs.numel()
     inputs = [state[: flight.size], row, *constants]
-    names = ["state", "row", "robot_parameters", "aero_parameters"]
-    seed, seeded = ca.SX.sym("seed", variables.numel()), calls_kernels(both)
-    if seeded:
+    names, width = ["state", "row", "robot_parameters", "aero_parameters"], variables.numel()
+    if calls_kernels(both):
+        seed = ca.SX.sym("seed", width)
         (rate,) = ca.substitute([outputs], [balance.free], [solved])
         found = ca.vertcat(rate, ca.jtimes(rate, variables, seed))
-        inputs, names = [*inputs, seed], [*names, "seed"]
-    else:
-        slopes = jacobian(both, everything)
-        answer = -balance.response(slopes[count:, : seed.numel()])
-        whole = slopes[:count, : seed.numel()] + slopes[:count, seed.numel() :] @ answer
-        found = ca.vertcat(outputs, *whole.nonzeros())
-        (found,) = ca.substitute([found], [balance.free], [solved])
-    functions = [ca.Function("slope", inputs, [found], names, ["found"])]
-    if not seeded:
-        filled = whole.sparsity()
-        entries, unused = ca.SX(ca.DM([*filled.row(), *filled.get_col()])), ca.SX.sym("unused")
-        functions.append(ca.Function("entries", [unused], [entries], ["unused"], ["entries"]))
-    return functions
+        return [ca.Function("slope", [*inputs, seed], [found], [*names, "seed"], ["found"])]
+    slopes = jacobian(both, everything)
+    answer = -balance.response(slopes[count:, :width])
+    whole = slopes[:count, :width] + slopes[:count, width:] @ answer
+    found = ca.vertcat(outputs, *whole.nonzeros())
+    (found,) = ca.substitute([found], [balance.free], [solved])
+    function = ca.Function("slope", inputs, [found], names, ["found"])
+    filled = whole.sparsity()
+    entries, unused = ca.SX(ca.DM([*filled.row(), *filled.get_col()])), ca.SX.sym("unused")
+    return [function, ca.Function("entries", [unused], [entries], ["unused"], ["entries"])]
 
 
 def _flown_compiled(
