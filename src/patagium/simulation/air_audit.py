@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.aerodynamics.description import innermost
+from patagium.aerodynamics.smooth_functions import SWITCH_SPEED
 from patagium.aerodynamics.wind_shear import WindShear
 from patagium.robot import Robot
 
@@ -21,6 +22,8 @@ LARGEST_COEFFICIENT = 4.0
 """Force on a strip over area and dynamic pressure that no section reaches [1]."""
 NO_POWER = 1e-3
 """Mean power over the mean of its size that a wake of long memory may leave [1]."""
+SLOW = 2.5 * SWITCH_SPEED
+"""Root-mean-square speed of the fastest strip from which on forces err by 3 % at most [m/s]."""
 
 
 def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[str]:
@@ -40,7 +43,7 @@ def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[
     ground = described["air"].get("ground")
     if ground is None and f'"{WindShear.name}"' in told:
         ground = 0.0
-    return found + _ground(flight, ground)
+    return found + _slow(flight) + _ground(flight, ground)
 
 
 def _power(flight: xr.Dataset, beats: slice) -> list[str]:
@@ -98,6 +101,18 @@ def _downwash(flight: xr.Dataset) -> list[str]:
     return [
         f"The downwash at {flight['strip'].values[strip]} is {wash[at, strip]:.3g} m/s at "
         f"{float(flight['time'][at]):.3g} s: no strip moves faster than {fastest:.3g} m/s."
+    ]
+
+
+def _slow(flight: xr.Dataset) -> list[str]:
+    """Sentence about wings so slow that the smoothing changes their forces."""
+    fastest = float(np.sqrt((flight["strip_airspeed"].to_numpy() ** 2).mean(axis=0).max()))
+    if not 0 < fastest < SLOW:
+        return []
+    return [
+        f"No strip is faster than {fastest:.2g} m/s (root mean square), and forces err: speeds are "
+        f"smoothed within {SWITCH_SPEED:g} m/s. Coefficients are the same at a tenth of the size "
+        "and ten times the speed."
     ]
 
 
