@@ -126,11 +126,6 @@ class DeLaurier(Aerodynamics):
         numbers = [getattr(self, name) for name in NUMBERS]
         return np.array([self.air.density, *numbers, *self.air.ground_parameters.values()])
 
-    def describe(self) -> dict[str, Any]:
-        """Description that makes the model again for a robot, as JSON-able values."""
-        numbers = {name: getattr(self, name) for name in NUMBERS}
-        return {"model": self.name, "air": self.air.describe(), **numbers}
-
     def expressions(
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
     ) -> AeroExpressions:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
 from patagium.aerodynamics.air import air_from_description
-from patagium.aerodynamics.delaurier import NUMBERS, DeLaurier
+from patagium.aerodynamics.delaurier import DeLaurier
 from patagium.aerodynamics.indicial import Indicial
 from patagium.aerodynamics.inflow import Inflow
 from patagium.aerodynamics.learned_air import LearnedAir
@@ -23,9 +24,8 @@ from patagium.plugins import AIR_MODELS, plugin
 from patagium.robot.model import Robot
 
 _KEYS = {
-    QuasiSteady.name: {"air", "polar", "rotational", "force_point"},
-    DeLaurier.name: {"air", *NUMBERS},
-    LiftingLine.name: {"air", "lags", "section", "surface_constant", "stall_delay"},
+    kind.name: {field.name for field in fields(kind)} - {"robot"}
+    for kind in (QuasiSteady, DeLaurier, LiftingLine)
 }
 _ON_MODEL: dict[str, type[OnModel]] = {kind.name: kind for kind in (Inflow, LearnedAir, WindShear)}
 
@@ -61,18 +61,17 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
         switches = values.pop("force_point_switches", True)  # of older flights
         values.setdefault("force_point", "switching" if switches else "fixed")
     check_keys(f"model {name}", values, _KEYS[name])
-    air = air_from_description(values["air"])
+    values["air"] = air_from_description(values["air"])
     if name == DeLaurier.name:
-        return DeLaurier(robot, air, **{key: values[key] for key in NUMBERS})
-    if name == LiftingLine.name:
-        delay = values["stall_delay"]
-        if delay is not None:  # flights older than the vortex do not give its numbers
-            delay = from_field_values("stall delay", StallDelay, StallDelay().describe() | delay)
-        lags = from_field_values("lags", Indicial, values["lags"])
-        section = _section(dict(values["section"]))
-        return LiftingLine(robot, air, lags, section, values["surface_constant"], delay)
-    values |= {"air": air, "polar": polar_from_description(values["polar"])}
-    return QuasiSteady(robot, **values)
+        return DeLaurier(robot, **values)
+    if name == QuasiSteady.name:
+        return QuasiSteady(robot, **values | {"polar": polar_from_description(values["polar"])})
+    delay = values["stall_delay"]
+    if delay is not None:  # flights older than the vortex do not give its numbers
+        delay = from_field_values("stall delay", StallDelay, StallDelay().describe() | delay)
+    lags = from_field_values("lags", Indicial, values["lags"])
+    section = _section(dict(values["section"]))
+    return LiftingLine(robot, **values | {"lags": lags, "section": section, "stall_delay": delay})
 
 
 def _section(values: dict[str, Any]) -> StripSection:

@@ -162,17 +162,6 @@ class LiftingLine(Aerodynamics):
         ground = list(self.air.ground_parameters.values())
         return np.concatenate([first, *lags, self.section.parameters, delays, ground])
 
-    def describe(self) -> dict[str, Any]:
-        """Description that makes the model again for a robot, as JSON-able values."""
-        return {
-            "model": self.name,
-            "air": self.air.describe(),
-            "lags": self.lags.describe(),
-            "section": self.section.describe(),
-            "surface_constant": self.surface_constant,
-            "stall_delay": self.stall_delay.describe() if self.stall_delay else None,
-        }
-
     def expressions(
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
     ) -> AeroExpressions:

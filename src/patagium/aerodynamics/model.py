@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.named_descriptions import field_values
 from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.arrays import Array, real_array
 from patagium.errors import ShapeError
@@ -63,7 +64,10 @@ class Aerodynamics(Protocol):
 
     def describe(self) -> dict[str, Any]:
         """Description that makes the model again for a robot, as JSON-able values."""
-        ...
+        values = field_values(self)
+        del values["robot"]
+        described = {k: v.describe() if hasattr(v, "describe") else v for k, v in values.items()}
+        return {"model": self.name, **described}
 
     def expressions(
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX

@@ -105,16 +105,6 @@ class QuasiSteady(Aerodynamics):
         ground = self.air.ground_parameters.values()
         return np.array([self.air.density, *self.polar.parameters, *rotational, *ground])
 
-    def describe(self) -> dict[str, Any]:
-        """Description that makes the model again for a robot, as JSON-able values."""
-        return {
-            "model": self.name,
-            "air": self.air.describe(),
-            "polar": self.polar.describe(),
-            "rotational": self.rotational,
-            "force_point": self.force_point,
-        }
-
     def expressions(
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
     ) -> AeroExpressions:
