@@ -27,7 +27,7 @@ from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
-from patagium.robot.planform import placed, poses
+from patagium.robot.planform import carried_sides, placed, poses
 
 NUMBERS = ("induced_factor", "apparent_mass", "memory")
 """Parameters that follow those of the model, in their order."""
@@ -186,34 +186,38 @@ class Stroke:
 def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
     """Strokes of a robot: wings whose hinges are close to each other along the body."""
     groups: list[list[tuple[Wing, Array, Array]]] = []
-    bodies = poses(robot)
+    bodies, axes = poses(robot), np.eye(3)
     for name in {strip.wing: None for strip in robot.strips}:
         strips = tuple(i for i, strip in enumerate(robot.strips) if strip.wing == name)
         outermost = robot.strips[strips[-1]]
         wing = Wing(strips, _levels(robot, outermost.body))
-        root = bodies[_hinge(robot, wing)][0]
+        hinge = _hinge(robot, wing)
+        parent = robot.bodies[hinge].parent
+        if not groups and parent >= 0:  # all in the axes that the first wing's hinge is fixed to
+            axes = bodies[parent][1]
         tip = placed(bodies[outermost.body], np.array(outermost.quarter_chord, float))
-        one = wing, root, tip
+        one = wing, bodies[hinge][0] @ axes, tip @ axes
         for group in groups:
-            apart = np.linalg.norm((root - group[0][1])[[0, 2]])  # left and right are one
+            apart = np.linalg.norm((one[1] - group[0][1])[[0, 2]])  # left and right are one
             if apart < TANDEM * min(np.linalg.norm(b - a) for _, a, b in (one, group[0])):
                 group.append(one)
                 break
         else:
             groups.append([one])
     return tuple(
-        Stroke(tuple(wing for wing, *_ in group), len({bool(tip[1] > 0) for *_, tip in group}))
+        Stroke(tuple(wing for wing, *_ in group), len({b[1] > a[1] for _, a, b in group}))
         for group in groups
     )
 
 
 def _levels(robot: Robot, body: int) -> int:
     """Number of bodies from a wing's outermost one inwards to the one that its hinge moves."""
-    levels, parent = 0, robot.bodies[body].parent
-    while parent >= 0 and robot.bodies[parent].parent >= 0:
-        levels, parent = levels + 1, robot.bodies[parent].parent
-    held = parent < 0 or robot.bodies[parent].floating_dofs is not None
-    return levels if held or not robot.bodies[parent].joints else levels + 1
+    sides, bodies = carried_sides(robot), robot.bodies
+    levels, parent = 0, bodies[body].parent
+    while parent >= 0 and bodies[parent].parent >= 0 and len(sides[parent]) < 2:
+        levels, parent = levels + 1, bodies[parent].parent
+    held = parent < 0 or bodies[parent].parent >= 0 or bodies[parent].floating_dofs is not None
+    return levels if held or not bodies[parent].joints else levels + 1
 
 
 def _hinge(robot: Robot, wing: Wing) -> int:
@@ -243,10 +247,12 @@ class _Moving:
     def sizes(self, stroke: Stroke) -> tuple[list[Any], Any]:
         """Length R of each wing of a stroke [m], and area of the circle on their span [m^2]."""
         lengths, roots = [], []
+        first = self.robot.bodies[_hinge(self.robot, stroke.wings[0])].parent
+        left = self._at_zero[first].rotation[:, 1] if first >= 0 else ca.SX([0, 1, 0])
         for wing in stroke.wings:
             strip = self.robot.strips[wing.strips[-1]]
             root = self._at_zero[_hinge(self.robot, wing)].position
-            roots.append(root[1])
+            roots.append(ca.dot(left, root))
             away = ca.sqrt(ca.sumsqr(quarter_chord(self._at_zero, strip) - root))
             lengths.append(away + strip.width / 2)
         longest = ca.mmax(ca.vertcat(*lengths))

@@ -13,6 +13,7 @@ from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.inflow import strokes_of
 from patagium.errors import ParameterError
 from patagium.robot import Robot, load_robot_text
+from patagium.robot.planform import poses
 
 HOVERER = """
 name: hoverer
@@ -232,6 +233,28 @@ def test_wings_in_tandem_share_a_stroke_and_a_tail_does_not() -> None:
     names = [{bird.strips[i].wing for i in stroke.strips} for stroke in strokes_of(bird)]
     assert len(names) > 1
     assert all(len(one) <= 2 for one in names)
+
+
+def test_the_stroke_of_a_robot_on_an_arm_is_its_own(rng: np.random.Generator) -> None:
+    """Not that of an arm with a wing at its end, whose hinge would be the arm's shoulder."""
+    free, arm = pt.load_robot("aerobat"), pt.load_robot("ur5e")
+    held = free.mounted_on(arm, "tool", orientation=(0.2, -pi / 2, 0.4))
+    assert strokes_of(held) == strokes_of(free)
+    models = [pt.air.Inflow(pt.QuasiSteady(robot)) for robot in (free, held)]
+    joints = {name: rng.normal() / 4 for name in free.dof_names if name in held.dof_names}
+    rates = {name: 20 * rng.normal() for name in joints}
+    q = held.coordinates(
+        **joints, **{n: rng.normal() for n in arm.dof_names if n in held.dof_names}
+    )
+    turn = poses(held, q)[[body.name for body in held.bodies].index("body")][1]
+    state = np.r_[rng.normal(size=3), rng.normal(size=6) / 3]
+    seen = np.r_[turn @ state[:3], state[3:]]
+    found = models[1].state_derivative(q, held.velocities(**rates), seen)
+    expected = models[0].state_derivative(
+        free.coordinates(**joints), free.velocities(**rates), state
+    )
+    assert turn.T @ found[:3] == pytest.approx(expected[:3], rel=1e-9)
+    assert found[3:] == pytest.approx(expected[3:], rel=1e-9)
 
 
 @pytest.mark.parametrize("make", [pt.QuasiSteady, pt.DeLaurier, pt.LiftingLine])
