@@ -22,6 +22,7 @@ from patagium.aerodynamics.local_flow import quarter_chord, velocity_at
 from patagium.aerodynamics.on_model import OnModel
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_step
 from patagium.aerodynamics.strip_loads import AeroExpressions
+from patagium.aerodynamics.wind_shear import WindShear
 from patagium.arrays import Array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
@@ -126,6 +127,12 @@ class Inflow(OnModel):
         """Equations of the model; see `Aerodynamics.expressions`."""
         names = self.model.parameter_names
         own, count = self.model.state_size, len(names)
+        if isinstance(self.model, WindShear):  # shear is the wind's, not that of what is induced
+            within = replace(self, model=self.model.model)
+            first = len(within.model.parameter_names)
+            order = ca.vertcat(parameters[:first], parameters[count:], parameters[first:count])
+            sheared = replace(self.model, model=within)
+            return sheared.expressions(robot, q, v, state, wind, order)
         induced = [state[place : place + 3] for place in self._places]
         winds = ca.SX(wind) if wind.shape[1] > 1 else ca.repmat(wind, 1, len(robot.strips))
         for stroke, velocity in zip(self.strokes, induced, strict=True):
