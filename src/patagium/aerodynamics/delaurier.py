@@ -10,7 +10,7 @@ does not halve it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from math import pi, radians
 from typing import Any
 
@@ -30,12 +30,6 @@ from patagium.arguments import check_fields
 from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
-
-NUMBERS = (
-    *("lift_slope", "zero_lift_angle", "suction_efficiency", "friction_drag"),
-    *("stall_angle", "stall_width", "crossflow_drag"),
-)
-"""Parameters in addition to the density, in their order."""
 
 
 @dataclass(frozen=True)
@@ -147,6 +141,10 @@ class DeLaurier(Aerodynamics):
             targets.append(target)
         memory = Relaxation(ca.vertcat(*rates), ca.vertcat(*targets))
         return assemble(robot, q, loads, memory.derivative(state), memory)
+
+
+NUMBERS = tuple(field.name for field in fields(DeLaurier))[2:]
+"""Parameters in addition to the density, in their order."""
 
 
 def _strip(

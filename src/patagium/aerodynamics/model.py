@@ -66,8 +66,7 @@ class Aerodynamics(Protocol):
         """Description that makes the model again for a robot, as JSON-able values."""
         values = field_values(self)
         del values["robot"]
-        described = {k: v.describe() if hasattr(v, "describe") else v for k, v in values.items()}
-        return {"model": self.name, **described}
+        return {"model": self.name, **values}
 
     def expressions(
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX

@@ -12,9 +12,14 @@ _Kind = TypeVar("_Kind")
 
 
 def field_values(described: Any) -> dict[str, Any]:
-    """Values of the fields of a dataclass by name, tuples as lists."""
-    values = {field.name: getattr(described, field.name) for field in fields(described)}
-    return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
+    """Values of the fields of a dataclass by name: tuples as lists, others as they describe it."""
+    return {field.name: _told(getattr(described, field.name)) for field in fields(described)}
+
+
+def _told(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_told(one) for one in value]
+    return value.describe() if hasattr(value, "describe") else value
 
 
 def from_field_values(what: str, kind: type[_Kind], description: Mapping[str, Any]) -> _Kind:
