@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -13,7 +13,7 @@ from patagium.aerodynamics.inflow import Inflow
 from patagium.aerodynamics.learned_air import LearnedAir
 from patagium.aerodynamics.lifting_line import LiftingLine
 from patagium.aerodynamics.model import Aerodynamics
-from patagium.aerodynamics.named_descriptions import check_keys, from_field_values
+from patagium.aerodynamics.named_descriptions import check_keys, field_values, from_field_values
 from patagium.aerodynamics.on_model import OnModel
 from patagium.aerodynamics.polars import polar_from_description
 from patagium.aerodynamics.quasi_steady import QuasiSteady
@@ -23,10 +23,7 @@ from patagium.errors import ParameterError
 from patagium.plugins import AIR_MODELS, plugin
 from patagium.robot.model import Robot
 
-_KEYS = {
-    kind.name: {field.name for field in fields(kind)} - {"robot"}
-    for kind in (QuasiSteady, DeLaurier, LiftingLine)
-}
+_MODELS: dict[str, Any] = {kind.name: kind for kind in (QuasiSteady, DeLaurier, LiftingLine)}
 _ON_MODEL: dict[str, type[OnModel]] = {kind.name: kind for kind in (Inflow, LearnedAir, WindShear)}
 
 
@@ -48,30 +45,23 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
     if name in _ON_MODEL:
         values["model"] = aero_from_description(robot, values.pop("of", {}))
         return from_field_values(f"model {name}", _ON_MODEL[name], values)
-    added = None if name in _KEYS else plugin(AIR_MODELS, str(name))
+    added = None if name in _MODELS else plugin(AIR_MODELS, str(name))
     if added is not None:
         made: Aerodynamics = added(robot, air_from_description(values.pop("air")), **values)
         return made
-    if name not in _KEYS:
-        expected = f"one of {', '.join([*_KEYS, *_ON_MODEL])}"
+    if name not in _MODELS:
+        expected = f"one of {', '.join([*_MODELS, *_ON_MODEL])}"
         raise ParameterError("aerodynamic model", expected, name)
     if name == LiftingLine.name:
         values.setdefault("stall_delay", None)  # flights older than it have none
     if name == QuasiSteady.name:
         switches = values.pop("force_point_switches", True)  # of older flights
         values.setdefault("force_point", "switching" if switches else "fixed")
-    check_keys(f"model {name}", values, _KEYS[name])
-    values["air"] = air_from_description(values["air"])
-    if name == DeLaurier.name:
-        return DeLaurier(robot, **values)
-    if name == QuasiSteady.name:
-        return QuasiSteady(robot, **values | {"polar": polar_from_description(values["polar"])})
-    delay = values["stall_delay"]
-    if delay is not None:  # flights older than the vortex do not give its numbers
-        delay = from_field_values("stall delay", StallDelay, StallDelay().describe() | delay)
-    lags = from_field_values("lags", Indicial, values["lags"])
-    section = _section(dict(values["section"]))
-    return LiftingLine(robot, **values | {"lags": lags, "section": section, "stall_delay": delay})
+    known = {field.name for field in fields(_MODELS[name])} - {"robot"}
+    check_keys(f"model {name}", values, known)
+    parts = {k: _PARTS[k](v) if k in _PARTS and v is not None else v for k, v in values.items()}
+    model: Aerodynamics = _MODELS[name](robot, **parts)
+    return model
 
 
 def _section(values: dict[str, Any]) -> StripSection:
@@ -81,3 +71,15 @@ def _section(values: dict[str, Any]) -> StripSection:
         return from_field_values("section", Section, values)
     values.setdefault("static_moment", ())  # flights older than it have none
     return from_field_values("section", MeasuredSection, values)
+
+
+_PARTS: dict[str, Callable[[Any], Any]] = {
+    "air": air_from_description,
+    "polar": polar_from_description,
+    "lags": lambda values: from_field_values("lags", Indicial, values),
+    "section": lambda values: _section(dict(values)),
+    # flights older than the vortex do not give its numbers
+    "stall_delay": lambda values: from_field_values(
+        "stall delay", StallDelay, field_values(StallDelay()) | values
+    ),
+}

@@ -206,9 +206,9 @@ class LiftingLine(Aerodynamics):
             ShapeError: If an argument has another shape.
         """
         given = self.air.wind_at([0.0])[0] if wind is None else wind
-        sizes = {"q": self.robot.coordinate_count, "v": self.robot.dof, "wind": 3}
-        named = zip(sizes.items(), (q, v, given), strict=True)
-        arrays = [real_array(name, value, (size,)) for (name, size), value in named]
+        sizes = self.robot.coordinate_count, self.robot.dof, 3
+        named = zip(("q", "v", "wind"), (q, v, given), sizes, strict=True)
+        arrays = [real_array(name, value, (size,)) for name, value, size in named]
         matrices = self._state_space(*arrays, 0, 0)  # linear: the same at any lag and normalwash
         return StateSpace(*[np.array(matrix) for matrix in matrices])
 

@@ -18,7 +18,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.aerodynamics.named_descriptions import field_values
 from patagium.aerodynamics.polars import (
     DickinsonPolar,
     Polar,
@@ -82,10 +81,6 @@ class StallDelay:
             if not (0 <= value <= 0.75 if arm else value > 0):
                 expected = "0 to 0.75 chords" if arm else "a positive number"
                 raise ParameterError(f"stall delay {name}", expected, value)
-
-    def describe(self) -> dict[str, Any]:
-        """Description from which the object can be made again, as JSON-able values."""
-        return field_values(self)
 
 
 DELAYS = ("pressure", "separation", "vortex", "vortex_arm")
@@ -193,10 +188,6 @@ class StripSection(Protocol):
         """
         numbers = {name: parameters[k] for k, name in enumerate(self.numbers)}
         return numbers, parameters[len(self.inputs()) :]
-
-    def describe(self) -> dict[str, Any]:
-        """Description from which the object can be made again, as JSON-able values."""
-        return field_values(self)
 
 
 @dataclass(frozen=True)

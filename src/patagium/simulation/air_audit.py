@@ -111,8 +111,7 @@ def _slow(flight: xr.Dataset) -> list[str]:
         return []
     return [
         f"No strip is faster than {fastest:.2g} m/s (root mean square), and forces err: speeds are "
-        f"smoothed within {SWITCH_SPEED:g} m/s. Coefficients are the same at a tenth of the size "
-        "and ten times the speed."
+        f"smoothed within {SWITCH_SPEED:g} m/s. At ten times the speed a tenth of the size is right."
     ]
 
 
