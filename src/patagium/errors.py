@@ -115,9 +115,7 @@ def unknown_name(module: str, name: str, known: Iterable[str]) -> AttributeError
         name: What was asked for.
         known: Its public names, or a mapping from these to what to write today.
     """
-    said = f"module {module!r} has no attribute {name!r}"
-    hint = f"; it was removed: take {REMOVED[name]}" if name in REMOVED else similar(name, known)
-    return AttributeError(said + hint)
+    return AttributeError(f"module {module!r} has no attribute {name!r}{similar(name, known)}")
 
 
 def refuse_removed(where: str, name: object) -> None:

@@ -19,7 +19,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import hankel2
 
 from patagium.aerodynamics.local_flow import StripMotion, airspeed
 from patagium.arguments import check_fields
@@ -37,6 +36,8 @@ def theodorsen_function(reduced_frequency: ArrayLike) -> ComplexArray:
     Args:
         reduced_frequency: k = angular frequency x semichord / airspeed > 0, (N,) [-].
     """
+    from scipy.special import hankel2  # takes long to load
+
     k = np.asarray(reduced_frequency, float)
     return np.asarray(hankel2(1, k) / (hankel2(1, k) + 1j * hankel2(0, k)))
 
@@ -49,6 +50,8 @@ def circulation_function(reduced_frequency: ArrayLike) -> ComplexArray:
     Args:
         reduced_frequency: k = angular frequency x semichord / airspeed > 0, (N,) [-].
     """
+    from scipy.special import hankel2
+
     k = np.asarray(reduced_frequency, float)
     wake = hankel2(1, k) + 1j * hankel2(0, k)
     return np.asarray(2j / (np.pi * k) * np.exp(-1j * k) / wake)

@@ -34,7 +34,6 @@ def check(
     Leaves with 0 when it can be used, with 2 and the reasons when not.
     """
     from patagium.robot import load_robot, preset_names
-    from patagium.sensing.logs.record import is_log
 
     ending = file.suffix.lower()
     if ending in (".csv", ".parquet", ".gz"):
@@ -42,6 +41,8 @@ def check(
     elif mapping is not None:
         raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
     elif ending == ".nc":
+        from patagium.sensing.logs.record import is_log
+
         facts = _log_facts(file) if is_log(file) else _flight_facts(file, as_json)
     elif ending in (".yaml", ".yml", ".urdf") or str(file) in preset_names():
         facts = {"kind": "robot", **robot_facts(load_robot(str(file)))}
@@ -54,7 +55,7 @@ def check(
 
 def robot_facts(robot: Robot) -> dict[str, Any]:
     """Facts of one robot for a person, its joints and lifting lines among them."""
-    from patagium.robot.drawing import describe_robot
+    from patagium.robot.planform import describe_robot
     from patagium.robot.strip_chains import chain_words
 
     moving = ", ".join(robot.dof_names[i] for i in robot.actuated)

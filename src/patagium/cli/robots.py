@@ -39,7 +39,7 @@ def robots(
     """List the robots that come along, describe and draw one, or write the file of a new one."""
     from patagium.report import Table
     from patagium.robot import load_robot, preset_names, write_template
-    from patagium.robot.drawing import describe_robot, draw_robot
+    from patagium.robot.planform import describe_robot
 
     if new is not None:
         if robot or draw:
@@ -53,6 +53,7 @@ def robots(
         machine, outputs = load_robot(robot), Outputs()
         if draw is not None:
             from patagium.report.figures import figure_kind, save_figure
+            from patagium.robot.drawing import draw_robot
 
             figure_kind(draw)
             if outputs.attempt("drawing", lambda: save_figure(draw_robot(machine), draw)):

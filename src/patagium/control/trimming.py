@@ -441,7 +441,8 @@ def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Condit
     if gait.period is None and wanted.climb == 0:
         expected = "a speed below 0, such as -0.5 m/s, or None (free), as held joints glide"
         raise ParameterError("climb", expected, wanted.climb)
-    SteeredGait(robot, gait)  # refuses a gait that ranges of actuators exclude
+    if robot.actuators:
+        SteeredGait(robot, gait)  # refuses a gait that their ranges exclude
     return gait_family(robot, gait, names)
 
 

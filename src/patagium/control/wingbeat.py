@@ -257,16 +257,15 @@ def _slope_functions(
     names = ["state", "row", "robot_parameters", "aero_parameters"]
     seed, seeded = ca.SX.sym("seed", variables.numel()), calls_kernels(both)
     if seeded:
-        along = ca.jtimes(both, variables, seed)
-        answer = -balance.response(along[count:])
-        found = [along[:count] + ca.jtimes(outputs, balance.free, answer)]
+        (rate,) = ca.substitute([outputs], [balance.free], [solved])
+        found = ca.vertcat(rate, ca.jtimes(rate, variables, seed))
         inputs, names = [*inputs, seed], [*names, "seed"]
     else:
         slopes = jacobian(both, everything)
         answer = -balance.response(slopes[count:, : seed.numel()])
         whole = slopes[:count, : seed.numel()] + slopes[:count, seed.numel() :] @ answer
-        found = whole.nonzeros()
-    (found,) = ca.substitute([ca.vertcat(outputs, *found)], [balance.free], [solved])
+        found = ca.vertcat(outputs, *whole.nonzeros())
+        (found,) = ca.substitute([found], [balance.free], [solved])
     functions = [ca.Function("slope", inputs, [found], names, ["found"])]
     if not seeded:
         filled = whole.sparsity()

@@ -1,5 +1,5 @@
 """Dynamics: equations of motion as expressions and as compiled functions."""
 
-from patagium.dynamics.dynamics import Dynamics, Point
+from patagium.names import offer_names
 
-__all__ = ["Dynamics", "Point"]
+__all__ = offer_names(__name__)

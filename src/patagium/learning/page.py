@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
-from matplotlib.figure import Figure
 
 from patagium.learning.parameter_paths import parameter_table
 from patagium.report import (
@@ -26,6 +25,9 @@ from patagium.report import (
 from patagium.report.figures import comparison, curves, innovation_and_covariance, paths
 from patagium.report.page import snippet
 from patagium.report.style import figures_for
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _SHOWN = 10
 """The last of so many parts of a run is drawn on the first screen."""

@@ -8,7 +8,6 @@ within the log, of which the mean is found; inputs that repeat themselves less t
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import detrend
 
 from patagium.arrays import Array
 from patagium.errors import ParameterError
@@ -36,7 +35,9 @@ def wingbeat_period(time: Array, x: Array) -> float | None:
     count = len(time[::stride])
     if count < 4 * REPEATS:
         return None
-    signal = detrend(x[::stride], axis=0)
+    place, seen = np.arange(count), x[::stride]
+    line = np.polynomial.polynomial.polyfit(place, seen, 1)
+    signal = seen - np.polynomial.polynomial.polyval(place, line).T
     size = signal.std(axis=0)
     moving = size > _STILL * np.abs(x).max(axis=0, initial=0.0)
     if not moving.any():

@@ -3,28 +3,6 @@
 It knows nothing of robots, flights or learners, so that any layer above may draw.
 """
 
-from patagium.report.page import (
-    Block,
-    KeyNumber,
-    Link,
-    Note,
-    PageSection,
-    Picture,
-    Table,
-    cell_text,
-    picture,
-    write_page,
-)
+from patagium.names import offer_names
 
-__all__ = [
-    "Block",
-    "KeyNumber",
-    "Link",
-    "Note",
-    "Picture",
-    "PageSection",
-    "Table",
-    "cell_text",
-    "picture",
-    "write_page",
-]
+__all__ = offer_names(__name__)

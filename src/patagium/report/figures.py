@@ -10,12 +10,9 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, cast
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
-from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from patagium.arrays import Array, real_array
@@ -23,6 +20,10 @@ from patagium.errors import FlightError, ParameterError, ShapeError
 from patagium.report.page import draw
 from patagium.report.style import TRUTH, color, dash, envelope, legend_above, panels, styled, width
 from patagium.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 def save_figure(figure: Figure, path: str | Path) -> Path:
@@ -345,6 +346,8 @@ def machine(
     heights = (high - low)[[0, 2]]
     listed = [hinge.words for hinge in joints.values() if hinge.words]
     tall = 0.82 * width() * heights.sum() / (high - low)[1] + 1.2 + 0.16 * len(listed)
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(width(), float(np.clip(tall, 3.0, 12.0))), layout="compressed")
     above, behind = figure.subplots(2, 1, height_ratios=heights.tolist())
     for panel, view in ((above, _ABOVE), (behind, _BEHIND)):
@@ -502,6 +505,8 @@ def _draw_hull(panel: Axes, points: Array) -> None:
 def _draw_wings(
     panel: Axes, view: tuple[int, int], corners: Mapping[str, Array], lines: Sequence[Array]
 ) -> None:
+    from matplotlib.collections import PolyCollection
+
     for i, (wing, value) in enumerate(corners.items()):
         outlines = list(value[:, :, list(view)])
         panel.add_collection(

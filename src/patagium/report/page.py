@@ -19,13 +19,13 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup, escape
 
 from patagium.errors import ParameterError, ShapeError
-from patagium.report.style import SMALLEST_LETTERS
 from patagium.whole_file import make_folder, write_whole
 
+SMALLEST_LETTERS = 8.5
+"""Letters of figures, which a page shows at their size, at least [pt]."""
 Cell: TypeAlias = "str | float | bool | None"
 
 
@@ -113,6 +113,7 @@ def _scientific(number: float) -> str:
 
 
 if TYPE_CHECKING:
+    from jinja2 import Template
     from matplotlib.figure import Figure
 
 
@@ -407,6 +408,8 @@ def prose(text: str) -> Markup:
 
 
 def _template() -> Template:
+    from jinja2 import Environment, StrictUndefined
+
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     environment.filters["prose"] = prose
     environment.tests["a"] = lambda block, kind: type(block).__name__ == kind

@@ -14,16 +14,18 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from patagium.arrays import Array
 from patagium.errors import ParameterError, ShapeError
+from patagium.report.page import SMALLEST_LETTERS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 TRUTH = "#1a1a1a"
 COLORS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
@@ -108,8 +110,6 @@ def round_down(value: float) -> float:
     return float(power * max(k for k in (1, 2, 5) if k * power <= value * (1 + 1e-9)))
 
 
-SMALLEST_LETTERS = 8.5
-"""Size of the smallest letters of a figure [pt]."""
 _STYLE: Any = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
@@ -146,6 +146,8 @@ def styled(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]
 
     @wraps(function)
     def draw(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        from matplotlib import rc_context  # takes long to load
+
         with rc_context(_sized(_look.get())):
             return function(*args, **kwargs)
 
@@ -162,6 +164,8 @@ def _sized(look: Look) -> Any:
 
 def panels(rows: int, columns: int = 1, row_height: float = 1.7) -> tuple[Figure, NDArray[Any]]:
     """An empty grid of panels, and its axes (rows, columns)."""
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(width(), height(row_height * rows) + 0.5), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False)
 

@@ -15,7 +15,7 @@ from patagium.arrays import Array
 from patagium.report.figures import Hinge, machine
 from patagium.report.still import solid_faces
 from patagium.robot.model import Joint, Robot
-from patagium.robot.planform import mirrored_bodies, placed, poses, strip_corners, wing_span
+from patagium.robot.planform import mirrored_bodies, placed, poses, strip_corners
 from patagium.robot.solids import solids
 from patagium.robot.strip_chains import strip_chains
 
@@ -99,30 +99,3 @@ def _letter(axis: Array) -> str:
     if abs(axis[along]) > 1 - 1e-9:
         return ("" if axis[along] > 0 else "-") + "xyz"[along]
     return "[" + ", ".join(f"{k:.2g}" for k in axis) + "]"
-
-
-def describe_robot(robot: Robot) -> dict[str, str | int | float]:
-    """Facts of a robot for a listing, by name with the unit in brackets.
-
-    The span is that of the strips at zero coordinates, tip to tip along y.
-
-    Args:
-        robot: The machine, with numbers for parameters.
-    """
-    mass = sum(float(b.mass) for b in robot.bodies)
-    joints = [robot.dof_names[k.dof] for b in robot.bodies for k in b.joints]
-    return {
-        "robot": robot.name,
-        "base": "floating" if robot.floating else "fixed",
-        "attitude": robot.attitude or "none",
-        "coordinates": robot.coordinate_count,
-        "joints": len(joints),
-        "passive joints": sum(robot.index(k) not in robot.actuated for k in joints),
-        "bodies": len(robot.bodies),
-        "wings": len({s.wing for s in robot.strips}),
-        "strips": len(robot.strips),
-        "mass [kg]": round(mass, 9),
-        "span [m]": round(wing_span(robot), 9),
-        "wing area [m^2]": round(sum(float(s.chord * s.width) for s in robot.strips), 9),
-        "parameters": len(robot.parameter_names),
-    }

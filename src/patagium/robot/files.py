@@ -227,7 +227,8 @@ def _content(text: str, name: str) -> Any:
 def _page(robot: Robot) -> str:
     """Drawing and facts of a robot in HTML."""
     from patagium.report.page import snippet
-    from patagium.robot.drawing import describe_robot, draw_robot
+    from patagium.robot.drawing import draw_robot
+    from patagium.robot.planform import describe_robot
 
     return snippet(repr(robot), describe_robot(robot), draw_robot(robot))
 

@@ -107,3 +107,30 @@ def carried_sides(robot: Robot) -> list[set[bool]]:
 def mirrored_bodies(robot: Robot) -> set[int]:
     """Indices of the bodies that carry wings made by mirroring, and no others."""
     return {index for index, sides in enumerate(carried_sides(robot)) if sides == {True}}
+
+
+def describe_robot(robot: Robot) -> dict[str, str | int | float]:
+    """Facts of a robot for a listing, by name with the unit in brackets.
+
+    The span is that of the strips at zero coordinates, tip to tip along y.
+
+    Args:
+        robot: The machine, with numbers for parameters.
+    """
+    mass = sum(float(b.mass) for b in robot.bodies)
+    joints = [robot.dof_names[k.dof] for b in robot.bodies for k in b.joints]
+    return {
+        "robot": robot.name,
+        "base": "floating" if robot.floating else "fixed",
+        "attitude": robot.attitude or "none",
+        "coordinates": robot.coordinate_count,
+        "joints": len(joints),
+        "passive joints": sum(robot.index(k) not in robot.actuated for k in joints),
+        "bodies": len(robot.bodies),
+        "wings": len({s.wing for s in robot.strips}),
+        "strips": len(robot.strips),
+        "mass [kg]": round(mass, 9),
+        "span [m]": round(wing_span(robot), 9),
+        "wing area [m^2]": round(sum(float(s.chord * s.width) for s in robot.strips), 9),
+        "parameters": len(robot.parameter_names),
+    }

@@ -1,5 +1,5 @@
 """Looking at it: the flight of a robot as a page that moves."""
 
-from patagium.viewer.replay import replay, still
+from patagium.names import offer_names
 
-__all__ = ["replay", "still"]
+__all__ = offer_names(__name__)

@@ -28,9 +28,15 @@ class Module:
     tree: ast.Module
 
     @cached_property
+    def stub(self) -> str:
+        """Text of the stub beside it, which says where the names of a package are; or nothing."""
+        file = self.path.with_suffix(".pyi")
+        return file.read_text("utf-8") if file.exists() else ""
+
+    @cached_property
     def nodes(self) -> tuple[ast.AST, ...]:
-        """All nodes of the tree."""
-        return tuple(ast.walk(self.tree))
+        """All nodes of the tree, and of its stub."""
+        return (*ast.walk(self.tree), *ast.walk(ast.parse(self.stub)))
 
     @property
     def is_package(self) -> bool:

@@ -59,7 +59,6 @@ def test_packages_only_gather_names() -> None:
         if module.is_package
         for node in module.tree.body
         if isinstance(node, ast.FunctionDef | ast.ClassDef)
-        and node.name not in ("__getattr__", "__dir__", "_Package")
     ]
     within("packages with code in their __init__", offenders)
 
@@ -79,12 +78,13 @@ def test_functions_take_few_arguments() -> None:
 
 
 def test_the_wheel_stays_small() -> None:
-    """Control is counted for itself: it is the layer that is being built."""
+    """Control is counted for itself: it is the layer that is being built. Stubs count too."""
     lines = {"lines of control": 0, "lines of Python in the wheel outside control": 0}
     for module in modules():
         own = "control" in module.path.parts
         name = "lines of control" if own else "lines of Python in the wheel outside control"
-        lines[name] += len(module.path.read_text("utf-8").splitlines())
+        text = module.path.read_text("utf-8") + module.stub
+        lines[name] += len(text.splitlines())
     for name, count in lines.items():
         within(name, [], count)
 

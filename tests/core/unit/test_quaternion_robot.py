@@ -24,9 +24,9 @@ from patagium.robot.attitude import (
     quaternion_from_angles,
     rotation_from_quaternion,
 )
-from patagium.robot.drawing import describe_robot, draw_robot
+from patagium.robot.drawing import draw_robot
 from patagium.robot.model import coordinate_names, places_in_q
-from patagium.robot.planform import poses
+from patagium.robot.planform import describe_robot, poses
 from patagium.sensing.force.air_force import packet_columns
 from patagium.viewer import replay
 

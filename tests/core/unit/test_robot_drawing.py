@@ -7,8 +7,8 @@ import pytest
 from patagium.dynamics.kinematics import body_poses
 from patagium.errors import ShapeError
 from patagium.robot import load_robot, preset_names
-from patagium.robot.drawing import describe_robot, draw_robot
-from patagium.robot.planform import poses
+from patagium.robot.drawing import draw_robot
+from patagium.robot.planform import describe_robot, poses
 
 
 @pytest.mark.parametrize("name", preset_names())

@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from patagium.arrays import Array, Bools, Indices
 from patagium.errors import FilterDiverged, Outcome
@@ -281,7 +281,9 @@ def _frozen(learner: FilterLearner, prior: Array, fold: Fold) -> _Part:
 def _crps(error: Array, std: Array) -> Array:
     """CRPS of normal distributions, as `error` [its unit]."""
     z = error / std
-    return np.asarray(std * (z * (2 * norm.cdf(z) - 1) + 2 * norm.pdf(z) - 1 / sqrt(pi)))
+    return np.asarray(
+        std * (z * (2 * ndtr(z) - 1) + (sqrt(2) * np.exp(-(z**2) / 2) - 1) / sqrt(pi))
+    )
 
 
 def _mean(values: Array) -> float:

@@ -1,0 +1,36 @@
+from patagium.learning.default_learner import default_learner as default_learner
+from patagium.learning.identify import evaluate as evaluate
+from patagium.learning.identify import identify as identify
+from patagium.learning.learners.cubature import CubatureLearner as CubatureLearner
+from patagium.learning.learners.extended import ExtendedLearner as ExtendedLearner
+from patagium.learning.learners.registry import learner_from_description as learner_from_description
+from patagium.learning.learners.registry import load_learner as load_learner
+from patagium.learning.model_file import Model as Model
+from patagium.learning.model_file import load_model as load_model
+from patagium.learning.model_file import model_of as model_of
+from patagium.learning.model_file import save_model as save_model
+from patagium.learning.models.dense import DenseNetwork as DenseNetwork
+from patagium.learning.models.grey_box import GreyBox as GreyBox
+from patagium.learning.models.linear_strip import LinearStripNetwork as LinearStripNetwork
+from patagium.learning.models.network import Encoding as Encoding
+from patagium.learning.models.network import Network as Network
+from patagium.learning.models.registry import network_from_description as network_from_description
+from patagium.learning.models.registry import register_network as register_network
+from patagium.learning.models.strip import StripNetwork as StripNetwork
+from patagium.learning.models.structure import register_blocks as register_blocks
+from patagium.learning.refinement import refine as refine
+from patagium.learning.result import Identification as Identification
+from patagium.learning.result import load_identification as load_identification
+from patagium.learning.settings import ChangeDetection as ChangeDetection
+from patagium.learning.settings import FilterSettings as FilterSettings
+from patagium.learning.settings import Misfit as Misfit
+from patagium.learning.settings import NoiseEstimation as NoiseEstimation
+from patagium.learning.settings import Screening as Screening
+from patagium.learning.stream import stream as stream
+from patagium.learning.table_network import network_for as network_for
+from patagium.learning.tuning.settings_file import Settings as Settings
+from patagium.learning.tuning.settings_file import load_settings as load_settings
+from patagium.learning.tuning.tune import Tuned as Tuned
+from patagium.learning.tuning.tune import tune as tune
+
+__all__: list[str]
