@@ -59,8 +59,8 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
         values.setdefault("force_point", "switching" if switches else "fixed")
     known = {field.name for field in fields(_MODELS[name])} - {"robot"}
     check_keys(f"model {name}", values, known)
-    parts = {k: _PARTS[k](v) if k in _PARTS and v is not None else v for k, v in values.items()}
-    model: Aerodynamics = _MODELS[name](robot, **parts)
+    made = {k: _PARTS[k](v) for k, v in values.items() if k in _PARTS and v is not None}
+    model: Aerodynamics = _MODELS[name](robot, **values | made)
     return model
 
 

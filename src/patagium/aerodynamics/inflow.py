@@ -131,8 +131,8 @@ class Inflow(OnModel):
             within = replace(self, model=self.model.model)
             first = len(within.model.parameter_names)
             order = ca.vertcat(parameters[:first], parameters[count:], parameters[first:count])
-            sheared = replace(self.model, model=within)
-            return sheared.expressions(robot, q, v, state, wind, order)
+            swapped = replace(self.model, model=within)
+            return swapped.expressions(robot, q, v, state, wind, order)
         induced = [state[place : place + 3] for place in self._places]
         winds = ca.SX(wind) if wind.shape[1] > 1 else ca.repmat(wind, 1, len(robot.strips))
         for stroke, velocity in zip(self.strokes, induced, strict=True):

@@ -132,6 +132,12 @@ class Aerodynamics(Protocol):
         return CompiledAero(self, batch=False)
 
 
+_OF_STRIPS = [
+    *("strip_force", "strip_point", "angle_of_attack", "effective_angle_of_attack"),
+    *("strip_airspeed", "power", "circulation", "downwash"),
+]
+
+
 class CompiledAero:
     """The compiled methods of a model of the air, for one state or for many.
 
@@ -157,19 +163,9 @@ class CompiledAero:
         self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
     ) -> dict[str, Any]:
         """Flow and load of each strip, each ([N,] ...); names and units as in the protocol."""
-        force, point, incidence, effective, speed, power, circulation, downwash = self._call(
-            "strips", q, v, state, wind
-        )
-        return {
-            "strip_force": self._vectors(force),
-            "strip_point": self._vectors(point),
-            "angle_of_attack": self._column(incidence),
-            "effective_angle_of_attack": self._column(effective),
-            "strip_airspeed": self._column(speed),
-            "power": power,
-            "circulation": self._column(circulation),
-            "downwash": self._column(downwash),
-        }
+        values = zip(_OF_STRIPS, self._call("strips", q, v, state, wind), strict=True)
+        shaped = {"strip_force": self._vectors, "strip_point": self._vectors, "power": lambda x: x}
+        return {name: shaped.get(name, self._column)(value) for name, value in values}
 
     def state_derivative(
         self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
@@ -232,10 +228,7 @@ def aero_functions(model: Aerodynamics) -> Sequence[ca.Function]:
     air = model.expressions(robot, q, v, state, wind, parameters)
     outputs = {
         "generalized_force": ["generalized_force"],
-        "strips": [
-            *("strip_force", "strip_point", "angle_of_attack", "effective_angle_of_attack"),
-            *("strip_airspeed", "power", "circulation", "downwash"),
-        ],
+        "strips": _OF_STRIPS,
         "state_derivative": ["state_derivative"],
     }
     return [

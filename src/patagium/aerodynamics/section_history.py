@@ -85,9 +85,8 @@ def section_history(
     motion = _Motion(times, pitch, plunge, airspeed)
     carried = AddedMass(aero.robot, aero.air) if added_mass else None
     if motion.slowest < SWITCH_SPEED:
-        said = f"airspeed: {motion.slowest:.2g} m/s; below {SWITCH_SPEED:g} coefficients err, which"
-        said += " are the same at ten times the speed, with a tenth of the chord, .01 of the times"
-        warnings.warn(said, stacklevel=3)
+        said = f"airspeed: coefficients err below {SWITCH_SPEED:g} m/s; take ten times the speed, a"
+        warnings.warn(f"{said} tenth of the chord and a hundredth of the times", stacklevel=3)
     area = 0.5 * aero.air.density * motion.mean_speed**2 * chord * _SPAN * chord
     states = [np.zeros(aero.state_size)]
     for now, later in pairwise(times):

@@ -111,8 +111,7 @@ def _slow(flight: xr.Dataset) -> list[str]:
         return []
     return [
         f"No strip is faster than {fastest:.2g} m/s (root mean square), and forces err: speeds are "
-        f"smoothed within {SWITCH_SPEED:g} m/s. A tenth of the size at ten times the speed "
-        "has the right coefficients."
+        f"smoothed within {SWITCH_SPEED:g} m/s. Fly a tenth of the size at ten times the speed."
     ]
 
 
