@@ -15,7 +15,6 @@ from math import pi, radians
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.ground import strip_ground_shares
@@ -27,7 +26,6 @@ from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign, smo
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.trailing_vortices import spans_and_areas
 from patagium.arguments import check_fields
-from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
 
@@ -110,15 +108,10 @@ class DeLaurier(Aerodynamics):
         return f"{self.name} ground" if self.air.ground_parameters else self.name
 
     @property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of the model's parameters, in the order of `parameters`."""
-        return ("density", *NUMBERS, *self.air.ground_parameters)
-
-    @property
-    def parameters(self) -> Array:
-        """Values of the model's parameters, (n_c,)."""
-        numbers = [getattr(self, name) for name in NUMBERS]
-        return np.array([self.air.density, *numbers, *self.air.ground_parameters.values()])
+    def numbers(self) -> dict[str, float]:
+        """Parameters of the model by name, in their order [SI]."""
+        own = {name: getattr(self, name) for name in NUMBERS}
+        return {"density": self.air.density, **own, **self.air.ground_parameters}
 
     def expressions(
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX

@@ -59,12 +59,14 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
         values.setdefault("force_point", "switching" if switches else "fixed")
     known = {field.name for field in fields(_MODELS[name])} - {"robot"}
     check_keys(f"model {name}", values, known)
-    made = {k: _PARTS[k](v) for k, v in values.items() if k in _PARTS and v is not None}
-    model: Aerodynamics = _MODELS[name](robot, **values | made)
+    for key in {*_PARTS} & {*values}:
+        values[key] = None if values[key] is None else _PARTS[key](values[key])
+    model: Aerodynamics = _MODELS[name](robot, **values)
     return model
 
 
-def _section(values: dict[str, Any]) -> StripSection:
+def _section(description: Mapping[str, Any]) -> StripSection:
+    values = dict(description)
     if "stalled" in values:
         values["stalled"] = polar_from_description(values["stalled"])
     if "separated" not in values:
@@ -77,8 +79,8 @@ _PARTS: dict[str, Callable[[Any], Any]] = {
     "air": air_from_description,
     "polar": polar_from_description,
     "lags": lambda values: from_field_values("lags", Indicial, values),
-    "section": lambda values: _section(dict(values)),
-    # flights older than the vortex do not give its numbers
+    "section": _section,
+    # older flights do not give all numbers
     "stall_delay": lambda values: from_field_values(
         "stall delay", StallDelay, field_values(StallDelay()) | values
     ),

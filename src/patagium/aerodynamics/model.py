@@ -48,14 +48,19 @@ class Aerodynamics(Protocol):
         ...
 
     @property
+    def numbers(self) -> dict[str, float]:
+        """Parameters of the model by name, in their order [SI]."""
+        ...
+
+    @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the model's parameters, in the order of `parameters`."""
-        ...
+        return tuple(self.numbers)
 
     @property
     def parameters(self) -> Array:
         """Values of the model's parameters, (n_c,)."""
-        ...
+        return np.array([*self.numbers.values()], float)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -164,8 +169,10 @@ class CompiledAero:
     ) -> dict[str, Any]:
         """Flow and load of each strip, each ([N,] ...); names and units as in the protocol."""
         values = zip(_OF_STRIPS, self._call("strips", q, v, state, wind), strict=True)
-        shaped = {"strip_force": self._vectors, "strip_point": self._vectors, "power": lambda x: x}
-        return {name: shaped.get(name, self._column)(value) for name, value in values}
+        shape = dict.fromkeys(_OF_STRIPS, self._column) | dict.fromkeys(
+            _OF_STRIPS[:2], self._vectors
+        )
+        return {name: x if name == "power" else shape[name](x) for name, x in values}
 
     def state_derivative(
         self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None

@@ -186,8 +186,7 @@ def _wing(chord: float, lever: float) -> Robot:
     strip = Strip(
         "section", "section", 0, False, (lever, 0.0, 0.0), _AXES[0], _AXES[2], chord, _SPAN * chord
     )
-    still, upper = (0.0, 0.0, 0.0), (inf,) * 6
+    still, lower, upper = (0.0, 0.0, 0.0), (-inf,) * 6, (inf,) * 6
     body = Body("section", -1, still, _AXES, (), tuple(range(6)), 1.0, still, (1.0,) * 3 + still)
     names, units = ("x", "y", "z", "roll", "pitch", "yaw"), ("m",) * 3 + ("rad",) * 3
-    lower = tuple(-x for x in upper)
     return Robot("section", (body,), (strip,), names, units, (), (0.0,) * 6, lower, upper, 9.81)

@@ -22,8 +22,6 @@ LARGEST_COEFFICIENT = 4.0
 """Force on a strip over area and dynamic pressure that no section reaches [1]."""
 NO_POWER = 1e-3
 """Mean power over the mean of its size that a wake of long memory may leave [1]."""
-SLOW = 2.5 * SWITCH_SPEED
-"""Root-mean-square speed of the fastest strip from which on forces err by 3 % at most [m/s]."""
 
 
 def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[str]:
@@ -105,9 +103,9 @@ def _downwash(flight: xr.Dataset) -> list[str]:
 
 
 def _slow(flight: xr.Dataset) -> list[str]:
-    """Sentence about wings so slow that the smoothing changes their forces."""
+    """Sentence about wings so slow that the smoothing changes their forces by 3 % and more."""
     fastest = float(np.sqrt((flight["strip_airspeed"].to_numpy() ** 2).mean(axis=0).max()))
-    if not 0 < fastest < SLOW:
+    if not 0 < fastest < 2.5 * SWITCH_SPEED:
         return []
     return [
         f"No strip is faster than {fastest:.2g} m/s (root mean square), and forces err: speeds are "
