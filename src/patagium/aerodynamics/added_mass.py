@@ -237,8 +237,7 @@ def added_mass_from_description(robot: Robot, description: Mapping[str, Any]) ->
     Raises:
         ParameterError: If a key is missing or unknown.
     """
-    known = {"air", "factor"}
-    check_keys("added mass", description, known)
+    check_keys("added mass", description, ("air", "factor"))
     return AddedMass(robot, air_from_description(description["air"]), factor=description["factor"])
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.gusts import Gust, TravelingGust, gust_from_description, triple
-from patagium.aerodynamics.named_descriptions import from_field_values
+from patagium.aerodynamics.named_descriptions import field_values, from_field_values
 from patagium.arguments import check_fields
 from patagium.arrays import Array, real_array
 from patagium.errors import ParameterError, ShapeError, finite, positive
@@ -109,12 +109,9 @@ class Air:
 
     def describe(self) -> dict[str, Any]:
         """Description from which the object can be made again, as JSON-able values."""
-        return {
-            "density": self.density,
-            "wind": list(self.wind),
-            "gust": None if self.gust is None else self.gust.describe(),
-            **self.ground_parameters,
-        }
+        values = field_values(self)
+        del values["ground"]
+        return values | self.ground_parameters
 
 
 def air_from_description(description: Mapping[str, Any]) -> Air:

@@ -10,12 +10,11 @@ does not halve it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from math import pi, radians
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.ground import strip_ground_shares
@@ -27,15 +26,8 @@ from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign, smo
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.trailing_vortices import spans_and_areas
 from patagium.arguments import check_fields
-from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
-
-NUMBERS = (
-    *("lift_slope", "zero_lift_angle", "suction_efficiency", "friction_drag"),
-    *("stall_angle", "stall_width", "crossflow_drag"),
-)
-"""Parameters in addition to the density, in their order."""
 
 
 @dataclass(frozen=True)
@@ -116,20 +108,10 @@ class DeLaurier(Aerodynamics):
         return f"{self.name} ground" if self.air.ground_parameters else self.name
 
     @property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of the model's parameters, in the order of `parameters`."""
-        return ("density", *NUMBERS, *self.air.ground_parameters)
-
-    @property
-    def parameters(self) -> Array:
-        """Values of the model's parameters, (n_c,)."""
-        numbers = [getattr(self, name) for name in NUMBERS]
-        return np.array([self.air.density, *numbers, *self.air.ground_parameters.values()])
-
-    def describe(self) -> dict[str, Any]:
-        """Description that makes the model again for a robot, as JSON-able values."""
-        numbers = {name: getattr(self, name) for name in NUMBERS}
-        return {"model": self.name, "air": self.air.describe(), **numbers}
+    def numbers(self) -> dict[str, float]:
+        """Parameters of the model by name, in their order [SI]."""
+        own = {name: getattr(self, name) for name in NUMBERS}
+        return {"density": self.air.density, **own, **self.air.ground_parameters}
 
     def expressions(
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
@@ -152,6 +134,10 @@ class DeLaurier(Aerodynamics):
             targets.append(target)
         memory = Relaxation(ca.vertcat(*rates), ca.vertcat(*targets))
         return assemble(robot, q, loads, memory.derivative(state), memory)
+
+
+NUMBERS = tuple(field.name for field in fields(DeLaurier))[2:]
+"""Parameters in addition to the density, in their order."""
 
 
 def _strip(

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import fields
 from typing import Any
 
 from patagium.aerodynamics.air import air_from_description
-from patagium.aerodynamics.delaurier import NUMBERS, DeLaurier
+from patagium.aerodynamics.delaurier import DeLaurier
 from patagium.aerodynamics.indicial import Indicial
 from patagium.aerodynamics.inflow import Inflow
 from patagium.aerodynamics.learned_air import LearnedAir
 from patagium.aerodynamics.lifting_line import LiftingLine
 from patagium.aerodynamics.model import Aerodynamics
-from patagium.aerodynamics.named_descriptions import check_keys, from_field_values
+from patagium.aerodynamics.named_descriptions import check_keys, field_values, from_field_values
 from patagium.aerodynamics.on_model import OnModel
 from patagium.aerodynamics.polars import polar_from_description
 from patagium.aerodynamics.quasi_steady import QuasiSteady
@@ -22,11 +23,7 @@ from patagium.errors import ParameterError
 from patagium.plugins import AIR_MODELS, plugin
 from patagium.robot.model import Robot
 
-_KEYS = {
-    QuasiSteady.name: {"air", "polar", "rotational", "force_point"},
-    DeLaurier.name: {"air", *NUMBERS},
-    LiftingLine.name: {"air", "lags", "section", "surface_constant", "stall_delay"},
-}
+_MODELS: dict[str, Any] = {kind.name: kind for kind in (QuasiSteady, DeLaurier, LiftingLine)}
 _ON_MODEL: dict[str, type[OnModel]] = {kind.name: kind for kind in (Inflow, LearnedAir, WindShear)}
 
 
@@ -48,37 +45,43 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
     if name in _ON_MODEL:
         values["model"] = aero_from_description(robot, values.pop("of", {}))
         return from_field_values(f"model {name}", _ON_MODEL[name], values)
-    added = None if name in _KEYS else plugin(AIR_MODELS, str(name))
+    added = None if name in _MODELS else plugin(AIR_MODELS, str(name))
     if added is not None:
         made: Aerodynamics = added(robot, air_from_description(values.pop("air")), **values)
         return made
-    if name not in _KEYS:
-        expected = f"one of {', '.join([*_KEYS, *_ON_MODEL])}"
+    if name not in _MODELS:
+        expected = f"one of {', '.join([*_MODELS, *_ON_MODEL])}"
         raise ParameterError("aerodynamic model", expected, name)
     if name == LiftingLine.name:
         values.setdefault("stall_delay", None)  # flights older than it have none
     if name == QuasiSteady.name:
         switches = values.pop("force_point_switches", True)  # of older flights
         values.setdefault("force_point", "switching" if switches else "fixed")
-    check_keys(f"model {name}", values, _KEYS[name])
-    air = air_from_description(values["air"])
-    if name == DeLaurier.name:
-        return DeLaurier(robot, air, **{key: values[key] for key in NUMBERS})
-    if name == LiftingLine.name:
-        delay = values["stall_delay"]
-        if delay is not None:  # flights older than the vortex do not give its numbers
-            delay = from_field_values("stall delay", StallDelay, StallDelay().describe() | delay)
-        lags = from_field_values("lags", Indicial, values["lags"])
-        section = _section(dict(values["section"]))
-        return LiftingLine(robot, air, lags, section, values["surface_constant"], delay)
-    values |= {"air": air, "polar": polar_from_description(values["polar"])}
-    return QuasiSteady(robot, **values)
+    known = {field.name for field in fields(_MODELS[name])} - {"robot"}
+    check_keys(f"model {name}", values, known)
+    for key in {*_PARTS} & {*values}:
+        values[key] = None if values[key] is None else _PARTS[key](values[key])
+    model: Aerodynamics = _MODELS[name](robot, **values)
+    return model
 
 
-def _section(values: dict[str, Any]) -> StripSection:
+def _section(description: Mapping[str, Any]) -> StripSection:
+    values = dict(description)
     if "stalled" in values:
         values["stalled"] = polar_from_description(values["stalled"])
     if "separated" not in values:
         return from_field_values("section", Section, values)
     values.setdefault("static_moment", ())  # flights older than it have none
     return from_field_values("section", MeasuredSection, values)
+
+
+_PARTS: dict[str, Callable[[Any], Any]] = {
+    "air": air_from_description,
+    "polar": polar_from_description,
+    "lags": lambda values: from_field_values("lags", Indicial, values),
+    "section": _section,
+    # older flights do not give all numbers
+    "stall_delay": lambda values: from_field_values(
+        "stall delay", StallDelay, field_values(StallDelay()) | values
+    ),
+}

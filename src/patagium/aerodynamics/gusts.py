@@ -182,7 +182,7 @@ class GustSum:
 
     def describe(self) -> dict[str, Any]:
         """Description from which the gusts can be made again, as JSON-able values."""
-        return {"name": "sum", "gusts": [gust.describe() for gust in self.gusts]}
+        return {"name": "sum", **field_values(self)}
 
 
 @dataclass(frozen=True)
@@ -443,13 +443,7 @@ class TravelingGust:
 
     def describe(self) -> dict[str, Any]:
         """Description from which the object can be made again, as JSON-able values."""
-        return {
-            "name": "traveling",
-            "profile": self.profile.describe(),
-            "direction": list(self.direction),
-            "speed": self.speed,
-            "origin": list(self.origin),
-        }
+        return {"name": "traveling", **field_values(self)}
 
 
 def gust_from_description(description: Mapping[str, Any]) -> Gust:

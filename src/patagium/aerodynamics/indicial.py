@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics.local_flow import StripMotion, airspeed
-from patagium.aerodynamics.named_descriptions import field_values
 from patagium.arguments import check_fields
 from patagium.arrays import Array, real_array
 from patagium.errors import ParameterError
@@ -110,10 +109,6 @@ class Indicial:
             reduced_frequency: k = angular frequency x semichord / airspeed, (N,) [-].
         """
         return np.asarray(1.0 - _basis(reduced_frequency, self.rate) @ np.asarray(self.lift, float))
-
-    def describe(self) -> dict[str, Any]:
-        """Description from which the object can be made again, as JSON-able values."""
-        return field_values(self)
 
 
 def fitted_indicial(rate: Sequence[float]) -> Indicial:

@@ -20,14 +20,15 @@ from patagium.aerodynamics.ground import ground_share
 from patagium.aerodynamics.indicial import Relaxation
 from patagium.aerodynamics.local_flow import quarter_chord, velocity_at
 from patagium.aerodynamics.on_model import OnModel
-from patagium.aerodynamics.smooth_functions import smooth_norm
+from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_step
 from patagium.aerodynamics.strip_loads import AeroExpressions
+from patagium.aerodynamics.wind_shear import WindShear
 from patagium.arrays import Array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
-from patagium.robot.planform import placed, poses
+from patagium.robot.planform import carried_sides, placed, poses
 
 NUMBERS = ("induced_factor", "apparent_mass", "memory")
 """Parameters that follow those of the model, in their order."""
@@ -51,7 +52,9 @@ class Inflow(OnModel):
     the stroke takes its air: what the wings sweep, 1/2 Phi R^2 each, where the stream goes
     through the stroke, and the circle on the span where it goes along it. Phi is found on the
     way from the directions of each wing from root to tip, e, over the angle that it has
-    swept: ds/dt = |de/dt|/memory (e - s), |s| = sin(Phi/2) / (Phi/2).
+    swept, (|de/dt|^2 + |V|^2/R^2)^(1/2) dt: ds = (e - s)/memory of it, |s| = sin(Phi/2) / (Phi/2).
+    Wings that sweep less than their own area have no stroke: of F, the part along u - V counts
+    less, and none where they are held, as the drag of a wing that translates is in its polar.
 
     Args:
         model: Model of the air that gives the force.
@@ -122,16 +125,21 @@ class Inflow(OnModel):
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
     ) -> AeroExpressions:
         """Equations of the model; see `Aerodynamics.expressions`."""
-        own, count = self.model.state_size, len(self.model.parameter_names)
+        names = self.model.parameter_names
+        own, count = self.model.state_size, len(names)
+        if isinstance(self.model, WindShear):  # shear is the wind's, not that of what is induced
+            within = replace(self, model=self.model.model)
+            first = len(within.model.parameter_names)
+            order = ca.vertcat(parameters[:first], parameters[count:], parameters[first:count])
+            swapped = replace(self.model, model=within)
+            return swapped.expressions(robot, q, v, state, wind, order)
         induced = [state[place : place + 3] for place in self._places]
         winds = ca.SX(wind) if wind.shape[1] > 1 else ca.repmat(wind, 1, len(robot.strips))
         for stroke, velocity in zip(self.strokes, induced, strict=True):
             for strip in stroke.strips:
                 winds[:, strip] += velocity
         air = self.model.expressions(robot, q, v, state[:own], winds, parameters[:count])
-        density = parameters[self.model.parameter_names.index("density")]
-        numbers = (density, *(parameters[count + k] for k in range(len(NUMBERS))))
-        names = self.model.parameter_names
+        numbers = (parameters[names.index("density")], *ca.vertsplit(parameters[count:]))
         ground = parameters[names.index("ground")] if "ground" in names else None
         moving = _Moving(robot, q, v, wind, ground)
         parts = [air.memory] if air.memory is not None else []
@@ -185,34 +193,38 @@ class Stroke:
 def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
     """Strokes of a robot: wings whose hinges are close to each other along the body."""
     groups: list[list[tuple[Wing, Array, Array]]] = []
-    bodies = poses(robot)
+    bodies, axes = poses(robot), np.eye(3)
     for name in {strip.wing: None for strip in robot.strips}:
         strips = tuple(i for i, strip in enumerate(robot.strips) if strip.wing == name)
         outermost = robot.strips[strips[-1]]
         wing = Wing(strips, _levels(robot, outermost.body))
-        root = bodies[_hinge(robot, wing)][0]
+        hinge = _hinge(robot, wing)
+        parent = robot.bodies[hinge].parent
+        if not groups and parent >= 0:  # all in the axes that the first wing's hinge is fixed to
+            axes = bodies[parent][1]
         tip = placed(bodies[outermost.body], np.array(outermost.quarter_chord, float))
-        one = wing, root, tip
+        one = wing, bodies[hinge][0] @ axes, tip @ axes
         for group in groups:
-            apart = np.linalg.norm((root - group[0][1])[[0, 2]])  # left and right are one
+            apart = np.linalg.norm((one[1] - group[0][1])[[0, 2]])  # left and right are one
             if apart < TANDEM * min(np.linalg.norm(b - a) for _, a, b in (one, group[0])):
                 group.append(one)
                 break
         else:
             groups.append([one])
     return tuple(
-        Stroke(tuple(wing for wing, *_ in group), len({bool(tip[1] > 0) for *_, tip in group}))
+        Stroke(tuple(wing for wing, *_ in group), len({b[1] > a[1] for _, a, b in group}))
         for group in groups
     )
 
 
 def _levels(robot: Robot, body: int) -> int:
     """Number of bodies from a wing's outermost one inwards to the one that its hinge moves."""
-    levels, parent = 0, robot.bodies[body].parent
-    while parent >= 0 and robot.bodies[parent].parent >= 0:
-        levels, parent = levels + 1, robot.bodies[parent].parent
-    held = parent < 0 or robot.bodies[parent].floating_dofs is not None
-    return levels if held or not robot.bodies[parent].joints else levels + 1
+    sides, bodies = carried_sides(robot), robot.bodies
+    levels, parent = 0, bodies[body].parent
+    while parent >= 0 and bodies[parent].parent >= 0 and len(sides[parent]) < 2:
+        levels, parent = levels + 1, bodies[parent].parent
+    held = parent < 0 or bodies[parent].parent >= 0 or bodies[parent].floating_dofs is not None
+    return levels if held or not bodies[parent].joints else levels + 1
 
 
 def _hinge(robot: Robot, wing: Wing) -> int:
@@ -242,10 +254,12 @@ class _Moving:
     def sizes(self, stroke: Stroke) -> tuple[list[Any], Any]:
         """Length R of each wing of a stroke [m], and area of the circle on their span [m^2]."""
         lengths, roots = [], []
+        first = self.robot.bodies[_hinge(self.robot, stroke.wings[0])].parent
+        left = self._at_zero[first].rotation[:, 1] if first >= 0 else ca.SX([0, 1, 0])
         for wing in stroke.wings:
             strip = self.robot.strips[wing.strips[-1]]
             root = self._at_zero[_hinge(self.robot, wing)].position
-            roots.append(root[1])
+            roots.append(ca.dot(left, root))
             away = ca.sqrt(ca.sumsqr(quarter_chord(self._at_zero, strip) - root))
             lengths.append(away + strip.width / 2)
         longest = ca.mmax(ca.vertcat(*lengths))
@@ -301,20 +315,23 @@ def _relaxation(
     density, factor, apparent_mass, memory = numbers
     lengths, circle = moving.sizes(stroke)
     tandem = len(stroke.wings) // stroke.sides
+    met = moving.wind - moving.velocity(stroke)
     swept, rates, targets = ca.SX(0), [], []
     for k, wing in enumerate(stroke.wings):
         swept = swept + _half_angle(ca.sumsqr(means[:, k])) * lengths[k] ** 2 / tandem
         direction, turning = moving.direction(wing)
-        rate = smooth_norm(ca.sumsqr(turning), 1.0) / memory
-        rates.append(ca.repmat(rate, 3, 1))
+        turned = ca.sumsqr(turning) + ca.sumsqr(met) / lengths[k] ** 2
+        rates.append(ca.repmat(smooth_norm(turned, _SLIGHT) / memory, 3, 1))
         targets.append(direction)
-    own = _own_downwash(stroke, moving, air)
-    whole, through = induced + own, induced + moving.wind - moving.velocity(stroke)
-    speed = smooth_norm(ca.sumsqr(through))
+    own, planform = _own_downwash(stroke, moving, air)
+    whole, through = induced + own, induced + met
+    speed = smooth_norm(ca.sumsqr(through), _SLIGHT)
     along = ca.dot(through, whole) ** 2
-    share = along / (smooth_norm(ca.sumsqr(whole)) * speed) ** 2
+    share = along / (smooth_norm(ca.sumsqr(whole), _SLIGHT) * speed) ** 2
     area = circle + (swept - circle) * share
     force = ca.sum2(air.strip_force[:, list(stroke.strips)])
+    still = 1.0 - smooth_step(swept * tandem / planform)
+    force = force - still * ca.dot(force, through) / speed**2 * through
     flow = 2 * density * area * speed
     thrust = ca.sqrt(ca.sumsqr(force) + (_SLIGHT * flow) ** 2)
     factor = factor * moving.off_ground(stroke, circle)
@@ -327,7 +344,9 @@ def _relaxation(
     )
 
 
-_SLIGHT = 0.01  # velocity within which the limit to what is not there already is rounded off [m/s]
+_SLIGHT = 0.01
+"""Speed [m/s] and rate [rad/s] within which norms, and the limit to what is there already, are
+rounded off: slow enough for large wings in oil and water."""
 
 
 def _half_angle(square: ca.SX) -> ca.SX:
@@ -342,12 +361,12 @@ def _half_angle(square: ca.SX) -> ca.SX:
     return ca.sqrt(smooth_norm(bounded * bounded, 1e-3))
 
 
-def _own_downwash(stroke: Stroke, moving: _Moving, air: AeroExpressions) -> ca.SX:
-    """Mean velocity that the model itself says its wings induce, world axes, (3, 1) [m/s]."""
+def _own_downwash(stroke: Stroke, moving: _Moving, air: AeroExpressions) -> tuple[ca.SX, ca.SX]:
+    """Mean velocity that the model says its wings induce, (3, 1) [m/s], and their area [m^2]."""
     whole, area = ca.SX.zeros(3, 1), ca.SX(0)
     for place in stroke.strips:
         strip = moving.robot.strips[place]
         size = strip.chord * strip.width
         normal = moving.poses[strip.body].rotation @ vector(strip.normal)
         whole, area = whole - size * air.downwash[place] * normal, area + size
-    return whole / area
+    return whole / area, area

@@ -145,33 +145,16 @@ class LiftingLine(Aerodynamics):
         return f"{self.name} {shape}{delay}{ground}"
 
     @property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of the model's parameters, in the order of `parameters`."""
-        lags = [f"lags.{part}[{k}]" for part in _LAGS for k in range(self.lags.size)]
-        section = [f"section.{name}" for name in self.section.parameter_names]
-        delays = [f"stall_delay.{name}" for name in DELAYS if self.stall_delay]
-        ground = self.air.ground_parameters
-        return ("density", "surface_constant", *lags, *section, *delays, *ground)
-
-    @property
-    def parameters(self) -> Array:
-        """Values of the model's parameters, (n_c,)."""
-        lags = [getattr(self.lags, part) for part in _LAGS]
-        first = [self.air.density, self.surface_constant]
-        delays = [getattr(self.stall_delay, name) for name in DELAYS if self.stall_delay]
-        ground = list(self.air.ground_parameters.values())
-        return np.concatenate([first, *lags, self.section.parameters, delays, ground])
-
-    def describe(self) -> dict[str, Any]:
-        """Description that makes the model again for a robot, as JSON-able values."""
-        return {
-            "model": self.name,
-            "air": self.air.describe(),
-            "lags": self.lags.describe(),
-            "section": self.section.describe(),
-            "surface_constant": self.surface_constant,
-            "stall_delay": self.stall_delay.describe() if self.stall_delay else None,
-        }
+    def numbers(self) -> dict[str, float]:
+        """Parameters of the model by name, in their order [SI]."""
+        found = {"density": self.air.density, "surface_constant": self.surface_constant}
+        for part in _LAGS:
+            found |= {f"lags.{part}[{k}]": x for k, x in enumerate(getattr(self.lags, part))}
+        values = zip(self.section.parameter_names, self.section.parameters, strict=True)
+        found |= {f"section.{name}": value for name, value in values}
+        for name in DELAYS if self.stall_delay else ():
+            found[f"stall_delay.{name}"] = getattr(self.stall_delay, name)
+        return found | self.air.ground_parameters
 
     def expressions(
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
@@ -217,9 +200,9 @@ class LiftingLine(Aerodynamics):
             ShapeError: If an argument has another shape.
         """
         given = self.air.wind_at([0.0])[0] if wind is None else wind
-        sizes = {"q": self.robot.coordinate_count, "v": self.robot.dof, "wind": 3}
-        named = zip(sizes.items(), (q, v, given), strict=True)
-        arrays = [real_array(name, value, (size,)) for (name, size), value in named]
+        sizes = self.robot.coordinate_count, self.robot.dof, 3
+        named = zip(("q", "v", "wind"), (q, v, given), sizes, strict=True)
+        arrays = [real_array(name, value, (size,)) for name, value, size in named]
         matrices = self._state_space(*arrays, 0, 0)  # linear: the same at any lag and normalwash
         return StateSpace(*[np.array(matrix) for matrix in matrices])
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.named_descriptions import field_values
 from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.arrays import Array, real_array
 from patagium.errors import ShapeError
@@ -47,14 +48,19 @@ class Aerodynamics(Protocol):
         ...
 
     @property
+    def numbers(self) -> dict[str, float]:
+        """Parameters of the model by name, in their order [SI]."""
+        raise NotImplementedError
+
+    @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the model's parameters, in the order of `parameters`."""
-        ...
+        return tuple(self.numbers)
 
     @property
     def parameters(self) -> Array:
         """Values of the model's parameters, (n_c,)."""
-        ...
+        return np.array([*self.numbers.values()], float)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -63,7 +69,9 @@ class Aerodynamics(Protocol):
 
     def describe(self) -> dict[str, Any]:
         """Description that makes the model again for a robot, as JSON-able values."""
-        ...
+        values = field_values(self)
+        del values["robot"]
+        return {"model": self.name, **values}
 
     def expressions(
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
@@ -129,6 +137,12 @@ class Aerodynamics(Protocol):
         return CompiledAero(self, batch=False)
 
 
+_OF_STRIPS = [
+    *("strip_force", "strip_point", "angle_of_attack", "effective_angle_of_attack"),
+    *("strip_airspeed", "power", "circulation", "downwash"),
+]
+
+
 class CompiledAero:
     """The compiled methods of a model of the air, for one state or for many.
 
@@ -154,19 +168,11 @@ class CompiledAero:
         self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
     ) -> dict[str, Any]:
         """Flow and load of each strip, each ([N,] ...); names and units as in the protocol."""
-        force, point, incidence, effective, speed, power, circulation, downwash = self._call(
-            "strips", q, v, state, wind
+        values = zip(_OF_STRIPS, self._call("strips", q, v, state, wind), strict=True)
+        shape = dict.fromkeys(_OF_STRIPS, self._column) | dict.fromkeys(
+            _OF_STRIPS[:2], self._vectors
         )
-        return {
-            "strip_force": self._vectors(force),
-            "strip_point": self._vectors(point),
-            "angle_of_attack": self._column(incidence),
-            "effective_angle_of_attack": self._column(effective),
-            "strip_airspeed": self._column(speed),
-            "power": power,
-            "circulation": self._column(circulation),
-            "downwash": self._column(downwash),
-        }
+        return {name: x if name == "power" else shape[name](x) for name, x in values}
 
     def state_derivative(
         self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
@@ -229,10 +235,7 @@ def aero_functions(model: Aerodynamics) -> Sequence[ca.Function]:
     air = model.expressions(robot, q, v, state, wind, parameters)
     outputs = {
         "generalized_force": ["generalized_force"],
-        "strips": [
-            *("strip_force", "strip_point", "angle_of_attack", "effective_angle_of_attack"),
-            *("strip_airspeed", "power", "circulation", "downwash"),
-        ],
+        "strips": _OF_STRIPS,
         "state_derivative": ["state_derivative"],
     }
     return [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar
 
 from patagium.errors import ParameterError
@@ -12,9 +12,16 @@ _Kind = TypeVar("_Kind")
 
 
 def field_values(described: Any) -> dict[str, Any]:
-    """Values of the fields of a dataclass by name, tuples as lists."""
-    values = {field.name: getattr(described, field.name) for field in fields(described)}
-    return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
+    """Values of the fields of a dataclass by name, as JSON-able values; tuples are lists."""
+    return {field.name: _told(getattr(described, field.name)) for field in fields(described)}
+
+
+def _told(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_told(one) for one in value]
+    if hasattr(value, "describe"):
+        return value.describe()
+    return field_values(value) if is_dataclass(value) else value
 
 
 def from_field_values(what: str, kind: type[_Kind], description: Mapping[str, Any]) -> _Kind:

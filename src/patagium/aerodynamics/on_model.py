@@ -80,5 +80,4 @@ class OnModel(Aerodynamics):
     def describe(self) -> dict[str, Any]:
         """Description that makes the model again for a robot, as JSON-able values."""
         own = field_values(self)
-        del own["model"]
-        return {"model": self.name, "of": self.model.describe(), **own}
+        return {"model": self.name, "of": own.pop("model"), **own}

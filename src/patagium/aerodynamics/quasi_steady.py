@@ -12,7 +12,6 @@ from math import pi
 from typing import Any, Literal
 
 import casadi as ca
-import numpy as np
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.ground import strip_ground_shares
@@ -23,7 +22,6 @@ from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.trailing_vortices import spans_and_areas
 from patagium.arguments import check_fields
-from patagium.arrays import Array
 from patagium.robot.model import Robot
 
 ROTATIONAL_COEFFICIENT = pi / 2
@@ -92,28 +90,12 @@ class QuasiSteady(Aerodynamics):
         return f"{self.name} {shape}{point}{ground}"
 
     @property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of the model's parameters, in the order of `parameters`."""
-        names = ("density", *(f"polar.{name}" for name in self.polar.parameter_names))
-        rotational = ["rotational_coefficient"] if self.rotational else []
-        return (*names, *rotational, *self.air.ground_parameters)
-
-    @property
-    def parameters(self) -> Array:
-        """Values of the model's parameters, (n_c,)."""
-        rotational = [ROTATIONAL_COEFFICIENT] if self.rotational else []
-        ground = self.air.ground_parameters.values()
-        return np.array([self.air.density, *self.polar.parameters, *rotational, *ground])
-
-    def describe(self) -> dict[str, Any]:
-        """Description that makes the model again for a robot, as JSON-able values."""
-        return {
-            "model": self.name,
-            "air": self.air.describe(),
-            "polar": self.polar.describe(),
-            "rotational": self.rotational,
-            "force_point": self.force_point,
-        }
+    def numbers(self) -> dict[str, float]:
+        """Parameters of the model by name, in their order [SI]."""
+        values = zip(self.polar.parameter_names, self.polar.parameters, strict=True)
+        polar = {f"polar.{name}": value for name, value in values}
+        rotational = {"rotational_coefficient": ROTATIONAL_COEFFICIENT} if self.rotational else {}
+        return {"density": self.air.density, **polar, **rotational, **self.air.ground_parameters}
 
     def expressions(
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX

@@ -6,6 +6,7 @@ model neglects; walls of a wind tunnel.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from itertools import pairwise
 from math import inf, isfinite
@@ -19,6 +20,7 @@ from scipy.interpolate import CubicSpline
 from patagium.aerodynamics.added_mass import AddedMass
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.model import Aerodynamics
+from patagium.aerodynamics.smooth_functions import SWITCH_SPEED
 from patagium.arguments import checked, of_kind
 from patagium.arrays import Array, real_array
 from patagium.errors import ParameterError, positive
@@ -51,7 +53,7 @@ def section_history(
     Splines through the given motion drive the section; the states of the model begin at zero and
     follow by the Runge-Kutta method of order four, from time to time in steps that are halved until
     two agree with one of twice the length within 1e-6 of 1 + |state|. Coefficients are over the
-    dynamic pressure of the mean airspeed.
+    dynamic pressure of the mean airspeed. A `UserWarning` tells of one that is smoothed over.
 
     Args:
         model: Makes the model of the air for the section, as `LiftingLine` itself does.
@@ -82,6 +84,9 @@ def section_history(
     of_kind("model", aero, Aerodynamics)
     motion = _Motion(times, pitch, plunge, airspeed)
     carried = AddedMass(aero.robot, aero.air) if added_mass else None
+    if motion.slowest < SWITCH_SPEED:
+        said = f"airspeed: coefficients err below {SWITCH_SPEED:g} m/s; take ten times the speed, a"
+        warnings.warn(f"{said} tenth of the chord and a hundredth of the times", stacklevel=3)
     area = 0.5 * aero.air.density * motion.mean_speed**2 * chord * _SPAN * chord
     states = [np.zeros(aero.state_size)]
     for now, later in pairwise(times):
@@ -115,6 +120,7 @@ class _Motion:
                 raise ParameterError(name, f"finite, scalar or ({len(times)},)", column.shape)
             columns.append(np.broadcast_to(column, times.shape))
         self.mean_speed = positive("airspeed", float(columns[2].mean()), "a positive mean [m/s]")
+        self.slowest = float(columns[2].min())
         self._splines = [CubicSpline(times, column) for column in columns]
 
     def at(self, time: float) -> tuple[Array, Array, Array]:
@@ -180,17 +186,7 @@ def _wing(chord: float, lever: float) -> Robot:
     strip = Strip(
         "section", "section", 0, False, (lever, 0.0, 0.0), _AXES[0], _AXES[2], chord, _SPAN * chord
     )
-    still, limits = (0.0, 0.0, 0.0), (inf,) * 6
+    still, lower, upper = (0.0, 0.0, 0.0), (-inf,) * 6, (inf,) * 6
     body = Body("section", -1, still, _AXES, (), tuple(range(6)), 1.0, still, (1.0,) * 3 + still)
-    return Robot(
-        "section",
-        (body,),
-        (strip,),
-        ("x", "y", "z", "roll", "pitch", "yaw"),
-        ("m",) * 3 + ("rad",) * 3,
-        (),
-        (0.0,) * 6,
-        tuple(-x for x in limits),
-        limits,
-        9.81,
-    )
+    names, units = ("x", "y", "z", "roll", "pitch", "yaw"), ("m",) * 3 + ("rad",) * 3
+    return Robot("section", (body,), (strip,), names, units, (), (0.0,) * 6, lower, upper, 9.81)

@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, field
-from math import isfinite, pi, radians
+from math import pi, radians
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.aerodynamics.named_descriptions import field_values
 from patagium.aerodynamics.polars import (
     DickinsonPolar,
     Polar,
@@ -82,10 +81,6 @@ class StallDelay:
             if not (0 <= value <= 0.75 if arm else value > 0):
                 expected = "0 to 0.75 chords" if arm else "a positive number"
                 raise ParameterError(f"stall delay {name}", expected, value)
-
-    def describe(self) -> dict[str, Any]:
-        """Description from which the object can be made again, as JSON-able values."""
-        return field_values(self)
 
 
 DELAYS = ("pressure", "separation", "vortex", "vortex_arm")
@@ -194,10 +189,6 @@ class StripSection(Protocol):
         numbers = {name: parameters[k] for k, name in enumerate(self.numbers)}
         return numbers, parameters[len(self.inputs()) :]
 
-    def describe(self) -> dict[str, Any]:
-        """Description from which the object can be made again, as JSON-able values."""
-        return field_values(self) | {"stalled": self.stalled.describe()}
-
 
 @dataclass(frozen=True)
 class Section(StripSection):
@@ -299,21 +290,14 @@ class MeasuredSection(StripSection):
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        for name in ("separated", "static_moment"):
-            object.__setattr__(self, name, tuple(map(float, getattr(self, name))))
-        for name in _MEASURED_NUMBERS:
-            value = getattr(self, name)
-            if not (isfinite(value) and (value >= 0 or name == "zero_lift_angle")):
-                raise ParameterError(name, "a finite number, of slope and drag >= 0", value)
-        if not isinstance(self.stalled, TablePolar):
-            raise ParameterError("section stalled", "a polar of the name table", self.stalled.name)
+        check_fields(self)
+        for name in ("lift_slope", "profile_drag"):
+            if getattr(self, name) < 0:
+                raise ParameterError(name, "a number >= 0", getattr(self, name))
         if len(self.separated) != len(self.stalled.angle):
             expected = f"one share for each of {len(self.stalled.angle)} angles"
             raise ParameterError("separated", expected, len(self.separated))
-        if not (
-            len(self.static_moment) in (0, len(self.separated))
-            and all(map(isfinite, self.static_moment))
-        ):
+        if len(self.static_moment) not in (0, len(self.separated)):
             expected = f"no moment, or one for each of {len(self.separated)} angles"
             raise ParameterError("static_moment", expected, self.static_moment)
         if not all(0 <= share <= 1 for share in self.separated):

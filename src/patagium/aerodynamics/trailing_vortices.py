@@ -37,41 +37,40 @@ SURFACE_CONSTANT = 13.5
 def surface_gains(numbers: Robot, robot: Robot, constant: Any) -> list[Any]:
     """Lift of a lifting surface over that of a lifting line, for every strip."""
     gains = []
-    for ratio in aspect_ratios(numbers, robot):
+    for span, area in spans_and_areas(numbers, robot):
+        ratio = span * span / area
         line = 1 / (2 * pi) + 1 / (pi * ratio)
         gains.append(line / (line + constant * pi / (180 * ratio * ratio)))
     return gains
 
 
-def aspect_ratios(numbers: Robot, robot: Robot) -> list[Any]:
-    """Aspect ratio of the wing that each strip is of, span^2 over area.
-
-    That of a wing and its mirror image together.
-    """
-    return [span * span / area for span, area in spans_and_areas(numbers, robot)]
-
-
 def spans_and_areas(numbers: Robot, robot: Robot) -> list[tuple[Any, Any]]:
-    """Span [m] and area [m^2] of the wing that each strip is of, with its mirror image."""
-    twins = {
-        strip.wing for strip in numbers.strips if strip.mirrored or _has_mirror(numbers, strip)
-    }
+    """Span [m] and area [m^2] of the wing that each strip is of.
+
+    That of all wings that a lifting line runs through, with their mirror image.
+    """
+    whole = {strip.wing: strip.wing for strip in numbers.strips}
+    for pair in numbers.joined_wings:
+        one, other = (whole[wing] for wing in pair)
+        whole = {wing: one if name == other else name for wing, name in whole.items()}
     sizes = {}
-    for wing in {strip.wing: None for strip in robot.strips}:
-        strips = [strip for strip in robot.strips if strip.wing == wing]
-        span, area = ca.SX(0), ca.SX(0)
-        for strip in strips:
-            span, area = span + strip.width, area + strip.width * strip.chord
-        sides = 2 if wing in twins else 1
-        sizes[wing] = sides * span, sides * area
-    return [sizes[strip.wing] for strip in robot.strips]
+    for name in dict.fromkeys(whole.values()):
+        own = [i for i, strip in enumerate(robot.strips) if whole[strip.wing] == name]
+        span = sum((robot.strips[i].width for i in own), ca.SX(0))
+        area = sum((robot.strips[i].width * robot.strips[i].chord for i in own), ca.SX(0))
+        images = {whole[wing] for i in own for wing in _images(numbers, numbers.strips[i])}
+        sides = 2 if images - {name} else 1
+        sizes[name] = sides * span, sides * area
+    return [sizes[whole[strip.wing]] for strip in robot.strips]
 
 
-def _has_mirror(robot: Robot, strip: Strip) -> bool:
-    return any(
-        other.mirrored and (other.chord, other.width) == (strip.chord, strip.width)
-        for other in robot.strips
-    )
+def _images(robot: Robot, strip: Strip) -> list[str]:
+    """Wings that have a mirror image of a strip."""
+    x, y, z = strip.quarter_chord
+    image = (not strip.mirrored, strip.chord, strip.width, (x, -y, z))
+    return [
+        k.wing for k in robot.strips if (k.mirrored, k.chord, k.width, k.quarter_chord) == image
+    ]
 
 
 CORE = 0.125

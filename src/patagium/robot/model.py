@@ -272,7 +272,7 @@ class Robot:
     effort_limit: tuple[float, ...] = field(default=(), repr=False)
     power_limit: tuple[float, ...] = field(default=(), repr=False)
     cruise: Cruise | None = field(default=None, repr=False, compare=False)
-    joined_wings: tuple[tuple[str, str], ...] = field(default=(), repr=False)
+    joined_wings: tuple[tuple[str, str], ...] = ()
     actuators: Mapping[str, Actuator] = field(default_factory=dict, repr=False, compare=False)
     stiffness: tuple[Any, ...] = ()
     rest: tuple[Any, ...] = ()

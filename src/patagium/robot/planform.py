@@ -93,15 +93,20 @@ def wing_span(robot: Robot) -> float:
     return float(np.ptp(np.concatenate(sides))) if sides else 0.0
 
 
-def mirrored_bodies(robot: Robot) -> set[int]:
-    """Indices of the bodies that carry wings made by mirroring, and no others."""
+def carried_sides(robot: Robot) -> list[set[bool]]:
+    """Whether the strips that each body carries are mirrored: both on one between two wings."""
     carried: list[set[bool]] = [set() for _ in robot.bodies]
     for strip in robot.strips:
         index = strip.body
         while index >= 0:
             carried[index].add(strip.mirrored)
             index = robot.bodies[index].parent
-    return {index for index, sides in enumerate(carried) if sides == {True}}
+    return carried
+
+
+def mirrored_bodies(robot: Robot) -> set[int]:
+    """Indices of the bodies that carry wings made by mirroring, and no others."""
+    return {index for index, sides in enumerate(carried_sides(robot)) if sides == {True}}
 
 
 def describe_robot(robot: Robot) -> dict[str, str | int | float]:

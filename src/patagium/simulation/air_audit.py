@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.aerodynamics.description import innermost
+from patagium.aerodynamics.smooth_functions import SWITCH_SPEED
 from patagium.aerodynamics.wind_shear import WindShear
 from patagium.robot import Robot
 
@@ -40,7 +41,7 @@ def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[
     ground = described["air"].get("ground")
     if ground is None and f'"{WindShear.name}"' in told:
         ground = 0.0
-    return found + _ground(flight, ground)
+    return found + _slow(flight) + _ground(flight, ground)
 
 
 def _power(flight: xr.Dataset, beats: slice) -> list[str]:
@@ -98,6 +99,17 @@ def _downwash(flight: xr.Dataset) -> list[str]:
     return [
         f"The downwash at {flight['strip'].values[strip]} is {wash[at, strip]:.3g} m/s at "
         f"{float(flight['time'][at]):.3g} s: no strip moves faster than {fastest:.3g} m/s."
+    ]
+
+
+def _slow(flight: xr.Dataset) -> list[str]:
+    """Sentence about wings so slow that the smoothing changes their forces by 3 % and more."""
+    fastest = float(np.sqrt((flight["strip_airspeed"].to_numpy() ** 2).mean(axis=0).max()))
+    if not 0 < fastest < 2.5 * SWITCH_SPEED:
+        return []
+    return [
+        f"No strip is faster than {fastest:.2g} m/s (root mean square), and forces err: speeds are "
+        f"smoothed within {SWITCH_SPEED:g} m/s. Fly a tenth of the size at ten times the speed."
     ]
 
 

@@ -13,6 +13,7 @@ from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.inflow import strokes_of
 from patagium.errors import ParameterError
 from patagium.robot import Robot, load_robot_text
+from patagium.robot.planform import poses
 
 HOVERER = """
 name: hoverer
@@ -158,6 +159,43 @@ def test_a_fast_wing_has_glauert_s_downwash() -> None:
     assert down == pytest.approx(lift / (2 * 1.225 * circle * speed), rel=0.01)  # V + u for V
 
 
+@pytest.mark.parametrize("incidence", [0.0, 60.0, 90.0])
+def test_wings_that_are_held_fall_with_the_drag_of_their_polar(incidence: float) -> None:
+    """They sweep nothing, so that momentum theory would drive all of the air through no area."""
+    held = load_robot_text(HOVERER, "held")
+    angle, speed = np.radians(incidence), 5.0
+    plain = pt.QuasiSteady(held, polar=pt.air.SmoothPolar())
+    inflow = pt.air.Inflow(plain)
+    wind = speed * np.array([-np.cos(angle), 0.0, np.sin(angle)])
+    q, v, state = held.coordinates(), np.zeros(held.dof), np.r_[np.zeros(4), 1.0, 0, 0, -1, 0]
+    for _ in range(2000):
+        state = state + 5e-4 * inflow.state_derivative(q, v, state, wind)
+    forces = [m.strips(q, v, z, wind)["strip_force"] for m, z in ((plain, None), (inflow, state))]
+    expected, found = (force.sum(axis=0) @ wind for force in forces)
+    assert found == pytest.approx(expected, rel=0.05)
+
+
+def test_a_large_wing_in_oil_hovers_as_a_small_one_in_air(hoverer: Robot) -> None:
+    """Forces go with the speed squared, from .3 m/s at the tip on; 2 %: smoothed at reversals."""
+    lifts = []
+    plain = pt.QuasiSteady(hoverer, polar=pt.air.SmoothPolar(), force_point="fixed")
+    aero = pt.air.Inflow(plain)
+    for share in (0.02, 2.0):
+        frequency = share * FREQUENCY
+        strokes = pt.gaits.fourier(
+            hoverer,
+            frequency=frequency,
+            sweep=(0.0, [(0.0, 1.2)]),
+            feather=(np.radians(90), [(-np.radians(50), 0.0)]),
+        )
+        flight = pt.simulate(
+            hoverer, aero, strokes, duration=6 / frequency, time_step=1 / (400 * frequency)
+        )
+        lift = flight["strip_force"].to_numpy()[-400:, :, 2].sum(axis=1).mean()
+        lifts.append(lift / share**2)
+    assert lifts[0] == pytest.approx(lifts[1], rel=0.02)
+
+
 def test_a_lifting_line_is_not_counted_twice() -> None:
     """What momentum theory asks for is mostly there already: under a fifth is added."""
     text = HOVERER.replace("strips: 4", "strips: 8").replace("at: [0, 1 cm, 0]", "at: [0, 0, 0]")
@@ -195,6 +233,28 @@ def test_wings_in_tandem_share_a_stroke_and_a_tail_does_not() -> None:
     names = [{bird.strips[i].wing for i in stroke.strips} for stroke in strokes_of(bird)]
     assert len(names) > 1
     assert all(len(one) <= 2 for one in names)
+
+
+def test_the_stroke_of_a_robot_on_an_arm_is_its_own(rng: np.random.Generator) -> None:
+    """Not that of an arm with a wing at its end, whose hinge would be the arm's shoulder."""
+    free, arm = pt.load_robot("aerobat"), pt.load_robot("ur5e")
+    held = free.mounted_on(arm, "tool", orientation=(0.2, -pi / 2, 0.4))
+    assert strokes_of(held) == strokes_of(free)
+    models = [pt.air.Inflow(pt.QuasiSteady(robot)) for robot in (free, held)]
+    joints = {name: rng.normal() / 4 for name in free.dof_names if name in held.dof_names}
+    rates = {name: 20 * rng.normal() for name in joints}
+    q = held.coordinates(
+        **joints, **{n: rng.normal() for n in arm.dof_names if n in held.dof_names}
+    )
+    turn = poses(held, q)[[body.name for body in held.bodies].index("body")][1]
+    state = np.r_[rng.normal(size=3), rng.normal(size=6) / 3]
+    seen = np.r_[turn @ state[:3], state[3:]]
+    found = models[1].state_derivative(q, held.velocities(**rates), seen)
+    expected = models[0].state_derivative(
+        free.coordinates(**joints), free.velocities(**rates), state
+    )
+    assert turn.T @ found[:3] == pytest.approx(expected[:3], rel=1e-9)
+    assert found[3:] == pytest.approx(expected[3:], rel=1e-9)
 
 
 @pytest.mark.parametrize("make", [pt.QuasiSteady, pt.DeLaurier, pt.LiftingLine])

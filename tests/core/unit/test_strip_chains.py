@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import patagium as pt
+from patagium.aerodynamics import Aerodynamics
 from patagium.errors import RobotFileError
 from patagium.robot import Robot, load_robot_text, preset_text
 from patagium.robot.strip_chains import chain_words, strip_chains
@@ -62,3 +64,38 @@ def test_still_air_gives_four_close_wings_no_power(close: Robot) -> None:
     assert float(abs(beat["circulation"]).max()) < 1.5
     assert float(abs(beat["downwash"]).max()) < 16.0
     assert flight.attrs["lifting_lines"] == chain_words(close)
+
+
+WHOLE = """
+name: wing
+gravity: 9.81
+bodies:
+  body: {floating: true, mass: 1, inertia: {xx: 1, yy: 1, zz: 1}}
+wings:
+"""
+PART = """
+  - name: %s
+    joins: [%s]
+    segments:
+      - body: body
+        strips: %d
+        stations:
+          - {span: %g, leading: 0.05, trailing: -0.15}
+          - {span: %g, leading: 0.05, trailing: -0.15}
+"""
+
+
+@pytest.mark.parametrize("make", [pt.LiftingLine, pt.DeLaurier, pt.QuasiSteady])
+def test_a_wing_written_in_parts_that_join_is_one_wing(make: type[Aerodynamics]) -> None:
+    """Its span and area are those of the whole: in low aspect ratio, memory and ground effect."""
+    parts = [
+        ("left", "middle", 2, 0.2, 0.4),
+        ("middle", "", 3, -0.1, 0.2),
+        ("right", "middle", 3, -0.4, -0.1),
+    ]
+    forces = []
+    for wings in (PART % ("wing", "", 8, -0.4, 0.4), "".join(PART % part for part in parts)):
+        robot = load_robot_text(WHOLE + wings, "wing")
+        q, v = robot.coordinates(pitch=-0.05), robot.velocities(x=9.0)
+        forces.append(make(robot, pt.Air(ground=-0.1)).generalized_force(q, v))
+    np.testing.assert_allclose(forces[1], forces[0], rtol=1e-9, atol=1e-9)

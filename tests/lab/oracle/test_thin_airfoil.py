@@ -16,7 +16,7 @@ from patagium.aerodynamics.indicial import (
     circulation_function,
     theodorsen_function,
 )
-from patagium.aerodynamics.named_descriptions import from_field_values
+from patagium.aerodynamics.named_descriptions import field_values, from_field_values
 from patagium.errors import ParameterError, ShapeError
 from patagium_lab.validation.exact_functions import (
     kussner_function,
@@ -88,7 +88,7 @@ def test_air_without_memory_answers_at_once() -> None:
 
 
 def test_lags_travel_as_a_description_and_refuse_what_cannot_be() -> None:
-    assert from_field_values("lags", Indicial, TWO_STATE.describe()) == TWO_STATE
+    assert from_field_values("lags", Indicial, field_values(TWO_STATE)) == TWO_STATE
     with pytest.raises(ParameterError, match="keys"):
         from_field_values("lags", Indicial, {"rate": [1.0]})
     with pytest.raises(ShapeError, match="lift"):
