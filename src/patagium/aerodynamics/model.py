@@ -50,7 +50,7 @@ class Aerodynamics(Protocol):
     @property
     def numbers(self) -> dict[str, float]:
         """Parameters of the model by name, in their order [SI]."""
-        raise NotImplementedError
+        return dict(zip(self.parameter_names, self.parameters, strict=True))
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
