@@ -50,27 +50,20 @@ def spans_and_areas(numbers: Robot, robot: Robot) -> list[tuple[Any, Any]]:
     That of all wings that a lifting line runs through, with their mirror image.
     """
     whole = {strip.wing: strip.wing for strip in numbers.strips}
-    for pair in numbers.joined_wings:
+    for pair in (pair for pair in numbers.joined_wings if {*pair} <= whole.keys()):
         one, other = (whole[wing] for wing in pair)
         whole = {wing: one if name == other else name for wing, name in whole.items()}
+    images = {*numbers.mirrored_wings, *(pair[::-1] for pair in numbers.mirrored_wings)}
+    both = [(whole[a], whole[b]) for a, b in images if {a, b} <= whole.keys()]
+    twins = {one for one, other in both if one != other}
     sizes = {}
     for name in dict.fromkeys(whole.values()):
-        own = [i for i, strip in enumerate(robot.strips) if whole[strip.wing] == name]
-        span = sum((robot.strips[i].width for i in own), ca.SX(0))
-        area = sum((robot.strips[i].width * robot.strips[i].chord for i in own), ca.SX(0))
-        images = {whole[wing] for i in own for wing in _images(numbers, numbers.strips[i])}
-        sides = 2 if images - {name} else 1
+        own = [strip for strip in robot.strips if whole[strip.wing] == name]
+        span = sum((strip.width for strip in own), ca.SX(0))
+        area = sum((strip.width * strip.chord for strip in own), ca.SX(0))
+        sides = 2 if name in twins else 1
         sizes[name] = sides * span, sides * area
     return [sizes[whole[strip.wing]] for strip in robot.strips]
-
-
-def _images(robot: Robot, strip: Strip) -> list[str]:
-    """Wings that have a mirror image of a strip."""
-    x, y, z = strip.quarter_chord
-    image = (not strip.mirrored, strip.chord, strip.width, (x, -y, z))
-    return [
-        k.wing for k in robot.strips if (k.mirrored, k.chord, k.width, k.quarter_chord) == image
-    ]
 
 
 CORE = 0.125

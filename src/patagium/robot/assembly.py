@@ -126,8 +126,7 @@ def _joined(file: RobotFile, robot: Robot) -> Robot:
     images: list[tuple[str, str]] = []
     for i, wing in enumerate(file.wings):
         mirrors = [k for k in file.mirror if wing.name.startswith(k.source)]
-        if wing.joins is None:
-            images += [(wing.name, _renamed(wing.name, k.source, k.target)) for k in mirrors]
+        images += [(wing.name, _renamed(wing.name, k.source, k.target)) for k in mirrors]
         for other in wing.joins or ():
             if other not in wings or other == wing.name:
                 known = [k for k in wings if k != wing.name]
@@ -136,7 +135,9 @@ def _joined(file: RobotFile, robot: Robot) -> Robot:
             sides = [tuple(_renamed(k, m.source, m.target) for k in pair) for m in mirrors]
             said += [pair, *((one, two) for one, two in sides if {one, two} != {*pair})]
     pairs = [k for n, k in enumerate(said) if not {k, k[::-1]} & {*said[:n]}]
-    return replace(robot, joined_wings=(*pairs, *joined_images(robot, images)))
+    alone = {wing.name for wing in file.wings if wing.joins is None}
+    near = joined_images(robot, [pair for pair in images if pair[0] in alone])
+    return replace(robot, joined_wings=(*pairs, *near), mirrored_wings=tuple(images))
 
 
 def _cruise(robot: Robot, part: CruisePart | None) -> Cruise | None:

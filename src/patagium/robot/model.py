@@ -252,6 +252,7 @@ class Robot:
         power_limit: Largest mechanical power of its actuator [W]; likewise.
         cruise: How it flies where nothing else is asked for, or None.
         joined_wings: Wings that one lifting line runs through, as pairs of names.
+        mirrored_wings: Wings and their mirror images, as pairs of names.
         actuators: Limits of the commands of a gait, by their names in `SteeredGait`.
     """
 
@@ -273,6 +274,7 @@ class Robot:
     power_limit: tuple[float, ...] = field(default=(), repr=False)
     cruise: Cruise | None = field(default=None, repr=False, compare=False)
     joined_wings: tuple[tuple[str, str], ...] = ()
+    mirrored_wings: tuple[tuple[str, str], ...] = ()
     actuators: Mapping[str, Actuator] = field(default_factory=dict, repr=False, compare=False)
     stiffness: tuple[Any, ...] = ()
     rest: tuple[Any, ...] = ()
@@ -612,6 +614,10 @@ def _mounted(
         own = getattr(robot, name)
         return (*getattr(arm, name), *(own[i] for i in kept))
 
+    def pairs(name: str) -> tuple[tuple[str, str], ...]:
+        of_arm = tuple((prefix + one, prefix + other) for one, other in getattr(arm, name))
+        return (*of_arm, *getattr(robot, name))
+
     capacities: dict[str, Any] = {name: _capacity(name, robot, arm, kept) for name in CAPACITIES}
     composed = Robot(
         name=f"{robot.name}-on-{arm.name}",
@@ -627,10 +633,8 @@ def _mounted(
         upper=joined("upper"),
         gravity=robot.gravity,
         source=composed_source(robot.source, arm.source, at, (position, orientation), prefix),
-        joined_wings=(
-            *((prefix + one, prefix + other) for one, other in arm.joined_wings),
-            *robot.joined_wings,
-        ),
+        joined_wings=pairs("joined_wings"),
+        mirrored_wings=pairs("mirrored_wings"),
         actuators=robot.actuators,
         **capacities,
     )

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 import patagium as pt
 from patagium.aerodynamics import Aerodynamics
+from patagium.aerodynamics.trailing_vortices import spans_and_areas
 from patagium.errors import RobotFileError
 from patagium.robot import Robot, load_robot_text, preset_text
 from patagium.robot.strip_chains import chain_words, strip_chains
@@ -99,3 +102,17 @@ def test_a_wing_written_in_parts_that_join_is_one_wing(make: type[Aerodynamics])
         q, v = robot.coordinates(pitch=-0.05), robot.velocities(x=9.0)
         forces.append(make(robot, pt.Air(ground=-0.1)).generalized_force(q, v))
     np.testing.assert_allclose(forces[1], forces[0], rtol=1e-9, atol=1e-9)
+
+
+def test_a_wing_that_differs_a_little_from_its_image_keeps_it() -> None:
+    """Else its aspect ratio would fall to a half, or not, by what was compiled before."""
+    robot = pt.load_robot("aerobat")
+    chords = [name for name in robot.parameter_names if re.match(r"right_wing\[\d\].chord", name)]
+    values = dict(zip(robot.parameter_names, robot.parameters, strict=True))
+    odd = robot.with_parameters({name: 1.05 * values[name] for name in chords})
+    assert len(chords) == 5
+    for machine in (robot, odd):
+        sizes = np.array(spans_and_areas(machine, machine), float)
+        half = sum(float(strip.width) for strip in robot.strips) / 2
+        assert sizes[:, 0] == pytest.approx(2 * half, rel=1e-12)  # rounding
+    assert sizes[5:, 1] == pytest.approx(1.05 * sizes[:5, 1], rel=1e-12)
