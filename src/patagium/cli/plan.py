@@ -327,7 +327,7 @@ def prepared(plan: Plan) -> Prepared:
     positive("duration", duration, "a positive number of seconds")
     events: tuple[Event, ...] = (_default_gust(orbit, duration),)
     if plan.events is not None:
-        events = tuple(_event(dict(one)) for one in plan.events)
+        events = tuple(event_of(one) for one in plan.events)
     known = plan.sensors.known(robot)
     return Prepared(plan, orbit, controller, duration, events, known)
 
@@ -344,7 +344,9 @@ def _controller(
     return AdaptiveController(law, orbit) if part.learn else law
 
 
-def _event(told: dict[str, Any]) -> Event:
+def event_of(part: BaseModel) -> Event:
+    """Event of the loop, of that of a plan."""
+    told = dict(part)
     return EVENTS[told.pop("type")](**told)
 
 

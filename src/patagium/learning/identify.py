@@ -100,6 +100,9 @@ def identify(
         taken = chosen_every(chosen, step, period) if every is None else every
         known = {"units": units, "std": stds(flight, chosen.network)}
         known |= {"motion": motion, "period": period}
+    for ahead in named_horizons(horizons).values():
+        if ahead >= (span := float(time[-1] - time[0])):
+            raise ParameterError("horizon", f"less than the {span:.4g} s of the log", ahead)
     result = stream(chosen, time, x, y, every=taken, horizons=horizons, progress=progress, **known)
     result.scores["chosen"] = choices(chosen, taken, step, **given)
     if isinstance(flight, LogTable):

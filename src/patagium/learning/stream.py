@@ -492,9 +492,6 @@ def stream(
         if len(given) != outputs:
             raise ShapeError(word, (outputs,), (len(given),))
     sums = [ForecastSums(label, one, names) for label, one in named_horizons(horizons).items()]
-    for one in sums:
-        if one.seconds >= (span := float(samples.time[-1] - samples.time[0])):
-            raise ParameterError("horizon", f"less than the {span:.4g} s of the log", one.seconds)
     plan = ForecastPlan(motion, period, len(samples.time) // 2)
     watches = [*forecasters(learner, samples, every, sums, plan), *watches]
     run = BlockRun(learner, samples, every, watches)

@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 
 import patagium as pt
-from patagium.cli.plan import load_plan
+from patagium.cli.plan import event_of, load_plan
 from patagium.errors import PatagiumError
 from patagium.learning import load_identification, load_model, load_settings
 from patagium.learning.learners.state_file import LearnerState, _bytes_of, read_state  # noqa
@@ -118,7 +118,7 @@ def plan(path: Path) -> None:
     found = load_plan(path)
     found.sensors.known(seeds.robot())
     for event in found.events or ():
-        event.event()
+        event_of(event)
 
 
 def polar(path: Path) -> None:
