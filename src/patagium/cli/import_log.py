@@ -78,7 +78,7 @@ def import_log(
 
 
 def _verbs(path: Path) -> list[str]:
-    """Verbs that take an imported log, by what it holds; what `motion` lacks is told."""
+    """Commands that can read an imported log; what `motion` lacks is printed."""
     from patagium.sensing import sensor_log
     from patagium.sensing.logs.record import LogRecord
     from patagium.sensing.motion.estimate_motion import coupled

@@ -99,7 +99,7 @@ def _partials(op: int, operands: int) -> ca.Function:
 
 
 def _eliminate(into: list[dict[int, Edge]], inner: int, sources: dict[int, int]) -> None:
-    """Take vertices out until no edge begins but at a source.
+    """Remove vertices until every edge begins at a variable.
 
     Args:
         into: Edges into each vertex by where they begin; inner vertices first, then results.

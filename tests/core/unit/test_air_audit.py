@@ -75,6 +75,6 @@ def test_a_wing_in_the_ground_is_found(flight: xr.Dataset) -> None:
 
 @pytest.mark.parametrize("share", [0.02, 0.5])
 def test_wings_too_slow_for_the_smoothing_are_told(flight: xr.Dataset, share: float) -> None:
-    """The fastest strip has some 5 m/s."""
+    """The fastest strip of this flight moves at about 5 m/s."""
     slow = flight.assign(strip_airspeed=share * flight["strip_airspeed"])
     assert any("and forces err" in w for w in sentences(slow)) == (share < 0.1)

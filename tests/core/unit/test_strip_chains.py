@@ -105,7 +105,7 @@ def test_a_wing_written_in_parts_that_join_is_one_wing(make: type[Aerodynamics])
 
 
 def test_a_wing_that_differs_a_little_from_its_image_keeps_it() -> None:
-    """Else its aspect ratio would fall to a half, or not, by what was compiled before."""
+    """Without it the aspect ratio was half, unless code of the symmetric robot was cached."""
     robot = pt.load_robot("aerobat")
     chords = [name for name in robot.parameter_names if re.match(r"right_wing\[\d\].chord", name)]
     values = dict(zip(robot.parameter_names, robot.parameters, strict=True))
