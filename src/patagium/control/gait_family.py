@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -56,12 +56,13 @@ def fourier_series(gait: Gait) -> FourierGait:
 
 
 class _Shape(NamedTuple):
-    """Frequency, amplitudes, offsets and phases, (n_a,), and what is added to the series."""
+    """Frequency; amplitudes, means and leads, (n_a,); series, without and of what is added."""
 
     frequency: float
     amplitude: Array
-    offset: Array
+    mean: Array
     lead: Array
+    turned: NDArray[np.complex128]
     added: NDArray[np.complex128]
 
 
@@ -82,15 +83,13 @@ class GaitFamily:
     names: tuple[str, ...]
     directions: Array
 
-    @property
+    @cached_property
     def neutral(self) -> Array:
-        """Values at which the gait is the base, (p,)."""
-        return np.array([self._neutral(name) for name in self.names])
-
-    def _neutral(self, name: str) -> float:
-        if name == "frequency":
-            return self.base.frequency
-        return float(name == "amplitude" or name.endswith("_amplitude"))
+        """Values at which the gait is the base, (p,); read only."""
+        known = {"frequency": self.base.frequency, "amplitude": 1.0}
+        found = np.array([known.get(name.rpartition("_")[2], 0.0) for name in self.names])
+        found.setflags(write=False)
+        return found
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -107,38 +106,32 @@ class GaitFamily:
     def gait(self, values: ArrayLike) -> FourierGait:
         """Gait for given values of the parameters, (p,) [Hz, 1, rad or m, rad]."""
         shape = self._shape(values)
-        series = self._turned(shape) + shape.added
-        mean = self.base.mean + shape.offset
-        return replace(
-            self.base, frequency=shape.frequency, mean=mean, cosine=series.real, sine=-series.imag
-        )
+        series = shape.turned + shape.added
+        own = shape.frequency, shape.mean, series.real, -series.imag
+        return FourierGait(self.base.joints, *own)
 
-    def swings(self, values: ArrayLike) -> tuple[float, Array, Array]:
-        """Frequency [Hz], means (n_a,) and positions at 65 phases, (65, n_a), of the joints [SI].
+    def swings(self, values: ArrayLike) -> tuple[float, Array, Array, Array]:
+        """Frequency [Hz], means and leads (n_a,), and positions at 65 phases (65, n_a) [SI, rad].
 
         Args:
             values: (p,) [Hz, 1, rad or m, rad].
         """
         shape = self._shape(values)
-        series, mean = self._turned(shape) + shape.added, self.base.mean + shape.offset
-        return shape.frequency, mean, mean + (_waves(32, len(series)) @ series).real
+        wave = _waves(32, len(shape.added)) @ (shape.turned + shape.added)
+        return shape.frequency, shape.mean, shape.lead, shape.mean + wave.real
 
     def _shape(self, values: ArrayLike) -> _Shape:
-        """Frequency, and amplitudes, offsets, phases and coefficients of all joints."""
-        n, neutral = len(self.base.joints), self.neutral
+        base, n, neutral = self.base, len(self.base.joints), self.neutral
         given = real_array("values", values, neutral.shape)
         theta = np.zeros(self.directions.shape[1])
-        theta[0], theta[1 : 1 + n] = self.base.frequency, 1.0
+        theta[0], theta[1 : 1 + n] = base.frequency, 1.0
         theta = theta + (given - neutral) @ self.directions
         cosine, sine = theta[1 + 3 * n :].reshape(-1, 2, n).swapaxes(0, 1)
         amplitude, offset, lead = theta[1 : 1 + 3 * n].reshape(3, n)
-        return _Shape(float(theta[0]), amplitude, offset, lead, cosine - 1j * sine)
-
-    def _turned(self, shape: _Shape) -> NDArray[np.complex128]:
-        """Series of the gait at some amplitude and phase, without what is added, (order, n_a)."""
-        order = np.arange(1, len(self.base.sine) + 1)[:, None]
-        turned = shape.amplitude * np.exp(1j * order * shape.lead)
-        return np.asarray((self.base.cosine - 1j * self.base.sine) * turned)
+        order = np.arange(1, len(base.sine) + 1)[:, None]
+        turned = (base.cosine - 1j * base.sine) * (amplitude * np.exp(1j * order * lead))
+        mean, added = base.mean + offset, cosine - 1j * sine
+        return _Shape(float(theta[0]), amplitude, mean, lead, turned, added)
 
     @checked
     def rows(self, values: ArrayLike, steps: int, air: Air) -> PrescribedRows:
@@ -168,8 +161,8 @@ class GaitFamily:
             powers = np.hstack([series * order**k for k in range(count)])
             return np.asarray((wave @ powers).real.reshape(len(phase), count, -1))
 
-        turned, paced = self._turned(shape), pace ** np.arange(3)[:, None]
-        own = derived(turned, 4)
+        paced = pace ** np.arange(3)[:, None]
+        own = derived(shape.turned, 4)
         joints = paced * own[:, :3]
         if shape.added.any():
             joints = joints + paced * derived(shape.added, 3)
@@ -196,7 +189,7 @@ class GaitFamily:
             slopes[:, i, :, k] += way[i, 1 + column] * effects[kind][:, :, k]
         flat = slopes.reshape(len(phase), len(way), 3 * n)
         position = joints.reshape(len(phase), 3 * n).copy()
-        position[:, :n] += self.base.mean + shape.offset
+        position[:, :n] += shape.mean
         table = np.column_stack([position, air.uniform_wind_at(phase / pace)])
         step = 1.0 / (frequency * steps)
         return PrescribedRows(table, flat, step, -step / frequency * way[:, 0])
@@ -238,13 +231,12 @@ def gait_family(
 def symmetric_parameters(robot: Robot, gait: Gait) -> tuple[str, ...]:
     """Names of all parameters that keep a mirrored robot's gait mirrored."""
     base, joints = fourier_series(gait), [robot.dof_names[i] for i in robot.actuated]
-    moving = np.abs(np.r_[base.cosine, base.sine]).max(axis=0, initial=0.0) > 0
     found = ["frequency"] if gait.period else []
     for joint in joints:
         name = joint.removeprefix("left_")
         if joint.startswith("right_") and f"left_{joint[6:]}" in joints:
             continue
-        if moving[joints.index(joint)]:
+        if joint in base.moving:
             found += [f"{name}_amplitude", f"{name}_phase"]
         found.append(f"{name}_offset")
     return tuple(found)
@@ -266,7 +258,6 @@ def _kind(name: str) -> str:
 def _direction(robot: Robot, base: FourierGait, still: bool, name: str) -> Array:
     """Direction of a parameter, (1 + 3 n_a + 2 order n_a,), as in `GaitFamily.directions`."""
     joints, n = base.joints, len(base.joints)
-    moving = np.abs(np.r_[base.cosine, base.sine]).max(axis=0, initial=0.0) > 0
     way = np.zeros(1 + (3 + 2 * len(base.sine)) * n)
     if name == "frequency" and not still:
         way[0] = 1.0
@@ -282,11 +273,11 @@ def _direction(robot: Robot, base: FourierGait, still: bool, name: str) -> Array
     for k, one in enumerate(joints):
         if block is None or one not in answering:
             continue
-        if moving[k] or not needs_motion:
+        if one in base.moving or not needs_motion:
             side = 0.5 if one.startswith("left_") else -0.5
             way[1 + block * n + k] = side if name.endswith(DIFFERENCE) else 1.0
     if not way.any() or (name.endswith(DIFFERENCE) and np.count_nonzero(way) != 2):
-        flapping = ", ".join(one for k, one in enumerate(joints) if moving[k]) or "none"
+        flapping = ", ".join(base.moving) or "none"
         expected = (
             "frequency, amplitude, or <joint>_offset, _cosine_1, _sine_1 ... of "
             f"{', '.join(joints)}; <joint>_amplitude or _phase of {flapping}; "

@@ -303,11 +303,10 @@ class OrbitModel:
         """Rows of a beat, and their slopes by each command, of the frequency by the own time."""
         robot, gait = self.robot, self.steered.gait
         base = fourier_series(gait)
-        moving = np.abs(np.r_[base.cosine, base.sine]).max(axis=0, initial=0.0) > 0
-        leads = [f"{name}_phase" for k, name in enumerate(base.joints) if moving[k]]
+        leads = [f"{name}_phase" for name in base.moving]
         named = [name for name in self.commands if name != "frequency"]
         family = gait_family(robot, gait, tuple(dict.fromkeys([*leads, *named])))
-        values = family.neutral
+        values = family.neutral.copy()
         self.neutral = self.steered.neutral[self.places]
         for name, value in parameters.items():
             place = family.names.index(name)

@@ -28,7 +28,7 @@ from patagium.dynamics import Dynamics
 from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.robot.assembly import MARGIN
-from patagium.robot.model import FLOATING_COORDINATES
+from patagium.robot.model import COMMANDS, FLOATING_COORDINATES
 from patagium.robot.units import as_read
 from patagium.simulation import gaits
 from patagium.simulation.gait_models import Gait
@@ -140,6 +140,11 @@ class OrbitSearch:
         self.still = np.zeros(len(family.names), bool)
         self._scale = state_sizes(flight_map.names)
         self._reach = parameter_sizes(family)
+        self._commands = []
+        for name, actuator in flight_map.robot.actuators.items():
+            kind, joints = flight_map.robot.command(name)
+            places = map(family.base.joints.index, joints)
+            self._commands += [(name, actuator, kind, place) for place in places]
         sizes = dict(zip(flight_map.names, self._scale, strict=True))
         for name, value in tolerable.items():
             if name not in sizes:
@@ -309,7 +314,8 @@ class OrbitSearch:
         """Free parameter that moved the joint of an excess most, or None."""
         joint, joints = excess.partition(" ")[0], self.family.base.joints
         n = len(joints)
-        places = [0] if joint == "frequency" else [1 + joints.index(joint) + n * k for k in (0, 1)]
+        kinds = (2,) if "_phase " in excess else (0, 1)
+        places = [0] if joint == "frequency" else [1 + joints.index(joint) + n * k for k in kinds]
         moved = np.abs(values - self.family.neutral) / self._reach
         moved[self.still | ~self.family.directions[:, places].any(axis=1)] = -1.0
         return int(np.argmax(moved)) if moved.max() >= 0.0 else None
@@ -317,7 +323,7 @@ class OrbitSearch:
     def excess(self, values: Array) -> str:
         """Limit that a gait exceeds, in words that begin with its joint; empty if there is none."""
         robot, moved = self.map.robot, self.family.base.joints
-        frequency, mean, position = self.family.swings(values)
+        frequency, mean, lead, position = self.family.swings(values)
         if not frequency > 0:
             return f"frequency would be {frequency:.3g} Hz"
         least, most = position.min(axis=0).tolist(), position.max(axis=0).tolist()
@@ -327,20 +333,17 @@ class OrbitSearch:
                 seen = _apart(robot.dof_units[i], *motion, low, high)
                 way = f"{joint} would go from {seen[0]} to {seen[1]} {seen[4]}"
                 return f"{way}, and its limits are {seen[2]} to {seen[3]} {seen[4]}"
-        half = (np.array(most) - least) / 2
-        known = {"frequency": 0 * half + frequency, "amplitude": half, "offset": mean}
-        for name, actuator in robot.actuators.items():
-            kind, joints = robot.command(name)
-            for k, value in enumerate(known.get(kind, 0 * half)):
-                if moved[k] not in joints or not (half[k] or kind == "offset"):
-                    continue  # nothing moves
+        half = np.subtract(most, least) / 2
+        known = dict(zip(COMMANDS, (half, mean, lead), strict=True))
+        for name, actuator, kind, k in self._commands:
+            low, high = actuator.range
+            value = known[kind][k] if kind in known else frequency
+            if (half[k] or kind == "offset") and not low - 1e-5 <= value <= high + 1e-5:
                 joint = kind if kind == "frequency" else moved[k]
-                low, high = actuator.range
-                if not low - 1e-5 <= value <= high + 1e-5:
-                    seen = _apart(actuator.unit, value, value, low, high)
-                    needed = f"{'' if joint == name else name + ' '}{seen[0]} {seen[4]}"
-                    given = f"its actuator gives {seen[2]} to {seen[3]} {seen[4]}"
-                    return f"{joint} would need {needed}, and {given}"
+                seen = _apart(actuator.unit, value, value, low, high)
+                needed = f"{'' if joint == name else name + ' '}{seen[0]} {seen[4]}"
+                given = f"its actuator gives {seen[2]} to {seen[3]} {seen[4]}"
+                return f"{joint} would need {needed}, and {given}"
         return ""
 
 

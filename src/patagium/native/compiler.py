@@ -32,7 +32,7 @@ from patagium.native.cache import (
     short_hash,
     tell,
 )
-from patagium.native.structs import STRUCTS
+from patagium.native.structs import HEADERS
 
 KERNELS = Path(__file__).parent / "kernels"
 _COMMON = ("-std=gnu11", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
@@ -263,6 +263,5 @@ def load_kernel(
     if compiler is None:
         return None
     macros = [f"-D{macro}={value}" for macro, value in sorted((defines or {}).items())]
-    headers = {f"{one.name}_struct.h": one.header for one in STRUCTS}
-    sources = {f"{name}.c": (folder / f"{name}.c").read_text(), **headers}
+    sources = {f"{name}.c": (folder / f"{name}.c").read_text(), **HEADERS}
     return build(compiler, sources, (*LOOPS, *macros), f"the {name} kernel").handle

@@ -464,19 +464,9 @@ AUTOPILOT = struct(
     """,
 )
 
-STRUCTS = (
-    *(
-        AUTOPILOT,
-        REGULATOR,
-        MOTION_TRACK,
-        MOTION_SENSOR,
-        MOTION_FILTER,
-        PIPELINE,
-        BOUNDS,
-        SCREENING,
-        WEIGHT_FILTER,
-        PANEL_FILTER,
-    ),
-    *(EXTENDED_FILTER, NODE_FILTER),
+_STRUCTS = (
+    *(AUTOPILOT, REGULATOR, MOTION_TRACK, MOTION_SENSOR, MOTION_FILTER, PIPELINE),
+    *(BOUNDS, SCREENING, WEIGHT_FILTER, PANEL_FILTER, EXTENDED_FILTER, NODE_FILTER),
 )
-"""Structures of the kernels; the header of each can be included by any kernel."""
+HEADERS = {f"{one.name}_struct.h": one.header for one in _STRUCTS}
+"""File name to text of the header of each structure, which any kernel can include."""

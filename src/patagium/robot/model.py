@@ -357,7 +357,7 @@ class Robot:
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the run-time parameters, in the order of `parameters`."""
-        return tuple(name for name, value in _leaves(self) if value != 0.0)
+        return tuple(self._known)
 
     @property
     def parameters(self) -> Array:
@@ -366,7 +366,11 @@ class Robot:
         A number that is exactly zero in the robot file is structure, not a
         parameter: the equations are generated without it.
         """
-        return np.array([value for _, value in _leaves(self) if value != 0.0], float)
+        return np.array([*self._known.values()], float)
+
+    @cached_property
+    def _known(self) -> dict[str, Any]:
+        return {name: value for name, value in _leaves(self) if value != 0.0}
 
     @cached_property
     def structure(self) -> str:

@@ -103,6 +103,12 @@ class FourierGait:
         """Time after which it repeats [s]; None if nothing moves."""
         return 1.0 / self.frequency if self.frequency else None
 
+    @property
+    def moving(self) -> list[str]:
+        """Names of the joints that do not stand still."""
+        swinging = np.r_[self.cosine, self.sine].any(axis=0)
+        return [joint for joint, moves in zip(self.joints, swinging, strict=True) if moves]
+
     def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s]."""
         rate = 2.0 * np.pi * self.frequency * np.arange(1, len(self.sine) + 1)

@@ -16,6 +16,7 @@ from patagium.control.orbit import Frame
 from patagium.control.trimming import OrbitSearch, state_sizes
 from patagium.errors import ParameterError
 from patagium.robot import load_robot_text
+from patagium.robot.model import Actuator
 
 
 @pytest.fixture(scope="module")
@@ -243,6 +244,16 @@ def test_a_limit_is_told_in_digits_that_show_it_and_no_iterate_as_a_need():
     low, high = over.partition("go from ")[2].partition(" deg")[0].split(" to ")
     limit, unit = over.split(" ")[-2:]
     assert float(high) > float(limit) and unit == "deg" and float(low) < 0.0
+
+
+def test_no_phase_leaves_the_range_of_its_actuator(aerobat):
+    # It came out at -0.22 rad, where the actuator gives 0.02 rad.
+    actuators = {"feather_phase": Actuator("rad", (-0.02, 0.02), 5.0, 0.1, 1.0)}
+    actuators |= {k: v for k, v in aerobat.actuators.items() if k != "frequency"}
+    bounded = pt.trim(replace(aerobat, actuators=actuators))
+    lead = dict(zip(bounded.family.names, bounded.values, strict=True))["feather_phase"]
+    assert bounded.found and bounded.residual <= 1e-12
+    assert lead == pytest.approx(-0.02, abs=2e-5)  # the margin at a limit is 1e-5
 
 
 def test_a_start_that_breaks_is_a_reason(aerobat):
