@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.aerodynamics.local_flow import strip_motions, velocity_at
+from patagium.aerodynamics.local_flow import strip_motions
 from patagium.aerodynamics.named_descriptions import (
     check_keys,
     field_values,
@@ -578,7 +578,7 @@ def strip_delays(robot: Robot, q: ca.SX, v: ca.SX, gust: ca.SX) -> ca.SX:
             ca.vertcat(
                 ca.dot(slowness, pose.position - origin) + ca.dot(local, middle),
                 ca.dot(local, ahead),
-                ca.dot(local, velocity_at(twist, middle)),
+                ca.dot(local, twist.at(middle)),
                 ca.dot(local, cross(twist.angular, ahead)),
             )
         )

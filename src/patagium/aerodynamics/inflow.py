@@ -18,7 +18,7 @@ import numpy as np
 
 from patagium.aerodynamics.ground import ground_share
 from patagium.aerodynamics.indicial import Relaxation
-from patagium.aerodynamics.local_flow import quarter_chord, velocity_at
+from patagium.aerodynamics.local_flow import quarter_chord
 from patagium.aerodynamics.on_model import OnModel
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_step
 from patagium.aerodynamics.strip_loads import AeroExpressions
@@ -274,7 +274,7 @@ class _Moving:
         axes = self.poses[parent].rotation if parent >= 0 else ca.SX.eye(3)
         turn = self._twists[parent].angular if parent >= 0 else ca.SX.zeros(3, 1)
         away = axes.T @ (quarter_chord(self.poses, strip) - self.poses[hinge].position)
-        at_tip = velocity_at(self._twists[strip.body], vector(strip.quarter_chord))
+        at_tip = self._twists[strip.body].at(vector(strip.quarter_chord))
         velocity = axes.T @ (self.poses[strip.body].rotation @ at_tip - self._speed(hinge))
         distance = ca.sqrt(ca.sumsqr(away))
         unit, turning = away / distance, (velocity - cross(turn, away)) / distance

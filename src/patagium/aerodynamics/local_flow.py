@@ -97,17 +97,7 @@ def strip_airflows(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[Twist]
 
 def quarter_chord(poses: Sequence[Pose], strip: Strip) -> ca.SX:
     """Quarter-chord point of a strip in the world, (3, 1) [m]."""
-    return poses[strip.body].position + poses[strip.body].rotation @ vector(strip.quarter_chord)
-
-
-def velocity_at(twist: Twist, offset: ca.SX) -> ca.SX:
-    """Velocity of a point fixed to a body, body axes, (3, 1) [m/s].
-
-    Args:
-        twist: How the body moves.
-        offset: The point from the body's origin, body axes, (3, 1) [m].
-    """
-    return twist.linear + cross(twist.angular, offset)
+    return poses[strip.body].at(vector(strip.quarter_chord))
 
 
 def strip_motions(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[StripMotion]:
@@ -126,7 +116,7 @@ def strip_motions(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[StripMo
     for strip, twist in zip(robot.strips, strip_airflows(robot, q, v, wind), strict=True):
         forward, normal = vector(strip.forward), vector(strip.normal)
         span = cross(normal, forward)
-        velocity = velocity_at(twist, vector(strip.quarter_chord))
+        velocity = twist.at(vector(strip.quarter_chord))
         motions.append(
             StripMotion(
                 strip,

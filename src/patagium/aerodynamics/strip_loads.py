@@ -119,7 +119,7 @@ def assemble(
         wrenches[strip.body] = (total + force, moment)
         pose = poses[strip.body]
         forces.append(pose.rotation @ force)
-        points.append(pose.position + pose.rotation @ point)
+        points.append(pose.at(point))
         normal_velocity = motion.normal_ahead(load.ahead)
         incidences.append(section_flow(motion.forward, normal_velocity).angle_of_attack)
         speeds.append(ca.sqrt(motion.forward**2 + normal_velocity**2))

@@ -22,7 +22,7 @@ import numpy as np
 
 from patagium.aerodynamics.ground import GroundPlane
 from patagium.aerodynamics.indicial import Lags, Relaxation, lag_relaxation, lag_step
-from patagium.aerodynamics.local_flow import StripMotion, strip_airflows, velocity_at
+from patagium.aerodynamics.local_flow import StripMotion, strip_airflows
 from patagium.aerodynamics.smooth_functions import SWITCH_SPEED, smooth_norm, smooth_sign
 from patagium.arrays import Bools
 from patagium.dynamics.chain import cross, vector
@@ -131,7 +131,7 @@ def lattice(robot: Robot, chains: Sequence[StripChain], q: ca.SX, v: ca.SX, wind
     strips = robot.strips
     legs = [leg for chain in chains for leg in _legs(robot, chain, poses, airflows)]
     return Lattice(
-        points=ca.horzcat(*[_place(poses, s, vector(s.quarter_chord)) for s in strips]),
+        points=ca.horzcat(*[poses[s.body].at(vector(s.quarter_chord)) for s in strips]),
         normals=ca.horzcat(*[poses[s.body].rotation @ vector(s.normal) for s in strips]),
         forwards=ca.horzcat(*[poses[s.body].rotation @ vector(s.forward) for s in strips]),
         edges=ca.horzcat(*[leg[0] for leg in legs]),
@@ -164,10 +164,6 @@ def ground_plane(robot: Robot, q: ca.SX, ground: ca.SX) -> GroundPlane | None:
     world, own = (body_poses(robot, x)[0] for x in (q, _from_floating_body(robot, q)))
     normal = own.rotation @ world.rotation[2, :].T
     return GroundPlane(normal, ground[0] - world.position[2] + ca.dot(normal, own.position))
-
-
-def _place(poses: Sequence[Pose], strip: Strip, offset: ca.SX) -> ca.SX:
-    return poses[strip.body].position + poses[strip.body].rotation @ offset
 
 
 def _shares(robot: Robot, chains: Sequence[StripChain]) -> ca.SX:
@@ -205,8 +201,8 @@ def _legs(
             strip = strips[i]
             outwards = cross(vector(strip.normal), vector(strip.forward)) * chain.right[i]
             span = span + poses[strip.body].rotation @ outwards
-            edge = edge + _place(poses, strip, offset) / len(sides)
-            local = velocity_at(airflows[chain.strips[i]], offset)
+            edge = edge + poses[strip.body].at(offset) / len(sides)
+            local = airflows[chain.strips[i]].at(offset)
             velocity = velocity + poses[strip.body].rotation @ local / len(sides)
         velocity = _across(velocity, span)
         direction = -velocity / smooth_norm(ca.dot(velocity, velocity))

@@ -236,7 +236,7 @@ def center_of_mass(robot: Robot, q: ca.SX) -> ca.SX:
     """
     moment = ca.SX.zeros(3, 1)
     for body, pose in zip(robot.bodies, body_poses(robot, q), strict=True):
-        moment = moment + body.mass * (pose.position + pose.rotation @ vector(body.center_of_mass))
+        moment = moment + body.mass * pose.at(vector(body.center_of_mass))
     return moment / total_mass(robot)
 
 
@@ -261,7 +261,7 @@ def kinetic_energy(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:
     """
     energy = ca.SX(0)
     for body, twist in zip(robot.bodies, body_velocities(robot, q, v), strict=True):
-        velocity = twist.linear + cross(twist.angular, vector(body.center_of_mass))
+        velocity = twist.at(vector(body.center_of_mass))
         spin = central_inertia(body) @ twist.angular
         energy = energy + body.mass * ca.dot(velocity, velocity) / 2
         energy = energy + ca.dot(twist.angular, spin) / 2
@@ -295,9 +295,9 @@ def _momenta(robot: Robot, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX]:
     poses, twists = body_poses(robot, q), body_velocities(robot, q, v)
     for body, pose, twist in zip(robot.bodies, poses, twists, strict=True):
         center = vector(body.center_of_mass)
-        velocity = pose.rotation @ (twist.linear + cross(twist.angular, center))
+        velocity = pose.rotation @ twist.at(center)
         spin = pose.rotation @ (central_inertia(body) @ twist.angular)
         linear = linear + body.mass * velocity
-        arm = pose.position + pose.rotation @ center
+        arm = pose.at(center)
         angular = angular + spin + cross(arm, body.mass * velocity)
     return linear, angular

@@ -30,6 +30,10 @@ class Pose:
     position: ca.SX
     rotation: ca.SX
 
+    def at(self, offset: ca.SX) -> ca.SX:
+        """Position of a point of the body at an offset in body axes, world axes, (3, 1) [m]."""
+        return self.position + self.rotation @ offset
+
 
 @dataclass(frozen=True)
 class Twist:
@@ -42,6 +46,10 @@ class Twist:
 
     linear: ca.SX
     angular: ca.SX
+
+    def at(self, offset: ca.SX) -> ca.SX:
+        """Velocity of a point of the body at an offset, both in body axes, (3, 1) [m/s]."""
+        return self.linear + cross(self.angular, offset)
 
 
 def coordinate_rates(robot: Robot, q: Any, v: Any) -> Any:
@@ -164,8 +172,7 @@ def point_position(robot: Robot, q: ca.SX, body: int, offset: ca.SX) -> ca.SX:
         body: Index of the body.
         offset: The point from the body's origin, body axes, (3, 1) [m].
     """
-    pose = body_poses(robot, q)[body]
-    return pose.position + pose.rotation @ offset
+    return body_poses(robot, q)[body].at(offset)
 
 
 def point_velocity(robot: Robot, q: ca.SX, v: ca.SX, body: int, offset: ca.SX) -> ca.SX:
@@ -179,7 +186,7 @@ def point_velocity(robot: Robot, q: ca.SX, v: ca.SX, body: int, offset: ca.SX) -
         offset: The point from the body's origin, body axes, (3, 1) [m].
     """
     twist = body_velocities(robot, q, v)[body]
-    return body_poses(robot, q)[body].rotation @ (twist.linear + cross(twist.angular, offset))
+    return body_poses(robot, q)[body].rotation @ twist.at(offset)
 
 
 def point_jacobian(robot: Robot, q: ca.SX, body: int, offset: ca.SX) -> ca.SX:

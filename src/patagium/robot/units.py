@@ -28,6 +28,12 @@ _TORQUE = re.compile(r"\b([kMmuµ]?N)([cm]?m)(s?)\b(\s*(?:\^|\*\*)\s*\d)?")
 _TRAPS = {"gr": "g", "Mm": "mm", "Mg": "mg", "Ms": "ms"}
 """Units that hardly anybody means (grain, megameter), and those of the same kind that are meant."""
 _DIGIT = re.compile(r"(?<![\w^])([A-Za-z]{1,4})([234])\b")
+_COMMON = {
+    **{("cm", "m"): 0.01, ("mm", "m"): 0.001, ("g", "kg"): 0.001, ("mg", "kg"): 1e-6},
+    **{("ms", "s"): 0.001, ("g mm^2", "kg m^2"): 1e-9},
+    **{("deg", "rad"): math.pi / 180, ("deg/s", "rad/s"): math.pi / 180},
+}
+"""Factors of what robot files are mostly written in: pint takes half a second to load."""
 _UNIT = re.compile(rf"(?:(?:{_NAME}|\))\s*+(?:{_POWER})?+|1\s*+/|[\s*/·.(])*+")
 
 
@@ -104,6 +110,8 @@ def _parts(written: float | str, expected: str) -> tuple[float, str]:
 
 
 def _factor(label: str, unit: str, expected: str, found: str) -> float:
+    if label == unit or (label, unit) in _COMMON:
+        return _COMMON.get((label, unit), 1.0)
     plain = re.sub(r"^1\s*/", "1/", unit_for_pint(label))  # no other unit starts with a number
     if not unit or not written_as_unit(plain):
         raise UnitMismatch(expected, found)

@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arrays import Array, real_array
-from patagium.dynamics.chain import cross
 from patagium.dynamics.equations import damping_force, inverse
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import ParameterError, PathError
@@ -101,8 +100,8 @@ def _functions(arm: Robot, body: int) -> list[ca.Function]:
     p, offset, turn = ca.vertcat(own, placed), placed[:3], ca.reshape(placed[3:], 3, 3)
     q, v, a = (ca.SX.sym(name, arm.dof) for name in "qva")
     pose, twist = body_poses(machine, q)[body], body_velocities(machine, q, v)[body]
-    place = pose.position + pose.rotation @ offset
-    linear = pose.rotation @ (twist.linear + cross(twist.angular, offset))
+    place = pose.at(offset)
+    linear = pose.rotation @ twist.at(offset)
     moves = ca.vertcat(linear, pose.rotation @ twist.angular)
     outputs = [place, pose.rotation @ turn, ca.jacobian(moves, v)]
     drift = ca.jtimes(moves, q, v)

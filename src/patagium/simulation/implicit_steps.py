@@ -13,7 +13,6 @@ from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
-from scipy.linalg import lu_factor, lu_solve
 
 from patagium.arrays import Array
 
@@ -48,7 +47,7 @@ class LobattoStep:
     """One step of Lobatto IIIC after the other, with the factors of the last one."""
 
     def __init__(self) -> None:
-        self._factors: Any = None
+        self._solved: Any = None
 
     def __call__(self, rate: Rate, state: Array, place: int, time_step: float) -> Array:
         """State a step later, (size,) [SI]; not finite where Newton's method does not converge.
@@ -65,6 +64,8 @@ class LobattoStep:
             return np.asarray(time_step * _STAGES @ rates - changes)
 
         def renew(changes: Array) -> bool:
+            from scipy.linalg import lu_factor, lu_solve  # slow to import, rarely needed
+
             reached = enumerate(state + changes, place)
             slopes = [rate_jacobian(partial(_at_place, rate, k), one) for k, one in reached]
             if not np.isfinite(slopes).all():
@@ -72,10 +73,10 @@ class LobattoStep:
             size = 3 * state.size
             each = np.broadcast_to(slopes, (3, state.size, state.size))
             parts = np.einsum("ij,jab->iajb", time_step * _STAGES, each)
-            self._factors = lu_factor(np.eye(size) - parts.reshape(size, size))
+            self._solved = partial(lu_solve, lu_factor(np.eye(size) - parts.reshape(size, size)))
             return True
 
-        for fresh, damped in ((self._factors is None, None), (True, None), (True, renew)):
+        for fresh, damped in ((self._solved is None, None), (True, None), (True, renew)):
             if fresh and not renew(np.zeros((1, state.size))):
                 break
             found = self._search(missing, state, damped)
@@ -98,7 +99,7 @@ class LobattoStep:
         for _ in range(_TRIALS if renew is None else _DAMPED_TRIALS):
             if not np.isfinite(left).all():
                 return None
-            correction = lu_solve(self._factors, left.ravel()).reshape(changes.shape)
+            correction = self._solved(left.ravel()).reshape(changes.shape)
             size = float((np.abs(correction) / scale).max())
             if size < _CLOSE or (size < _FAIR and size > last / 2):
                 return np.asarray(state + changes[2] + correction[2])

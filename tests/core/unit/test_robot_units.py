@@ -1,9 +1,12 @@
 """Quantities are read with their unit, and refused with what was expected and found."""
 
 import math
+import subprocess
+import sys
 
 import pytest
 
+from patagium.robot import units
 from patagium.robot.units import UnitMismatch, in_si
 
 
@@ -66,3 +69,16 @@ def test_a_wrong_quantity_names_what_was_expected_and_found(written, unit, found
     with pytest.raises(UnitMismatch, match=found) as caught:
         in_si(written, unit, "a length")
     assert "a length" in caught.value.expected
+
+
+def test_factors_of_common_units_are_those_of_pint():
+    for (label, unit), factor in units._COMMON.items():
+        base, wanted = (units.pint_units().Quantity(1.0, k).to_base_units() for k in (label, unit))
+        assert base.units == wanted.units
+        assert factor == base.magnitude / wanted.magnitude  # bit for bit: equations depend on it
+
+
+def test_a_robot_file_loads_without_the_library_of_units():
+    code = "import sys, patagium as pt; pt.load_robot('aerobat'); print('pint' in sys.modules)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "False\n"

@@ -28,7 +28,7 @@ import numpy as np
 
 from patagium.aerodynamics.added_mass import AddedMass
 from patagium.aerodynamics.air import Air
-from patagium.aerodynamics.local_flow import body_airflows, velocity_at
+from patagium.aerodynamics.local_flow import body_airflows
 from patagium.aerodynamics.quasi_steady import QuasiSteady
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.aerodynamics.strip_loads import AeroExpressions
@@ -369,7 +369,7 @@ def _section(rows: int) -> ca.Function:
     place, forward, normal = numbers[:3], numbers[3:6], numbers[6:9]
     chord, width, span = numbers[9], numbers[10], cross(normal, forward)
     middle = place - forward * (chord / 4)
-    moving, axes = velocity_at(Twist(linear, w), middle), ca.horzcat(forward, normal, span)
+    moving, axes = Twist(linear, w).at(middle), ca.horzcat(forward, normal, span)
     rising = rising + cross(dw, middle) + cross(w, cross(w, middle))
     velocity, turning = axes.T @ moving, chord * axes.T @ w
     spin = ca.vertcat(-turning[2], turning[0], turning[1])
@@ -472,7 +472,7 @@ def _body_wrenches(body: Body, airflow: Twist, density: ca.SX) -> ca.SX:
     x, y, z = (ca.sqrt(ca.fmax(6 * one / body.mass, 0)) for one in squares)
     center = vector(body.center_of_mass)
     areas = ca.vertcat(y * z, x * z, x * y)
-    forces = ca.diag(-density / 2 * areas * _square(velocity_at(airflow, center)))
+    forces = ca.diag(-density / 2 * areas * _square(airflow.at(center)))
     arms = ca.vertcat(x * (y**4 + z**4), y * (x**4 + z**4), z * (x**4 + y**4))
     moment = -density / 64 * arms * _square(airflow.angular)
     moments = [cross(center, forces[:, k]) for k in range(3)]

@@ -231,7 +231,7 @@ def _functions(robot: Robot, body: int) -> list[ca.Function]:
     slope = ca.densify(ca.jacobian(shown, ca.vertcat(*levels)))
     pose = body_poses(machine, q)[body]
     rate = body_velocities(machine, q, v)[body].angular
-    position = pose.position + pose.rotation @ offset
+    position = pose.at(offset)
     moved = ca.densify(ca.jacobian(position, levels[0]))
     turned = ca.densify(ca.jacobian(rate, levels[1]))
     seen = ["up", "offset_parameters", "parameters"]

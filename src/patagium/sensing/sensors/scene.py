@@ -147,7 +147,7 @@ def frame_function(robot: Robot, body: int) -> NativeFunction:
         pose = body_poses(machine, q)[body]
         w, dw, origin = body_accelerations(machine, q, v, a, ca.SX(machine.gravity))[body]
         felt = origin + ca.cross(dw, offset) + ca.cross(w, ca.cross(w, offset))
-        results = [pose.position + pose.rotation @ offset, pose.rotation, w, felt]
+        results = [pose.at(offset), pose.rotation, w, felt]
         names = ["position", "rotation", "angular_velocity", "specific_force"]
         inputs = ["q", "v", "a", "offset_parameters", "parameters"]
         dense = [ca.densify(result) for result in results]
