@@ -8,9 +8,10 @@ stroke, the wake's swirl and contraction, the part of a wing in another wing's w
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import isfinite, pi
+from math import pi
 from typing import Any
 
 import casadi as ca
@@ -26,7 +27,7 @@ from patagium.aerodynamics.wind_shear import WindShear
 from patagium.arrays import Array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
-from patagium.errors import ParameterError
+from patagium.errors import positive
 from patagium.robot.model import Robot
 from patagium.robot.planform import carried_sides, placed, poses
 
@@ -80,9 +81,7 @@ class Inflow(OnModel):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in NUMBERS:
-            value = getattr(self, name)
-            if not (isfinite(value) and value > 0):
-                raise ParameterError(name, "a positive number", value)
+            positive(name, getattr(self, name))
 
     @cached_property
     def strokes(self) -> tuple[Stroke, ...]:
@@ -194,15 +193,10 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
     """Strokes of a robot: wings whose hinges are close to each other along the body."""
     groups: list[list[tuple[Wing, Array, Array]]] = []
     bodies, axes = poses(robot), np.eye(3)
-    for name in {strip.wing: None for strip in robot.strips}:
-        strips = tuple(i for i, strip in enumerate(robot.strips) if strip.wing == name)
-        outermost = robot.strips[strips[-1]]
-        wing = Wing(strips, _levels(robot, outermost.body))
-        hinge = _hinge(robot, wing)
+    for wing, hinge, tip in _wings(robot):
         parent = robot.bodies[hinge].parent
         if not groups and parent >= 0:  # all in the axes that the first wing's hinge is fixed to
             axes = bodies[parent][1]
-        tip = placed(bodies[outermost.body], np.array(outermost.quarter_chord, float))
         one = wing, bodies[hinge][0] @ axes, tip @ axes
         for group in groups:
             apart = np.linalg.norm((one[1] - group[0][1])[[0, 2]])  # left and right are one
@@ -215,6 +209,23 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
         Stroke(tuple(wing for wing, *_ in group), len({b[1] > a[1] for _, a, b in group}))
         for group in groups
     )
+
+
+def _wings(robot: Robot) -> Iterator[tuple[Wing, int, Array]]:
+    """Wings, bodies of their hinges and tips; parts of a wing that one hinge moves are one."""
+    bodies, parts = poses(robot), dict[Any, list[tuple[float, Wing, int, Array]]]()
+    for name in {strip.wing: None for strip in robot.strips}:
+        strips = tuple(i for i, strip in enumerate(robot.strips) if strip.wing == name)
+        last = robot.strips[strips[-1]]
+        part = Wing(strips, _levels(robot, last.body))
+        hinge, tip = _hinge(robot, part), placed(bodies[last.body], np.array(last.quarter_chord))
+        reach = float(np.linalg.norm(tip - bodies[hinge][0]))
+        key = hinge if robot.bodies[hinge].parent >= 0 else name
+        parts.setdefault(key, []).append((reach, part, hinge, tip))
+    for one in parts.values():
+        outwards = sorted(one, key=lambda part: part[0])
+        _, outer, hinge, tip = outwards[-1]
+        yield Wing(sum((part.strips for _, part, *_ in outwards), ()), outer.levels), hinge, tip
 
 
 def _levels(robot: Robot, body: int) -> int:

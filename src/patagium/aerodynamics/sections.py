@@ -226,10 +226,7 @@ class Section(StripSection):
     numbers = _NUMBERS
 
     def __post_init__(self) -> None:
-        check_fields(self)
-        for name in ("lift_slope", "profile_drag"):
-            if getattr(self, name) < 0:
-                raise ParameterError(name, "a number >= 0", getattr(self, name))
+        _check(self)
         if not 0 < self.stall_begins < self.stall_complete <= pi / 2:
             angles = (self.stall_begins, self.stall_complete)
             raise ParameterError("stall", "0 < stall_begins < stall_complete <= pi/2", angles)
@@ -240,6 +237,13 @@ class Section(StripSection):
         sine_square = flow.normal * flow.normal / (flow.speed * flow.speed)
         begins, complete = (ca.sin(numbers[k]) ** 2 for k in ("stall_begins", "stall_complete"))
         return smooth_step((sine_square - begins) / (complete - begins))
+
+
+def _check(section: StripSection) -> None:
+    check_fields(section)
+    for name in ("lift_slope", "profile_drag"):
+        if getattr(section, name) < 0:
+            raise ParameterError(name, "a number >= 0", getattr(section, name))
 
 
 _MEASURED_NUMBERS = ("lift_slope", "zero_lift_angle", "profile_drag")
@@ -290,10 +294,7 @@ class MeasuredSection(StripSection):
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        check_fields(self)
-        for name in ("lift_slope", "profile_drag"):
-            if getattr(self, name) < 0:
-                raise ParameterError(name, "a number >= 0", getattr(self, name))
+        _check(self)
         if len(self.separated) != len(self.stalled.angle):
             expected = f"one share for each of {len(self.stalled.angle)} angles"
             raise ParameterError("separated", expected, len(self.separated))

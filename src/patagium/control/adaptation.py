@@ -466,9 +466,8 @@ class AdaptiveController:
                 beat, least = self._flown(first, air), np.inf
                 if beat is not None and len(beat.measured) == len(before):
                     after = self._missed(beat)
-                    ways = [after]
-                    for k in range(1, len(after) - LEAST_CUT):
-                        ways.append(np.vstack([before[:k], after[k + 1 :]]))
+                    cuts = range(1, len(after) - LEAST_CUT)
+                    ways = [after, *(np.vstack([before[:k], after[k + 1 :]]) for k in cuts)]
                     least = min(self._surprise(way, whole) for way in ways)
                 found.append((least, air))
                 return least

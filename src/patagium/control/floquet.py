@@ -170,8 +170,7 @@ def _neutral(orbit: Orbit) -> NDArray[np.complex128]:
     moved = slope @ orbit.monodromy @ frame.generators(orbit.states[0])
     left = np.abs(moved[frame.kept]).max(axis=0)  # of a generator nothing else is left
     # the yaw's shifts the position too, which is the block above the diagonal
-    values = np.linalg.eigvals(np.triu(moved[frame.neutral]))
-    return np.asarray(values + left, complex)
+    return np.asarray(np.linalg.eigvals(np.triu(moved[frame.neutral])) + left, complex)
 
 
 def _beat_slopes(orbit: Orbit, states: Array) -> tuple[Array, Array]:

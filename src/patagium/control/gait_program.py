@@ -384,8 +384,7 @@ class GaitProgram:
         return self._known[1:]
 
     def _prescribed(self, values: Array) -> PrescribedRows:
-        air = self.flight.aero.air
-        return self.family.rows(values, self.steps, air)
+        return self.family.rows(values, self.steps, self.flight.aero.air)
 
     def _fly(self, nodes: Array, rows: PrescribedRows) -> Segments:
         """Final states and work of segments, loads at their start over limits, (m, n+1+l)."""

@@ -121,8 +121,7 @@ class Point(NamedTuple):
     @property
     def residual(self) -> float:
         """Largest misfit [SI]."""
-        gaps = np.abs(self.gaps).max(initial=0.0)
-        return float(max(gaps, np.abs(self.misfit).max()))
+        return float(max(np.abs(self.gaps).max(initial=0.0), np.abs(self.misfit).max()))
 
 
 class OrbitSearch:

@@ -156,8 +156,7 @@ class Turn:
             inertia: Symmetric matrix after the turn, (3, 3) [kg m^2].
         """
         if self.cyclic is None:
-            turned = self.matrix @ inertia @ self.matrix.T
-            return symmetric(turned)
+            return symmetric(self.matrix @ inertia @ self.matrix.T)
         k, i, j = self.cyclic
         s, c = self.sine, self.cosine
         # planar rotation of the (i, j) block by one shared factor u

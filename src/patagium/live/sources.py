@@ -232,9 +232,7 @@ class TextSource:
             if piece:
                 queue.put(packets.take(piece), waits=True)
                 fed = time.monotonic()
-            elif self._path is None:
-                break
-            elif self._idle is not None and time.monotonic() - fed > self._idle:
+            elif self._path is None or time.monotonic() - fed > (self._idle or np.inf):
                 break
             else:
                 stop.wait(_LOOK / 2)

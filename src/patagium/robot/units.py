@@ -110,8 +110,8 @@ def _parts(written: float | str, expected: str) -> tuple[float, str]:
 
 
 def _factor(label: str, unit: str, expected: str, found: str) -> float:
-    if label == unit or (label, unit) in _COMMON:
-        return _COMMON.get((label, unit), 1.0)
+    if common := _COMMON.get((label, unit), float(label == unit)):
+        return common
     plain = re.sub(r"^1\s*/", "1/", unit_for_pint(label))  # no other unit starts with a number
     if not unit or not written_as_unit(plain):
         raise UnitMismatch(expected, found)

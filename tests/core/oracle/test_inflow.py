@@ -13,6 +13,7 @@ from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.inflow import strokes_of
 from patagium.errors import ParameterError
 from patagium.robot import Robot, load_robot_text
+from patagium.robot.files import preset_text
 from patagium.robot.planform import poses
 
 HOVERER = """
@@ -289,3 +290,27 @@ def test_a_traveling_gust_is_recorded_without_the_induced_velocity(hoverer: Robo
     ]
     assert winds[0].max() > 0.1
     np.testing.assert_array_equal(*winds)
+
+
+def test_a_wing_in_two_parts_is_one_wing_whatever_their_names_and_order():
+    # An inner and an outer wing counted as two in tandem, which share the area that one sweeps.
+    text = preset_text("hawk")
+    segments = [f"      - body: left_{name}\n        strips" for name in ("arm", "hand")]
+    begin, middle, end = map(text.index, [*segments, "  - name: tail"])
+    inner = "  - name: left_inner\n    segments:\n" + text[begin:middle]
+    outer = "  - name: left_outer\n    segments:\n" + text[middle:end]
+    before = text[:begin].removesuffix("  - name: left_wing\n    segments:\n")
+    flown = []
+    for parts in (inner + outer, outer + inner):
+        robot = load_robot_text(before + parts + text[end:], "hawk")
+        stroke, _ = strokes_of(robot)
+        assert len(stroke.wings) == stroke.sides == 2
+        model = pt.air.Inflow(pt.QuasiSteady(robot))
+        flown.append(
+            pt.simulate(robot, model, pt.gaits.cruise(robot), duration=0.05)["q"].to_numpy()[-1]
+        )
+    hawk = pt.load_robot("hawk")
+    model = pt.air.Inflow(pt.QuasiSteady(hawk))
+    whole = pt.simulate(hawk, model, pt.gaits.cruise(hawk), duration=0.05)
+    assert flown[0] == pytest.approx(whole["q"].to_numpy()[-1], rel=1e-12, abs=1e-14)
+    assert flown[1] == pytest.approx(flown[0], rel=1e-12, abs=1e-14)  # sums in another order

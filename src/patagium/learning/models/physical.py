@@ -11,7 +11,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
-from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ from patagium.aerodynamics.added_mass import AddedMass
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.arrays import Array
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, positive
 from patagium.learning.models.network import Network
 from patagium.robot.model import Robot
 
@@ -193,10 +192,8 @@ def physical_parameters(
     for name, std in estimate.items():
         if name not in numbers:
             raise ParameterError("estimate", _known(name, numbers, robot), name)
-        if not (isfinite(std) and std > 0):
-            expected = f"a positive prior deviation [{unit_of(name)}]"
-            raise ParameterError(name, expected, std)
-        parameter = PhysicalParameter(name, float(numbers[name]), float(std))
+        std = positive(name, std, f"a positive prior deviation [{unit_of(name)}]")
+        parameter = PhysicalParameter(name, float(numbers[name]), std)
         if parameter.positive and parameter.prior <= 0:
             raise ParameterError(name, "a value above zero to start from", parameter.prior)
         found.append(parameter)

@@ -271,5 +271,4 @@ def _inverse_in_python(matrix: Array, vector: Array) -> tuple[Array, Array] | No
 
 def _diagonal(matrix: Array, k: int) -> Array:
     """Diagonal number k below the main one of a matrix by rows, (size,), zeros at its end."""
-    entries = matrix[k:, matrix.shape[1] - 1 - k]
-    return np.pad(entries, (0, k))
+    return np.pad(matrix[k:, matrix.shape[1] - 1 - k], (0, k))

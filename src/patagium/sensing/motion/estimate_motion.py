@@ -408,8 +408,7 @@ def in_coordinates(robot: Robot, found: SmoothedMotion) -> tuple[Array, Array]:
 
 def euler_angles(attitude: Rotation) -> Array:
     """Roll, pitch, yaw of rotations in order, without jumps of whole turns, (N, 3) [rad]."""
-    angles = np.asarray(attitude.as_euler("ZYX"))[:, ::-1]
-    return np.unwrap(angles, axis=0)
+    return np.unwrap(np.asarray(attitude.as_euler("ZYX"))[:, ::-1], axis=0)
 
 
 def _dataset(robot: Robot, times: Array, fitted: MotionFits, log: SensorLog) -> xr.Dataset:

@@ -289,7 +289,7 @@ def _entries(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]
         yield f"{path}[{most}] to [{len(value) - 1}]", "", f"only the first {most} are read"
     for index, entry in enumerate(value[:most]):
         key = names[index] if names is not None else _key_of(entry)
-        own = f"{path}[{key if key else index}]"
+        own = f"{path}[{key or index}]"
         for leaf, dtype, other in _leaves(entry, own, value):
             numbered = f"{path}[{index}]{leaf[len(own) :]}" if key else ""
             yield leaf, dtype, numbered if dtype else other

@@ -625,8 +625,7 @@ def _has_decimal_commas(column: Any) -> bool:
 def _numeric(column: Any) -> bool:
     if column.dtype.kind in "fiub":
         return True
-    numbers = pd.to_numeric(column, errors="coerce")
-    return bool(numbers.notna().mean() > 0.5)
+    return bool(pd.to_numeric(column, errors="coerce").notna().mean() > 0.5)
 
 
 def _calendar(column: Any) -> Any:

@@ -184,15 +184,12 @@ def rate_of(rate: str | float, where: str) -> float:
     from patagium.robot.units import UnitMismatch, in_si
 
     try:
-        if isinstance(rate, int | float):
-            found = float(rate)
-        else:
-            found = in_si(str(rate), "Hz", "a rate")
+        found = rate if isinstance(rate, int | float) else in_si(str(rate), "Hz", "a rate")
     except UnitMismatch as problem:
         raise LogError(f"{where}: {problem}") from None
     if not 0 < found < 1e7:
         raise LogError(f"{where}: expected a rate such as 200 Hz, found {rate!r}")
-    return found
+    return float(found)
 
 
 def _restamp_rates(
