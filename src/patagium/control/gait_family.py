@@ -97,7 +97,8 @@ class GaitFamily:
         joints = dict(zip(self.base.joints, self.robot.actuated, strict=True))
         found = []
         for name, way in zip(self.names, self.directions, strict=True):
-            kind, place = _kind(name), int(np.flatnonzero(way)[0]) - 1
+            kind = name.removesuffix(DIFFERENCE).rpartition("_")[2]
+            place = int(np.flatnonzero(way)[0]) - 1
             joint = self.base.joints[place % len(joints)]
             unit = {"frequency": "Hz", "amplitude": "1", "phase": "rad"}.get(kind)
             found.append(unit or self.robot.dof_units[joints[joint]])
@@ -249,10 +250,6 @@ _SERIES = re.compile(
     r"(_difference)?$"
 )
 """Name of a parameter that adds to a coefficient of the Fourier series."""
-
-
-def _kind(name: str) -> str:
-    return name.removesuffix(DIFFERENCE).rpartition("_")[2]
 
 
 def _direction(robot: Robot, base: FourierGait, still: bool, name: str) -> Array:

@@ -173,7 +173,7 @@ class MotionPackets:
         self._due: deque[float] = deque()
         self._torque = _Torque(robot, self._sensors, self._mount)
         self._tracker: MotionTracker | None = None
-        self._made = self._none()
+        self._made = np.empty((0, len(packet_columns(robot))))
         self._turn = np.zeros(3)
         lengths = np.array(robot.dof_units) == "m"
         most = np.where(lengths, _FARTHEST, np.inf), np.where(lengths, _QUICKEST, _SPUN)
@@ -207,9 +207,6 @@ class MotionPackets:
         ready = self._made[:most]
         self._made = self._made[most:]
         return None if rows is None and not len(ready) else ready
-
-    def _none(self) -> Array:
-        return np.empty((0, len(packet_columns(self._robot))))
 
     def _sort(self, row: Array) -> None:
         """Put the values of a row with their sensors; stamps of a sensor must advance."""

@@ -8,9 +8,12 @@ copies the results out: a few microseconds. Hot loops use `address` from C or
 from __future__ import annotations
 
 import ctypes
+import os
 import sys
 import threading
+import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +30,8 @@ _LANES = 8  # of the widest vectors there are; a multiple of all others
 _LARGEST_SPARE = 2**24
 """Memory of batches up to this size is used again when nobody looks at it any more [B]."""
 _ALIGNMENT = 64
+_LONG = 4e-3
+"""Time of a batch above which it is worth the start of threads [s]."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +159,8 @@ class NativeFunction:
         """Results over a leading axis of N states, as views of one block each.
 
         Arguments named `...parameters` are the same for all states; any other
-        without a leading axis is repeated.
+        without a leading axis is repeated. What takes long is shared by all cores, or as many
+        as OMP_NUM_THREADS says; the numbers are the same.
 
         Returns:
             (N, ...) arrays; a tuple when several.
@@ -185,9 +191,15 @@ class NativeFunction:
             self._block(position, (columns, rows, padded))
             for position, (rows, columns) in enumerate(self.size_out)
         ]
-        self._many()(
-            _pointers(blocks), _pointers(results), ctypes.c_long(count), ctypes.c_long(padded)
-        )
+
+        many, lengths = self._many(), ctypes.c_long(padded)
+
+        def part(begin: int, end: int) -> None:
+            given = [x if self._is_shared(k) else x[begin:] for k, x in enumerate(blocks)]
+            found = _pointers([result[..., begin:] for result in results])
+            many(_pointers(given), found, ctypes.c_long(end - begin), lengths)
+
+        _side_by_side(part, count)
         shaped = [
             result[:, :, :count].transpose(2, 1, 0).reshape(count, *buffer.shape)
             for result, buffer in zip(results, self._outputs, strict=True)
@@ -245,6 +257,21 @@ class NativeFunction:
                 for result, buffer in zip(results, self._outputs, strict=True):
                     result[k] = buffer
         return results[0] if self._single else tuple(results)
+
+
+def _side_by_side(part: Callable[[int, int], None], count: int) -> None:
+    """Call for parts of a number of states, on all cores where the first part takes long."""
+    begun, first = time.perf_counter(), min(count, 8 * _LANES)
+    part(0, first)
+    lasts = (time.perf_counter() - begun) * (count / first - 1)
+    cores = int(os.environ.get("OMP_NUM_THREADS") or os.cpu_count() or 1) if lasts > _LONG else 1
+    each = _LANES * -(-(count - first) // (_LANES * cores))
+    ends = [*range(first, count, each or 1), count]
+    if cores == 1:
+        list(map(part, ends, ends[1:]))
+        return
+    with ThreadPoolExecutor(cores) as pool:  # made anew: no thread outlives a fork
+        list(pool.map(part, ends, ends[1:]))
 
 
 def named_function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:

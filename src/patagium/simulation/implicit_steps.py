@@ -26,21 +26,19 @@ _HALVED = 10
 """Times that a correction is halved, at most."""
 
 
-def rate_jacobian(rate: Callable[[Array], Any], state: Array) -> Array:
+def rate_jacobian(rate: Callable[..., Any], state: Array, *more: int) -> Array:
     """Derivative of the rate by the state, (size, size) [1/s], by central differences.
 
     Args:
         rate: Rate of a state, (size,) to (size,) [1/s].
         state: Where, (size,) [SI].
+        more: Further arguments of the rate.
     """
     sizes = 1e-6 * np.maximum(1.0, np.abs(state))
     with np.errstate(all="ignore"):
-        ends = [[np.asarray(rate(state + s * step)) for s in (1, -1)] for step in np.diag(sizes)]
+        steps = np.diag(sizes)
+        ends = [[np.asarray(rate(state + s * k, *more)) for s in (1, -1)] for k in steps]
         return np.stack([(ahead - behind) for ahead, behind in ends], axis=1) / (2 * sizes)
-
-
-def _at_place(rate: Rate, place: int, state: Array) -> Array:
-    return rate(state, place)
 
 
 class LobattoStep:
@@ -67,7 +65,7 @@ class LobattoStep:
             from scipy.linalg import lu_factor, lu_solve  # slow to import, rarely needed
 
             reached = enumerate(state + changes, place)
-            slopes = [rate_jacobian(partial(_at_place, rate, k), one) for k, one in reached]
+            slopes = [rate_jacobian(rate, one, k) for k, one in reached]
             if not np.isfinite(slopes).all():
                 return False
             size = 3 * state.size

@@ -6,6 +6,7 @@ import multiprocessing
 import platform
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import casadi as ca
@@ -15,6 +16,7 @@ import pytest
 from patagium.errors import CompilerError, ParameterError, ShapeError
 from patagium.native import compiler as compiler_module
 from patagium.native import compiler_name, load_functions, load_kernel
+from patagium.native import function as function_module
 from patagium.native.compiler import compiler_accepts, compiler_command
 from patagium.native.emit import emit
 
@@ -245,6 +247,26 @@ def test_results_of_batches_stay_what_they_were():
     part = turn.batch(x)[5:7]
     turn.batch(3 * x)
     np.testing.assert_allclose(part[:, 0], np.sin(x[5:7]), rtol=1e-15)
+
+
+@needs_compiler
+@pytest.mark.parametrize("count", [1, 8, 63, 64, 65, 72, 203, 1001])
+def test_a_long_batch_has_the_same_numbers_on_any_number_of_cores(count, monkeypatch):
+    many = load_functions("every operation", every_operation, label="operations")["many"]
+    rng = np.random.default_rng(count)
+    given = rng.uniform(-1, 1, (count, 4)), rng.uniform(-1, 1, count), np.array([0.3, -0.7])
+    monkeypatch.setattr(function_module, "_LONG", np.inf)
+    alone = [part.copy() for part in many.batch(*given)]
+    monkeypatch.setattr(function_module, "_LONG", -1.0)
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    used = set()
+    pooled = ThreadPoolExecutor.submit
+    monkeypatch.setattr(
+        ThreadPoolExecutor, "submit", lambda *task: used.add(task[2:]) or pooled(*task)
+    )
+    for one, other in zip(alone, many.batch(*given), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert len(used) == min(3, -(-max(count - 64, 0) // 8))  # parts of whole vectors
 
 
 def _load_in(cache: str, results) -> None:

@@ -172,7 +172,8 @@ def stretches_of(flights: Sequence[Kinematics]) -> Stretches:
         numbers, repeats = _beats(one)
         word = word if repeats else "stretches"
         beats.append(numbers[one.used] + count)
-        features += [_features(one.x[numbers == k]) for k in range(numbers.max() + 1)]
+        parts = [one.x[numbers == k] for k in range(numbers.max() + 1)]
+        features += [np.concatenate([x.mean(axis=0), x.std(axis=0)]) for x in parts]
         count += int(numbers.max()) + 1
     beat, table = np.concatenate(beats), np.array(features)
     whole = np.concatenate([one.x for one in flights])
@@ -227,11 +228,6 @@ def _beats(flight: Kinematics) -> tuple[Indices, bool]:
         numbers[begin:end] = count + np.minimum(inside, whole - 1)
         count, begin = count + whole, end
     return np.unique(numbers, return_inverse=True)[1], period is not None
-
-
-def _features(x: Array) -> Array:
-    """Mean and standard deviation of each input over a stretch, (2 n,)."""
-    return np.concatenate([x.mean(axis=0), x.std(axis=0)])
 
 
 def _scaled(table: Array, x: Array, flight: Kinematics) -> tuple[Array, list[str]]:

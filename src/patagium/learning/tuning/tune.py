@@ -270,7 +270,7 @@ class _Problem:
             "patagium": __version__,
             "flight": flown.name,
             "samples": f"{len(flown.y)} of digest "
-            + _digest(b"".join(_seen(exam.flown) for exam in exams)),
+            + _digest(b"".join(k.flown.log.x.tobytes() + k.flown.y.tobytes() for k in exams)),
             "every": exams[0].every,
             "left out": f"{left_out.rule} of digest {_digest(b''.join(judged))}",
             "network": f"{kinds} of digest {_digest(json.dumps(described).encode())}",
@@ -422,10 +422,6 @@ def _joined(flights: Sequence[Flown], name: str) -> Flown:
     log = LogSamples(*(np.concatenate(part) for part in zip(*parts, strict=True)))
     y, scored = (np.concatenate([getattr(one, k) for one in flights]) for k in ("y", "scored"))
     return Flown(log, y, scored, name or ", ".join(one.name for one in flights))
-
-
-def _seen(flown: Flown) -> bytes:
-    return flown.log.x.tobytes() + flown.y.tobytes()
 
 
 def _digest(content: bytes) -> str:

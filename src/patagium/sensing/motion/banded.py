@@ -250,7 +250,8 @@ def _inverse_in_python(matrix: Array, vector: Array) -> tuple[Array, Array] | No
     """Kernel `banded_inverse` without a compiler: the same by columns of the factor."""
     size, wide = matrix.shape
     try:
-        lower = cholesky_banded(np.array([_diagonal(matrix, k) for k in range(wide)]), lower=True)
+        diagonals = [np.pad(matrix[k:, wide - 1 - k], (0, k)) for k in range(wide)]
+        lower = cholesky_banded(np.array(diagonals), lower=True)
     except (np.linalg.LinAlgError, ValueError):
         return None
     solution = cho_solve_banded((lower, True), vector)
@@ -267,8 +268,3 @@ def _inverse_in_python(matrix: Array, vector: Array) -> tuple[Array, Array] | No
     for k in range(wide):
         inverse[k:, wide - 1 - k] = np.diagonal(square[:size, :size], k)
     return solution, inverse
-
-
-def _diagonal(matrix: Array, k: int) -> Array:
-    """Diagonal number k below the main one of a matrix by rows, (size,), zeros at its end."""
-    return np.pad(matrix[k:, matrix.shape[1] - 1 - k], (0, k))

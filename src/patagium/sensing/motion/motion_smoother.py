@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from patagium.arrays import Array, Bools, Indices
+from patagium.arrays import Array, Bools
 from patagium.robot import Robot
 from patagium.sensing.motion.banded import SEEN, Information, Knots
 from patagium.sensing.motion.first_motion import FirstMotion, Noise
@@ -435,7 +435,8 @@ class MotionFit:
         information: Information,
         drive: Array,
     ) -> None:
-        times = (self.knots.begin + self.knots.step * (self._every()[:, None] + _GAUSS)).ravel()
+        every = np.arange(self.knots.spans)[:, None]
+        times = (self.knots.begin + self.knots.step * (every + _GAUSS)).ravel()
         here = slice(0, len(self.columns))
         self.stiffness = self._add_smoothness(
             information,
@@ -461,9 +462,6 @@ class MotionFit:
             pull = information.gradient.reshape(-1, self.width)
             start = first @ self.spline.points[:SEEN, place]
             pull[:SEEN, place] -= first[:, None] * (start * known)
-
-    def _every(self) -> Indices:
-        return np.arange(self.knots.spans)
 
     def _add_smoothness(
         self,

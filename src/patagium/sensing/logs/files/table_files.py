@@ -569,7 +569,7 @@ class CsvFile(LogFile):
                 self._lists.update(entries)
                 types.update(dict.fromkeys(entries, "list"))
                 stated.update(dict.fromkeys(entries, units.get(name, unit)))
-            elif _is_calendar(column):
+            elif _calendar(column.astype(str)).notna().mean() > 0.5:
                 self._calendar.append(name)
                 types[name] = "timestamp"
             else:
@@ -631,10 +631,6 @@ def _numeric(column: Any) -> bool:
 def _calendar(column: Any) -> Any:
     stamps = pd.to_datetime(column, format="ISO8601", errors="coerce", utc=True)
     return stamps.dt.tz_localize(None)
-
-
-def _is_calendar(column: Any) -> bool:
-    return bool(_calendar(column.astype(str)).notna().mean() > 0.5)
 
 
 def _comma_decimal(rows: Sequence[Sequence[str]]) -> bool:

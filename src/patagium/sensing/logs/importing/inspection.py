@@ -330,13 +330,10 @@ def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
             sizes = sizes_of(values, [k], unit)
             places = _vector(fields, k) if sizes.si == "m/s^2" else [k]
             guesses = unit_findings(own, sizes_of(values, places, unit)) if places else []
-            found += [_doubted(one) for one in guesses] if "Twist" in topic.kind else guesses
+            for one in guesses:  # a message has its unit by custom alone
+                doubt = {"level": "note", "text": f"{one.text} Or is it an acceleration?"}
+                found.append(replace(one, **doubt) if "Twist" in topic.kind else one)
     return found
-
-
-def _doubted(one: Finding) -> Finding:
-    """Finding about a unit that a message has by custom alone."""
-    return replace(one, level="note", text=f"{one.text} Or is it an acceleration?")
 
 
 def _vector(fields: list[str], k: int) -> list[int]:
