@@ -25,6 +25,7 @@ from patagium.aerodynamics.local_flow import strip_motions
 from patagium.aerodynamics.named_descriptions import (
     check_keys,
     field_values,
+    from_field_values,
     from_named_description,
 )
 from patagium.aerodynamics.smooth_functions import smooth_sign
@@ -457,12 +458,9 @@ def gust_from_description(description: Mapping[str, Any]) -> Gust:
         return GustSum(tuple(profile_from_description(one) for one in description["gusts"]))
     if description.get("name") != "traveling":
         return profile_from_description(description)
-    known = {"name", "profile", "direction", "speed", "origin"}
-    check_keys("gust traveling", description, known)
-    profile = profile_from_description(description["profile"])
-    direction = tuple(description["direction"])
-    origin = tuple(description["origin"])
-    return TravelingGust(profile, direction, description["speed"], origin)
+    values = {key: value for key, value in description.items() if key != "name"}
+    values["profile"] = profile_from_description(values.get("profile", {}))
+    return from_field_values("gust traveling", TravelingGust, values)
 
 
 def gusts_at_strips(pieces: CubicPieces, time: Array, delays: Array) -> Array:

@@ -144,9 +144,8 @@ def lattice(robot: Robot, chains: Sequence[StripChain], q: ca.SX, v: ca.SX, wind
 
 def _from_floating_body(robot: Robot, q: ca.SX) -> ca.SX:
     """Coordinates with the floating body at the world's origin, if there is one and only one."""
-    floating = [body for body in robot.bodies if body.floating_dofs is not None]
-    alone = len(floating) == 1 and robot.bodies[0] is floating[0]
-    held = robot.floating_coordinates(floating[0]) if alone else ()
+    alone = [*robot.floating_dofs] == [0]
+    held = robot.floating_coordinates(robot.bodies[0]) if alone else ()
     origin = robot.coordinates()
     return ca.vertcat(*[ca.SX(origin[i]) if i in held else q[i] for i in range(len(origin))])
 

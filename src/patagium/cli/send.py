@@ -44,6 +44,8 @@ def send(
     else:
         recorded = load_sensor_log(file) if is_sensor_log(file) else load_flight(file)
     address = address_of(target)
+    if (wind := getattr(recorded, "wind", None)) is not None and wind.any():
+        typer.echo("Warning: packets hold no wind: a stream learns as in still air.", err=True)
     with progress_bar(f"Sending {file.name}") as progress:
         sent = send_packets(recorded, address, rate=rate, rows=rows, key=key, progress=progress)
     kind = "rows of raw samples" if isinstance(recorded, SensorLog) else "packets"

@@ -167,15 +167,14 @@ def _robot_of(source: str) -> Robot:
     from patagium.sensing.logs.record import LogRecord, is_log
     from patagium.sensing.sensors.sense import is_sensor_log
 
-    found, named = None, source == "-" or "://" in source
+    named = source == "-" or "://" in source
     if not named and is_sensor_log(source):
-        found = load_sensor_log(source).robot
+        return load_sensor_log(source).robot
     if not named and is_log(source):
         with LogRecord(source) as record:
-            found = record.robot
-    if found is None:
-        raise ParameterError("--robot", "a preset or a robot file: the source carries none", None)
-    return found
+            if record.robot is not None:
+                return record.robot
+    raise ParameterError("--robot", "a preset or a robot file: the source carries none", None)
 
 
 def _opened(source: str, columns: list[str], idle: float | None, key_file: Path | None) -> Source:
@@ -201,13 +200,12 @@ def _noting(queue: PacketQueue) -> Rhythm:
     """Rhythm that tells what was found about raw sensors."""
     from patagium.live.loop import Rhythm
 
-    told = 0
+    told: list[str] = []
 
     def tell() -> None:
-        nonlocal told
-        for note in queue.notes[told:]:
+        for note in queue.notes[len(told) :]:
+            told.append(note)
             typer.echo(note + "." * (note[-1] not in ".?"), err=True)
-        told = len(queue.notes)
 
     return Rhythm(_LINE_PERIOD, tell)
 

@@ -96,8 +96,8 @@ class AirWeights:
     def __init__(self, prior: ArrayLike, stds: ArrayLike, memory: float) -> None:
         if not memory > 1.0:
             raise ParameterError("memory", "more than one beat", memory)
-        self.prior = real_array("prior", prior, ("N",))
-        self.stds = real_array("stds", stds, self.prior.shape)
+        self.prior = real_array("prior", prior, ("N",)).copy()
+        self.stds = real_array("stds", stds, self.prior.shape).copy()
         with np.errstate(all="ignore"):
             self._own = np.diag(self.stds**-2.0)
             self._information, self._vector = self._own.copy(), self._own @ self.prior
@@ -301,7 +301,7 @@ class AdaptiveController:
         self.controller, self.orbit, self._design = controller, orbit, orbit
         self._air, self._surprised = orbit.aero, False
         robot, strips = orbit.robot, orbit.robot.strips
-        weight = float(robot.gravity) * sum(float(body.mass) for body in robot.bodies)
+        weight = float(robot.gravity) * robot.mass
         lever = float(np.mean([strip.chord for strip in strips]))
         wrench = weight * np.array([1.0, 1.0, lever])
         stds = np.r_[np.full(len(strips), EFFECTIVENESS_STD), WRENCH_STD * wrench]

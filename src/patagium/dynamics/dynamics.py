@@ -286,7 +286,7 @@ class Point:
     def __init__(self, robot: Robot, body: int, offset: Array) -> None:
         if offset.shape != (3,):
             raise ShapeError("offset", (3,), offset.shape)
-        self.robot, self.body, self.offset = robot, body, offset
+        self.robot, self.body, self.offset = robot, body, offset.copy()
 
         def build() -> list[ca.Function]:
             machine, p = robot.symbolic()

@@ -44,6 +44,7 @@ from patagium.live.raw_sensors import sensor_rows, sensors_text
 from patagium.reading import regular_file
 from patagium.sensing.force.air_force import PARTS
 from patagium.sensing.sensors import SensorLog
+from patagium.simulation import robot_of
 
 LARGEST_DATAGRAM = 65507
 """Largest payload of UDP [B]."""
@@ -180,15 +181,15 @@ class TextPackets:
         return row
 
     def _read_header(self, fields: list[bytes]) -> list[int]:
-        names = [name.strip().decode("utf-8", "replace") for name in fields]
-        missing = [name for name in self._columns if name not in names]
+        names = [name.strip().decode("utf-8-sig", "replace") for name in fields]
+        missing = [name for name in self._columns if names.count(name) != 1]
         if missing:
             kinds = (".specific_force.", ".quaternion.", ".current.")
             raw = any(kind in name for kind in kinds for name in names)
             first = "the line `# sensors {...}` before it, or " if raw else ""
             raise LogError(
                 f"line {self._line}: expected {first}a header with the columns {_shown(missing)}, "
-                f"found {_shown(names)}"
+                f"found {_shown(names)}{': each once' * (missing[0] in names)}"
             )
         self._fields = len(names)
         return [names.index(name) for name in self._columns]
@@ -361,7 +362,7 @@ def _number(field: bytes) -> float:
     if not text:
         return nan
     try:
-        return float(text)
+        return float(text.replace(b"_", b"?"))
     except ValueError:
         shown = text[:40].decode("utf-8", "replace")
         raise ValueError(f"expected a number, found {shown!r}") from None
@@ -374,6 +375,8 @@ def flight_packets(flight: xr.Dataset, carried: Sequence[str] = ()) -> Array:
         flight: Record with q, v, a, u1.
         carried: Known forces that packets carry after u1, among `OPTIONAL_PARTS`.
     """
+    if "robot" in flight.attrs:
+        robot_of(flight)
     parts = [flight[part].transpose("time", ...).to_numpy() for part in (*PARTS, *carried)]
     return np.column_stack([flight["time"].to_numpy(), *parts])
 
@@ -407,6 +410,9 @@ def send_packets(
         packets, text = sensor_rows(recorded), sensors_text(recorded)
     else:
         packets, text = flight_packets(recorded), ""
+        if "mount_force" in recorded:
+            held = recorded["mount_force"].transpose("time", ...).to_numpy()
+            packets[:, -held.shape[1] :] += held
     if rows > most_rows(packets.shape[1]):
         raise ParameterError("rows", f"at most {most_rows(packets.shape[1])}", rows)
     due = packets[:, 0] - packets[0, 0] if rate is None else np.arange(len(packets)) / rate

@@ -21,7 +21,7 @@ from patagium.arrays import Array
 from patagium.errors import FilterDiverged, LogError, ParameterError
 from patagium.reading import json_object, made_again
 from patagium.robot import Robot
-from patagium.sensing.force.air_force import packet_columns
+from patagium.sensing.force.air_force import packet_columns, packet_parts
 from patagium.sensing.logs.importing.consistency import sensor_findings
 from patagium.sensing.motion.clock_shifts import found_shifts
 from patagium.sensing.motion.estimate_motion import fit_motion
@@ -52,6 +52,8 @@ _RESTARTED = 10
 _FARTHEST, _QUICKEST, _SPUN = 1e4, 340.0, 1e5
 """Size of a coordinate [m], its rate [m/s] and turning [rad/s] beyond which a track is lost."""
 _AXES = ("x", "y", "z")
+_FEWEST, _ALIKE = 50, 0.6
+"""Steps of packets that tell speeds, and correlation from which they are the same motion."""
 
 
 def channels(robot: Robot, sensor: Sensor) -> dict[str, tuple[str, ...]]:
@@ -112,6 +114,24 @@ def beyond_limits(robot: Robot, q: Array) -> list[str]:
         limits = f"its limits are {low[k]:.4g} and {high[k]:.4g}{unit}: is it in {other}?"
         return [f"q.{robot.dof_names[k]} reaches {far[k]:.4g}{unit}, {limits}"]
     return []
+
+
+@np.errstate(all="ignore")
+def packet_doubts(robot: Robot, packets: Array) -> list[str]:
+    """Sentence on a joint beyond its limits or not as fast as v and time say, or on a; or none."""
+    q, v, a, *_ = packet_parts(packets, robot)
+    q, steps = q[:, list(robot.coordinate_indices)], np.diff(packets[:, 0])
+    found = beyond_limits(robot, q)
+    if len(steps) < _FEWEST:
+        return found
+    for k in robot.actuated:
+        moved, told = np.diff(q[:, k]), steps * (v[1:, k] + v[:-1, k]) / 2
+        alike, times = np.corrcoef(moved, told)[0, 1], np.std(told) / np.std(moved)
+        if alike > _ALIKE and not 0.2 < times < 5:
+            found.append(f"v.{robot.dof_names[k]} is {times:.3g} times as fast as q: is time in s?")
+    if v.any() > a.any():
+        found.append("a is zero in all packets, though v is not")
+    return found[:1]
 
 
 class MotionPackets:

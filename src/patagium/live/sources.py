@@ -23,18 +23,17 @@ import numpy as np
 from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError
 from patagium.live.packets import LARGEST_DATAGRAM, DatagramPackets, Intake, TextPackets, read_key
-from patagium.live.raw_sensors import MotionPackets, beyond_limits, sensor_rows, sensors_text
+from patagium.live.raw_sensors import MotionPackets, packet_doubts, sensor_rows, sensors_text
 from patagium.netcdf_file import kind_of
 from patagium.reading import regular_file
 from patagium.robot import Robot
-from patagium.sensing.force.air_force import packet_parts
 from patagium.sensing.logs.record import LogRecord, is_log
 from patagium.sensing.sensors import SensorLog, load_sensor_log
 from patagium.sensing.sensors.sense import is_sensor_log
 
 _PIECE = 1 << 20
 _ROWS = 1 << 14
-_FIRST = 1000  # packets whose joints are compared with their limits
+_FIRST = 1000  # packets that are compared with limits and stamps
 _LOOK = 0.05  # s between looks at what else goes on
 _BUFFER = 1 << 22  # B asked of the system for datagrams that wait
 LOOPBACK = "127.0.0.1"
@@ -68,7 +67,7 @@ class PacketQueue:
         self._held, self._closed, self._abandoned = 0, False, False
         self._problem: Exception | None = None
         self._doubts: list[str] = []
-        self._left = _FIRST if robot is not None else 0
+        self._first, self._look = np.empty((0, columns)), _FIRST
         self._changed = threading.Condition()
 
     def describe(self, text: str) -> tuple[str, ...]:
@@ -128,10 +127,11 @@ class PacketQueue:
         """
         rows = self._oldest(most, patience)
         if self.motion is None:
-            if self._robot is not None and rows is not None and self._left > 0:
-                q = packet_parts(rows, self._robot)[0][:, list(self._robot.coordinate_indices)]
-                self._doubts = [f"Warning: {one}" for one in beyond_limits(self._robot, q)]
-                self._left = 0 if self._doubts else self._left - len(rows)
+            if self._robot is not None and rows is not None and len(self._first) < self._look:
+                self._first = np.concatenate([self._first, rows])
+                found = packet_doubts(self._robot, self._first)
+                self._doubts = [f"Warning: {one}" for one in found]
+                self._look = 0 if found else _FIRST
             return rows
         packets = self.motion.take(rows, most)
         self.spent = self.motion.spent

@@ -26,12 +26,12 @@ import stat
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from patagium.errors import ParameterError
+from patagium.errors import OutputError, ParameterError
 from patagium.whole_file import whole_file
 
 fcntl: Any = importlib.import_module("fcntl") if os.name == "posix" else None
@@ -122,7 +122,6 @@ def _absolute(variable: str, text: str) -> Path:
     return Path(text)
 
 
-@functools.cache
 def _private(folder: Path) -> Path:
     """The folder, made when missing; a private temporary one where that is refused."""
     try:
@@ -130,8 +129,12 @@ def _private(folder: Path) -> Path:
         fault = _fault(folder.stat()) or ("" if os.access(folder, os.W_OK) else "is not writable")
     except OSError as error:
         fault = f"cannot be used ({error.strerror})"
-    if not fault:
-        return folder
+    return _in_its_place(folder, fault) if fault else folder
+
+
+@functools.cache
+def _in_its_place(folder: Path, fault: str) -> Path:
+    """Private temporary folder in place of one that cannot be used, which is told."""
     fallback = Path(tempfile.mkdtemp(prefix="patagium-"))
     atexit.register(_remove_own, fallback, os.getpid())
     tell(
@@ -162,20 +165,14 @@ def load_library(name: str) -> Library | None:
         The library; None where there is none that can be trusted and loaded, which is told.
     """
     record = cache_folder() / f"{name}.record"
-    sealed = _trusted_bytes(record)
+    sealed = _trusted_bytes(record, lambda text: text[:64] == _digest(name.encode() + text[64:]))
     if sealed is None:
-        return None
-    if sealed[:64] != _digest(name.encode() + sealed[64:]):
-        _tell_damage(record)
         return None
     digest, facts = json.loads(sealed[64:])
     file = record.with_name(f"{digest}.so")
     if file not in _LOADED:
-        content = _trusted_bytes(file)
+        content = _trusted_bytes(file, lambda content: _digest(content) == digest.encode())
         if content is None:
-            return None
-        if _digest(content) != digest.encode():
-            _tell_damage(file)
             return None
         try:
             _LOADED[file] = _opened(file, content)
@@ -204,27 +201,20 @@ def _digest(content: bytes) -> bytes:
     return hashlib.sha256(content).hexdigest().encode()
 
 
-def _tell_damage(file: Path) -> None:
-    tell(f"{file} in the cache is damaged: it is not used but built again")
-
-
 def _opened(file: Path, content: bytes) -> ctypes.CDLL:
     """Library of content that was read from a file; on Linux, a copy of it in memory.
 
-    What was checked is then what is run, whatever happens to the file.
+    What was checked is then what is run, whatever happens to the file. The linker takes a path
+    that it has seen for the same library: each gets one of its own, its number written in
+    binary with "./" and "/".
     """
-    if not hasattr(os, "memfd_create"):
-        return ctypes.CDLL(str(file))
-    # the linker takes a path that it has seen for the same library: each gets one of its own,
-    # its number written in binary with "./" and "/"
     serial = "".join(("/", "./")[bit == "1"] for bit in f"{next(_SERIAL):b}")
-    try:
+    with suppress(OSError, AttributeError):  # no such files here, or none that may be run
         with open(os.memfd_create(file.name), "wb") as copy:
             copy.write(content)
             copy.flush()
             return ctypes.CDLL(f"/proc/self/fd/{serial}{copy.fileno()}")
-    except OSError:  # no such files here, or none that may be run
-        return ctypes.CDLL(str(file))
+    return ctypes.CDLL(str(file))
 
 
 def keep_library(content: bytes) -> str:
@@ -257,13 +247,14 @@ def _keep(file: Path, content: bytes) -> None:
         draft.chmod(0o600)
 
 
-def _trusted_bytes(file: Path) -> bytes | None:
-    """Content of a file that nobody else could have written; None where there is none."""
+def _trusted_bytes(file: Path, sound: Callable[[bytes], bool] = bool) -> bytes | None:
+    """Content of a file, sound, that nobody else could have written; None where there is none."""
     try:
         with open(os.open(file, _READ), "rb") as stream:
             status = os.fstat(stream.fileno())
             fault = _fault(status) if stat.S_ISREG(status.st_mode) else "is no plain file"
             content = b"" if fault else stream.read()
+            fault = fault or ("" if sound(content) else "is damaged")
     except FileNotFoundError:
         return None
     except OSError as error:
@@ -315,20 +306,22 @@ def building_folder() -> Iterator[Path]:
     """Folder for a build, locked while it is used and removed after it.
 
     Raises:
-        OSError: If it cannot be made.
+        OutputError: If the disk does not take it, or the build.
     """
-    with tempfile.TemporaryDirectory(
-        dir=cache_folder(), prefix="building-", ignore_cleanup_errors=True
-    ) as folder:
-        if fcntl is None:
+    place, handle = cache_folder(), None
+    try:
+        with tempfile.TemporaryDirectory(
+            dir=place, prefix="building-", ignore_cleanup_errors=True
+        ) as folder:
+            if fcntl is not None:
+                handle = os.open(folder, os.O_RDONLY)
+                with suppress(OSError):
+                    fcntl.flock(handle, fcntl.LOCK_EX)
             yield Path(folder)
-            return
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            with suppress(OSError):
-                fcntl.flock(handle, fcntl.LOCK_EX)
-            yield Path(folder)
-        finally:
+    except OSError as problem:
+        raise OutputError(place, problem) from None
+    finally:
+        if handle is not None:
             os.close(handle)
 
 

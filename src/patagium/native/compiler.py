@@ -21,7 +21,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
-from patagium.errors import CompilerError, ParameterError
+from patagium.errors import CompilerError, OutputError, ParameterError
 from patagium.native.cache import (
     Library,
     build_lock,
@@ -86,7 +86,7 @@ def _works(command: Sequence[str]) -> bool:
     probe = {"probe.c": '#include "operations.h"\nint probe(void) { return LANES; }\n'}
     try:
         record_library(known, keep_library(_compiled(command, probe, STRAIGHT_LINE)), None)
-    except CompilerError as error:
+    except (CompilerError, OutputError) as error:
         tell(f"{shlex.join(command)} does not work: {str(error).splitlines()[-1]}")
         return False
     return load_library(known) is not None
@@ -124,11 +124,8 @@ def _announce_fallback(choice: str) -> None:
         return
     os.environ[_TOLD] = choice  # worker processes inherit it and keep quiet
     reason = "as PATAGIUM_COMPILER=none asks" if choice == "none" else "none was found that works"
-    print(
-        f"patagium: no C compiler ({reason}): running on CasADi's virtual machine, "
-        "the same numbers, several times slower",
-        file=sys.stderr,
-    )
+    words = "running on CasADi's virtual machine, the same numbers, several times slower"
+    tell(f"no C compiler ({reason}): {words}")
 
 
 def machine_identity(compiler: Sequence[str]) -> str:

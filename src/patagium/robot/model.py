@@ -346,13 +346,23 @@ class Robot:
     @property
     def floating(self) -> bool:
         """Whether the root body is free of the world."""
-        return any(body.floating_dofs is not None for body in self.bodies)
+        return bool(self.floating_dofs)
+
+    @property
+    def floating_dofs(self) -> dict[int, tuple[int, ...]]:
+        """Places in v of the six rates of each floating body, by the index of the body."""
+        found = {k: body.floating_dofs for k, body in enumerate(self.bodies)}
+        return {k: dofs for k, dofs in found.items() if dofs is not None}
+
+    @property
+    def mass(self) -> float:
+        """Mass of all bodies [kg]."""
+        return sum(float(body.mass) for body in self.bodies)
 
     @property
     def attitude(self) -> Attitude | None:
         """Coordinates of the floating body's attitude; None where no body floats."""
-        floating = [body.attitude for body in self.bodies if body.floating_dofs is not None]
-        return floating[0] if floating else None
+        return next((self.bodies[k].attitude for k in self.floating_dofs), None)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -117,7 +117,7 @@ def describe_robot(robot: Robot) -> dict[str, str | int | float]:
     Args:
         robot: The machine, with numbers for parameters.
     """
-    mass = sum(float(b.mass) for b in robot.bodies)
+    mass = robot.mass
     joints = [robot.dof_names[k.dof] for b in robot.bodies for k in b.joints]
     return {
         "robot": robot.name,

@@ -64,7 +64,7 @@ def cycle_statistics(
     if not (0 <= skip <= 1_000_000 and 2 <= phases <= 10_000):
         expected = "0 to a million wingbeats, 2 to ten thousand points"
         raise ParameterError("skip, phases", expected, (skip, phases))
-    time = np.asarray(flight["time"].values, float)
+    robot, time = robot_of(flight), np.asarray(flight["time"].values, float)
     begin = time[0] + skip * beat
     if time[-1] - begin > beat * len(time):
         raise ParameterError("period", "more than the time between two samples", beat)
@@ -74,7 +74,6 @@ def cycle_statistics(
             f"flight: expected {skip + 1} wingbeat{'s' * bool(skip)} of {beat:.6g} s at least, "
             f"found {time[-1] - time[0]:.6g} s; fly longer, or skip fewer"
         )
-    robot = robot_of(flight)
     phase = np.arange(phases) / phases
     stamps = begin + beat * (np.arange(count)[:, None] + phase)
     signals = _signals(flight, robot, time).items()
@@ -89,7 +88,7 @@ def cycle_statistics(
 def _means(flight: xr.Dataset, robot: Robot, found: dict[str, Array]) -> dict[str, float]:
     """Means over all cycles of signals over cycle and phase, (cycles, phases) each [N, W]."""
     speed = float(np.linalg.norm(air_velocity(flight, robot)))
-    weight = float(robot.gravity) * _mass(robot)
+    weight = float(robot.gravity) * robot.mass
     driven = float(np.maximum(found["power"], 0.0).mean())
     moving = speed >= _HOVERING
     lift, thrust = float(found["lift"].mean()), float(found["thrust"].mean())
@@ -126,35 +125,33 @@ def _signals(flight: xr.Dataset, robot: Robot, time: Array) -> dict[str, Array]:
     signals = {"lift": air[:, 2], "thrust": air @ forward}
     if flight.attrs.get("mount") == "fixed":
         cell = -flight["mount_wrench"].transpose("time", "component").values[:, :3]
-        cell = cell + float(robot.gravity) * _mass(robot) * np.array([0.0, 0.0, 1.0])
+        cell = cell + float(robot.gravity) * robot.mass * np.array([0.0, 0.0, 1.0])
         signals |= {"mount_lift": cell[:, 2], "mount_thrust": cell @ forward}
     joints = (flight["u1"] * flight["v"]).sum("dof")
     return signals | {"power": np.asarray(joints.values, float)}
 
 
 def air_force(flight: xr.Dataset, robot: Robot, time: Array) -> Array:
-    """Force of the air on the robot, added mass included, world axes, (N, 3) [N]."""
+    """Force of the air on the robot, added mass included, world axes, (N, 3) [N].
+
+    A robot that cannot float has no coordinate for it: it is what moves it, less all else.
+    """
     force = flight["strip_force"].transpose("time", "strip", "axis").values.sum(axis=1)
     added = flight["added_mass_force"].transpose("time", "dof").values
     if robot.floating:
-        bases = [body.floating_dofs for body in robot.bodies if body.floating_dofs is not None]
+        bases = robot.floating_dofs.values()
         return np.asarray(force + sum(added[:, list(base[:3])] for base in bases), float)
     if not added.any():
         return np.asarray(force, float)
-    # a robot that cannot float has no coordinate for it: what moves it, less all else
     momentum = flight["momentum"].transpose("time", "axis").values
     mount = flight["mount_wrench"].transpose("time", "component").values[:, :3]
-    weight = np.array([0.0, 0.0, -float(robot.gravity) * _mass(robot)])
+    weight = np.array([0.0, 0.0, -float(robot.gravity) * robot.mass])
     return np.asarray(np.gradient(momentum, time, axis=0) - mount - weight, float)
-
-
-def _mass(robot: Robot) -> float:
-    return sum(float(body.mass) for body in robot.bodies)
 
 
 def air_velocity(flight: xr.Dataset, robot: Robot) -> Array:
     """Mean velocity of the center of mass through the air, (3,) [m/s]."""
-    mass = _mass(robot)
+    mass = robot.mass
     momentum = flight["momentum"].transpose("time", "axis").values.mean(axis=0)
     wind = flight["wind"].transpose("time", "axis").values.mean(axis=0)
     return np.asarray((momentum / mass if mass else np.zeros(3)) - wind, float)

@@ -11,7 +11,7 @@ Neglected: sensors; all values are the true ones.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -24,9 +24,9 @@ from patagium.aerodynamics import AddedMass, Aerodynamics, Air, LiftingLine
 from patagium.aerodynamics.added_mass import added_mass_from_description
 from patagium.aerodynamics.description import aero_from_description
 from patagium.arguments import checked, of_kind
-from patagium.arrays import Array
+from patagium.arrays import Array, rising
 from patagium.dynamics.dynamics import poses_at
-from patagium.errors import FlightError, Outcome
+from patagium.errors import FlightError, LogError, Outcome, ParameterError
 from patagium.netcdf_file import kind_of, loaded_dataset, netcdf_content, write_netcdf
 from patagium.reading import json_object, made_again, parsed_json
 from patagium.robot import Robot, load_robot_text
@@ -204,7 +204,9 @@ def flight_record(
     values["energy_residual"] = (energy - energy[0]) - works.sum(axis=0) - given[:, 0]
     momentum = values["momentum"] - given[:, 1:].reshape(values["momentum"].shape)
     values["momentum_residual"] = momentum - values["momentum"][0] - impulse
-    sizes = _sizes(origin, len(time))
+    coordinates = _coordinates(origin, time)
+    sizes = {dim: len(labels[1]) for dim, labels in coordinates.items()}
+    sizes["lag"] = origin.aero.state_size
 
     def variable(name: str, kind: Quantity) -> tuple[tuple[str, ...], Array, dict[str, str]]:
         dims = ("time", *kind.dims)
@@ -219,7 +221,7 @@ def flight_record(
             for name, kind in (quantities(origin.robot) | OPTIONAL).items()
             if name in QUANTITIES or name in values
         },
-        coords=_coordinates(origin, time),
+        coords=coordinates,
         attrs=_origin_attributes(origin),
     )
     flight.attrs |= {"outcome": outcome.name, "message": message, **audits(flight, origin.robot)}
@@ -271,7 +273,7 @@ def _exchanged(flight: xr.Dataset, robot: Robot) -> tuple[float, float]:
         flight["strip_force"].to_numpy().sum(axis=1),
         flight["mount_wrench"].to_numpy()[:, :3],
     ]
-    weight = gravity * sum(float(body.mass) for body in robot.bodies)
+    weight = gravity * robot.mass
     pushed = weight + sum(np.linalg.norm(f, axis=1) for f in pushes)
     for used in (velocity, *forces, flight["strip_force"].to_numpy(), pushes[1]):
         release(used)
@@ -283,15 +285,53 @@ def _exchanged(flight: xr.Dataset, robot: Robot) -> tuple[float, float]:
     return energy, float(np.trapezoid(pushed, time))
 
 
-def robot_of(flight: xr.Dataset) -> Robot:
+def robot_of(flight: xr.Dataset, name: str = "flight", late: bool = False) -> Robot:
     """The robot a flight was flown with, its parameters as they were.
 
+    Args:
+        flight: The record.
+        name: What to call it in errors.
+        late: Whether samples may come after later ones, as in a stream.
+
     Raises:
-        FlightError: If the flight does not carry it.
+        FlightError: If the flight does not carry it, or its coordinates or strips are not the
+            robot's, or time does not rise.
     """
     _require(flight, ("robot", "robot_name"))
     with made_again("the flight's robot", FlightError):
-        return _robot_of_text(str(flight.attrs["robot"]), str(flight.attrs["robot_name"]))
+        robot = _robot_of_text(str(flight.attrs["robot"]), str(flight.attrs["robot_name"]))
+    check_labels(flight, robot, name)
+    try:
+        if late or rising(flight.coords.get("time", 0.0)).size:
+            return robot
+    except (LogError, ParameterError) as problem:
+        raise FlightError(f"{name}: time does not rise: {problem}") from None
+    raise FlightError(f"{name}: expected samples, found none")
+
+
+def check_labels(flight: xr.Dataset, robot: Robot, name: str = "flight") -> None:
+    """Refuse a record whose coordinates, strips or axes are not those of a robot, in order.
+
+    Args:
+        flight: The record; what it does not name is not checked.
+        robot: The machine.
+        name: What to call it in errors.
+
+    Raises:
+        FlightError: If they are others.
+    """
+    known = {
+        "dof": robot.dof_names,
+        "coordinate": robot.coordinate_names,
+        "strip": tuple(strip.name for strip in robot.strips),
+        "axis": AXES,
+    }
+    for dim, labels in known.items():
+        found = tuple(map(str, np.ravel(flight.coords.get(dim, labels))))
+        if found != labels:
+            expected = f"expected {len(labels)} {'strips' if dim == 'strip' else 'coordinates'}"
+            told = f"{len(found)}: {', '.join(found)} in place of {', '.join(labels)}"
+            raise FlightError(f"{name}: {dim}: {expected} of robot {robot.name!r}, found {told}")
 
 
 _robot_of_text = lru_cache(maxsize=8)(load_robot_text)
@@ -352,25 +392,11 @@ def _period(gait: Mapping[str, Any]) -> float | None:
     return max((p for p in map(_period, gait.get("parts", ())) if p), default=None)
 
 
-def _require(flight: xr.Dataset, names: tuple[str, ...]) -> None:
+def _require(flight: xr.Dataset, names: Sequence[str], name: str = "the flight") -> None:
     of_kind("flight", flight, xr.Dataset)
-    missing = [name for name in names if name not in flight.attrs]
+    missing = [attribute for attribute in names if attribute not in flight.attrs]
     if missing:
-        raise FlightError(f"the flight has no attribute {', '.join(missing)}")
-
-
-def _sizes(origin: FlightOrigin, samples: int) -> dict[str, int]:
-    return {
-        "time": samples,
-        "dof": origin.robot.dof,
-        "coordinate": origin.robot.coordinate_count,
-        "strip": len(origin.robot.strips),
-        "axis": len(AXES),
-        "component": len(WRENCH),
-        "lag": origin.aero.state_size,
-        "load_cell": len(origin.load_cells),
-        "command_name": len(origin.commands),
-    }
+        raise FlightError(f"{name} has no attribute {', '.join(missing)}")
 
 
 def _coordinates(origin: FlightOrigin, time: Array) -> dict[str, Any]:
@@ -475,7 +501,6 @@ def save_flight(flight: xr.Dataset, path: str | Path) -> Path:
         FlightError: If the flight misses a quantity.
         OutputError: If the file cannot be written.
     """
-    _require(flight, ())
     check_flight(flight, "flight")
     single = [name for name in SINGLE if name in flight]
     return write_netcdf(path, flight, single=single, compressed=True)
@@ -521,36 +546,21 @@ def check_flight(flight: xr.Dataset, name: str) -> None:
             coordinates are not its robot's.
     """
     _check_presence(flight, name)
-    robot = robot_of(flight)
+    robot = robot_of(flight, name)
     _check_contents(flight, name, robot)
     time = flight["time"].to_numpy()
-    if time.size == 0 or not np.all(np.diff(time) > 0):
-        raise FlightError(f"{name}: time does not rise from sample to sample")
     for state in ("q", "v"):
         values = flight[state].to_numpy()
         if not np.isfinite(values).all():
             first = time[~np.isfinite(values).all(axis=1)][0]
             raise FlightError(f"{name}: {state} is not finite at t = {first:g} s")
-    expected = {
-        "dof": robot.dof_names,
-        "strip": tuple(strip.name for strip in robot.strips),
-        "axis": AXES,
-    }
-    if robot.attitude == "quaternion":
-        expected["coordinate"] = robot.coordinate_names
-    for dim, labels in expected.items():
-        found = tuple(str(label) for label in flight[dim].to_numpy())
-        if found != labels:
-            raise FlightError(f"{name}: {dim}: expected {labels}, found {found}")
 
 
 def _check_presence(flight: xr.Dataset, name: str) -> None:
     missing = [k for k in ("time", "dof", "strip", "axis", *QUANTITIES) if k not in flight]
     if missing:
         raise FlightError(f"{name}: no {', '.join(missing)}: not a whole flight")
-    missing = [k for k in ATTRIBUTES if k not in flight.attrs]
-    if missing:
-        raise FlightError(f"{name}: no attribute {', '.join(missing)}: not a whole flight")
+    _require(flight, ATTRIBUTES, name)
 
 
 def _check_contents(flight: xr.Dataset, name: str, robot: Robot) -> None:

@@ -116,10 +116,9 @@ def _averaged(time: Array, beat: float | None) -> tuple[slice, int]:
 
 def _of_body(robot: Robot, flight: xr.Dataset, chosen: slice) -> dict[str, Any]:
     """Speed, height and attitude of the floating body; empty where none floats."""
-    body = next((k for k, b in enumerate(robot.bodies) if b.floating_dofs is not None), None)
-    if body is None:
+    if not robot.floating:
         return {}
-    dofs = list(robot.bodies[body].floating_dofs or ())
+    body, dofs = next(iter(robot.floating_dofs.items()))
     position, rotation = poses_at(robot, flight["q"].to_numpy())
     height, turned = position[:, body, 2], rotation[:, body]
     velocity = flight["v"].to_numpy()[:, dofs[:3]]

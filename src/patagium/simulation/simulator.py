@@ -113,17 +113,8 @@ def _named(robot: Robot) -> str:
     return robot.name + (" with a quaternion" if robot.attitude == "quaternion" else "")
 
 
-def initial_coordinates(robot: Robot, values: ArrayLike | None) -> Array:
-    """Initial coordinates, by default zero and passive springs at rest, (n_q,); attitudes checked.
-
-    Args:
-        robot: The machine.
-        values: Coordinates, (n_q,) [m, rad, 1], or None.
-
-    Raises:
-        ShapeError: If they are not (n_q,).
-        ParameterError: If they are not finite, or a quaternion's length is not one.
-    """
+def _initial_coordinates(robot: Robot, values: ArrayLike | None) -> Array:
+    """Initial coordinates, zero and springs at rest by default, (n_q,); attitudes checked."""
     given = robot.coordinates(**robot.resting) if values is None else values
     q = _finite("q", given, robot.coordinate_names)
     for body in robot.bodies:
@@ -140,28 +131,10 @@ _LENGTH_TOLERANCE = 1e-6
 """Of a quaternion as written: six digits."""
 
 
-def initial_velocities(robot: Robot, values: ArrayLike | None) -> Array:
-    """Initial velocities, zero by default, (n,).
-
-    Args:
-        robot: The machine.
-        values: Velocities, (n,) [m/s, rad/s], or None.
-
-    Raises:
-        ShapeError: If they are not (n,).
-        ParameterError: If they are not finite.
-    """
-    return _finite("v", np.zeros(robot.dof) if values is None else values, robot.dof_names)
-
-
-def _lags(aero: Aerodynamics, values: ArrayLike | None) -> Array:
-    """Initial states of the model of the air, zero by default, (n_z,)."""
-    none = np.zeros(aero.state_size)
-    return _finite("aero_state", none if values is None else values, aero.state_names)
-
-
-def _finite(name: str, values: ArrayLike, names: tuple[str, ...]) -> Array:
-    vector = real_array(name, values, (len(names),)).copy()
+def _finite(name: str, values: ArrayLike | None, names: tuple[str, ...]) -> Array:
+    """Finite numbers, one for each of the names; zeros by default."""
+    given = np.zeros(len(names)) if values is None else values
+    vector = real_array(name, given, (len(names),)).copy()
     if not np.isfinite(vector).all():
         wrong = names[int(np.argmin(np.isfinite(vector)))]
         raise ParameterError(name, "finite numbers", f"not finite at {wrong}")
@@ -287,12 +260,13 @@ class Simulator:
         held = mount_of(robot, mount)
         check_cells(robot, cells, held.kind != "free")
         layout = state_layout(robot, aero, held, added_mass, cells)
-        place, speed = initial_coordinates(robot, q), initial_velocities(robot, v)
+        place, speed = _initial_coordinates(robot, q), _finite("v", v, robot.dof_names)
         _check_joints(robot, gait, place, speed)
         base = _base_motion(robot, layout, held, place, speed)
         self._robot, self._aero, self._gait, self._layout = robot, aero, gait, layout
         rows = partial(self._row_table, base)
-        state = layout.initial_state(place, speed, _lags(aero, aero_state))
+        lags = _finite("aero_state", aero_state, aero.state_names)
+        state = layout.initial_state(place, speed, lags)
         self._equations = _equations(robot, aero, added_mass, held, cells, layout, state)
         self._singular = singular_places(layout.machine, layout.passive_coordinates)
         check_start(self._equations, layout.state_names, state, self._singular)
@@ -498,7 +472,7 @@ class Simulator:
         return outcome_message(run, names, self._equations, steps, time_step, singular, cause)
 
     def flight(self) -> xr.Dataset:
-        """The flight so far."""
+        """The flight so far; one that may go on shares its numbers, and is read-only."""
         run = self.run
         time = times_of(0, run.steps + 1, self._time_step)
         run.samples["wind"] = _wind(self._aero, run.samples, time)
@@ -510,6 +484,9 @@ class Simulator:
         for first, energy, momentum in self._changes:
             given = run.samples.setdefault(GIVEN, np.zeros((run.steps + 1, 4)))
             given[first:] += np.r_[energy, momentum]
+        if self.outcome is Outcome.COMPLETED and run.steps < self.steps:  # it may fly on
+            for values in run.samples.values():
+                values.flags.writeable = False
         flight = flight_record(origin, time, run.samples, self.outcome, self.message())
         if self._steered is not None:
             flight.attrs["commands_limited"] = self._steered.limited

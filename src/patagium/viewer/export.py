@@ -50,7 +50,7 @@ def topics_of(record: xr.Dataset) -> list[Topic]:
         LogError: If there is none.
     """
     others = [str(name) for name in record.data_vars if name not in PARTS]
-    columns = packet_columns(robot_of(record), others) if "robot" in record.attrs else ()
+    columns = packet_columns(robot_of(record, late=True), others) if "robot" in record.attrs else ()
     known, found = {one.name: one.unit for one in columns}, []
     for name, variable in record.data_vars.items():
         if variable.dims[:1] != ("time",) or variable.dtype.kind not in "fiub":
@@ -76,7 +76,7 @@ def body_frames(record: xr.Dataset) -> dict[str, tuple[Array, Array]]:
     """
     if "q" not in record or "robot" not in record.attrs:
         return {}
-    robot = robot_of(record)
+    robot = robot_of(record, late=True)
     q = record["q"].to_numpy()
     if q.shape[1] != robot.coordinate_count:
         return {}

@@ -110,7 +110,7 @@ class TotalForce(NamedTuple):
 
 def floating_body(robot: Robot) -> tuple[int, Body] | None:
     """The body that floats, and its number; None if none or several do."""
-    found = [(k, body) for k, body in enumerate(robot.bodies) if body.floating_dofs is not None]
+    found = [(k, robot.bodies[k]) for k in robot.floating_dofs]
     return found[0] if len(found) == 1 else None
 
 

@@ -26,7 +26,7 @@ from patagium.learning import LinearStripNetwork, load_learner
 from patagium.learning.tuning.settings_file import LearnerSettings, NetworkSettings, Settings
 from patagium.live import loop, record, sources
 from patagium.live.loop import Counters, Rhythm, Status, follow, summary
-from patagium.live.packets import Intake, datagrams, flight_packets, send_packets
+from patagium.live.packets import DatagramPackets, Intake, datagrams, flight_packets, send_packets
 from patagium.live.pipeline import Pipeline
 from patagium.live.record import StreamFile
 from patagium.live.sources import (
@@ -169,6 +169,24 @@ def test_a_flight_is_sent_in_its_own_time(flight, pipeline):
     sender.join()
     assert facts["samples"] == 300
     assert time.monotonic() - began > 300 / 4000.0
+
+
+def test_what_a_mount_gives_is_not_learned_as_the_force_of_the_air(tmp_path, capsys, pipeline):
+    robot, file = pipeline.robot, tmp_path / "held.nc"
+    aero = pt.QuasiSteady(robot, pt.Air(wind=(-3.0, 0.0, 0.0)))
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.6)
+    held = pt.simulate(robot, aero, gait, duration=0.02, time_step=1e-4, mount=pt.mounts.fixed())
+    pt.save_flight(held, file)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
+        port.bind(("127.0.0.1", 0))
+        port.settimeout(10.0)
+        with pytest.raises(SystemExit, match="0"):
+            run(["send", str(file), f"udp://127.0.0.1:{port.getsockname()[1]}", "--rows", "50"])
+        messages = [port.recv(50_000) for _ in range(5)]
+    assert "packets hold no wind" in capsys.readouterr().err
+    reader = DatagramPackets(57, Intake())
+    found = pipeline.run(np.concatenate([reader.take(one) for one in messages])).measurement
+    np.testing.assert_allclose(found, held.aero_force.values, atol=1e-9)
 
 
 def test_a_pipe_is_learned_to_its_end(packets, pipeline):
@@ -466,3 +484,27 @@ def test_packets_in_degrees_are_told_once():
             queue.take(25, 0.1)
         assert len(queue.notes) == count
         assert not count or "q.left_plunge reaches 28.65 rad" in queue.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda rows, n: rows, ""),
+        (
+            lambda rows, n: rows * np.r_[1e3, np.ones(4 * n)],
+            "v.left_plunge is 1e+03 times as fast as q",
+        ),
+        (lambda rows, n: rows * np.r_[np.ones(1 + n), np.full(n, 57.3), np.ones(2 * n)], "is 57.3"),
+        (lambda rows, n: rows * np.r_[np.ones(1 + 2 * n), np.zeros(n), np.ones(n)], "a is zero"),
+        (lambda rows, n: rows * 1e200, ""),
+        (lambda rows, n: np.where(rows, np.nan, np.nan), ""),
+    ],
+)
+def test_stamps_and_rates_in_other_units_are_told(packets, change, words):
+    robot = pt.load_robot("aerobat")
+    changed = change(packets[:1000:10], robot.dof)
+    queue = PacketQueue(100, changed.shape[1], Intake(), robot)
+    queue.put(changed, waits=False)
+    while len(queue.take(7, 0.0)):
+        pass
+    assert (words in "".join(queue.notes)) if words else not queue.notes

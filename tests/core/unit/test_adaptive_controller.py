@@ -85,6 +85,16 @@ def test_weights_are_the_minimum_of_forgotten_squares():
     np.testing.assert_allclose(learner.weights, found, rtol=1e-10)
 
 
+def test_a_prior_that_changes_after_it_was_given_changes_no_weights():
+    prior, stds = np.ones(3), np.ones(3)
+    mine, other = (AirWeights(p, s, memory=4.0) for p, s in ((prior, stds), (prior + 0, stds + 0)))
+    prior[:] = stds[:] = 7.0
+    for learner in (mine, other):
+        learner.learn(np.ones((2, 3)), np.zeros(2))
+    assert np.array_equal(mine.weights, other.weights)
+    assert np.array_equal(mine.stds, other.stds)
+
+
 def test_what_is_forgotten_tells_nothing_any_more():
     draw, learner = np.random.default_rng(0), AirWeights(np.ones(3), np.ones(3), memory=4.0)
     for _ in range(5):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -208,6 +210,29 @@ def test_builds_go_to_a_private_folder_where_the_cache_cannot_be_trusted(
     assert cache.cache_folder() != folder
     assert cache.cache_folder().stat().st_mode & 0o777 == 0o700
     assert folder.is_file() or not list(folder.iterdir())
+
+
+@needs_compiler
+def test_a_folder_that_is_removed_while_the_program_runs_is_made_again(folder):
+    assert value() == 21.0
+    shutil.rmtree(folder)
+    assert value(other, "other") == 16.0
+    assert the_library(folder).is_file()
+    assert folder.stat().st_mode & 0o777 == 0o700 or os.name != "posix"
+
+
+@needs_compiler
+@needs_posix
+@pytest.mark.parametrize("where", ["folder", "sources"])
+def test_a_build_for_which_the_disk_has_no_room_says_so(where, folder, monkeypatch):
+    assert value() == 21.0
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(*((Path, "write_text") if where == "sources" else (os, "mkdir")), full)
+    with pytest.raises(OutputError, match=f"{folder}: cannot be written: No space left"):
+        value(other, "other")
 
 
 @pytest.mark.parametrize("variable", ["PATAGIUM_CACHE", "XDG_CACHE_HOME", "HOME"])

@@ -92,6 +92,14 @@ def test_points_move_as_their_jacobian_says(dyn, states):
     np.testing.assert_allclose(slope, point.velocity(q, v), atol=1e-8)
 
 
+def test_a_point_keeps_its_place_when_the_array_that_named_it_changes(dyn, states):
+    offset = np.array([0.01, -0.02, 0.03])
+    point = dyn.point(dyn.robot.bodies[-1].name, offset)
+    before = point.position(states[0][0])
+    offset[:] = 0.0
+    assert np.array_equal(point.position(states[0][0]), before)
+
+
 def test_a_robot_that_differs_in_values_shares_the_compiled_code(rng):
     robot = pt.load_robot("aerobat")
     heavy = robot.with_parameters({"left_plate.mass": 2 * robot.bodies[2].mass})

@@ -14,6 +14,7 @@ from tests.flights import SINGLE, stored
 
 import patagium as pt
 from patagium.errors import FlightError
+from patagium.live.packets import flight_packets
 from patagium.netcdf_file import write_netcdf
 from patagium.simulation import aero_of, robot_of
 
@@ -158,3 +159,42 @@ def test_a_file_that_is_no_flight_is_said(tmp_path):
         pt.load_flight(tmp_path / "text.nc")
     with pytest.raises(FlightError, match="no attribute robot"):
         robot_of(xr.Dataset())
+
+
+USES = {
+    "packets": flight_packets,
+    "cycles": lambda flight: pt.cycle_statistics(flight, period=0.005, skip=0),
+    "sensors": lambda flight: pt.sense(flight, [pt.sensors.Encoder(rate=1000.0)]),
+    "learner": lambda flight: pt.identify(flight, every=5),
+    "robot": robot_of,
+}
+
+
+@pytest.mark.parametrize("use", USES)
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (
+            lambda flight: flight.isel(dof=slice(None, None, -1)),
+            "dof: .* found 14: right_feather",
+        ),
+        (
+            lambda flight: flight.isel(dof=slice(6)),
+            "dof: .* 14 .* found 6: x, y, z, roll, pitch, yaw in ",
+        ),
+        (
+            lambda flight: flight.isel(strip=slice(None, None, -1)),
+            "strip: .* 10 strips .* found 10: right_wing",
+        ),
+        (lambda flight: flight.isel(time=slice(None, None, -1)), "time does not rise"),
+        (lambda flight: flight.isel(time=slice(0)), "expected samples, found none"),
+        (lambda flight: flight.assign_coords(time=flight.time * 0), "time does not rise"),
+        (
+            lambda flight: flight.assign_coords(time=flight.time.astype("m8[s]")),
+            "time does .* timedelta64",
+        ),
+    ],
+)
+def test_a_flight_whose_parts_were_rearranged_is_refused_everywhere(flight, use, change, words):
+    with pytest.raises(FlightError, match=f"flight: {words}"):
+        USES[use](change(flight))

@@ -279,6 +279,26 @@ def test_a_line_without_end_is_bounded_in_memory_and_time():
     assert time.process_time() - began < 5.0  # .4 s; 40 s where each piece copies the line
 
 
+@pytest.mark.parametrize("twice", ["time", "a.a"])
+def test_a_column_that_is_there_twice_is_refused(twice):
+    header = ",".join([*NAMES, "spare", "spare", twice]).encode()
+    with pytest.raises(
+        LogError, match=f"line 1: .* the columns {twice}, found time, q.*: each once"
+    ):
+        TextPackets(NAMES, Intake()).take(header + b"\n")
+
+
+def test_digits_with_underscores_are_no_number():
+    intake = Intake()
+    found = TextPackets(NAMES, intake).take(",".join(NAMES).encode() + b"\n1,2,3,4,1_000\n")
+    assert not len(found) and intake.examples == ["line 2: expected a number, found '1_000'"]
+
+
+def test_a_byte_order_mark_is_no_part_of_a_name():
+    text = b"\xef\xbb\xbf" + ",".join(NAMES).encode() + b"\n1,2,3,4,5\n"
+    np.testing.assert_array_equal(TextPackets(NAMES, Intake()).take(text), [[1, 2, 3, 4, 5]])
+
+
 def test_a_header_cannot_flood_the_terminal():
     with pytest.raises(LogError) as refused:
         TextPackets(NAMES, Intake()).take(b"\x1b[2J" + b"k" * 100_000 + b"\n")

@@ -84,6 +84,20 @@ def test_the_length_of_a_chunk_changes_nothing(robot, aero, gait, flight, monkey
     assert seen[0] == (7, 200) and seen[-1] == (200, 200) and len(seen) == 29
 
 
+def test_a_flight_that_goes_on_cannot_be_changed_by_who_looks_at_it(robot, aero, gait, flight):
+    simulator = pt.Simulator(
+        robot, aero, gait, duration=0.02, time_step=1e-4, v=robot.coordinates(x=4.0)
+    )
+    simulator.advance(50)
+    so_far = simulator.flight()
+    for name in ("q", "strip_force", "momentum"):
+        with pytest.raises(ValueError, match="read-only"):
+            so_far[name] *= 57.3
+    simulator.fly()
+    assert np.array_equal(simulator.flight().q.values, flight.q.values)
+    simulator.flight()["q"] *= 57.3  # a flight that ended belongs to who has it
+
+
 def test_means_are_over_whole_wingbeats_or_say_so(robot, aero, gait, flight):
     part = flight_summary(flight)
     assert part["means_over"] == "its second half; it is shorter than a wingbeat"

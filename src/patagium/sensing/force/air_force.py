@@ -25,6 +25,7 @@ from patagium.errors import FlightError, LogError, ParameterError
 from patagium.native import NativeFunction, load_functions
 from patagium.robot import Robot
 from patagium.simulation import quantities, robot_of
+from patagium.simulation.flight import check_labels
 
 PARTS = ("q", "v", "a", "u1")
 """Quantities of each coordinate that every sample carries, in this order, after its time."""
@@ -271,13 +272,8 @@ def recorded(flight: xr.Dataset, name: str, robot: Robot) -> Array:
             )
     if {*flight[name].dims} != {"time", dim}:
         raise FlightError(f"{name}: expected (time, {dim}), found {flight[name].dims}")
-    values = real_array(name, flight[name].transpose("time", dim).values)
-    found = flight[dim].values.tolist() if dim in flight.coords else [*names]
-    if found != [*names] or values.shape[1] != len(names):
-        raise FlightError(
-            f"{name}: expected {len(names)} coordinates of robot {robot.name!r}, found "
-            f"{values.shape[1]}: {', '.join(map(str, found))} in place of {', '.join(names)}"
-        )
+    check_labels(flight, robot)
+    values = real_array(name, flight[name].transpose("time", dim).values, ("N", len(names)))
     bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
     if len(bad):
         raise LogError(

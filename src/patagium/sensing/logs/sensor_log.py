@@ -260,7 +260,7 @@ def _place(found: _Found, name: str, values: xr.DataArray, body: str | None) -> 
 def _body_in(name: str, robot: Robot) -> str | None:
     """Body whose name is the longest one in the name of a quantity, else the floating one."""
     named = [body.name for body in robot.bodies if body.name.lower() in name.lower()]
-    floating = [body.name for body in robot.bodies if body.floating_dofs is not None]
+    floating = [robot.bodies[k].name for k in robot.floating_dofs]
     return max(named, key=len) if named else (floating or [robot.bodies[0].name])[0]
 
 

@@ -59,12 +59,8 @@ class Scene:
             raise FlightError(f"flight: expected at least 4 samples, found {len(self.time)}")
         q, v, a = (self.values(name) for name in ("q", "v", "a"))
         alike = q.shape == v.shape  # but for a quaternion, whose rates are no velocities
-        if alike:
-            self._q = CubicHermiteSpline(self.time, q, v)
-        else:
-            self._q = make_interp_spline(self.time, q)
-        self._v = CubicHermiteSpline(self.time, v, a)
-        self._a = make_interp_spline(self.time, a, k=3)
+        self._q = CubicHermiteSpline(self.time, q, v) if alike else make_interp_spline(self.time, q)
+        self._v, self._a = CubicHermiteSpline(self.time, v, a), make_interp_spline(self.time, a)
 
     def values(self, name: str, needed_by: str = "sensors") -> Array:
         """Variable of the flight with time as the first axis, (N, ...), in its own unit.

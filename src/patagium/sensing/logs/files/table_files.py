@@ -755,7 +755,22 @@ def _is_list_type(kind: Any) -> bool:
     return _is_numeric_type(inner) or _is_list_type(inner)
 
 
-class MatFile(LogFile):
+class _HeldFile(LogFile):
+    """Log whose tables are in memory, as columns by name."""
+
+    _tables: dict[str, dict[str, Any]]
+
+    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
+        """Requested rows, one request after the other."""
+        for key, one in enumerate(wanted):
+            yield from column_blocks(key, one, self._tables[one.topic], str(self.path))
+
+    def close(self) -> None:
+        """Release the memory."""
+        self._tables = {}
+
+
+class MatFile(_HeldFile):
     """MATLAB file in memory."""
 
     format = "MAT"
@@ -773,32 +788,23 @@ class MatFile(LogFile):
 
             check_elements(path)
             held = loadmat(path, squeeze_me=True, struct_as_record=False)
-            self._columns: dict[str, Any] = {}
+            columns: dict[str, Any] = {}
             unplaced: dict[str, str] = {}
             for name, value in held.items():
                 if not name.startswith("__"):
-                    _place(name, value, self._columns, unplaced)
-        lengths = Counter(len(column) for column in self._columns.values())
+                    _place(name, value, columns, unplaced)
+        lengths = Counter(len(column) for column in columns.values())
         if not lengths:
             raise LogError(f"{path}: expected arrays of numbers, found none{_some_of(unplaced)}")
         if len(lengths) > 1:
             described = ", ".join(f"{n} of {rows} rows" for rows, n in lengths.most_common(4))
             self.notes.append(f"arrays of several lengths: {described}; each needs its own stamp")
-        types = {name: str(column.dtype) for name, column in self._columns.items()}
+        types = {name: str(column.dtype) for name, column in columns.items()}
         most = lengths.most_common(1)[0][0]
-        rows = {name: len(column) for name, column in self._columns.items()}
+        rows = {name: len(column) for name, column in columns.items()}
         own = {name: count for name, count in rows.items() if len(lengths) > 1}
         topic = table_topic(types, most, rows=own, unplaced=unplaced)
-        self.topics: dict[str, Topic] = {"": topic}
-
-    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
-        """Requested rows, one request after the other."""
-        for key, one in enumerate(wanted):
-            yield from column_blocks(key, one, self._columns, str(self.path))
-
-    def close(self) -> None:
-        """Release the memory."""
-        self._columns = {}
+        self.topics, self._tables = {"": topic}, {"": columns}
 
 
 def _place(name: str, value: Any, columns: dict[str, Any], unplaced: dict[str, str]) -> None:
@@ -839,7 +845,7 @@ def _some_of(unplaced: Mapping[str, str]) -> str:
     return f", but {', '.join(some)}" if some else ""
 
 
-class UlogFile(LogFile):
+class UlogFile(_HeldFile):
     """ULog file in memory."""
 
     format = "PX4 ULog"
@@ -854,24 +860,15 @@ class UlogFile(LogFile):
                 log = ULog(watched)
             if watched.cut:
                 self.notes.append("the file ends within a record: it was cut off")
-            self._parts: dict[str, Any] = {}
+            self._tables = {}
             for part in sorted(log.data_list, key=lambda p: (p.name, p.multi_id)):
                 name = f"{part.name}/{part.multi_id}" if part.multi_id else part.name
                 if "timestamp" in part.data:
-                    self._parts[name] = part.data
+                    self._tables[name] = part.data
                 else:
                     self.notes.append(f"{name}: without a field `timestamp`; it is not read")
             self._note_damage(log)
-        self.topics: dict[str, Topic] = {n: _topic(n, p) for n, p in self._parts.items()}
-
-    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
-        """Requested rows, topic by topic."""
-        for key, one in enumerate(wanted):
-            yield from column_blocks(key, one, self._parts[one.topic], str(self.path))
-
-    def close(self) -> None:
-        """Release the memory."""
-        self._parts = {}
+        self.topics: dict[str, Topic] = {n: _topic(n, p) for n, p in self._tables.items()}
 
     def _note_damage(self, log: Any) -> None:
         if log.file_corruption:
