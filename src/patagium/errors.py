@@ -390,4 +390,15 @@ def positive(name: str, value: Any, expected: str = "a positive number") -> floa
     return float(value)
 
 
+def not_negative(record: object, *names: str) -> None:
+    """Refuse a record with a number below zero.
+
+    Raises:
+        ParameterError: If one of these fields is.
+    """
+    for name in names:
+        if not getattr(record, name) >= 0:
+            raise ParameterError(name, "zero or more", getattr(record, name))
+
+
 suggest_names(__name__)

@@ -30,7 +30,7 @@ from patagium.aerodynamics.polars import (
 from patagium.aerodynamics.smooth_functions import smooth_step
 from patagium.arguments import check_fields
 from patagium.arrays import Array, brief, real_array
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, not_negative
 
 
 @dataclass(frozen=True)
@@ -227,9 +227,7 @@ class Section(StripSection):
 
     def __post_init__(self) -> None:
         check_fields(self)
-        for name in ("lift_slope", "profile_drag"):
-            if getattr(self, name) < 0:
-                raise ParameterError(name, "a number >= 0", getattr(self, name))
+        not_negative(self, "lift_slope", "profile_drag")
         if not 0 < self.stall_begins < self.stall_complete <= pi / 2:
             angles = (self.stall_begins, self.stall_complete)
             raise ParameterError("stall", "0 < stall_begins < stall_complete <= pi/2", angles)
@@ -291,9 +289,7 @@ class MeasuredSection(StripSection):
 
     def __post_init__(self) -> None:
         check_fields(self)
-        for name in ("lift_slope", "profile_drag"):
-            if getattr(self, name) < 0:
-                raise ParameterError(name, "a number >= 0", getattr(self, name))
+        not_negative(self, "lift_slope", "profile_drag")
         if len(self.separated) != len(self.stalled.angle):
             expected = f"one share for each of {len(self.stalled.angle)} angles"
             raise ParameterError("separated", expected, len(self.separated))

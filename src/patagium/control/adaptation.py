@@ -301,7 +301,7 @@ class AdaptiveController:
         self.controller, self.orbit, self._design = controller, orbit, orbit
         self._air, self._surprised = orbit.aero, False
         robot, strips = orbit.robot, orbit.robot.strips
-        weight = float(robot.gravity) * sum(float(body.mass) for body in robot.bodies)
+        weight = float(robot.gravity) * robot.mass
         lever = float(np.mean([strip.chord for strip in strips]))
         wrench = weight * np.array([1.0, 1.0, lever])
         stds = np.r_[np.full(len(strips), EFFECTIVENESS_STD), WRENCH_STD * wrench]

@@ -306,6 +306,16 @@ class Robot:
         return tuple(units.get(name, "1") for name in self.coordinate_names)
 
     @property
+    def mass(self) -> Any:
+        """Mass of all bodies [kg]: a number, or an expression where theirs are symbols."""
+        return sum(body.mass for body in self.bodies)
+
+    @property
+    def force_units(self) -> tuple[str, ...]:
+        """Unit of each generalized force: "N", or "N m" of a turn."""
+        return tuple("N" if unit == "m" else "N m" for unit in self.dof_units)
+
+    @property
     def coordinate_indices(self) -> tuple[int, ...]:
         """For each entry of v the place in q of what it moves; of roll that of qx, and so on."""
         return places_in_q(self.dof, self._attitudes)

@@ -89,7 +89,7 @@ def cycle_statistics(
 def _means(flight: xr.Dataset, robot: Robot, found: dict[str, Array]) -> dict[str, float]:
     """Means over all cycles of signals over cycle and phase, (cycles, phases) each [N, W]."""
     speed = float(np.linalg.norm(air_velocity(flight, robot)))
-    weight = float(robot.gravity) * _mass(robot)
+    weight = float(robot.gravity) * robot.mass
     driven = float(np.maximum(found["power"], 0.0).mean())
     moving = speed >= _HOVERING
     lift, thrust = float(found["lift"].mean()), float(found["thrust"].mean())
@@ -126,7 +126,7 @@ def _signals(flight: xr.Dataset, robot: Robot, time: Array) -> dict[str, Array]:
     signals = {"lift": air[:, 2], "thrust": air @ forward}
     if flight.attrs.get("mount") == "fixed":
         cell = -flight["mount_wrench"].transpose("time", "component").values[:, :3]
-        cell = cell + float(robot.gravity) * _mass(robot) * np.array([0.0, 0.0, 1.0])
+        cell = cell + float(robot.gravity) * robot.mass * np.array([0.0, 0.0, 1.0])
         signals |= {"mount_lift": cell[:, 2], "mount_thrust": cell @ forward}
     joints = (flight["u1"] * flight["v"]).sum("dof")
     return signals | {"power": np.asarray(joints.values, float)}
@@ -144,20 +144,15 @@ def air_force(flight: xr.Dataset, robot: Robot, time: Array) -> Array:
     # a robot that cannot float has no coordinate for it: what moves it, less all else
     momentum = flight["momentum"].transpose("time", "axis").values
     mount = flight["mount_wrench"].transpose("time", "component").values[:, :3]
-    weight = np.array([0.0, 0.0, -float(robot.gravity) * _mass(robot)])
+    weight = np.array([0.0, 0.0, -float(robot.gravity) * robot.mass])
     return np.asarray(np.gradient(momentum, time, axis=0) - mount - weight, float)
-
-
-def _mass(robot: Robot) -> float:
-    return sum(float(body.mass) for body in robot.bodies)
 
 
 def air_velocity(flight: xr.Dataset, robot: Robot) -> Array:
     """Mean velocity of the center of mass through the air, (3,) [m/s]."""
-    mass = _mass(robot)
     momentum = flight["momentum"].transpose("time", "axis").values.mean(axis=0)
     wind = flight["wind"].transpose("time", "axis").values.mean(axis=0)
-    return np.asarray((momentum / mass if mass else np.zeros(3)) - wind, float)
+    return np.asarray((momentum / robot.mass if robot.mass else np.zeros(3)) - wind, float)
 
 
 def _forward(flight: xr.Dataset, robot: Robot) -> Array:

@@ -271,7 +271,7 @@ def _exchanged(flight: xr.Dataset, robot: Robot) -> tuple[float, float]:
         flight["strip_force"].to_numpy().sum(axis=1),
         flight["mount_wrench"].to_numpy()[:, :3],
     ]
-    weight = gravity * sum(float(body.mass) for body in robot.bodies)
+    weight = gravity * robot.mass
     pushed = weight + sum(np.linalg.norm(f, axis=1) for f in pushes)
     for used in (velocity, *forces, flight["strip_force"].to_numpy(), pushes[1]):
         release(used)
@@ -310,15 +310,14 @@ def aero_of(flight: xr.Dataset) -> Aerodynamics:
 
 
 def air_of(flight: xr.Dataset) -> Air:
-    """Air of a flight: that of its aerodynamic model, or that which an imported log states.
+    """Air of a flight: that of its aerodynamic model, or that which a log states.
 
-    Raises:
-        FlightError: If the flight carries neither.
+    At rest at sea level where the flight carries neither.
     """
-    if "air" in flight.attrs:  # of an imported log, which has no model
-        with made_again("the log's air", FlightError):
-            return Air(**json_object(flight.attrs["air"], "air"))
-    return aero_of(flight).air
+    if "air" not in flight.attrs and "aero" in flight.attrs:  # a log has no model
+        return aero_of(flight).air
+    with made_again("the log's air", FlightError):
+        return Air(**json_object(flight.attrs.get("air", "{}"), "air"))
 
 
 def added_mass_of(flight: xr.Dataset) -> AddedMass | None:

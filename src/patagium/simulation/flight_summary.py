@@ -72,7 +72,7 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     robot, time, beat = robot_of(flight), flight["time"].to_numpy(), gait_period(flight)
     chosen, beats = _averaged(time, beat)
     words = {0: "its second half", 1: "its last wingbeat"}.get(beats, f"its last {beats} wingbeats")
-    weight = float(robot.gravity) * sum(float(body.mass) for body in robot.bodies)
+    weight = float(robot.gravity) * robot.mass
     lift = air_force(flight, robot, time)[chosen, 2].mean()
     span = time[chosen][-1] - time[chosen][0]
     work = flight["joint_work"].to_numpy()[chosen]

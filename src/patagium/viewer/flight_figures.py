@@ -66,7 +66,7 @@ def motion_figure(motion: xr.Dataset, forces: ForceSamples) -> Figure:
     names = [robot.dof_names[i] for i in shown]
     names += [f"force of the air, {robot.dof_names[i]}" for i in measured]
     units = ["deg" if turn else "m" for turn in turns]
-    units += ["N" if robot.dof_units[i] == "m" else "N m" for i in measured]
+    units += [robot.force_units[i] for i in measured]
     return comparison(
         motion["time"].values,
         None,

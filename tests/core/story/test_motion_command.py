@@ -73,7 +73,7 @@ def test_a_table_becomes_motion_forces_and_a_figure(
     assert np.abs(lift - expected)[inner].mean() < 2 * std[inner].mean() < 0.1
 
 
-def test_findings_of_the_import_are_told_and_the_file_is_no_flight(
+def test_findings_of_the_import_are_told_and_the_file_has_forces_alone(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Path("in_m.yaml").write_text(MAPPING.replace("unit: mm", "unit: m"), "utf-8")
@@ -83,11 +83,9 @@ def test_findings_of_the_import_are_told_and_the_file_is_no_flight(
         capsys.readouterr().err
     )
     with pytest.raises(SystemExit):
-        run(["identify", "flight-motion.nc"])
+        run(["view", "flight-motion.nc"])
     told = capsys.readouterr().err
-    assert (
-        "flight-motion.nc: expected a simulated flight, found a file of `patagium motion`" in told
-    )
+    assert "flight-motion.nc: expected a simulated flight, found a motion with forces" in told
     out = said(["import", "flight.csv", "--map", "map.yaml", "-o", "log.nc"], capsys)
     assert out.endswith("Next: patagium motion --robot ROBOT log.nc\n")
 

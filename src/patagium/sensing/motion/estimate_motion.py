@@ -442,6 +442,7 @@ def _dataset(robot: Robot, times: Array, fitted: MotionFits, log: SensorLog) -> 
         variables["attitude_std"] = (("time", "axis"), std, {"units": "rad"})
         coordinates |= {"quaternion": list("wxyz"), "axis": list("xyz")}
     attributes = {"robot": robot.source, "robot_name": robot.name, "mount": log.mount}
+    attributes["air"] = json.dumps(log.air.describe())
     known &= ~fitted.open_times(times)
     facts = motion_findings(fitted)
     facts["notes"] += log.saturated().values()
