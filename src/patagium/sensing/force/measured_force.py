@@ -95,7 +95,7 @@ class ForceSamples:
         with made_again("the motion's forces", FlightError):
             parts: Any = [np.asarray(motion[name].values, float) for name in names]
             parts[5:5] = robot_of(motion), motion["force"].attrs["source"]
-            return cls(*parts, air_of(motion))
+            return cls(*parts, *[air_of(motion)])
 
     def where(self, kept: slice | ArrayLike) -> ForceSamples:
         """Selection of the samples.
