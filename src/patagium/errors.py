@@ -56,7 +56,8 @@ class ShapeError(PatagiumError, ValueError):
     """
 
     def __init__(self, name: str, expected: object, found: object) -> None:
-        super().__init__(f"{name}: expected shape {expected}, found {found}")
+        word = "" if str(expected)[0].isalpha() else "shape "
+        super().__init__(f"{name}: expected {word}{expected}, found {found}")
         self.name, self.expected, self.found = name, expected, found
 
 

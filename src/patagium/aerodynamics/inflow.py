@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import isfinite, pi
+from math import pi
 from typing import Any
 
 import casadi as ca
@@ -26,7 +26,7 @@ from patagium.aerodynamics.wind_shear import WindShear
 from patagium.arrays import Array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
-from patagium.errors import ParameterError
+from patagium.errors import positive
 from patagium.robot.model import Robot
 from patagium.robot.planform import carried_sides, placed, poses
 
@@ -80,9 +80,7 @@ class Inflow(OnModel):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in NUMBERS:
-            value = getattr(self, name)
-            if not (isfinite(value) and value > 0):
-                raise ParameterError(name, "a positive number", value)
+            positive(name, getattr(self, name))
 
     @cached_property
     def strokes(self) -> tuple[Stroke, ...]:

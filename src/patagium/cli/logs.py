@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -90,5 +91,4 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
     if mapping is None:
         raise ParameterError("--mapping", f"a YAML file {command(MEANING, no_robot(file))}", None)
     place = file if file.is_dir() else existing(file)
-    tell = lambda found: show_findings(found, err=True)  # noqa: E731
-    return None, read_table(place, existing(mapping), tell)
+    return None, read_table(place, existing(mapping), partial(show_findings, err=True))

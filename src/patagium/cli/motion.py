@@ -120,9 +120,9 @@ def _summary(found: xr.Dataset, forces: ForceSamples) -> dict[str, Any]:
         result["attitude_std"] = float(np.median(found["attitude_std"].values[known]))
     result["forces"], robot = {}, forces.robot
     for name in forces.measured:
-        force, std = forces.force[:, robot.index(name)], forces.std[:, robot.index(name)]
+        force, std = forces.force[:, k := robot.index(name)], forces.std[:, k]
         result["forces"][name] = {
-            "unit": robot.force_units[robot.index(name)],
+            "unit": robot.force_units[k],
             "mean": float(np.nanmean(force)),
             "rms": float(np.sqrt(np.nanmean(force**2))),
             "std": float(np.nanmedian(std)),

@@ -417,8 +417,7 @@ _LINKAGE_OFFSETS = {"plunge", "elbow"}
 
 def _start(machine: Robot, speed: float, pitch: float) -> tuple[Any, Any]:
     """Initial coordinates and velocities."""
-    base = next((b.floating_dofs for b in machine.bodies if b.floating_dofs is not None), None)
-    if base is not None:
+    if base := machine.floating_dofs:
         ahead, nose = machine.dof_names[base[0]], machine.dof_names[base[4]]
         q = machine.coordinates(**machine.resting, **{nose: pitch})
         return q, machine.velocities(**{ahead: speed})

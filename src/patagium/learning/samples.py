@@ -81,11 +81,8 @@ def samples(
         return time, x, strips.reshape(len(time), -1) @ balance.T, ["1"] * len(balance)
     names = network.output_names
     if not set(names) <= set(machine.dof_names):
-        raise ShapeError(
-            "outputs of the network",
-            f"coordinates of robot {machine.name!r}: {', '.join(machine.dof_names)}",
-            ", ".join(names),
-        )
+        known = f"coordinates of robot {machine.name!r}: {', '.join(machine.dof_names)}"
+        raise ShapeError("outputs of the model", known, f"another robot's: {', '.join(names)}")
     columns = [machine.index(name) for name in names]
     return time, x, force[:, columns], [machine.force_units[k] for k in columns]
 

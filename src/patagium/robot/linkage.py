@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from patagium.arrays import Array
-from patagium.errors import LinkageError, ParameterError
+from patagium.errors import LinkageError, ParameterError, positive
 
 Complex = NDArray[np.complex128]
 
@@ -128,8 +128,7 @@ class Linkage:
             if np.size(value) != size or not np.isfinite(value).all():
                 raise ParameterError(entry.name, f"{size} finite number(s)", value)
         for name in ("l1", "l2a", "l3a", "l4", "l6", "l7a"):
-            if getattr(self, name) <= 0:
-                raise ParameterError(name, "a positive length [m]", getattr(self, name))
+            positive(name, getattr(self, name), "a positive length [m]")
 
     def solve(self, phase: ArrayLike) -> LinkageMotion:
         """Motion of humerus and radius, loops closed to 1e-12 of the longest bar.

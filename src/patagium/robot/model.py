@@ -356,7 +356,12 @@ class Robot:
     @property
     def floating(self) -> bool:
         """Whether the root body is free of the world."""
-        return any(body.floating_dofs is not None for body in self.bodies)
+        return bool(self.floating_dofs)
+
+    @property
+    def floating_dofs(self) -> tuple[int, ...]:
+        """Places in v of the floating bodies' velocities: x, y, z, roll, pitch, yaw of each."""
+        return tuple(i for body in self.bodies for i in body.floating_dofs or ())
 
     @property
     def attitude(self) -> Attitude | None:

@@ -32,7 +32,7 @@ from patagium.dynamics.equations import (
 )
 from patagium.dynamics.kinematics import body_poses, coordinate_rates
 from patagium.robot import Robot
-from patagium.simulation.mounts import CELL_COORDINATES, InternalLoadCell, Mount, floating_dofs
+from patagium.simulation.mounts import CELL_COORDINATES, InternalLoadCell, Mount
 from patagium.simulation.state_layout import ADDED_WORK, StateLayout, state_layout
 
 RECORDED = (
@@ -322,7 +322,7 @@ def mount_wrench(machine: Robot, q: ca.SX, force: ca.SX) -> ca.SX:
         force: Generalized force, such as the mount's, (n, 1) [N, N m].
     """
     body = next(body for body in machine.bodies if body.floating_dofs is not None)
-    dofs, places = floating_dofs(machine)[:6], machine.floating_coordinates(body)
+    dofs, places = machine.floating_dofs[:6], machine.floating_coordinates(body)
     position, push = q[list(places[:3])], force[list(dofs[:3])]
     if body.by_quaternion:
         moment = QuaternionTurn(q[list(places[3:])]).inward(force[list(dofs[3:])])

@@ -134,14 +134,9 @@ def mount_of(robot: Robot, mount: Mount | None) -> Mount:
         return free() if robot.floating else fixed()
     if mount.kind != "fixed" and not robot.floating:
         raise ParameterError("mount", f"fixed: {robot.name!r} has no floating body", mount.kind)
-    if mount.path is not None and len(floating_dofs(robot)) != CELL_COORDINATES:
+    if mount.path is not None and len(robot.floating_dofs) != CELL_COORDINATES:
         raise ParameterError("mount", f"a robot of one floating body, for {mount.kind}", robot.name)
     return mount
-
-
-def floating_dofs(robot: Robot) -> tuple[int, ...]:
-    """Places in v of the floating bodies' velocities: x, y, z, roll, pitch, yaw of each."""
-    return tuple(i for body in robot.bodies for i in body.floating_dofs or ())
 
 
 def floating_coordinates(robot: Robot) -> tuple[int, ...]:

@@ -23,7 +23,6 @@ from patagium.simulation.mounts import (
     InternalLoadCell,
     Mount,
     floating_coordinates,
-    floating_dofs,
     on_massless_mount,
     with_load_cells,
 )
@@ -192,7 +191,7 @@ def state_layout(
     on_ground = robot if robot.floating else on_massless_mount(robot)
     machine = with_load_cells(on_ground, cells)
     hidden = machine.dof - robot.dof
-    held = floating_dofs(machine) if robot.floating and mount.kind != "free" else ()
+    held = machine.floating_dofs if robot.floating and mount.kind != "free" else ()
     prescribed = (*machine.actuated, *(i for i in held if i not in machine.actuated))
     follows = {*range(hidden), *prescribed}
     passive = tuple(i for i in range(machine.dof) if i not in follows)

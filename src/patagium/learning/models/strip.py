@@ -20,7 +20,7 @@ from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.aerodynamics.strip_loads import StripLoad, assemble
 from patagium.arguments import checked
 from patagium.arrays import Array, real_array
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import ParameterError, ShapeError, positive
 from patagium.learning.models.network import FlightTerms
 from patagium.learning.models.perceptron import Perceptron
 from patagium.learning.models.wing import WingNetwork
@@ -89,8 +89,7 @@ class StripNetwork(WingNetwork):
     ) -> None:
         if not robot.strips:
             raise ParameterError("robot", "a robot with wings", robot.name)
-        if coefficient_scale <= 0:
-            raise ParameterError("coefficient_scale", "a positive number", coefficient_scale)
+        positive("coefficient_scale", coefficient_scale)
         if chord_fraction is not None and not 0 <= chord_fraction <= 1:
             raise ParameterError("chord_fraction", "0 to 1, or None", chord_fraction)
         self.chord_fraction, self.rotation = chord_fraction, rotation

@@ -68,7 +68,7 @@ class ForceSamples:
     def __post_init__(self) -> None:
         of_kind("robot", self.robot, Robot)
         shape = (len(real_array("time", self.time, ("N",))), self.robot.dof)
-        for name in ("q", "v", "force", *(["a"] if self.a is not None else [])):
+        for name in ("q", "v", "force", "a")[: 3 + (self.a is not None)]:
             real_array(name, getattr(self, name), shape)
         real_array("covariance", self.covariance, (*shape, self.robot.dof))
 
@@ -244,10 +244,16 @@ def load_cell_force(
         ParameterError: If the robot has no floating body.
     """
     robot = robot_of(motion)
-    base = {i for body in robot.bodies for i in body.floating_dofs or ()}
-    if not base:
+    if not robot.floating:
         raise ParameterError("robot", "one with a floating body", robot.name)
-    return _along(motion, None, mount, added_mass, "load cell", {*range(robot.dof)} - base)
+    return _along(
+        motion,
+        None,
+        mount,
+        added_mass,
+        "load cell",
+        {*range(robot.dof)}.difference(robot.floating_dofs),
+    )
 
 
 def _along(
@@ -305,7 +311,7 @@ def _known_rows(
     """Whether each coordinate is known in each sample, (N, n)."""
     known = np.ones((len(motion["time"]), robot.dof), bool)
     if mount is None and str(motion.attrs.get("mount", "free")) not in ("", "free"):
-        known[:, [i for body in robot.bodies for i in body.floating_dofs or ()]] = False
+        known[:, list(robot.floating_dofs)] = False
     driven = list(robot.actuated)
     known[:, driven] = False if joints is None else np.isfinite(joints.values[:, driven])
     return known
