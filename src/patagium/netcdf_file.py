@@ -163,7 +163,7 @@ _KINDS = {
     "patagium log": "an imported log, which `pt.load_log` reads",
     "patagium stream": "a record of `patagium stream`, which `pt.load_log` reads",
     "scores": "predictions, which `patagium view --predictions` takes",
-    "force_std": "a motion with forces, which `pt.load_log` reads",
+    "force_std": "a motion with forces, for `patagium identify` and `pt.load_log`",
     "aero": "a flight, which `pt.load_flight` reads",
 }
 """Kinds of files by their format, else by what only they hold."""

@@ -30,8 +30,8 @@ def with_force(flight: Any) -> Any:
     known = np.isfinite(flight.force).any(axis=1)
     if known.sum() < 2:
         raise LogError(
-            "forces: expected samples with a known force, found none; the forces of joints with a "
-            "motor need motor currents, those of a held body a load cell"
+            "forces: expected samples with a known force, found none; joints with a motor need "
+            "motor currents, a held body a load cell"
         )
     return flight.where(known)
 
