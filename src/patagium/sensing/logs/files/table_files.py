@@ -46,7 +46,7 @@ from patagium.sensing.logs.mapping import conversion
 
 _HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 TIME_NAME = re.compile(
-    r"^(time|t|timestamp|stamp|tout|clock|zeit|elapsed|(?=sec|milli|micro))"
+    r"^(time|t|timestamp|stamp|tout|clock|elapsed|(?=sec|milli|micro))"
     r"(?:(?:[_ ]in[_ ]|[_ .(\[/]*)(s|secs?|seconds|ms|millis|us|usec|µs|micros|ns)\W?)?$"
 )
 _UNITS = {"millis": "ms", "us": "µs", "usec": "µs", "micros": "µs"}
