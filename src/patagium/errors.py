@@ -56,7 +56,8 @@ class ShapeError(PatagiumError, ValueError):
     """
 
     def __init__(self, name: str, expected: object, found: object) -> None:
-        super().__init__(f"{name}: expected shape {expected}, found {found}")
+        word = "" if str(expected)[0].isalpha() else "shape "
+        super().__init__(f"{name}: expected {word}{expected}, found {found}")
         self.name, self.expected, self.found = name, expected, found
 
 
@@ -388,6 +389,17 @@ def positive(name: str, value: Any, expected: str = "a positive number") -> floa
     if not (is_finite(value) and float(value) > 0):
         raise ParameterError(name, expected, value)
     return float(value)
+
+
+def not_negative(record: object, *names: str) -> None:
+    """Refuse a record with a number below zero.
+
+    Raises:
+        ParameterError: If one of these fields is.
+    """
+    for name in names:
+        if not getattr(record, name) >= 0:
+            raise ParameterError(name, "zero or more", getattr(record, name))
 
 
 suggest_names(__name__)

@@ -163,8 +163,7 @@ _KINDS = {
     "patagium log": "an imported log, which `pt.load_log` reads",
     "patagium stream": "a record of `patagium stream`, which `pt.load_log` reads",
     "scores": "predictions, which `patagium view --predictions` takes",
-    "force_std": "a file of `patagium motion`; learn from its log in Python: "
-    "pt.identify(patagium.sensing.force.flown_force.motion_and_force(log)[1])",
+    "force_std": "a motion with forces, for `patagium identify` and `pt.load_log`",
     "aero": "a flight, which `pt.load_flight` reads",
 }
 """Kinds of files by their format, else by what only they hold."""

@@ -31,7 +31,7 @@ from patagium.dynamics.added_mass import BodyAddedMass
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.equations import kirchhoff_force
 from patagium.dynamics.kinematics import add_wrench, body_poses, generalized_force
-from patagium.errors import ParameterError
+from patagium.errors import not_negative
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot, Strip
 
@@ -64,8 +64,7 @@ class AddedMass:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        if self.factor < 0:
-            raise ParameterError("factor", "a number >= 0", self.factor)
+        not_negative(self, "factor")
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign, smo
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.trailing_vortices import spans_and_areas
 from patagium.arguments import check_fields
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, not_negative
 from patagium.robot.model import Robot
 
 
@@ -87,10 +87,7 @@ class DeLaurier(Aerodynamics):
 
     def __post_init__(self) -> None:
         check_fields(self)
-        for name in NUMBERS:
-            value = getattr(self, name)
-            if value < 0 and name != "zero_lift_angle":
-                raise ParameterError(name, "a number >= 0, or a finite zero_lift_angle", value)
+        not_negative(self, *(name for name in NUMBERS if name != "zero_lift_angle"))
         if self.suction_efficiency > 1:
             raise ParameterError("suction_efficiency", "0 to 1", self.suction_efficiency)
         if not 0 < self.stall_width < min(self.stall_angle, pi / 2 - self.stall_angle):

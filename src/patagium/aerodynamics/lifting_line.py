@@ -46,7 +46,7 @@ from patagium.aerodynamics.trailing_vortices import (
 )
 from patagium.arguments import check_fields
 from patagium.arrays import Array, brief, real_array
-from patagium.errors import ParameterError
+from patagium.errors import not_negative
 from patagium.robot.model import Robot
 from patagium.robot.strip_chains import StripChain, strip_chains
 
@@ -119,8 +119,7 @@ class LiftingLine(Aerodynamics):
 
     def __post_init__(self) -> None:
         check_fields(self)
-        if self.surface_constant < 0:
-            raise ParameterError("surface_constant", "a number >= 0", self.surface_constant)
+        not_negative(self, "surface_constant")
 
     @property
     def chains(self) -> tuple[StripChain, ...]:

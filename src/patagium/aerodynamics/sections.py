@@ -30,7 +30,7 @@ from patagium.aerodynamics.polars import (
 from patagium.aerodynamics.smooth_functions import smooth_step
 from patagium.arguments import check_fields
 from patagium.arrays import Array, brief, real_array
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, not_negative
 
 
 @dataclass(frozen=True)
@@ -226,7 +226,8 @@ class Section(StripSection):
     numbers = _NUMBERS
 
     def __post_init__(self) -> None:
-        _check(self)
+        check_fields(self)
+        not_negative(self, "lift_slope", "profile_drag")
         if not 0 < self.stall_begins < self.stall_complete <= pi / 2:
             angles = (self.stall_begins, self.stall_complete)
             raise ParameterError("stall", "0 < stall_begins < stall_complete <= pi/2", angles)
@@ -237,13 +238,6 @@ class Section(StripSection):
         sine_square = flow.normal * flow.normal / (flow.speed * flow.speed)
         begins, complete = (ca.sin(numbers[k]) ** 2 for k in ("stall_begins", "stall_complete"))
         return smooth_step((sine_square - begins) / (complete - begins))
-
-
-def _check(section: StripSection) -> None:
-    check_fields(section)
-    for name in ("lift_slope", "profile_drag"):
-        if getattr(section, name) < 0:
-            raise ParameterError(name, "a number >= 0", getattr(section, name))
 
 
 _MEASURED_NUMBERS = ("lift_slope", "zero_lift_angle", "profile_drag")
@@ -294,7 +288,8 @@ class MeasuredSection(StripSection):
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        _check(self)
+        check_fields(self)
+        not_negative(self, "lift_slope", "profile_drag")
         if len(self.separated) != len(self.stalled.angle):
             expected = f"one share for each of {len(self.stalled.angle)} angles"
             raise ParameterError("separated", expected, len(self.separated))

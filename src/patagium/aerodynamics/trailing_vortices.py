@@ -144,7 +144,7 @@ def lattice(robot: Robot, chains: Sequence[StripChain], q: ca.SX, v: ca.SX, wind
 
 def _from_floating_body(robot: Robot, q: ca.SX) -> ca.SX:
     """Coordinates with the floating body at the world's origin, if there is one and only one."""
-    alone = [*robot.floating_dofs] == [0]
+    alone = robot.bodies[0].floating_dofs == robot.floating_dofs
     held = robot.floating_coordinates(robot.bodies[0]) if alone else ()
     origin = robot.coordinates()
     return ca.vertcat(*[ca.SX(origin[i]) if i in held else q[i] for i in range(len(origin))])

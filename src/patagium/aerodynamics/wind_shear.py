@@ -16,7 +16,7 @@ from patagium.aerodynamics.on_model import OnModel
 from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.arguments import check_fields
 from patagium.dynamics.kinematics import body_poses
-from patagium.errors import ParameterError, positive
+from patagium.errors import positive
 from patagium.robot.model import Robot
 
 LOWEST = 0.01
@@ -58,8 +58,8 @@ class WindShear(OnModel):
         check_fields(self)
         for name in ("reference_height", "exponent"):
             positive(name, getattr(self, name))
-        if self.roughness is not None and self.roughness <= 0:
-            raise ParameterError("roughness", "a positive length [m], or None", self.roughness)
+        if self.roughness is not None:
+            positive("roughness", self.roughness, "a positive length [m], or None")
 
     @property
     def structure(self) -> str:

@@ -222,15 +222,20 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
 
 def flight_network(flight: Any, choice: LearnerChoice) -> Any:
     """A network for a flight; a dense one is scaled by its first wingbeat."""
-    from patagium.sensing import training_data
+    from patagium.learning.samples import with_force
+    from patagium.sensing import ForceSamples, training_data
     from patagium.simulation import air_of, robot_of
 
     if choice.shape()[0] is not NetworkKind.DENSE:
         return winged_network(choice, flight, air_of(flight))
-    robot = robot_of(flight)
-    time, x, y = training_data(flight, robot)
+    names, forces = robot_of(flight).dof_names, with_force(flight)
+    if isinstance(forces, ForceSamples):
+        names, time, x = forces.measured, forces.time, forces.state
+        y = forces.force[:, [forces.robot.index(name) for name in names]]
+    else:
+        time, x, y = training_data(flight)
     first = time <= time[0] + _look(flight)
-    return scaled_network(choice, robot.dof_names, x[first], y[first])
+    return scaled_network(choice, names, x[first], y[first])
 
 
 def _look(flight: Any) -> float:

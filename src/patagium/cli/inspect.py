@@ -88,6 +88,7 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
         time = f"{{column: {json.dumps(found.topics[0].stamps)}}}"
         if found.topics[0].stamps == "rows":
             time = '{restamp: "??? Hz"}  # rate of the rows: no column of the table is read as time'
+            time += "; else {column: NAME, unit: s}"
     inputs, outputs = list[str](), list[str]()
     for one in found.topics:
         place = "column"
@@ -111,6 +112,7 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
         inputs, outputs = outputs, inputs
     if inputs and not outputs:
         outputs = [inputs.pop()]
+    time += "".join(f"  # {one.text}" for one in found.findings if one.kind == "unit of time")
     lines = [f"time: {time}", "inputs:", *inputs, "outputs:", *outputs]
     return "\n".join([*lines, ""])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -73,6 +74,7 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
     """
     from patagium.cli.inspect import show_findings
     from patagium.sensing import load_log, read_table
+    from patagium.sensing.logs.record import LOADED
     from patagium.simulation import load_flight
 
     record = record_of(file, mapping)
@@ -84,10 +86,9 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
     if file.suffix.lower() == ".nc":
         if mapping is not None:
             raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
-        streamed = kind_of(file).startswith("a record")
-        return load_log(file) if streamed else load_flight(flight_file(file)), None
+        logged = kind_of(file).startswith(LOADED)
+        return load_log(file) if logged else load_flight(flight_file(file)), None
     if mapping is None:
         raise ParameterError("--mapping", f"a YAML file {command(MEANING, no_robot(file))}", None)
     place = file if file.is_dir() else existing(file)
-    tell = lambda found: show_findings(found, err=True)  # noqa: E731
-    return None, read_table(place, existing(mapping), tell)
+    return None, read_table(place, existing(mapping), partial(show_findings, err=True))

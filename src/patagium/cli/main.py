@@ -30,7 +30,7 @@ from patagium.cli import (  # isort: skip
 from patagium.cli.interruption import repeated_interrupt
 from patagium.cli.outputs import check_files
 from patagium.cli.usage import UsageError, usage_sentence
-from patagium.errors import PatagiumError
+from patagium.errors import ParameterError, PatagiumError
 from patagium.plugins import VERBS, plugins
 from patagium.version import __version__
 
@@ -95,8 +95,14 @@ def _command(verb: ModuleType) -> type[TyperCommand]:
             super().format_help(context, formatter)
 
         def invoke(self, context: Any) -> Any:
-            check_files(getattr(verb, verb.__name__.rpartition(".")[2]), context.params)
-            return super().invoke(context)
+            try:
+                check_files(getattr(verb, verb.__name__.rpartition(".")[2]), context.params)
+                return super().invoke(context)
+            except ParameterError as error:  # of Python, whose arguments are options here
+                word = {one.name: one.opts[0] for one in self.params}.get(error.name, "")
+                if word.startswith("--"):
+                    error.args = (str(error).replace(error.name, word, 1),)
+                raise
 
     return Command
 

@@ -14,8 +14,8 @@ import typer
 
 from patagium.cli.options import OUTPUT, MappingOption, ResultOption, output_file
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import existing, say_json, show_table
-from patagium.errors import ParameterError
+from patagium.cli.words import existing, say_json, say_next, show_table
+from patagium.errors import ParameterError, command
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -76,6 +76,8 @@ def motion(
     if not as_json:
         where = f", the figure in {plot}" if plot else ""
         typer.echo(f"Motion and forces are in {target}{where}")
+        if forces.measured and measured.robot.strips:
+            say_next(command("patagium identify {}", target))
 
 
 def _measured(log: Path, robot: str | None, mapping: Path | None, words: list[str]) -> SensorLog:
@@ -116,15 +118,15 @@ def _summary(found: xr.Dataset, forces: ForceSamples) -> dict[str, Any]:
     }
     if "attitude_std" in found and known.any():
         result["attitude_std"] = float(np.median(found["attitude_std"].values[known]))
-    result["forces"] = {
-        name: {
-            "unit": "N" if forces.robot.dof_units[forces.robot.index(name)] == "m" else "N m",
-            "mean": float(np.nanmean(forces.force[:, forces.robot.index(name)])),
-            "rms": float(np.sqrt(np.nanmean(forces.force[:, forces.robot.index(name)] ** 2))),
-            "std": float(np.nanmedian(forces.std[:, forces.robot.index(name)])),
+    result["forces"], robot = {}, forces.robot
+    for name in forces.measured:
+        force, std = forces.force[:, k := robot.index(name)], forces.std[:, k]
+        result["forces"][name] = {
+            "unit": robot.force_units[k],
+            "mean": float(np.nanmean(force)),
+            "rms": float(np.sqrt(np.nanmean(force**2))),
+            "std": float(np.nanmedian(std)),
         }
-        for name in forces.measured
-    }
     return result
 
 

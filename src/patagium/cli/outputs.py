@@ -41,10 +41,12 @@ def check_files(verb: Callable[..., object], given: Mapping[str, Any]) -> None:
             written = name in outputs
             if written and place in named:
                 wanted = f"a file of its own, not that of {named[place]}"
-                raise ParameterError(f"--{name}", wanted, str(word))
+                raise ParameterError(name, wanted, str(word))
             there = os.path.exists(place)
             if os.path.isfile(place) or (written and not there):
                 named[place] = name  # nothing else is lost by being written twice
+            if written and str(word) == "-":
+                raise ParameterError(name, "the name of a file", "-")
             if written:
                 placed(word)
             if name == "figure":

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from socket import gaierror
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from patagium.cli.words import existing, progress_bar
+from patagium.errors import ParameterError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,6 +49,9 @@ def send(
     if (wind := getattr(recorded, "wind", None)) is not None and wind.any():
         typer.echo("Warning: packets hold no wind: a stream learns as in still air.", err=True)
     with progress_bar(f"Sending {file.name}") as progress:
-        sent = send_packets(recorded, address, rate=rate, rows=rows, key=key, progress=progress)
+        try:
+            sent = send_packets(recorded, address, rate=rate, rows=rows, key=key, progress=progress)
+        except gaierror:
+            raise ParameterError("target", "a host that is known", target) from None
     kind = "rows of raw samples" if isinstance(recorded, SensorLog) else "packets"
     typer.echo(f"{sent} {kind} sent to {target}", err=True)

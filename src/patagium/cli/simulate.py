@@ -417,8 +417,7 @@ _LINKAGE_OFFSETS = {"plunge", "elbow"}
 
 def _start(machine: Robot, speed: float, pitch: float) -> tuple[Any, Any]:
     """Initial coordinates and velocities."""
-    base = next(iter(machine.floating_dofs.values()), None)
-    if base is not None:
+    if base := machine.floating_dofs:
         ahead, nose = machine.dof_names[base[0]], machine.dof_names[base[4]]
         q = machine.coordinates(**machine.resting, **{nose: pitch})
         return q, machine.velocities(**{ahead: speed})

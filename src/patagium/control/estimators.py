@@ -190,8 +190,8 @@ def driving_noise(orbit: Orbit) -> Array:
     jerk = np.gradient(flight["a"].values, orbit.time_step, axis=0)
     snap = np.gradient(jerk, orbit.time_step, axis=0)[2:-2]
     density = np.mean(snap**2, axis=0) * orbit.period / (2 * np.pi)
-    floating = [list(b.floating_dofs or ()) for b in robot.bodies if b.floating_dofs]
-    for group in (floating[0][:3], floating[0][3:], list(robot.actuated)):
+    base = robot.floating_dofs
+    for group in map(list, (base[:3], base[3:6], robot.actuated)):
         if group:
             density[group] = max(density[group].max(), _LEAST)
     return np.asarray(np.maximum(density, _LEAST))

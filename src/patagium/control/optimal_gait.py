@@ -27,7 +27,7 @@ from patagium.control.gait_program import (
     lateral_states,
 )
 from patagium.control.orbit import NoOrbit, Orbit, said
-from patagium.control.trimming import Conditions, OrbitSearch, orbit_of, trim
+from patagium.control.trimming import NEARBY, Conditions, OrbitSearch, orbit_of, trim
 from patagium.control.wingbeat import FlightMap
 from patagium.errors import ParameterError
 from patagium.robot import Robot
@@ -309,8 +309,7 @@ def _not_found(names: Sequence[str], found: Optimum, overloads: Sequence[str]) -
     if not found.solved:
         parts.append(f"residual {found.residual:.2g} after {found.iterations} iterations")
     told = "; ".join(parts)
-    remedy = "begin from an orbit nearby (start=, gait=), or free other parameters (free=)"
-    remedy += ", or raise that limit" if overloads else ""
+    remedy = NEARBY + ", or raise that limit" * bool(overloads)
     nearest = dict(zip(names, map(float, found.values), strict=True))
     return NoOrbit(told, remedy, {}, found.residual, found.iterations, nearest)
 

@@ -550,13 +550,14 @@ def orbit_of(search: OrbitSearch, at: Point, added_mass: AddedMass | None) -> Or
     )
 
 
+NEARBY = "begin from an orbit nearby (start=), another gait or cruise, or free other ones (free)"
 _COMPONENTS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
 
 
 def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
     """Failure of a search in words: a limit, authority that lacks, or a stall."""
     lacking: dict[str, float] = {}
-    remedy = "begin from an orbit nearby (start=), or free other parameters (free=)"
+    remedy = NEARBY
     reason = f"Newton's method stalled at a misfit of {at.residual:.2g}"
     if trouble != "stalled":
         reason, remedy = trouble, f"widen that limit, {remedy}"

@@ -40,7 +40,6 @@ __all__ = [
     "potential_energy",
     "response",
     "spring_force",
-    "total_mass",
 ]
 
 
@@ -219,14 +218,6 @@ def damping_force(robot: Robot, v: ca.SX) -> ca.SX:
     return -ca.vertcat(*[ca.SX(d) for d in robot.damping]) * v
 
 
-def total_mass(robot: Robot) -> ca.SX:
-    """Mass of all bodies, scalar [kg]."""
-    mass = ca.SX(0)
-    for body in robot.bodies:
-        mass = mass + body.mass
-    return mass
-
-
 def center_of_mass(robot: Robot, q: ca.SX) -> ca.SX:
     """Center of mass of the robot, world axes, (3, 1) [m].
 
@@ -237,7 +228,7 @@ def center_of_mass(robot: Robot, q: ca.SX) -> ca.SX:
     moment = ca.SX.zeros(3, 1)
     for body, pose in zip(robot.bodies, body_poses(robot, q), strict=True):
         moment = moment + body.mass * pose.at(vector(body.center_of_mass))
-    return moment / total_mass(robot)
+    return moment / robot.mass
 
 
 def potential_energy(robot: Robot, q: ca.SX) -> ca.SX:
@@ -248,7 +239,7 @@ def potential_energy(robot: Robot, q: ca.SX) -> ca.SX:
         q: Generalized coordinates, (n_q,) [m, rad, 1].
     """
     springs = ca.dot(spring_force(robot, q), _deflection(robot, q)) / 2
-    return total_mass(robot) * robot.gravity * center_of_mass(robot, q)[2] + springs
+    return robot.mass * robot.gravity * center_of_mass(robot, q)[2] + springs
 
 
 def kinetic_energy(robot: Robot, q: ca.SX, v: ca.SX) -> ca.SX:

@@ -22,7 +22,7 @@ from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.models.physical import own_prior
 from patagium.learning.parameter_paths import Trained
-from patagium.learning.samples import samples
+from patagium.learning.samples import samples, with_force
 from patagium.learning.scores import normalized_error
 from patagium.learning.settings import FilterSettings, Structure, settings_from
 from patagium.learning.table_network import network_for
@@ -57,21 +57,22 @@ def default_network(
 
     Args:
         subject: Flight or measured forces, or a robot with strips, of whose air nothing is known.
-        air: Air that it flies in; None: that of a flight, else at rest at sea level.
+        air: Air that it flies in; None: that of a flight or of forces, of a robot still air.
         measured: Coordinates whose force is measured; None: those of measured forces, else all.
     """
     if isinstance(subject, Robot):
         return LinearStripNetwork(subject, air, measured)
-    if isinstance(subject, xr.Dataset):
-        robot, air = robot_of(subject), air_of(subject) if air is None else air
+    log: xr.Dataset | ForceSamples = with_force(subject)
+    if isinstance(log, xr.Dataset):
+        robot, air = robot_of(log), air or air_of(log)
     else:
-        robot, measured = subject.robot, measured or subject.measured
+        robot, air, measured = log.robot, air or log.air, measured or log.measured
     network = LinearStripNetwork(robot, air, measured)
-    blades = _physics_error(network, subject)
+    blades = _physics_error(network, log)
     if not blades > EXACT:
         return network
     attached = LinearStripNetwork(robot, air, measured, attached=True)
-    return attached if _physics_error(attached, subject) < min(ATTACHED, blades) else network
+    return attached if _physics_error(attached, log) < min(ATTACHED, blades) else network
 
 
 def _physics_error(network: LinearStripNetwork, log: xr.Dataset | ForceSamples) -> float:
@@ -107,7 +108,7 @@ def default_learner(
 
     Args:
         subject: What it learns from, or the robot that will send samples.
-        air: Air that the robot flies in; None: that of a flight, else at rest at sea level.
+        air: Air that the robot flies in; None: that of a flight or of forces, of a robot still air.
         settings: Settings that are not to be found; None: all are.
         seed: Seed of the initial weights.
         every: One sample of a table in so many will be used; None: as `table_every` says.

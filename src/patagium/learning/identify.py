@@ -25,14 +25,14 @@ from patagium.learning.models.memory import network_inputs
 from patagium.learning.parameter_paths import Trained, estimates_of, parameter_scores
 from patagium.learning.propagation import robot_motion
 from patagium.learning.result import Check, Identification, check, record_of
-from patagium.learning.samples import samples, stds
+from patagium.learning.samples import samples, stds, with_force
 from patagium.learning.scores import Scorer, persistence
 from patagium.learning.stream import MOST_CHECKS, late_samples, stream, thin, used_samples
 from patagium.learning.table_network import scaling_samples
 from patagium.learning.verdict import frozen_scores, with_verdict
 from patagium.robot import Robot
 from patagium.sensing.force.measured_force import ForceSamples
-from patagium.sensing.logs.table import LogTable
+from patagium.sensing.logs.table import LogTable, find_gaps
 from patagium.simulation import gait_period, robot_of
 
 
@@ -60,7 +60,8 @@ def identify(
     nor learned.
 
     Args:
-        flight: Record with q, v, a, u1; measured forces, whose std is noise on top; or a table.
+        flight: Record with q, v, a, u1; measured forces, or a motion with them, whose std is
+            noise on top; or a table.
         learner: What learns; it goes on from where it stands, and is changed. Its network sees
             the inputs and gives generalized forces, or what it measures; None: `default_learner`.
         every: 100 to use one sample in 100; None: as `chosen_every`, of a table `table_every` says.
@@ -79,6 +80,7 @@ def identify(
         ShapeError: If the network does not fit the inputs or the outputs.
         ParameterError: If an input has no such name, or inputs or a robot are given for a table.
     """
+    count, flight = len(flight.time), with_force(flight)
     chosen = learner or default_learner(flight if robot is None else robot, every=every)
     given = {"learner_given": learner is not None, "every_given": every is not None}
     known: dict[str, Any]
@@ -98,17 +100,25 @@ def identify(
             motion = robot_motion(flight, machine, chosen.network, inputs, period)
         step = float(np.median(np.diff(time)))
         taken = chosen_every(chosen, step, period) if every is None else every
-        known = {"units": units, "std": stds(flight, chosen.network)}
+        known = {"units": units, "std": stds(flight, chosen.network), "gaps": find_gaps(time)}
         known |= {"motion": motion, "period": period}
     for ahead in named_horizons(horizons).values():
         if ahead >= (span := float(time[-1] - time[0])):
             raise ParameterError("horizon", f"less than the {span:.4g} s of the log", ahead)
     result = stream(chosen, time, x, y, every=taken, horizons=horizons, progress=progress, **known)
-    result.scores["chosen"] = choices(chosen, taken, step, **given)
+    words = _forces_words(flight, count) if isinstance(flight, ForceSamples) else {}
+    result.scores["chosen"] = words | choices(chosen, taken, step, **given)
     if isinstance(flight, LogTable):
         result.scores["gaps_found"] = flight.describe_gaps()
         result.scores.update(samples=len(flight.time), samples_that_scaled=first)
     return result
+
+
+def _forces_words(forces: ForceSamples, count: int) -> dict[str, str]:
+    """Measured forces that are learned, of so many samples, in words."""
+    names, lost = ", ".join(forces.measured), count - len(forces.time)
+    left = f"; {lost} of {count} samples, whose motion is not known, are left out" * bool(lost)
+    return {"forces": f"of {names} by {forces.source}, each with its standard deviation{left}"}
 
 
 def _refuse_for_tables(inputs: Sequence[str] | None, robot: Robot | None) -> None:
@@ -158,10 +168,10 @@ def evaluate(
     if inputs is None and isinstance(model, Model):
         inputs = model.inputs
     time, x, y, units = samples(flight, model.network, inputs, robot)
-    period = None if isinstance(flight, ForceSamples) else gait_period(flight)
+    period = gait_period(flight) if isinstance(flight, xr.Dataset) else None
     step = float(np.median(np.diff(time)))
     taken = chosen_every(model, step, period) if every is None else every
-    return compare(model, time, x, y, every=taken, units=units)
+    return compare(model, time, x, y, every=taken, units=units, gaps=find_gaps(time))
 
 
 def _check_columns(table: LogTable, model: Trained) -> None:

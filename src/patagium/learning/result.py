@@ -40,7 +40,8 @@ class Identification:
         scores: NMSE and the rest by name; see `stream`. Nested once: score by output name.
         prediction: Dataset over time, output, update_time and check_time: measurement,
             prediction, persistence, innovation, weights_norm, largest_variance, predicted_std.
-        learner: What learned, with its last weights; None when loaded from a file.
+        learner: What learned, with its last weights: `learner.predict(x)` predicts; None when
+            loaded from a file.
         outcome: COMPLETED, or why the learner stopped.
         message: When and why it stopped; empty if it did not.
     """

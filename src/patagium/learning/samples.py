@@ -3,17 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from patagium.arrays import Array
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.models.network import Network, flight_terms
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import recorded, state_columns, training_data
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.simulation import robot_of
+
+
+def with_force(flight: Any) -> Any:
+    """Measured forces, also those of a motion, where one is known; any other log as it is.
+
+    Raises:
+        LogError: If none is known.
+    """
+    if isinstance(flight, xr.Dataset) and "force" in flight:
+        flight = ForceSamples.of(flight)
+    if not isinstance(flight, ForceSamples):
+        return flight
+    known = np.isfinite(flight.force).any(axis=1)
+    if known.sum() < 2:
+        raise LogError(
+            "forces: expected samples with a known force, found none; joints with a motor need "
+            "motor currents, a held body a load cell"
+        )
+    return flight.where(known)
 
 
 def samples(
@@ -39,7 +59,7 @@ def samples(
         ShapeError: If the network's outputs are no coordinates of the robot.
         ParameterError: If an input has no such name, or measured forces cannot feed the network.
     """
-    terms = flight_terms(network)
+    terms, flight = flight_terms(network), with_force(flight)
     if isinstance(flight, ForceSamples):
         machine = flight.robot if robot is None else robot
         time, state, force = flight.time, flight.state, flight.force
@@ -53,7 +73,6 @@ def samples(
     x = state if inputs is None else state[:, state_columns(machine, inputs)]
     if terms.acceleration and acceleration is not None:
         x = np.hstack([x, acceleration])
-    measures = ["N" if unit == "m" else "N m" for unit in machine.dof_units]
     balance = terms.strip_forces
     if balance is not None:
         if isinstance(flight, ForceSamples):
@@ -62,17 +81,15 @@ def samples(
         return time, x, strips.reshape(len(time), -1) @ balance.T, ["1"] * len(balance)
     names = network.output_names
     if not set(names) <= set(machine.dof_names):
-        raise ShapeError(
-            "outputs of the network",
-            f"coordinates of robot {machine.name!r}: {', '.join(machine.dof_names)}",
-            ", ".join(names),
-        )
+        known = f"coordinates of robot {machine.name!r}: {', '.join(machine.dof_names)}"
+        raise ShapeError("outputs of the model", known, f"another robot's: {', '.join(names)}")
     columns = [machine.index(name) for name in names]
-    return time, x, force[:, columns], [measures[k] for k in columns]
+    return time, x, force[:, columns], [machine.force_units[k] for k in columns]
 
 
 def stds(flight: xr.Dataset | ForceSamples, network: Network) -> Array | None:
     """Standard deviations of measured forces, (N, n_y) [N, N m]; None for a flight."""
+    flight = with_force(flight)
     if not isinstance(flight, ForceSamples):
         return None
     return flight.std[:, [flight.robot.index(name) for name in network.output_names]]

@@ -306,6 +306,16 @@ class Robot:
         return tuple(units.get(name, "1") for name in self.coordinate_names)
 
     @property
+    def mass(self) -> Any:
+        """Mass of all bodies [kg]: a number, or an expression where theirs are symbols."""
+        return sum(body.mass for body in self.bodies)
+
+    @property
+    def force_units(self) -> tuple[str, ...]:
+        """Unit of each generalized force: "N", or "N m" of a turn."""
+        return tuple("N" if unit == "m" else "N m" for unit in self.dof_units)
+
+    @property
     def coordinate_indices(self) -> tuple[int, ...]:
         """For each entry of v the place in q of what it moves; of roll that of qx, and so on."""
         return places_in_q(self.dof, self._attitudes)
@@ -349,20 +359,19 @@ class Robot:
         return bool(self.floating_dofs)
 
     @property
-    def floating_dofs(self) -> dict[int, tuple[int, ...]]:
-        """Places in v of the six rates of each floating body, by the index of the body."""
-        found = {k: body.floating_dofs for k, body in enumerate(self.bodies)}
-        return {k: dofs for k, dofs in found.items() if dofs is not None}
+    def floating_dofs(self) -> tuple[int, ...]:
+        """Places in v of the floating bodies' velocities: x, y, z, roll, pitch, yaw of each."""
+        return tuple(i for body in self.floating_bodies.values() for i in body.floating_dofs or ())
 
     @property
-    def mass(self) -> float:
-        """Mass of all bodies [kg]."""
-        return sum(float(body.mass) for body in self.bodies)
+    def floating_bodies(self) -> dict[int, Body]:
+        """Bodies that are free of the world, by their places in `bodies`."""
+        return {k: one for k, one in enumerate(self.bodies) if one.floating_dofs is not None}
 
     @property
     def attitude(self) -> Attitude | None:
         """Coordinates of the floating body's attitude; None where no body floats."""
-        return next((self.bodies[k].attitude for k in self.floating_dofs), None)
+        return next((body.attitude for body in self.floating_bodies.values()), None)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -117,7 +117,6 @@ def describe_robot(robot: Robot) -> dict[str, str | int | float]:
     Args:
         robot: The machine, with numbers for parameters.
     """
-    mass = robot.mass
     joints = [robot.dof_names[k.dof] for b in robot.bodies for k in b.joints]
     return {
         "robot": robot.name,
@@ -129,7 +128,7 @@ def describe_robot(robot: Robot) -> dict[str, str | int | float]:
         "bodies": len(robot.bodies),
         "wings": len({s.wing for s in robot.strips}),
         "strips": len(robot.strips),
-        "mass [kg]": round(mass, 9),
+        "mass [kg]": round(robot.mass, 9),
         "span [m]": round(wing_span(robot), 9),
         "wing area [m^2]": round(sum(float(s.chord * s.width) for s in robot.strips), 9),
         "parameters": len(robot.parameter_names),

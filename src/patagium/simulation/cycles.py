@@ -139,7 +139,7 @@ def air_force(flight: xr.Dataset, robot: Robot, time: Array) -> Array:
     force = flight["strip_force"].transpose("time", "strip", "axis").values.sum(axis=1)
     added = flight["added_mass_force"].transpose("time", "dof").values
     if robot.floating:
-        bases = robot.floating_dofs.values()
+        bases = [body.floating_dofs for body in robot.bodies if body.floating_dofs is not None]
         return np.asarray(force + sum(added[:, list(base[:3])] for base in bases), float)
     if not added.any():
         return np.asarray(force, float)
@@ -151,10 +151,9 @@ def air_force(flight: xr.Dataset, robot: Robot, time: Array) -> Array:
 
 def air_velocity(flight: xr.Dataset, robot: Robot) -> Array:
     """Mean velocity of the center of mass through the air, (3,) [m/s]."""
-    mass = robot.mass
     momentum = flight["momentum"].transpose("time", "axis").values.mean(axis=0)
     wind = flight["wind"].transpose("time", "axis").values.mean(axis=0)
-    return np.asarray((momentum / mass if mass else np.zeros(3)) - wind, float)
+    return np.asarray((momentum / robot.mass if robot.mass else np.zeros(3)) - wind, float)
 
 
 def _forward(flight: xr.Dataset, robot: Robot) -> Array:

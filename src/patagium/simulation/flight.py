@@ -350,15 +350,14 @@ def aero_of(flight: xr.Dataset) -> Aerodynamics:
 
 
 def air_of(flight: xr.Dataset) -> Air:
-    """Air of a flight: that of its aerodynamic model, or that which an imported log states.
+    """Air of a flight: that of its aerodynamic model, or that which a log states.
 
-    Raises:
-        FlightError: If the flight carries neither.
+    At rest at sea level where the flight carries neither.
     """
-    if "air" in flight.attrs:  # of an imported log, which has no model
-        with made_again("the log's air", FlightError):
-            return Air(**json_object(flight.attrs["air"], "air"))
-    return aero_of(flight).air
+    if "air" not in flight.attrs and "aero" in flight.attrs:  # a log has no model
+        return aero_of(flight).air
+    with made_again("the log's air", FlightError):
+        return Air(**json_object(flight.attrs.get("air", "{}"), "air"))
 
 
 def added_mass_of(flight: xr.Dataset) -> AddedMass | None:
@@ -482,7 +481,7 @@ def _placed(flight: xr.Dataset) -> tuple[Array, Array]:
     """Position of the floating body, (N, 3) [m], and its rotation to the world, (N, 3, 3)."""
     robot = robot_of(flight)
     position, rotation = poses_at(robot, np.asarray(flight["q"].values, float))
-    held = next(k for k, body in enumerate(robot.bodies) if body.floating_dofs is not None)
+    held = next(iter(robot.floating_bodies))
     return position[:, held], rotation[:, held]
 
 

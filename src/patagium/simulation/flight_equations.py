@@ -29,7 +29,6 @@ from patagium.dynamics.equations import (
     momentum,
     potential_energy,
     response,
-    total_mass,
 )
 from patagium.dynamics.kinematics import body_poses, coordinate_rates
 from patagium.robot import Robot
@@ -307,7 +306,7 @@ def external_force(machine: Robot, force: ca.SX) -> ca.SX:
         machine: A machine with a floating body.
         force: Generalized force of all but inertia, weight and joints, (n, 1) [N, N m].
     """
-    total = ca.vertcat(0, 0, -total_mass(machine) * machine.gravity)
+    total = ca.vertcat(0, 0, -machine.mass * machine.gravity)
     for body in machine.bodies:
         if body.floating_dofs is not None:
             total = total + force[list(body.floating_dofs[:3])]
@@ -322,9 +321,8 @@ def mount_wrench(machine: Robot, q: ca.SX, force: ca.SX) -> ca.SX:
         q: Generalized coordinates, (n_q, 1) [m, rad, 1].
         force: Generalized force, such as the mount's, (n, 1) [N, N m].
     """
-    (index, dofs), *_ = machine.floating_dofs.items()
-    body = machine.bodies[index]
-    places = machine.floating_coordinates(body)
+    body = next(iter(machine.floating_bodies.values()))
+    dofs, places = machine.floating_dofs[:6], machine.floating_coordinates(body)
     position, push = q[list(places[:3])], force[list(dofs[:3])]
     if body.by_quaternion:
         moment = QuaternionTurn(q[list(places[3:])]).inward(force[list(dofs[3:])])

@@ -72,7 +72,7 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     robot, time, beat = robot_of(flight), flight["time"].to_numpy(), gait_period(flight)
     chosen, beats = _averaged(time, beat)
     words = {0: "its second half", 1: "its last wingbeat"}.get(beats, f"its last {beats} wingbeats")
-    weight = float(robot.gravity) * sum(float(body.mass) for body in robot.bodies)
+    weight = float(robot.gravity) * robot.mass
     lift = air_force(flight, robot, time)[chosen, 2].mean()
     span = time[chosen][-1] - time[chosen][0]
     work = flight["joint_work"].to_numpy()[chosen]
@@ -118,7 +118,7 @@ def _of_body(robot: Robot, flight: xr.Dataset, chosen: slice) -> dict[str, Any]:
     """Speed, height and attitude of the floating body; empty where none floats."""
     if not robot.floating:
         return {}
-    body, dofs = next(iter(robot.floating_dofs.items()))
+    body, dofs = next(iter(robot.floating_bodies)), robot.floating_dofs
     position, rotation = poses_at(robot, flight["q"].to_numpy())
     height, turned = position[:, body, 2], rotation[:, body]
     velocity = flight["v"].to_numpy()[:, dofs[:3]]

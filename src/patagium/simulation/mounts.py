@@ -134,7 +134,7 @@ def mount_of(robot: Robot, mount: Mount | None) -> Mount:
         return free() if robot.floating else fixed()
     if mount.kind != "fixed" and not robot.floating:
         raise ParameterError("mount", f"fixed: {robot.name!r} has no floating body", mount.kind)
-    if mount.path is not None and len(robot.floating_dofs) != 1:
+    if mount.path is not None and len(robot.floating_dofs) != CELL_COORDINATES:
         raise ParameterError("mount", f"a robot of one floating body, for {mount.kind}", robot.name)
     return mount
 

@@ -191,8 +191,7 @@ def state_layout(
     on_ground = robot if robot.floating else on_massless_mount(robot)
     machine = with_load_cells(on_ground, cells)
     hidden = machine.dof - robot.dof
-    floats = machine.floating_dofs if robot.floating and mount.kind != "free" else {}
-    held = [i for dofs in floats.values() for i in dofs]
+    held = machine.floating_dofs if robot.floating and mount.kind != "free" else ()
     prescribed = (*machine.actuated, *(i for i in held if i not in machine.actuated))
     follows = {*range(hidden), *prescribed}
     passive = tuple(i for i in range(machine.dof) if i not in follows)

@@ -299,7 +299,7 @@ def limits(
 
 def singular_places(machine: Robot, coordinates: tuple[int, ...]) -> tuple[int, ...]:
     """Places in the state of the pitch angles that are integrated."""
-    floating = [machine.bodies[k] for k in machine.floating_dofs]
+    floating = machine.floating_bodies.values()
     angled = [machine.floating_coordinates(body) for body in floating if not body.by_quaternion]
     pitches = {places[4] for places in angled}
     return tuple(k for k, place in enumerate(coordinates) if place in pitches)

@@ -102,7 +102,8 @@ def export(record: xr.Dataset, path: str | Path) -> Path:
     target = Path(path)
     kinds = {".mcap": ("mcap.writer", _write_mcap), ".rrd": ("rerun", _write_rerun)}
     if target.suffix.lower() not in kinds:
-        raise ParameterError("out", "a file of the kind .mcap or .rrd", target.name)
+        table = "a table, in Python: flight.q.to_pandas().to_csv('q.csv')"
+        raise ParameterError("out", f"a file of the kind .mcap or .rrd ({table})", target.name)
     package, write = kinds[target.suffix.lower()]
     try:
         library = import_module(package)

@@ -55,7 +55,7 @@ def flight_figures(
 def motion_figure(motion: xr.Dataset, forces: ForceSamples) -> Figure:
     """Attitude and forces of an estimated motion with their 95 % intervals, blank if not known."""
     robot, n = forces.robot, forces.robot.dof
-    base = [i for body in robot.bodies for i in body.floating_dofs or ()]
+    base = [*robot.floating_dofs]
     shown = base[3:] or list(range(min(n, 3)))
     measured = [robot.index(name) for name in forces.measured]
     known = motion["known"].values[:, None]
@@ -66,7 +66,7 @@ def motion_figure(motion: xr.Dataset, forces: ForceSamples) -> Figure:
     names = [robot.dof_names[i] for i in shown]
     names += [f"force of the air, {robot.dof_names[i]}" for i in measured]
     units = ["deg" if turn else "m" for turn in turns]
-    units += ["N" if robot.dof_units[i] == "m" else "N m" for i in measured]
+    units += [robot.force_units[i] for i in measured]
     return comparison(
         motion["time"].values,
         None,

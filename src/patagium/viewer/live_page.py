@@ -45,9 +45,9 @@ def flight_rows(letter: Any, subject: Subject, pace: float) -> list[Row]:
         pace: Time flown over time on the clock.
     """
     rows = [("Time", f"{letter['time']:.2f} s")]
-    base = next((b for b in subject.robot.bodies if b.floating_dofs is not None), None)
-    if base is not None:
-        along = list(base.floating_dofs or ())[:3]
+    if subject.robot.floating:
+        base = next(iter(subject.robot.floating_bodies.values()))
+        along = list(subject.robot.floating_dofs[:3])
         place = list(subject.robot.floating_coordinates(base))[:3]
         rows.append(("Speed", f"{np.linalg.norm(letter['v'][along]):.2f} m/s"))
         rows.append(("Position", "{:.2f}, {:.2f}, {:.2f} m".format(*letter["q"][place])))

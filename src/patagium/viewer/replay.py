@@ -110,7 +110,7 @@ class TotalForce(NamedTuple):
 
 def floating_body(robot: Robot) -> tuple[int, Body] | None:
     """The body that floats, and its number; None if none or several do."""
-    found = [(k, robot.bodies[k]) for k in robot.floating_dofs]
+    found = [*robot.floating_bodies.items()]
     return found[0] if len(found) == 1 else None
 
 
@@ -390,14 +390,13 @@ def _series(shown: xr.Dataset, robot: Robot, prediction: Prediction | None) -> l
     q = np.asarray(shown["q"].values, float)
     chosen = _chosen(robot, force)
     found = []
-    for k, (name, unit) in enumerate(zip(robot.dof_names, robot.dof_units, strict=True)):
+    for k, (name, unit) in enumerate(zip(robot.dof_names, robot.force_units, strict=True)):
         guess = sure = None
         if prediction is not None and name in prediction.names:
             place = prediction.names.index(name)
             guess = prediction.generalized[:, place]
             sure = None if prediction.std is None else prediction.std[:, place]
-        measure = "N" if unit == "m" else "N m"
-        found.append(Series(_FORCES, name, measure, force[:, k], guess, name in chosen, sure))
+        found.append(Series(_FORCES, name, unit, force[:, k], guess, name in chosen, sure))
     units = zip(robot.coordinate_names, robot.coordinate_units, strict=True)
     for k, (name, unit) in enumerate(units):
         values, shown_in = (np.degrees(q[:, k]), "deg") if unit == "rad" else (q[:, k], unit)

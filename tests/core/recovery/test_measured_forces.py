@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
 
 import patagium as pt
-from patagium.errors import FlightError, ParameterError, ShapeError
+from patagium.cli.main import run
+from patagium.errors import FlightError, LogError, ParameterError, ShapeError
 from patagium.learning import identify, stream
 from patagium.robot import load_robot_text
+from patagium.sensing.force.flown_force import motion_and_force, write_motion
 from patagium.sensing.force.measured_force import Measured
 
 S, P = pt.sensors, pt.sensors.presets
@@ -228,3 +233,88 @@ def test_what_does_not_fit_is_refused(
         pt.sensing.ForceSamples(
             np.zeros(1), empty, empty, np.zeros((2, n)), np.zeros((1, n, n)), robot, "none"
         )
+
+
+def scores_of(words: list[str], capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    with pytest.raises(SystemExit) as left:
+        run([*words, "--json"])
+    told = capsys.readouterr()
+    assert not left.value.code, told.err
+    return json.loads(told.out)
+
+
+def test_a_file_of_motion_is_learned_and_tells_the_air_of_the_flight(
+    log: pt.sensing.SensorLog,
+    flight: xr.Dataset,
+    robot: pt.Robot,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The command refused the file that `motion` wrote, and forces were learned in still air."""
+    monkeypatch.chdir(tmp_path)
+    pt.sensing.save_sensor_log(log, "log.nc")
+    kept = pt.sensing.load_sensor_log("log.nc")
+    assert kept.air == log.air == pt.Air(wind=(-3.0, 0.0, 0.0))
+    motion, forces = motion_and_force(kept)
+    write_motion(motion, forces, "motion.nc")
+    told = scores_of(["identify", "motion.nc"], capsys)
+    by_hand = pt.identify(forces).scores
+    again = pt.identify(pt.load_log("motion.nc")).scores
+    for name in ("nmse_second_half_worst", "coverage", "updates", "nmse"):
+        assert told[name] == by_hand[name] == again[name], name
+    for word in ("left_plunge", "inverse dynamics", "standard deviation"):
+        assert word in told["chosen"]["forces"]
+    pt.save_flight(flight, "flight.nc")
+    unseen = scores_of(["evaluate", "model.json", "flight.nc"], capsys)
+    assert unseen["nmse_worst"] < 0.02  # 0.8 of x if the air is taken for still
+    assert scores_of(["evaluate", "model.json", "motion.nc"], capsys)["gaps"] == 0
+
+
+def test_samples_without_a_known_motion_are_left_out_and_are_a_gap(
+    found: dict[str, pt.sensing.ForceSamples], motion: xr.Dataset, tmp_path: Path
+) -> None:
+    lost = found["inverse dynamics"].where(slice(0, None))
+    lost.force[40:70] = np.nan
+    scores = pt.identify(lost).scores
+    assert (
+        f"; 30 of {len(lost.time)} samples, whose motion is not known"
+        in (scores["chosen"]["forces"])
+    )
+    assert scores["samples"] == len(lost.time) - 30 and scores["gaps"] == 1
+    log = pt.load_log(write_motion(motion, lost, tmp_path / "motion.nc"))
+    assert pt.identify(log).scores["nmse"] == scores["nmse"]
+    lost.force[:] = np.nan
+    with pytest.raises(LogError, match="forces: expected samples with a known force, found none"):
+        pt.identify(lost)
+
+
+@pytest.mark.parametrize("network", ["dense", "strip"])
+def test_networks_learn_what_of_a_motion_was_measured(
+    network: str, flight: xr.Dataset, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without motor currents the base alone has forces."""
+    motion, forces = motion_and_force(pt.sense(flight, SENSORS[:4]))
+    file = write_motion(motion, forces, tmp_path / "motion.nc")
+    told = scores_of(["identify", str(file), "--network", network], capsys)
+    assert told["chosen"]["forces"].startswith("of x, y, z, roll, pitch, yaw by inverse")
+    assert {"x", "z"} <= {name for name, one in told["nmse"].items() if one is not None}
+    assert told["nmse"].get("left_plunge") is None
+
+
+def test_the_air_of_a_mapping_comes_with_the_motion(robot: pt.Robot) -> None:
+    count, still = 40, np.tile([1.0, 0, 0, 0], (40, 1))
+    angles = {
+        f"q.{name}": ("time", np.zeros(count), {"units": "rad"}) for name in robot.dof_names[6:]
+    }
+    log = xr.Dataset(
+        {
+            "attitude": (("time", "quaternion"), still, {"units": "1"}),
+            "position": (("time", "axis"), np.zeros((count, 3)), {"units": "m"}),
+            **angles,
+        },
+        coords={"time": 0.01 * np.arange(count)},
+        attrs={"air": json.dumps({"density": 1.1, "wind": [-2.0, 0.0, 0.0]})},
+    )
+    motion = pt.estimate_motion(pt.sensor_log(log, robot))
+    assert pt.inverse_dynamics_force(motion).air == pt.Air(1.1, (-2.0, 0.0, 0.0))

@@ -197,3 +197,47 @@ def test_the_file_of_a_new_robot_flies_and_is_never_written_over(
         assert f"--new: expected {expected}" in capsys.readouterr().err
     assert file.read_text() == "mine"
     assert not Path("hawk.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("simulate aerobat --duration -1", "--duration: expected a positive number of seconds"),
+        ("simulate aerobat --time-step 0", "--time-step: expected a positive number of seconds"),
+        ("simulate aerobat --duration 0.1 -o -", "--output: expected the name of a file, found"),
+        ("tune flight.nc --trials 2", "--trials: expected at least 8"),
+        ("identify flight.nc --horizon 5s", "--horizon: expected less than the 0.1 s of the log"),
+        ("export flight.nc -o x.csv", "--output: expected a file of the kind .mcap or .rrd (a tab"),
+        ("send flight.nc udp://no.such.host.invalid:9000", "target: expected a host that is known"),
+        ("evaluate model.json hawk.nc", "outputs of the model: expected coordinates of robot 'haw"),
+    ],
+)
+def test_errors_name_the_option_and_what_to_do(
+    words: str,
+    told: str,
+    short: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """They named arguments of Python (time_step, out), a file named - was written, and so on."""
+    monkeypatch.chdir(short)
+    with pytest.raises(SystemExit) as left:
+        run(shlex.split(words))
+    assert left.value.code == 2
+    assert f"patagium: {told}" in capsys.readouterr().err
+    assert not (short / "-").exists()
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with flights of two robots, and a model of the first."""
+    folder = tmp_path_factory.mktemp("short")
+    for name, file in (("hawk", "hawk.nc"), ("aerobat", "flight.nc")):
+        robot = pt.load_robot(name)
+        gait = pt.gaits.cruise(robot)
+        options = {"duration": 0.1, "time_step": 2e-4, "v": robot.coordinates(x=5.0)}
+        flight = pt.simulate(robot, pt.QuasiSteady(robot), gait, **options)
+        pt.save_flight(flight, folder / file)
+    pt.identify(flight).learner.save(folder / "l.state")
+    pt.learning.save_model(folder / "model.json", pt.load_learner(folder / "l.state"))
+    return folder

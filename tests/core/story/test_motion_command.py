@@ -73,7 +73,7 @@ def test_a_table_becomes_motion_forces_and_a_figure(
     assert np.abs(lift - expected)[inner].mean() < 2 * std[inner].mean() < 0.1
 
 
-def test_findings_of_the_import_are_told_and_the_file_is_no_flight(
+def test_findings_of_the_import_are_told_and_the_file_has_forces_alone(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Path("in_m.yaml").write_text(MAPPING.replace("unit: mm", "unit: m"), "utf-8")
@@ -83,11 +83,9 @@ def test_findings_of_the_import_are_told_and_the_file_is_no_flight(
         capsys.readouterr().err
     )
     with pytest.raises(SystemExit):
-        run(["identify", "flight-motion.nc"])
+        run(["view", "flight-motion.nc"])
     told = capsys.readouterr().err
-    assert (
-        "flight-motion.nc: expected a simulated flight, found a file of `patagium motion`" in told
-    )
+    assert "flight-motion.nc: expected a simulated flight, found a motion with forces" in told
     out = said(["import", "flight.csv", "--map", "map.yaml", "-o", "log.nc"], capsys)
     assert out.endswith("Next: patagium motion --robot ROBOT log.nc\n")
 
@@ -168,3 +166,57 @@ def test_quantities_find_their_sensor_by_unit_shape_and_name() -> None:
         pt.sensor_log(log[["wind"]], robot)
     with pytest.raises(ParameterError, match="robot"):
         pt.sensor_log(log)
+
+
+def test_a_clamped_robot_needs_no_cameras_and_is_told_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A class of Python was named as what needs none; a rig of encoders is learned."""
+    monkeypatch.chdir(tmp_path)
+    floating = """
+name: rig
+gravity: 9.81 m/s^2
+bodies:
+  stand:
+    floating: true
+    mass: 200 g
+    shape: {type: box, size: [10 cm, 4 cm, 4 cm]}
+  wing:
+    parent: stand
+    joints: [{name: stroke, axis: z}]
+    mass: 3 g
+    center_of_mass: [0, 7 cm, 0]
+    shape: {type: plate, chord: 4 cm, span: 15 cm, thickness: 1 mm}
+wings:
+  - name: wing
+    segments:
+      - body: wing
+        strips: 4
+        stations:
+          - {span: 0 cm, leading: 1 cm, trailing: -3 cm, incidence: 30 deg}
+          - {span: 15 cm, leading: 1 cm, trailing: -2 cm, incidence: 20 deg}
+"""
+    Path("free.yaml").write_text(floating, "utf-8")
+    Path("rig.yaml").write_text(floating.replace("    floating: true\n", ""), "utf-8")
+    robot = pt.load_robot("rig.yaml")
+    gait = pt.gaits.sinusoidal(robot, frequency=4.0, stroke=0.8)
+    flight = pt.simulate(robot, pt.QuasiSteady(robot), gait, duration=1.0, time_step=1e-3)
+    q, u1 = flight.q.sel(dof="stroke").values, flight.u1.sel(dof="stroke").values
+    rows = np.column_stack([1e3 * flight.time.values, q, 1e3 * u1])
+    np.savetxt("rig.csv", rows, delimiter=",", header="millis,q,u", comments="")
+    mapping = """
+time: {column: millis, unit: ms}
+channels:
+  - {column: q, unit: rad, name: q.stroke}
+  - {column: u, unit: mN m, name: u1.stroke}
+"""
+    Path("map.yaml").write_text(mapping, "utf-8")
+    words = ["motion", "rig.csv", "--mapping", "map.yaml", "-o", "motion.nc", "--robot"]
+    with pytest.raises(SystemExit):
+        run([*words, "free.yaml"])
+    assert "held leaves out `floating`" in capsys.readouterr().err
+    assert said([*words, "rig.yaml"], capsys).endswith("Next: patagium identify motion.nc\n")
+    said(["identify", "motion.nc"], capsys)
+    pt.save_flight(flight, "flight.nc")
+    scores = json.loads(said(["evaluate", "model.json", "flight.nc", "--json"], capsys))
+    assert scores["nmse_worst"] < 0.01

@@ -23,6 +23,7 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "map.yaml").write_text("time: {column: t}\ninputs: []\n")
     write_netcdf(tmp_path / "kept.nc", xr.Dataset(attrs={"scores": json.dumps({})}))
     write_netcdf(tmp_path / "stream.nc", xr.Dataset(attrs={"format": "patagium stream 1"}))
+    write_netcdf(tmp_path / "motion.nc", xr.Dataset({"force_std": ("time", np.zeros(3))}))
     return tmp_path
 
 
@@ -33,7 +34,9 @@ KINDS = {
     "map.yaml": "a mapping",
     "kept.nc": "predictions",
     "stream.nc": "a record of `patagium stream`",
+    "motion.nc": "a motion with forces",
 }
+LOGS = ("stream.nc", "motion.nc")
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -42,12 +45,12 @@ def test_each_reader_names_the_kind_of_another_file(name: str, folder: Path) -> 
     assert kind_of(file).startswith(kind)
     readers = {"model.json": pt.load_model, "l.state": pt.load_learner}
     for reader in (pt.load_flight, pt.load_model, pt.load_learner, pt.load_log):
-        if readers.get(name) is reader or (name, reader) == ("stream.nc", pt.load_log):
+        if readers.get(name) is reader or (name in LOGS and reader is pt.load_log):
             continue
         with pytest.raises(PatagiumError) as refused:
             reader(file)
         assert kind in str(refused.value), reader
-    if name != "stream.nc":
+    if name not in LOGS:
         with pytest.raises(LogError, match=f"expected a flight or log, found {kind}"):
             no_robot(file)
 

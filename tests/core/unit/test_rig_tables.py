@@ -241,3 +241,30 @@ def test_a_constant_column_is_noted_and_zero_has_no_sign(tmp_path: Path) -> None
     (tmp_path / "log.csv").write_text("t,x [m]\n" + "".join(f"{k / 100},-0.0\n" for k in range(99)))
     found = pt.sensing.inspect_log(tmp_path / "log.csv").findings
     assert [(one.kind, one.text) for one in found] == [("constant", "never changes from 0")]
+
+
+@pytest.mark.parametrize(
+    ("head", "unit"),
+    [
+        *(("millis", "ms"), ("micros", "µs"), ("time_millis", "ms"), ("sec", "s")),
+        *(("Seconds", "s"), ("elapsed", "s"), ("elapsed_ms", "ms")),
+    ],
+)
+def test_names_of_time_of_other_kinds_are_read(head: str, unit: str, tmp_path: Path) -> None:
+    """Rows were counted, and the time was an input of the mapping to begin from."""
+    (tmp_path / "log.csv").write_text(
+        f"{head},gyro\n" + "".join(f"{k},{k % 3}\n" for k in range(9))
+    )
+    line = template(tmp_path / "log.csv").splitlines()[0]
+    assert line.startswith(f'time: {{column: "{head}", unit: {unit}}}')
+    (tmp_path / "other.csv").write_text("zeit,millions,gyro\n1,1,1\n2,2,3\n3,3,4\n")
+    assert template(tmp_path / "other.csv").splitlines()[0].endswith("{column: NAME, unit: s}")
+
+
+def test_a_doubted_unit_of_time_is_doubted_in_the_mapping_to_begin_from(tmp_path: Path) -> None:
+    """It said `unit: s` of stamps in milliseconds, and only a finding above it asked."""
+    (tmp_path / "log.csv").write_text(
+        "timestamp,a\n" + "".join(f"{10 * k},{k}\n" for k in range(9))
+    )
+    line = template(tmp_path / "log.csv").splitlines()[0]
+    assert line.startswith('time: {column: "timestamp", unit: s}  # ') and line.endswith("ms?")

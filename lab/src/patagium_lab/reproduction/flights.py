@@ -230,7 +230,7 @@ def summary(flight: xr.Dataset) -> dict[str, Any]:
 def weight_of(flight: xr.Dataset) -> float:
     """Weight of the machine of a flight [N]."""
     robot = robot_of(flight)
-    return float(robot.gravity) * sum(float(body.mass) for body in robot.bodies)
+    return float(robot.gravity * robot.mass)
 
 
 def beat_frequency(flight: xr.Dataset) -> float:

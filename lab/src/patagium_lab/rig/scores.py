@@ -123,12 +123,11 @@ def _as_flight(plan: RigPlan, run: LogResult) -> xr.Dataset:
     robot, count = run.whole_air.robot, len(run.motion["time"])
     base = next(body.floating_dofs for body in robot.bodies if body.floating_dofs is not None)
     place = list(base[:3])
-    mass = sum(float(body.mass) for body in robot.bodies)
     wind = np.broadcast_to(plan.air().wind, (count, 3))
     return run.motion.assign(
         strip_force=(("time", "strip", "axis"), run.whole_air.force[:, None, place]),
         added_mass_force=(("time", "dof"), np.zeros((count, robot.dof))),
-        momentum=(("time", "axis"), mass * run.motion["v"].values[:, place]),
+        momentum=(("time", "axis"), robot.mass * run.motion["v"].values[:, place]),
         wind=(("time", "axis"), wind),
     )
 

@@ -47,7 +47,7 @@ from patagium.learning.tuning.search import (
 )
 from patagium.learning.tuning.settings_file import LearnerSettings, NetworkSettings, Settings
 from patagium.learning.wingbeats import duration
-from patagium.sensing.logs.table import LogTable
+from patagium.sensing.logs.table import LogTable, find_gaps
 from patagium.version import __version__
 from patagium.whole_file import locked
 
@@ -391,7 +391,7 @@ def _used(flight: Flight, network: Network, every: int, source: str) -> tuple[Fl
         time, x, y, gaps, name = flight.time, flight.x, flight.y, flight.gaps, flight.source
     else:
         time, x, y, _ = samples(flight, network)
-        gaps = np.zeros(0, int)
+        gaps, flight = find_gaps(time), flight.sel(time=time)
         name = f"a flight of {flight.attrs.get('robot_name', 'a robot')}"
     seen, sees = x.shape[1], measured_inputs(network)
     if y.shape[1] != network.outputs or seen != sees:

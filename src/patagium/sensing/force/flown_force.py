@@ -48,8 +48,7 @@ def motion_and_force(
         if isinstance(sensor, MotorCurrent):
             joints = motor_forces(log, motion, name, shift=late.get(name, 0.0), robot=log.robot)
             parts = joint_names(sensor.joints, log.robot)
-            units = [log.robot.dof_units[log.robot.index(part)] for part in parts]
-            units = ["N" if unit == "m" else "N m" for unit in units]
+            units = [log.robot.force_units[log.robot.index(part)] for part in parts]
             white = zip(parts, units, joints.noise.tolist(), strict=True)
         elif isinstance(sensor, LoadCell):
             mount = cell_wrench(log, motion, name, shift=late.get(name, 0.0))
@@ -79,9 +78,10 @@ def write_motion(motion: xr.Dataset, forces: ForceSamples, path: str | Path) -> 
     Raises:
         OutputError: If the file cannot be written.
     """
-    units = {"units": "N or N m"}
+    units = {"units": "N or N m", "source": forces.source}
     whole = motion.assign(
         force=(("time", "dof"), forces.force, units),
         force_std=(("time", "dof"), forces.std, units),
+        force_covariance=(("time", "dof", "other_dof"), forces.covariance),
     )
     return write_netcdf(path, whole.assign(known=whole["known"].astype("i1")))

@@ -10,26 +10,29 @@ smoother.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from patagium.aerodynamics import AddedMass
+from patagium.aerodynamics import AddedMass, Air
 from patagium.arguments import checked, of_kind
 from patagium.arrays import Array, Bools, brief, real_array, selected
 from patagium.dynamics.kinematics import body_poses, generalized_force
 from patagium.errors import FlightError, ParameterError
 from patagium.native import NativeFunction, load_functions
+from patagium.reading import made_again
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import added_mass_force, air_force
 from patagium.sensing.motion.first_motion import spectral_noise
 from patagium.sensing.motion.smoothers import smooth_series
 from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog
 from patagium.sensing.sensors.joints import joint_names
-from patagium.simulation import robot_of
+from patagium.simulation import air_of, robot_of
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,7 @@ class ForceSamples:
         robot: The machine.
         source: How it was measured.
         a: Generalized accelerations, (N, n) [m/s^2, rad/s^2]; None: not known.
+        air: Air that the robot flew in.
 
     Raises:
         ShapeError: If arrays do not fit each other or the robot.
@@ -58,12 +62,13 @@ class ForceSamples:
     robot: Robot
     source: str
     a: Array | None = None
+    air: Air = Air()
     __repr__ = brief
 
     def __post_init__(self) -> None:
         of_kind("robot", self.robot, Robot)
         shape = (len(real_array("time", self.time, ("N",))), self.robot.dof)
-        for name in ("q", "v", "force", *(["a"] if self.a is not None else [])):
+        for name in ("q", "v", "force", "a")[: 3 + (self.a is not None)]:
             real_array(name, getattr(self, name), shape)
         real_array("covariance", self.covariance, (*shape, self.robot.dof))
 
@@ -83,6 +88,15 @@ class ForceSamples:
         seen = np.flatnonzero(np.isfinite(self.force).any(axis=0))
         return tuple(self.robot.dof_names[i] for i in seen)
 
+    @classmethod
+    def of(cls, motion: xr.Dataset) -> ForceSamples:
+        """Forces in a file of `patagium motion`, as `load_log` reads it."""
+        names = ("time", "q", "v", "force", "force_covariance", "a")
+        with made_again("the motion's forces", FlightError):
+            parts: Any = [np.asarray(motion[name].values, float) for name in names]
+            parts[5:5] = robot_of(motion), motion["force"].attrs["source"]
+            return cls(*parts, *[air_of(motion)])
+
     def where(self, kept: slice | ArrayLike) -> ForceSamples:
         """Selection of the samples.
 
@@ -93,8 +107,8 @@ class ForceSamples:
             ParameterError: If it is something else.
         """
         chosen = selected(kept, len(self.time))
-        names = ["time", "q", "v", "force", "covariance", *(["a"] if self.a is not None else [])]
-        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
+        held: Any = {name: one for name, one in vars(self).items() if isinstance(one, np.ndarray)}
+        return replace(self, **{name: one[chosen] for name, one in held.items()})
 
 
 _LEAST = 1e-4  # of what a signal does, below which its noise is not believed
@@ -209,8 +223,7 @@ def inverse_dynamics_force(
         FlightError: If the motion misses a quantity or carries no robot.
         ShapeError: If the signals do not fit the motion.
     """
-    parts = ForceParts(motion, joints, mount, added_mass)
-    return parts.samples(parts.force, "inverse dynamics")
+    return _along(motion, joints, mount, added_mass, "inverse dynamics")
 
 
 def load_cell_force(
@@ -230,126 +243,78 @@ def load_cell_force(
         ShapeError: If the signals do not fit the motion.
         ParameterError: If the robot has no floating body.
     """
-    parts = ForceParts(motion, None, mount, added_mass)
-    base = [i for body in parts.robot.bodies for i in body.floating_dofs or ()]
-    if not base:
-        raise ParameterError("robot", "one with a floating body", parts.robot.name)
-    others = [i for i in range(parts.robot.dof) if i not in base]
-    force = parts.force.copy()
-    force[:, others] = np.nan
-    return parts.samples(force, "load cell")
+    robot = robot_of(motion)
+    if not robot.floating:
+        raise ParameterError("robot", "one with a floating body", robot.name)
+    return _along(
+        motion,
+        None,
+        mount,
+        added_mass,
+        "load cell",
+        {*range(robot.dof)}.difference(robot.floating_dofs),
+    )
 
 
-class ForceParts:
-    """Force of the air along a measured motion, with its covariance.
+def _along(
+    motion: xr.Dataset,
+    joints: Measured | None,
+    mount: Wrench | None,
+    added_mass: AddedMass | None,
+    source: str,
+    silent: Collection[int] = (),
+) -> ForceSamples:
+    """Force of the air along a motion, with its covariance; NaN in silent coordinates."""
+    robot = robot_of(motion)
+    if missing := [name for name in ("q", "v", "a", "covariance") if name not in motion]:
+        held = ", ".join(map(str, motion.data_vars))
+        raise FlightError(f"motion: expected {', '.join(missing)}, but it holds {held}")
+    names = ("time", "q", "v", "a", "covariance")
+    time, q, v, a, spread = (np.asarray(motion[name].values, float) for name in names)
+    count, n = q.shape
+    wind, numbers = np.zeros((count, 3)), np.zeros(0)
+    if added_mass is not None:
+        added_mass.air.require_uniform("added_mass.air")
+        wind, numbers = added_mass.air.wind_at(time), added_mass.parameters
+    torque = _signal("joints", joints, (count, n))
+    wrench = _signal("mount", mount.measured if mount else None, (count, 6))
+    function = _measured_force(robot, mount.cell if mount else None, added_mass)
+    state, more = np.hstack([q, v, a, wrench.values]), (robot.parameters, numbers)
+    found = function["air_force"].batch(state, np.nan_to_num(torque.values), wind, *more)
+    force, slopes = np.array(found).reshape(count, n), np.empty((count, n, 3 * n + 6))
+    for k, direction in enumerate(np.eye(3 * n + 6)):
+        column = function["along"].batch(state, wind, direction, *more)
+        slopes[:, :, k] = np.asarray(column).reshape(count, n)
+    by_motion, by_wrench = np.split(slopes, [3 * n], axis=2)
+    covariance = by_motion @ spread @ np.swapaxes(by_motion, 1, 2)
+    covariance += (by_wrench * wrench.variance[:, None]) @ np.swapaxes(by_wrench, 1, 2)
+    rows = np.arange(n)
+    covariance[:, rows, rows] += torque.variance
+    force[~_known_rows(robot, motion, joints, mount)] = np.nan
+    force[:, [*silent]] = np.nan
+    lost = np.isnan(force)
+    covariance[lost[:, :, None] | lost[:, None, :]] = np.nan
+    return ForceSamples(time, q, v, force, covariance, robot, source, a, air_of(motion))
 
-    Args:
-        motion: From `estimate_motion`.
-        joints: Forces of the joints; None: not measured.
-        mount: Wrench of what holds the floating body; None: not measured.
-        added_mass: Inertia of the air that is known; None for none.
 
-    Attributes:
-        force: Of the air, (N, n) [N, N m].
-        covariance: Of the force, (N, n, n) [N^2, N^2 m^2].
+def _signal(name: str, signal: Measured | None, shape: tuple[int, int]) -> Measured:
+    """Signal of the motion's length; zeros where it was not measured."""
+    if signal is None:
+        return Measured(np.zeros(shape), np.zeros(shape))
+    real_array(name, signal.values, shape)
+    return signal
 
-    Raises:
-        FlightError: If the motion misses a quantity or carries no robot.
-        ShapeError: If the signals do not fit the motion.
-        ParameterError: If a gust of the added mass travels.
-    """
 
-    def __init__(
-        self,
-        motion: xr.Dataset,
-        joints: Measured | None,
-        mount: Wrench | None,
-        added_mass: AddedMass | None,
-    ) -> None:
-        self.robot = robot_of(motion)
-        for name in ("q", "v", "a", "covariance"):
-            if name not in motion:
-                held = ", ".join(map(str, motion.data_vars))
-                raise FlightError(f"motion: expected {name}, but it holds {held}")
-        if added_mass is not None:
-            added_mass.air.require_uniform("added_mass.air")
-        self.time = np.asarray(motion["time"].values, float)
-        self.q, self.v, self.a = (np.asarray(motion[name].values, float) for name in "qva")
-        torque = self._signal("joints", joints, self.robot.dof)
-        wrench = self._signal("mount", None if mount is None else mount.measured, 6)
-        self._known = self._known_rows(motion, joints, mount)
-        function = _measured_force(self.robot, None if mount is None else mount.cell, added_mass)
-        slopes = self._evaluate(function, torque.values, wrench.values, added_mass)
-        self.covariance = self._spread(
-            slopes, np.asarray(motion["covariance"].values, float), torque, wrench
-        )
-
-    def samples(self, force: Array, source: str) -> ForceSamples:
-        """Samples of a force, (N, n), in the coordinates where it is known.
-
-        Args:
-            force: Of the air, (N, n) [N, N m].
-            source: How it was measured.
-        """
-        covariance = self.covariance.copy()
-        known = np.where(self._known, force, np.nan)
-        lost = np.isnan(known)
-        covariance[lost[:, :, None] | lost[:, None, :]] = np.nan
-        motion = self.time, self.q, self.v
-        return ForceSamples(*motion, known, covariance, self.robot, source, a=self.a)
-
-    def _signal(self, name: str, signal: Measured | None, width: int) -> Measured:
-        """Signal of the motion's length; zeros where it was not measured."""
-        shape = (len(self.time), width)
-        if signal is None:
-            return Measured(np.zeros(shape), np.zeros(shape))
-        real_array(name, signal.values, shape)
-        return signal
-
-    def _evaluate(
-        self,
-        function: dict[str, NativeFunction],
-        torque: Array,
-        wrench: Array,
-        added_mass: AddedMass | None,
-    ) -> Array:
-        """Force along the motion, and its slopes to q, v, a and wrench, (N, n, 3 n + 6)."""
-        count, n = self.q.shape
-        wind = np.zeros((count, 3)) if added_mass is None else added_mass.air.wind_at(self.time)
-        numbers = np.zeros(0) if added_mass is None else added_mass.parameters
-        constants = self.robot.parameters, numbers
-        state = np.hstack([self.q, self.v, self.a, wrench])
-        force = function["air_force"].batch(state, np.nan_to_num(torque), wind, *constants)
-        self.force = np.array(force).reshape(count, n)
-        slopes = np.empty((count, n, 3 * n + 6))
-        for k, direction in enumerate(np.eye(3 * n + 6)):
-            column = function["along"].batch(state, wind, direction, *constants)
-            slopes[:, :, k] = np.asarray(column).reshape(count, n)
-        return slopes
-
-    def _spread(self, slopes: Array, motion: Array, torque: Measured, wrench: Measured) -> Array:
-        """Covariance of the force, (N, n, n), from that of motion, torque and wrench."""
-        n = self.robot.dof
-        by_motion, by_wrench = slopes[:, :, : 3 * n], slopes[:, :, 3 * n :]
-        covariance = by_motion @ motion @ np.swapaxes(by_motion, 1, 2)
-        covariance += (by_wrench * wrench.variance[:, None]) @ np.swapaxes(by_wrench, 1, 2)
-        rows = np.arange(n)
-        covariance[:, rows, rows] += torque.variance
-        return np.asarray(covariance)
-
-    def _known_rows(
-        self, motion: xr.Dataset, joints: Measured | None, mount: Wrench | None
-    ) -> Bools:
-        robot = self.robot
-        base = {i for body in robot.bodies for i in body.floating_dofs or ()}
-        free = str(motion.attrs.get("mount", "free")) in ("", "free")
-        known = np.ones((len(self.time), robot.dof), bool)
-        for i in range(robot.dof):
-            if i in base and not free and mount is None:
-                known[:, i] = False
-            if i in robot.actuated:
-                known[:, i] = False if joints is None else np.isfinite(joints.values[:, i])
-        return known
+def _known_rows(
+    robot: Robot, motion: xr.Dataset, joints: Measured | None, mount: Wrench | None
+) -> Bools:
+    """Whether each coordinate is known in each sample, (N, n)."""
+    known = np.ones((len(motion["time"]), robot.dof), bool)
+    if mount is None and str(motion.attrs.get("mount", "free")) not in ("", "free"):
+        known[:, list(robot.floating_dofs)] = False
+    driven = list(robot.actuated)
+    known[:, driven] = False if joints is None else np.isfinite(joints.values[:, driven])
+    return known
 
 
 def _measured_force(

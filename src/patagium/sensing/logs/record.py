@@ -24,6 +24,8 @@ from patagium.sensing.logs.table import LogTable, find_gaps
 from patagium.simulation.flight import quantities, robot_of
 
 FORMAT = "patagium log 1"
+LOADED = ("a record", "a motion")
+"""Kinds of files that are read as they are; see `kind_of`."""
 _COMPONENTS = (".w", ".x", ".y", ".z")
 _CACHE = 1 << 19
 """Cache of a variable [B]; the default of netCDF4 is many times that."""
@@ -255,12 +257,13 @@ class LogRecord:
 
 @checked
 def load_log(path: str | Path) -> xr.Dataset:
-    """Imported log, or record of a stream, in memory: a variable for each quantity, and its unit.
+    """Imported log, record of a stream, or motion: a variable for each quantity, and its unit.
 
     Vectors are (time, axis), attitudes (time, quaternion) with w, x, y, z, body to world. A log
     with q, v, a and u1 of every coordinate of its robot has them as the variables of a flight,
     (time, dof), and `identify` learns from it as from a simulated flight. A record of `patagium
-    stream` is such a log, in still air.
+    stream` is such a log, in still air; of a file of `patagium motion` the measured `force` is
+    learned.
 
     Args:
         path: The netCDF file.
@@ -268,7 +271,8 @@ def load_log(path: str | Path) -> xr.Dataset:
     Raises:
         LogError: If the file is no imported log. A simulated flight is read by `load_flight`.
     """
-    if kind_of(path).startswith("a record"):
-        return loaded_dataset(path, LogError, "a whole record").assign_attrs(air="{}", gait="{}")
+    if kind_of(path).startswith(LOADED):
+        log = loaded_dataset(path, LogError, "a whole record")
+        return log.assign_attrs({"air": "{}", "gait": "{}"} | log.attrs)
     with LogRecord(path) as record, netcdf_content(path, LogError, "a whole log"):
         return record.dataset()

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ from patagium.sensing.sensors import (
     SensorLog,
     as_quaternion,
 )
-from patagium.simulation import robot_of
+from patagium.simulation import air_of, robot_of
 
 _VECTORS = {
     "m": "position",
@@ -98,30 +99,38 @@ def sensor_log(
             f"found {held}"
         )
     carried = any(isinstance(sensor, LoadCell) for sensor in sensors.values())
-    return SensorLog(readings, sensors, {}, machine, "load cell" if carried else "")
+    mount = "load cell" if carried else ""
+    return SensorLog(readings, sensors, {}, machine, mount, air_of(table))
+
+
+_GROUPS: tuple[tuple[str, str, str, Any, dict[str, float]], ...] = (
+    ("position", "attitude", "cameras", MotionCapture, {}),
+    (
+        *("specific_force", "angular_rate", "inertial unit", Imu),
+        {"accelerometer_bias": 0.2, "gyroscope_bias": 0.02},
+    ),
+    ("force", "moment", "load cell", LoadCell, {}),
+)
+"""Two quantities of a body that one sensor measures, with its name, kind and known errors."""
 
 
 @dataclass
 class _Found:
-    """Quantities found so far, by what measured them.
+    """Quantities found so far, each with its name and values.
 
     Attributes:
         robot: The machine.
         time: Stamps of the log, (N,) [s].
-        poses: Attitude and position by body, each with its name and values.
-        units: Specific force and angular rate by body, likewise.
-        joints: Angles of joints by name, likewise.
-        efforts: Forces of joints by name, likewise.
-        cells: Force and moment by body, likewise.
+        bodies: Quantities of each body, by their kind.
+        joints: Angles of joints by name.
+        efforts: Forces of joints by name.
     """
 
     robot: Robot
     time: Array
-    poses: dict[str, dict[str, tuple[str, Array]]] = field(default_factory=dict)
-    units: dict[str, dict[str, tuple[str, Array]]] = field(default_factory=dict)
+    bodies: dict[str, dict[str, tuple[str, Array]]] = field(default_factory=dict)
     joints: dict[str, tuple[str, Array]] = field(default_factory=dict)
     efforts: dict[str, tuple[str, Array]] = field(default_factory=dict)
-    cells: dict[str, dict[str, tuple[str, Array]]] = field(default_factory=dict)
 
     def sensors(self) -> tuple[dict[str, xr.Dataset], dict[str, Sensor]]:
         """Readings and sensors by name."""
@@ -129,58 +138,40 @@ class _Found:
         readings: dict[str, xr.Dataset] = {}
         sensors: dict[str, Sensor] = {}
 
-        def add(sensor: Sensor, parts: Mapping[str, tuple[Any, Array]], names: list[str]) -> None:
+        def add(sensor: Sensor, parts: Mapping[str, tuple[str, Array]], names: list[str]) -> None:
             readings[sensor.name] = xr.Dataset(
-                {name: (("time", *dims), values) for name, (dims, values) in parts.items()},
+                {name: (("time", dim), values) for name, (dim, values) in parts.items()},
                 coords={"time": ("time", self.time, {"units": "s"})},
                 attrs={"quantities": names},
             )
             sensors[sensor.name] = sensor
 
-        for body, pose in self._base_pose().items():
-            _both(pose, "attitude", "position", body)
-            camera = MotionCapture(name=f"cameras of {body}", rate=rate, body=body)
-            parts = {
-                "position": (("axis",), pose["position"][1]),
-                "quaternion": (("part",), pose["attitude"][1]),
-            }
-            add(camera, parts, [name for name, _ in pose.values()])
-        for body, unit in self.units.items():
-            _both(unit, "specific_force", "angular_rate", body)
-            imu = Imu(
-                name=f"inertial unit of {body}",
-                rate=rate,
-                body=body,
-                accelerometer_bias=0.2,
-                gyroscope_bias=0.02,
-            )
-            parts = {name: (("axis",), values) for name, (_, values) in unit.items()}
-            add(imu, parts, [name for name, _ in unit.values()])
-        for body, cell in self.cells.items():
-            _both(cell, "force", "moment", body)
-            wrench = np.hstack([cell["force"][1], cell["moment"][1]])
-            names = [name for name, _ in cell.values()]
-            sensor = LoadCell(name=f"load cell of {body}", rate=rate, body=body)
-            add(sensor, {"wrench": (("component",), wrench)}, names)
-        if self.joints:
-            angles = np.column_stack([values for _, values in self.joints.values()])
-            encoder = Encoder(name="encoders", rate=rate, joints=tuple(self.joints))
-            names = [name for name, _ in self.joints.values()]
-            add(encoder, {"position": (("joint",), angles)}, names)
-        if self.efforts:
-            forces = np.column_stack([values for _, values in self.efforts.values()])
-            motors = MotorCurrent(
-                name="joint forces",
-                rate=rate,
-                joints=tuple(self.efforts),
-                torque_constant=1.0,
-            )
-            names = [name for name, _ in self.efforts.values()]
-            add(motors, {"current": (("joint",), forces)}, names)
+        self._take_base_pose()
+        for one, other, word, kind, facts in _GROUPS:
+            for body, seen in self.bodies.items():
+                if one not in seen and other not in seen:
+                    continue
+                (name, first), (also, second) = _both(seen, one, other, body)
+                parts = {one: ("axis", first), other: ("axis", second)}
+                if kind is LoadCell:
+                    parts = {"wrench": ("component", np.hstack([first, second]))}
+                elif kind is MotionCapture:
+                    parts = {one: ("axis", first), "quaternion": ("part", second)}
+                sensor = kind(name=f"{word} of {body}", rate=rate, body=body, **facts)
+                add(sensor, parts, [name, also])
+        motors = partial(MotorCurrent, torque_constant=1.0)
+        for part, word, make, found in (
+            ("position", "encoders", Encoder, self.joints),
+            ("current", "joint forces", motors, self.efforts),
+        ):
+            if found:
+                labels, columns = zip(*found.values(), strict=True)
+                sensor = make(name=word, rate=rate, joints=tuple(found))
+                add(sensor, {part: ("joint", np.column_stack(columns))}, [*labels])
         return readings, sensors
 
-    def _base_pose(self) -> dict[str, dict[str, tuple[str, Array]]]:
-        """Poses by body, with that of the floating body from its coordinates where these are it."""
+    def _take_base_pose(self) -> None:
+        """Take the pose of a floating body from its coordinates where these are it."""
         for body in self.robot.bodies:
             names = [self.robot.dof_names[i] for i in body.floating_dofs or ()]
             if not names or not set(names) <= set(self.joints):
@@ -189,10 +180,9 @@ class _Found:
             place = np.column_stack([values for _, values in columns[:3]])
             angles = np.column_stack([values for _, values in columns[:2:-1]])
             turn = as_quaternion(Rotation.from_euler("ZYX", angles))
-            pose = self.poses.setdefault(body.name, {})
+            pose = self.bodies.setdefault(body.name, {})
             pose.setdefault("position", (columns[0][0], place))
             pose.setdefault("attitude", (columns[3][0], turn))
-        return self.poses
 
 
 def _machine(log: str | Path | xr.Dataset, robot: Robot | str | None) -> Robot:
@@ -228,39 +218,26 @@ def _place(found: _Found, name: str, values: xr.DataArray, body: str | None) -> 
     """Put a quantity with what measured it; one that tells nothing of motion is left out."""
     unit = str(values.attrs.get("units", ""))
     numbers = np.asarray(values.transpose("time", ...).values, float)
-    where = body or _body_in(name, found.robot)
-    if values.dims[-1:] == ("quaternion",):
-        if where is not None:
-            found.poses.setdefault(where, {}).setdefault("attitude", (name, numbers))
-        return
-    if values.dims[-1:] == ("axis",):
-        kind = _VECTORS.get(unit)
-        if kind is None or where is None:
-            return
-        group = {
-            "position": found.poses,
-            "specific_force": found.units,
-            "angular_rate": found.units,
-        }
-        group.get(kind, found.cells).setdefault(where, {}).setdefault(kind, (name, numbers))
+    where, dim = body or _body_in(name, found.robot), values.dims[-1]
+    if dim in ("axis", "quaternion"):
+        kind = "attitude" if dim == "quaternion" else _VECTORS.get(unit)
+        if kind is not None and where is not None:
+            found.bodies.setdefault(where, {}).setdefault(kind, (name, numbers))
         return
     joint = _joint_in(name, found.robot)
     if joint is None or name.startswith(("v.", "a.")):
         return
-    angle = found.robot.dof_units[found.robot.index(joint)]
-    if unit == angle:
+    place = found.robot.index(joint)
+    if unit == found.robot.dof_units[place]:
         found.joints.setdefault(joint, (name, numbers))
-    elif (
-        unit == ("N" if angle == "m" else "N m")
-        and found.robot.index(joint) in found.robot.actuated
-    ):
+    elif unit == found.robot.force_units[place] and place in found.robot.actuated:
         found.efforts.setdefault(joint, (name, numbers))
 
 
 def _body_in(name: str, robot: Robot) -> str | None:
     """Body whose name is the longest one in the name of a quantity, else the floating one."""
     named = [body.name for body in robot.bodies if body.name.lower() in name.lower()]
-    floating = [robot.bodies[k].name for k in robot.floating_dofs]
+    floating = [body.name for body in robot.floating_bodies.values()]
     return max(named, key=len) if named else (floating or [robot.bodies[0].name])[0]
 
 
@@ -270,7 +247,9 @@ def _joint_in(name: str, robot: Robot) -> str | None:
     return last if last in robot.dof_names else None
 
 
-def _both(parts: Mapping[str, tuple[str, Array]], one: str, other: str, body: str) -> None:
+def _both(
+    parts: Mapping[str, tuple[str, Array]], one: str, other: str, body: str
+) -> tuple[tuple[str, Array], tuple[str, Array]]:
     for here, missing in ((one, other), (other, one)):
         if missing not in parts:
             words = missing.replace("_", " ")
@@ -278,3 +257,4 @@ def _both(parts: Mapping[str, tuple[str, Array]], one: str, other: str, body: st
                 f"{parts[here][0]}: expected {words} of {body} to go with it; add its field to "
                 "the mapping"
             )
+    return parts[one], parts[other]

@@ -76,7 +76,7 @@ class LogTable:
         )
 
 
-def find_gaps(time: ArrayLike, factor: float) -> Indices:
+def find_gaps(time: ArrayLike, factor: float = 3.0) -> Indices:
     """Index of the first sample after each gap, (n_gaps,).
 
     Args:

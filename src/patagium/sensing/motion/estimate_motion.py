@@ -159,8 +159,8 @@ def fit_motion(robot: Robot, streams: Sequence[Stream], order: int, wanted: Arra
     if base is not None and first_camera(streams) is None:
         silent = ", ".join(robot.dof_names[i] for i in (*base.place, *base.turn))
         raise LogError(
-            f"log: expected cameras that see {silent}, found none (a MotionTracker needs "
-            "none: it takes a density)"
+            f"log: expected cameras that see {silent}, found none; the file of a robot that is "
+            "held leaves out `floating`"
         )
     checked = _checked(streams)
     guess = first_motion(robot, checked.streams, checked.used)
@@ -441,6 +441,7 @@ def _dataset(robot: Robot, times: Array, fitted: MotionFits, log: SensorLog) -> 
         variables["attitude_std"] = (("time", "axis"), std, {"units": "rad"})
         coordinates |= {"quaternion": list("wxyz"), "axis": list("xyz")}
     attributes = {"robot": robot.source, "robot_name": robot.name, "mount": log.mount}
+    attributes["air"] = json.dumps(log.air.describe())
     known &= ~fitted.open_times(times)
     facts = motion_findings(fitted)
     facts["notes"] += log.saturated().values()

@@ -97,10 +97,10 @@ def floating_base(robot: Robot) -> FloatingBase | None:
     Raises:
         ParameterError: If there are several floating bodies.
     """
-    found = [*robot.floating_dofs.values()]
-    if len(found) > 1:
-        raise ParameterError("robot", "one floating body at most", f"{len(found)} of them")
-    return FloatingBase(tuple(found[0][:3]), tuple(found[0][3:])) if found else None
+    found = robot.floating_dofs
+    if len(found) > 6:
+        raise ParameterError("robot", "one floating body at most", f"{len(found) // 6} of them")
+    return FloatingBase(found[:3], found[3:]) if found else None
 
 
 class FrameModel:

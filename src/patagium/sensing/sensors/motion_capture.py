@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from patagium.arrays import Array, Bools
-from patagium.errors import ParameterError, finite
+from patagium.errors import ParameterError, finite, not_negative
 from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
 from patagium.sensing.sensors.sensor import (
@@ -66,8 +66,8 @@ class MotionCapture(FramedSensor):
             object.__setattr__(self, name, vector(name, getattr(self, name)))
         if not 0 <= finite("dropout", self.dropout) < 1:
             raise ParameterError("dropout", "at least 0 and below 1", self.dropout)
-        if finite("dropout_length", self.dropout_length) < 0:
-            raise ParameterError("dropout_length", "zero or more seconds", self.dropout_length)
+        finite("dropout_length", self.dropout_length)
+        not_negative(self, "dropout_length")
         super().__post_init__()
         if not self.body:
             raise ParameterError("body", "the name of a body", self.body)

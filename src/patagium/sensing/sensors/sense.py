@@ -12,19 +12,20 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from patagium.aerodynamics import Air
 from patagium.arguments import checked
 from patagium.arrays import Array, brief
 from patagium.errors import FlightError, LogError, ParameterError
 from patagium.netcdf_file import loaded_dataset, open_netcdf, write_netcdf
 from patagium.reading import json_object, made_again
-from patagium.robot import Robot, load_robot_text
+from patagium.robot import Robot
 from patagium.sensing.sensors.imu import Imu
 from patagium.sensing.sensors.joints import Encoder, MotorCurrent
 from patagium.sensing.sensors.load_cell import LoadCell
 from patagium.sensing.sensors.motion_capture import MotionCapture
 from patagium.sensing.sensors.scene import Scene
 from patagium.sensing.sensors.sensor import HIDDEN, Reading, Sensor, Signal, saturation
-from patagium.simulation.flight import robot_of
+from patagium.simulation.flight import air_of, robot_of
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class SensorLog:
             `true_time`, slow errors, and delay and clock as attributes; empty if unknown.
         robot: The machine.
         mount: Description of its mount.
+        air: Air that the robot flew in, without its gusts.
 
     Raises:
         ParameterError: If a reading has no sensor.
@@ -48,6 +50,7 @@ class SensorLog:
     truth: Mapping[str, xr.Dataset]
     robot: Robot
     mount: str
+    air: Air = Air()
     __repr__ = brief
 
     def __post_init__(self) -> None:
@@ -133,7 +136,8 @@ def sense(flight: xr.Dataset, sensors: Sequence[Sensor], *, seed: int = 0) -> Se
         truth[sensor.name] = _dataset(stamps, true, reading)
         truth[sensor.name].attrs |= {name: getattr(sensor, name) for name in HIDDEN}
     known = {sensor.name: published(sensor) for sensor in sensors}
-    return SensorLog(readings, known, truth, robot_of(flight), str(flight.attrs.get("mount", "")))
+    air, mount = replace(air_of(flight), gust=None), str(flight.attrs.get("mount", ""))
+    return SensorLog(readings, known, truth, robot_of(flight), mount, air)
 
 
 def published(sensor: Sensor) -> Sensor:
@@ -171,6 +175,7 @@ def save_sensor_log(log: SensorLog, path: str | Path) -> Path:
         OutputError: If the file cannot be written.
     """
     origin = {"robot": log.robot.source, "robot_name": log.robot.name, "mount": log.mount}
+    origin["air"] = json.dumps(log.air.describe())
     described = {
         label: reading.assign_attrs(sensor=json.dumps(log.sensors[label].describe()))
         for label, reading in log.readings.items()
@@ -205,16 +210,16 @@ def load_sensor_log(path: str | Path) -> SensorLog:
         LogError: If there is no such file, or the file is no sensor log.
     """
     path = Path(path)
-    origin = loaded_dataset(path, LogError, "a sensor log").attrs
+    whole = loaded_dataset(path, LogError, "a sensor log")
     with made_again(f"{path}: the sensor log"):
-        with open_netcdf(path) as whole:
-            labels = list(whole.groups)
+        with open_netcdf(path) as opened:
+            labels = list(opened.groups)
         readings = {
             label: loaded_dataset(path, LogError, "a sensor log", label) for label in labels
         }
-        robot = load_robot_text(origin["robot"], origin["robot_name"])
         sensors = {label: sensor_from(readings[label].attrs.pop("sensor")) for label in labels}
-        return SensorLog(readings, sensors, {}, robot, origin.get("mount", ""))
+        mount, air = whole.attrs.get("mount", ""), air_of(whole)
+        return SensorLog(readings, sensors, {}, robot_of(whole), mount, air)
 
 
 def sensor_from(text: str, name: str = "sensor") -> Sensor:

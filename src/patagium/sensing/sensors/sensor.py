@@ -16,7 +16,7 @@ import numpy as np
 
 from patagium.arguments import check_fields
 from patagium.arrays import Array, Bools, real_array
-from patagium.errors import ParameterError, ShapeError, finite, positive
+from patagium.errors import ParameterError, ShapeError, finite, not_negative, positive
 
 if TYPE_CHECKING:
     from patagium.robot import Robot
@@ -94,8 +94,7 @@ class Sensor:
     def __post_init__(self) -> None:
         check_fields(self)
         positive("rate", self.rate)
-        if self.delay < 0:
-            raise ParameterError("delay", "zero or more seconds", self.delay)
+        not_negative(self, "delay")
         if abs(self.clock_drift) >= 0.1:
             raise ParameterError("clock_drift", "less than 0.1 s/s", self.clock_drift)
         for entry in fields(self):

@@ -46,9 +46,10 @@ from patagium.sensing.logs.mapping import conversion
 
 _HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 TIME_NAME = re.compile(
-    r"^(time|t|timestamp|stamp|tout|clock)"
-    r"(?:(?:[_ ]in[_ ]|[_ .(\[/]*)(s|sec|ms|us|usec|µs|ns)\W?)?$"
+    r"^(time|t|timestamp|stamp|tout|clock|elapsed|(?=sec|milli|micro))"
+    r"(?:(?:[_ ]in[_ ]|[_ .(\[/]*)(s|secs?|seconds|ms|millis|us|usec|µs|micros|ns)\W?)?$"
 )
+_UNITS = {"millis": "ms", "us": "µs", "usec": "µs", "micros": "µs"}
 _SPAN = re.compile(r"(?i)(^|[^a-z])(delay|latency|lag|dt|period|duration|interval)([^a-z]|$)")
 _IN_GRAVITIES = re.compile(r"(^|[^a-z])a(cc[a-z]*)?[_. ]?[xyz]?_g$")
 _TIMED = re.compile(r"(^|_)(time[a-z]*|stamp|clock|delay|latency|dt|period)_(\w+_)?(ms|us|ns)$")
@@ -117,7 +118,7 @@ def unit_of_suffix(name: str) -> str:
     timed = TIME_NAME.match(stem) or _TIMED.search(stem)
     if timed and timed[timed.re.groups]:
         unit = timed[timed.re.groups]
-        return {"sec": "s", "us": "µs", "usec": "µs"}.get(unit, unit)
+        return "s" if unit.startswith("sec") else _UNITS.get(unit, unit)
     if _IN_GRAVITIES.search(stem):
         return "g_0"
     ends = _SUFFIXES.items()
@@ -136,9 +137,9 @@ def guessed_base(
     for column, factor in stamped.items():
         return StampSource("column", column, factor), ""
     for column in channels:
-        match = TIME_NAME.match(column.lower().lstrip("#%").strip().rpartition(".")[2])
-        if match:
-            unit = match[2] or channels[column].unit or "s"
+        stem = column.lower().lstrip("#%").strip().rpartition(".")[2]
+        if match := TIME_NAME.match(stem):
+            unit = (match[2] and unit_of_suffix(stem)) or channels[column].unit or "s"
             plain = not match[2] and unit == "s"
             guess = f"column {column!r} taken for time in s; a mapping says it better"
             return StampSource("column", column, _nanoseconds_in(unit) or 1e9), guess * plain

@@ -48,8 +48,7 @@ def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...])
     found = []
     if still:
         found.append(Finding("note", "flight", "constant", f"never change: {', '.join(still)}"))
-    based = {dof for body in robot.bodies for dof in body.floating_dofs or ()}
-    joints = [name for k, name in enumerate(robot.dof_names) if k not in based]
+    joints = [name for k, name in enumerate(robot.dof_names) if k not in robot.floating_dofs]
     unmeasured = [name for name in joints if f"q.{name}" not in held]
     text = ""
     if unmeasured:
