@@ -56,6 +56,7 @@ def samples(
 
     Raises:
         FlightError: If the flight misses a quantity.
+        LogError: If there are less than two samples.
         ShapeError: If the network's outputs are no coordinates of the robot.
         ParameterError: If an input has no such name, or measured forces cannot feed the network.
     """
@@ -70,6 +71,8 @@ def samples(
         machine = robot_of(flight) if robot is None else robot
         time, state, force = training_data(flight, machine, with_added_mass=terms.added_mass)
         acceleration = recorded(flight, "a", machine) if terms.acceleration else None
+    if len(time) < 2:
+        raise LogError(f"flight: expected two samples at least, found {len(time)}; fly longer")
     x = state if inputs is None else state[:, state_columns(machine, inputs)]
     if terms.acceleration and acceleration is not None:
         x = np.hstack([x, acceleration])

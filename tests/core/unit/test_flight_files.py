@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from functools import partial
 
 import netCDF4
 import numpy as np
@@ -13,7 +14,7 @@ import xarray as xr
 from tests.flights import SINGLE, stored
 
 import patagium as pt
-from patagium.errors import FlightError
+from patagium.errors import FlightError, LogError
 from patagium.live.packets import flight_packets
 from patagium.netcdf_file import write_netcdf
 from patagium.simulation import aero_of, robot_of
@@ -198,3 +199,19 @@ USES = {
 def test_a_flight_whose_parts_were_rearranged_is_refused_everywhere(flight, use, change, words):
     with pytest.raises(FlightError, match=f"flight: {words}"):
         USES[use](change(flight))
+
+
+def test_a_flight_of_one_sample_is_told_to_whoever_learns_or_scores(flight, robot):
+    # It ended in "cannot convert float NaN to integer".
+    taught, one = pt.identify(flight).learner, flight.isel(time=[0])
+    for use in (pt.identify, partial(pt.evaluate, model=taught)):
+        with pytest.raises(LogError, match="expected two samples at least, found 1"):
+            use(one)
+
+
+def test_sensors_refuse_a_flight_in_nanoseconds(flight):
+    # It asked for a tebibyte.
+    far = flight.assign_coords(time=("time", flight["time"].to_numpy() * 1e9, {"units": "s"}))
+    said = r"encoder: expected at most 1e\+08 samples, found 1e\+10; is the time of the flight in s"
+    with pytest.raises(FlightError, match=said):
+        pt.sense(far, [pt.sensors.Encoder(name="encoder", rate=1000.0)])

@@ -91,6 +91,7 @@ class SensorLog:
         return replace(self, truth={})
 
 
+_MOST = 1e8  # samples of a sensor
 _OF_MOTION = ("position", "quaternion", "specific_force", "angular_rate")
 
 
@@ -123,6 +124,9 @@ def sense(flight: xr.Dataset, sensors: Sequence[Sensor], *, seed: int = 0) -> Se
     scene = Scene(flight)
     readings, truth = {}, {}
     for sensor in sensors:
+        if (count := float(scene.time[-1] - scene.time[0]) * sensor.rate) > _MOST:
+            found = f"found {count:.3g}; is the time of the flight in s?"
+            raise FlightError(f"{sensor.name}: expected at most {_MOST:.0e} samples, {found}")
         rng = np.random.default_rng([seed, zlib.crc32(sensor.name.encode())])
         stamps, times = sensor.clock(float(scene.time[0]), float(scene.time[-1]))
         if len(times) < 2:
