@@ -9,7 +9,6 @@ import io
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -18,7 +17,6 @@ from PIL import Image
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.quasi_steady import QuasiSteady
-from patagium.errors import ParameterError
 from patagium.report.page import draw
 from patagium.robot import load_robot
 from patagium.simulation import gaits, mounts, paths, simulate
@@ -46,16 +44,7 @@ def gallery_flight(name: str, duration: float) -> xr.Dataset:
     Raises:
         ParameterError: If its file has no cruise.
     """
-    robot = load_robot(name)
-    own = robot.cruise
-    if own is None:
-        raise ParameterError("robot", "a file with a section cruise", name)
-    wind = 0.0 if robot.floating else -own.speed
-    aero = QuasiSteady(robot, Air(wind=(wind, 0.0, 0.0)))
-    start: dict[str, Any] = {}
-    if robot.floating:
-        start = {"q": robot.coordinates(pitch=own.pitch), "v": robot.velocities(x=own.speed)}
-    return simulate(robot, aero, gaits.cruise(robot), duration=duration, **start)
+    return simulate(load_robot(name), duration=duration)
 
 
 def arm_flight(duration: float) -> xr.Dataset:

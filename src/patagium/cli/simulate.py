@@ -225,6 +225,7 @@ def simulate(
     from patagium.aerodynamics import AddedMass, Air
     from patagium.robot import load_robot
     from patagium.simulation import gaits, mounts
+    from patagium.simulation.simulator import DURATION
 
     shown = live_options.live_choice(live, live_address, choice)
     machine = load_robot(robot)
@@ -261,8 +262,8 @@ def simulate(
     if own is not None and not standing and (held is None or held.kind == "free"):
         speed = own.speed if speed is None else speed
         pitch = own.pitch if pitch is None else pitch
-    q, v = _start(machine, speed or 0.0, pitch or 0.0)
-    usual = machine.cruise.duration if machine.cruise else _DURATION
+    q, v = gaits.level_start(machine, speed or 0.0, pitch or 0.0)
+    usual = machine.cruise.duration if machine.cruise else DURATION
     conditions = {
         "duration": usual if duration is None else duration,
         "time_step": time_step, "added_mass": carried, "mount": held,
@@ -272,10 +273,6 @@ def simulate(
     if not as_json:
         _tell_choice(machine, flight, own is not None, duration, time_step)
     keep(flight, output, figure, as_json)
-
-
-_DURATION = 1.0
-"""Duration of a flight for which neither the robot's file nor an option says any [s]."""
 
 
 def _tell_choice(
@@ -413,17 +410,6 @@ def _refuse_what_is_unused(kind: str, frequency: float | None, *named: Mapping[s
 
 
 _LINKAGE_OFFSETS = {"plunge", "elbow"}
-
-
-def _start(machine: Robot, speed: float, pitch: float) -> tuple[Any, Any]:
-    """Initial coordinates and velocities."""
-    if base := machine.floating_dofs:
-        ahead, nose = machine.dof_names[base[0]], machine.dof_names[base[4]]
-        q = machine.coordinates(**machine.resting, **{nose: pitch})
-        return q, machine.velocities(**{ahead: speed})
-    if speed or pitch:
-        raise ParameterError("--speed, --pitch", "a robot that floats; use --wind", machine.name)
-    return machine.coordinates(**machine.resting), machine.velocities()
 
 
 def _fly(

@@ -255,6 +255,27 @@ def cruise(robot: Robot, frequency: float | None = None) -> FourierGait:
     )
 
 
+def level_start(robot: Robot, speed: float, pitch: float) -> tuple[Array, Array]:
+    """Coordinates and velocities of a flight that begins level, springs at rest [SI].
+
+    Args:
+        robot: The machine.
+        speed: Forward [m/s].
+        pitch: Angle of the body, positive nose down [rad].
+
+    Raises:
+        ParameterError: If it does not float, and has a speed or pitch.
+    """
+    if base := robot.floating_dofs:
+        ahead, nose = robot.dof_names[base[0]], robot.dof_names[base[4]]
+        q = robot.coordinates(**robot.resting, **{nose: pitch})
+        return q, robot.velocities(**{ahead: speed})
+    if speed or pitch:
+        name = "speed" if speed else "pitch"
+        raise ParameterError(name, "a robot that floats; use a wind", robot.name)
+    return robot.coordinates(**robot.resting), robot.velocities()
+
+
 def superposed(robot: Robot, *parts: Gait) -> SuperposedGait:
     """Gait whose joint positions are the sum of its parts, such as linkage and feathering.
 

@@ -11,14 +11,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from patagium.aerodynamics import AddedMass, Aerodynamics
+from patagium.aerodynamics import AddedMass, Aerodynamics, Air, QuasiSteady
 from patagium.arguments import Progress, checked, of_kind
 from patagium.arrays import Array, real_array
 from patagium.errors import Outcome, ParameterError, SimulationFailed, positive
@@ -28,7 +28,7 @@ from patagium.robot import Robot
 from patagium.robot.attitude import body_accelerations, body_rates, quaternion_from_angles
 from patagium.simulation.flight import COMMAND, GIVEN, FlightOrigin, flight_record
 from patagium.simulation.flight_equations import STRIP_WIND, flight_functions, recorded_names
-from patagium.simulation.gaits import Gait, PrescribedMotion, check_gait
+from patagium.simulation.gaits import Gait, PrescribedMotion, check_gait, cruise, level_start
 from patagium.simulation.mounts import InternalLoadCell, Mount, check_cells, mount_of
 from patagium.simulation.paths import Path
 from patagium.simulation.runge_kutta import (
@@ -665,13 +665,35 @@ def _flown(
     return simulator.flight()
 
 
+DURATION = 1.0
+"""Duration of a flight for which neither the robot's file nor the caller says any [s]."""
+
+
+def _by_cruise(
+    robot: Robot, aero: Any, gait: Any, duration: Any, mount: Mount | None, q: Any, v: Any
+) -> tuple[Any, ...]:
+    """Air, gait, duration and start as given, else of the cruise; on a stand in its wind."""
+    own, wind = robot.cruise, 0.0
+    if gait is None:
+        gait = cruise(robot)
+        speed, pitch = (own.speed, own.pitch) if own else (0.0, 0.0)
+        if not robot.floating or (mount is not None and mount.kind == "fixed"):
+            wind = -speed
+        elif mount is None or mount.kind == "free":
+            begin = level_start(robot, speed, pitch)
+            q, v = (usual if one is None else one for one, usual in zip((q, v), begin, strict=True))
+    if duration is None:
+        duration = own.duration if own else DURATION
+    return aero or QuasiSteady(robot, Air(wind=(wind, 0.0, 0.0))), gait, duration, q, v
+
+
 @checked
 def simulate(
     robot: Robot,
-    aero: Aerodynamics,
-    gait: Gait,
+    aero: Aerodynamics | None = None,
+    gait: Gait | None = None,
     *,
-    duration: float,
+    duration: float | None = None,
     time_step: float | None = None,
     mount: Mount | None = None,
     q: ArrayLike | None = None,
@@ -692,8 +714,9 @@ def simulate(
     through), a coordinate leaves the robot's limits, or the speed is absurd.
 
     Args:
-        robot: The machine.
-        aero: Model of the air around it.
+        robot: The machine. A gait of None is the `cruise` of its file, and so is then the start,
+            or on a stand the wind; a duration of None is the cruise's, or 1 s.
+        aero: Model of the air around it; quasi-steady by default.
         gait: Motion of the actuated joints.
         duration: A whole number of time steps [s].
         time_step: Step [s]; None chooses one (`Simulator`) and says it in the flight's attributes.
@@ -719,6 +742,7 @@ def simulate(
         ShapeError: If q is not (n_q,) or v not (n,).
         SimulationFailed: If the run stopped early and `throw` is set; it carries the flight.
     """
+    aero, gait, duration, q, v = _by_cruise(robot, aero, gait, duration, mount, q, v)
     period = control_period
     if controller is not None:
         period = period_of(controller, robot, gait, period)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
+from patagium.cli.main import run
 from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFailed
 from patagium.simulation import QUANTITIES
 from patagium.simulation.flight_summary import flight_summary
@@ -247,3 +248,28 @@ def test_interrupting_is_possible_between_chunks(robot, aero, gait, monkeypatch)
 def test_a_keyword_that_no_flight_has_is_refused_by_name(robot, aero, gait):
     with pytest.raises(TypeError, match="'addedmass', expected one of added_mass"):
         pt.simulate(robot, aero, gait, duration=1e-3, time_step=1e-3, addedmass=None)
+
+
+@pytest.mark.parametrize("name", ["aerobat", "yeo-wing"])
+def test_a_robot_alone_flies_its_cruise_as_the_command_does(name, tmp_path):
+    robot, path = pt.load_robot(name), tmp_path / "flight.nc"
+    with pytest.raises(SystemExit, match="0"):
+        run(["simulate", name, "--duration", "0.05", "-o", str(path)])
+    own, said = pt.simulate(robot, duration=0.05), pt.load_flight(path)
+    assert own.attrs["time_step"] == said.attrs["time_step"]
+    for quantity in ("q", "v", "a", "wind"):  # kept in double precision
+        np.testing.assert_array_equal(own[quantity], said[quantity])
+
+
+def test_what_is_given_takes_the_place_of_the_cruise(tmp_path):
+    robot = pt.load_robot("aerobat")
+    whole = pt.simulate(robot, v=robot.velocities(x=5.0), mount=pt.mounts.free())
+    assert float(whole["time"][-1]) == pytest.approx(robot.cruise.duration)
+    assert float(whole["v"][0, robot.index("x")]) == 5.0
+    assert float(whole["q"][0, robot.index("pitch")]) == robot.cruise.pitch
+    still = pt.simulate(robot, gait=pt.gaits.still(robot), duration=0.01)
+    assert not still["v"][0].any()  # the start of the cruise belongs to its gait
+    held = pt.simulate(robot, mount=pt.mounts.fixed(), duration=0.01)
+    assert float(held["wind"][0, 0]) == -robot.cruise.speed
+    with pytest.raises(ParameterError, match="whose file has a section cruise"):
+        pt.simulate(replace(robot, cruise=None))
