@@ -215,3 +215,9 @@ def test_sensors_refuse_a_flight_in_nanoseconds(flight):
     said = r"encoder: expected at most 1e\+08 samples, found 1e\+10; is the time of the flight in s"
     with pytest.raises(FlightError, match=said):
         pt.sense(far, [pt.sensors.Encoder(name="encoder", rate=1000.0)])
+
+
+def test_a_dataset_that_is_no_flight_is_refused(flight):
+    for other in (xr.Dataset(), xr.Dataset({"a": ("x", [1, 2])}), flight.drop_vars("time")):
+        with pytest.raises((FlightError, LogError)):
+            pt.identify(other)
