@@ -153,6 +153,7 @@ class OrbitSearch:
         self._pitch = [k for k, name in enumerate(flight_map.names) if name == "pitch"]
         self.iterations = self.points = 0
 
+    @np.errstate(all="ignore")  # a flight that breaks is of infinite size
     def point(self, states: Array, values: Array, conditions: Conditions) -> Point:
         """Flight of all segments and its misfits."""
         self.points += 1

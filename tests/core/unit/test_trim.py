@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -221,6 +222,13 @@ def test_a_size_that_is_none_is_refused(aerobat, tolerable, said):
     # They were taken, and the answer was that without them.
     with pytest.raises(ParameterError, match=said):
         pt.trim(aerobat, speed=4.5, tolerable=tolerable)
+
+
+def test_a_search_that_breaks_warns_of_nothing(aerobat):
+    # NumPy's overflow stood before the answer.
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not pt.trim(aerobat, speed=40.0).found
 
 
 def test_an_orbit_of_another_robot_is_no_start(orbit):
