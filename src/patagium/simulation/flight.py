@@ -327,7 +327,7 @@ def check_labels(flight: xr.Dataset, robot: Robot, name: str = "flight") -> None
         "axis": AXES,
     }
     for dim, labels in known.items():
-        found = tuple(map(str, np.ravel(flight.coords.get(dim, labels))))
+        found = tuple(map(str, np.ravel(flight[dim] if dim in flight.coords else labels)))
         if found != labels:
             expected = f"expected {len(labels)} {'strips' if dim == 'strip' else 'coordinates'}"
             told = f"{len(found)}: {', '.join(found)} in place of {', '.join(labels)}"
