@@ -212,7 +212,7 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
 
 
 def _wings(robot: Robot) -> Iterator[tuple[Wing, int, Array]]:
-    """Wings, bodies of their hinges and tips; parts of a wing that one hinge moves are one."""
+    """Wings, each with the body at its hinge and its tip; parts on one hinge are one wing."""
     bodies, parts = poses(robot), dict[Any, list[tuple[float, Wing, int, Array]]]()
     for name in {strip.wing: None for strip in robot.strips}:
         strips = tuple(i for i, strip in enumerate(robot.strips) if strip.wing == name)

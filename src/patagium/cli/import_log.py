@@ -78,7 +78,7 @@ def import_log(
 
 
 def _verbs(path: Path) -> list[str]:
-    """Commands that can read an imported log; what `motion` lacks is printed."""
+    """Commands that can read an imported log; prints what the log lacks for `motion`."""
     from patagium.sensing import sensor_log
     from patagium.sensing.logs.record import LogRecord
     from patagium.sensing.motion.estimate_motion import coupled

@@ -115,7 +115,7 @@ def identify(
 
 
 def _forces_words(forces: ForceSamples, count: int) -> dict[str, str]:
-    """Measured forces that are learned, of so many samples, in words."""
+    """Sentence that names the measured forces, and how many of the samples are left out."""
     names, lost = ", ".join(forces.measured), count - len(forces.time)
     left = f"; {lost} of {count} samples, whose motion is not known, are left out" * bool(lost)
     return {"forces": f"of {names} by {forces.source}, each with its standard deviation{left}"}

@@ -33,7 +33,7 @@ def with_force(flight: Any) -> Any:
             "forces: expected samples with a known force, found none; joints with a motor need "
             "motor currents, a held body a load cell"
         )
-    return flight.where(known)
+    return flight if known.all() else flight.where(known)
 
 
 def samples(

@@ -362,7 +362,7 @@ def _number(field: bytes) -> float:
     if not text:
         return nan
     try:
-        return float(text.replace(b"_", b"?"))
+        return float(text.replace(b"_", b"?"))  # Python would read 1_000
     except ValueError:
         shown = text[:40].decode("utf-8", "replace")
         raise ValueError(f"expected a number, found {shown!r}") from None
@@ -376,7 +376,7 @@ def flight_packets(flight: xr.Dataset, carried: Sequence[str] = ()) -> Array:
         carried: Known forces that packets carry after u1, among `OPTIONAL_PARTS`.
     """
     if "robot" in flight.attrs:
-        robot_of(flight)
+        robot_of(flight)  # refuses coordinates in another order
     parts = [flight[part].transpose("time", ...).to_numpy() for part in (*PARTS, *carried)]
     return np.column_stack([flight["time"].to_numpy(), *parts])
 

@@ -33,7 +33,7 @@ from patagium.sensing.sensors.sense import is_sensor_log
 
 _PIECE = 1 << 20
 _ROWS = 1 << 14
-_FIRST = 1000  # packets that are compared with limits and stamps
+_FIRST, _APART = 1000, 50  # packets that are compared with limits and stamps, and how often
 _LOOK = 0.05  # s between looks at what else goes on
 _BUFFER = 1 << 22  # B asked of the system for datagrams that wait
 LOOPBACK = "127.0.0.1"
@@ -67,7 +67,8 @@ class PacketQueue:
         self._held, self._closed, self._abandoned = 0, False, False
         self._problem: Exception | None = None
         self._doubts: list[str] = []
-        self._first, self._look = np.empty((0, columns)), _FIRST
+        self._first, self._seen = np.empty((_FIRST, columns)), 0
+        self._look = 0 if robot is not None else _FIRST + 1
         self._changed = threading.Condition()
 
     def describe(self, text: str) -> tuple[str, ...]:
@@ -127,15 +128,21 @@ class PacketQueue:
         """
         rows = self._oldest(most, patience)
         if self.motion is None:
-            if self._robot is not None and rows is not None and len(self._first) < self._look:
-                self._first = np.concatenate([self._first, rows])
-                found = packet_doubts(self._robot, self._first)
-                self._doubts = [f"Warning: {one}" for one in found]
-                self._look = 0 if found else _FIRST
+            if rows is not None and self._look <= _FIRST:
+                self._look_at(rows)
             return rows
         packets = self.motion.take(rows, most)
         self.spent = self.motion.spent
         return packets
+
+    def _look_at(self, rows: Array) -> None:
+        """Compare the first packets with limits and stamps, all of them every `_APART` packets."""
+        before, self._seen = self._seen, min(self._seen + len(rows), _FIRST)
+        self._first[before : self._seen] = rows[: self._seen - before]
+        if self._robot is not None and self._seen >= self._look:
+            found = packet_doubts(self._robot, self._first[: self._seen])
+            self._doubts = [f"Warning: {one}" for one in found]
+            self._look = _FIRST + 1 if found else self._seen + _APART
 
     def _oldest(self, most: int, patience: float) -> Array | None:
         """Oldest packets or raw rows, as `take`."""
@@ -232,7 +239,9 @@ class TextSource:
             if piece:
                 queue.put(packets.take(piece), waits=True)
                 fed = time.monotonic()
-            elif self._path is None or time.monotonic() - fed > (self._idle or np.inf):
+            elif self._path is None:
+                break
+            elif self._idle is not None and time.monotonic() - fed > self._idle:
                 break
             else:
                 stop.wait(_LOOK / 2)

@@ -134,7 +134,7 @@ def _private(folder: Path) -> Path:
 
 @functools.cache
 def _in_its_place(folder: Path, fault: str) -> Path:
-    """Private temporary folder in place of one that cannot be used, which is told."""
+    """Private temporary folder instead of one that cannot be used; a message says so."""
     fallback = Path(tempfile.mkdtemp(prefix="patagium-"))
     atexit.register(_remove_own, fallback, os.getpid())
     tell(
@@ -248,7 +248,7 @@ def _keep(file: Path, content: bytes) -> None:
 
 
 def _trusted_bytes(file: Path, sound: Callable[[bytes], bool] = bool) -> bytes | None:
-    """Content of a file, sound, that nobody else could have written; None where there is none."""
+    """Content of a file that passes a check and that only the user can write; otherwise None."""
     try:
         with open(os.open(file, _READ), "rb") as stream:
             status = os.fstat(stream.fileno())

@@ -264,7 +264,7 @@ def _side_by_side(part: Callable[[int, int], None], count: int) -> None:
     begun, first = time.perf_counter(), min(count, 8 * _LANES)
     part(0, first)
     lasts = (time.perf_counter() - begun) * (count / first - 1)
-    cores = int(os.environ.get("OMP_NUM_THREADS") or os.cpu_count() or 1) if lasts > _LONG else 1
+    cores = _cores() if lasts > _LONG else 1
     each = _LANES * -(-(count - first) // (_LANES * cores))
     ends = [*range(first, count, each or 1), count]
     if cores == 1:
@@ -272,6 +272,12 @@ def _side_by_side(part: Callable[[int, int], None], count: int) -> None:
         return
     with ThreadPoolExecutor(cores) as pool:  # made anew: no thread outlives a fork
         list(pool.map(part, ends, ends[1:]))
+
+
+def _cores() -> int:
+    """Number of cores, or the first one of a list in OMP_NUM_THREADS ("4,2") where it is set."""
+    said = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
+    return max(1, int(said) if said.isdecimal() else os.cpu_count() or 1)
 
 
 def named_function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:

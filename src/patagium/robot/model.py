@@ -360,12 +360,12 @@ class Robot:
 
     @property
     def floating_dofs(self) -> tuple[int, ...]:
-        """Places in v of the floating bodies' velocities: x, y, z, roll, pitch, yaw of each."""
+        """Indices in v of x, y, z, roll, pitch and yaw of each floating body."""
         return tuple(i for body in self.floating_bodies.values() for i in body.floating_dofs or ())
 
     @property
     def floating_bodies(self) -> dict[int, Body]:
-        """Bodies that are free of the world, by their places in `bodies`."""
+        """Bodies with a floating base, by their indices in `bodies`."""
         return {k: one for k, one in enumerate(self.bodies) if one.floating_dofs is not None}
 
     @property

@@ -29,7 +29,7 @@ class Module:
 
     @cached_property
     def stub(self) -> str:
-        """Text of the type stub (.pyi) beside the module; empty where there is none."""
+        """Text of the type stub (.pyi) beside the module; empty if it has none."""
         file = self.path.with_suffix(".pyi")
         return file.read_text("utf-8") if file.exists() else ""
 

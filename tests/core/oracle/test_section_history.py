@@ -81,7 +81,7 @@ def test_what_is_no_motion_is_refused() -> None:
 
 
 def test_an_airspeed_that_is_smoothed_over_is_told_with_its_similar_flow() -> None:
-    """At .05 m/s lift is wrong; the similar flow, smaller and ten times faster, has it right."""
+    """The lift at .05 m/s is wrong; that of a similar flow, ten times faster, is right."""
     time = np.linspace(0.0, 30.0, 61)
     pitch = np.radians(4 + np.sin(time / 3))
     fast = pt.air.section_history(thin, time / 1e4, pitch=pitch, airspeed=5.0, chord=1.5e-3)

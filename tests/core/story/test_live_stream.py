@@ -508,3 +508,29 @@ def test_stamps_and_rates_in_other_units_are_told(packets, change, words):
     while len(queue.take(7, 0.0)):
         pass
     assert (words in "".join(queue.notes)) if words else not queue.notes
+
+
+def test_the_first_packets_are_compared_now_and_then_and_no_longer(packets, monkeypatch):
+    # Each packet of the first thousand had all before it compared again: two milliseconds each.
+    looked = []
+    monkeypatch.setattr(
+        sources, "packet_doubts", lambda robot, rows: looked.append(len(rows)) or []
+    )
+    queue = PacketQueue(2000, packets.shape[1], Intake(), pt.load_robot("aerobat"))
+    queue.put(np.resize(packets, (1200, packets.shape[1])), waits=False)
+    for _ in range(1200):
+        queue.take(1, 0.0)
+    assert looked == [*range(1, 1000, 50)]
+
+
+def test_no_patience_ends_a_file_at_its_end(packets, tmp_path):
+    path = tmp_path / "log.csv"
+    names = [str(one.name) for one in packet_columns(pt.load_robot("aerobat"))]
+    rows = "\n".join(",".join(map(repr, row.tolist())) for row in packets[:3])
+    path.write_text(f"{','.join(names)}\n{rows}\n")
+    queue, stop = PacketQueue(10, len(names), Intake()), threading.Event()
+    reading = threading.Thread(target=TextSource(names, path, idle=0.0).read, args=(queue, stop))
+    reading.start()
+    reading.join(10.0)
+    stop.set()
+    assert len(queue.take(10, 1.0)) == 3 and not reading.is_alive()

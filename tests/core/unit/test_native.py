@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import platform
 import threading
 import time
@@ -352,3 +353,11 @@ def test_processes_that_need_the_same_entry_wait_for_each_other(tmp_path, monkey
         list(pool.map(make, "abcd"))
     assert most > 1
     assert not list(tmp_path.glob("making-*"))
+
+
+@pytest.mark.parametrize(("said", "cores"), [("3", 3), ("4,2", 4), (" 2 ", 2), ("0", 1)])
+def test_a_number_of_threads_is_read_as_openmp_reads_it(said, cores, monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", said)
+    assert function_module._cores() == cores
+    monkeypatch.setenv("OMP_NUM_THREADS", "many")
+    assert function_module._cores() == (os.cpu_count() or 1)

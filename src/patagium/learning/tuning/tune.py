@@ -391,7 +391,9 @@ def _used(flight: Flight, network: Network, every: int, source: str) -> tuple[Fl
         time, x, y, gaps, name = flight.time, flight.x, flight.y, flight.gaps, flight.source
     else:
         time, x, y, _ = samples(flight, network)
-        gaps, flight = find_gaps(time), flight.sel(time=time)
+        gaps = find_gaps(time)
+        if len(time) < flight.sizes["time"]:  # a motion without the stretches that are not known
+            flight = flight.sel(time=time)
         name = f"a flight of {flight.attrs.get('robot_name', 'a robot')}"
     seen, sees = x.shape[1], measured_inputs(network)
     if y.shape[1] != network.outputs or seen != sees:

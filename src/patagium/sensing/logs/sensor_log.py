@@ -171,7 +171,7 @@ class _Found:
         return readings, sensors
 
     def _take_base_pose(self) -> None:
-        """Take the pose of a floating body from its coordinates where these are it."""
+        """Add the pose of each floating body whose six coordinates the log has."""
         for body in self.robot.bodies:
             names = [self.robot.dof_names[i] for i in body.floating_dofs or ()]
             if not names or not set(names) <= set(self.joints):
