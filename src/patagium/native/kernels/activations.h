@@ -61,6 +61,13 @@ static inline reals reals_load(const REAL *p) {
   return x;
 }
 
+/* A vector that several sums use stays in a register: GCC would load it again for each. */
+#if defined(__x86_64__)
+#define IN_REGISTER(x) __asm__("" : "+v"(x))
+#else
+#define IN_REGISTER(x) (void)(x)
+#endif
+
 static inline void reals_store(REAL *p, reals x) { memcpy(p, &x, sizeof x); }
 
 static inline reals reals_magnitude(reals x) { return (reals)((masks)x & ~SIGN); }

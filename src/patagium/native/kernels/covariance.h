@@ -24,7 +24,8 @@ static inline __attribute__((always_inline)) void add_tile_of(
     wide sum[ROWS][VECTORS]) {
   for (int k = 0; k < depth; k++)
     for (int v = 0; v < vectors; v++) {
-      const wide column = wide_load(b + (ptrdiff_t)k * b_stride + v * WIDE);
+      wide column = wide_load(b + (ptrdiff_t)k * b_stride + v * WIDE);
+      IN_REGISTER(column);
       for (int r = 0; r < ROWS; r++)
         sum[r][v] += a[(ptrdiff_t)r * a_row + (ptrdiff_t)k * a_depth] * column;
     }

@@ -1,9 +1,8 @@
 /* How a sample changes the square root of the covariance: the recursion over the columns,
  * small and in double, and what it does to S and C, panel by panel.
  *
- * WIDTH columns are changed at once and the old S is read once, for the new one and for C. A
- * number of S takes n_y multiplications for C e, WIDTH for what the columns do to each other,
- * half of them with zeros, and stride for C.
+ * A panel of columns is changed at once. A number of S takes n_y multiplications for C e, PANEL
+ * for what the columns do to each other, half of them with zeros, and stride for C.
  */
 #ifndef PATAGIUM_TRANSFORM_H
 #define PATAGIUM_TRANSFORM_H
@@ -20,7 +19,19 @@
 #endif
 #define FEW (ROWS < WIDTH ? ROWS : WIDTH) /* rows where they are the points of one vector */
 
-/* target <- (keep ? target : 0) + a b for one block of rows; a is (rows, depth). */
+/* sum <- sum + a b for one block of rows; a is (rows, depth). */
+static inline __attribute__((always_inline)) void add_block(
+    int rows, int vectors, int depth, const REAL *a, int a_row, int a_depth, const REAL *b,
+    int b_stride, reals sum[ROWS][VECTORS]) {
+  for (int k = 0; k < depth; k++)
+    for (int v = 0; v < vectors; v++) {
+      reals column = reals_load(b + k * b_stride + v * WIDTH);
+      IN_REGISTER(column);
+      for (int r = 0; r < rows; r++) sum[r][v] += a[r * a_row + k * a_depth] * column;
+    }
+}
+
+/* target <- (keep ? target : 0) + a b for one block of rows. */
 static inline __attribute__((always_inline)) void block_product(
     int keep, int rows, int vectors, int depth, const REAL *a, int a_row, int a_depth,
     const REAL *b, int b_stride, REAL *target, int stride) {
@@ -28,11 +39,7 @@ static inline __attribute__((always_inline)) void block_product(
   for (int r = 0; r < rows; r++)
     for (int v = 0; v < vectors; v++)
       sum[r][v] = keep ? reals_load(target + r * stride + v * WIDTH) : (reals){0};
-  for (int k = 0; k < depth; k++)
-    for (int v = 0; v < vectors; v++) {
-      reals column = reals_load(b + k * b_stride + v * WIDTH);
-      for (int r = 0; r < rows; r++) sum[r][v] += a[r * a_row + k * a_depth] * column;
-    }
+  add_block(rows, vectors, depth, a, a_row, a_depth, b, b_stride, sum);
   for (int r = 0; r < rows; r++)
     for (int v = 0; v < vectors; v++) reals_store(target + r * stride + v * WIDTH, sum[r][v]);
 }
@@ -64,9 +71,12 @@ static inline __attribute__((always_inline)) void band_product(
     half_product(keep, rows, depth, a, a_row, a_depth, b + v, b_stride, target + v, stride);
 }
 
-/* Columns that hold outputs: of `stride`, what is not half a vector of zeros. */
+/* Columns that hold outputs: of `stride`, what is not half a vector of zeros. ROWS sums of one
+ * vector would wait for themselves where ROWS is 4: there, whole blocks. */
 static int used_columns(const panel_filter *f) {
-  return (2 * f->outputs + WIDTH - 1) / WIDTH * WIDTH / 2;
+  const int unit = ROWS < 8 ? VECTORS * WIDTH : WIDTH / 2;
+  const int used = (f->outputs + unit - 1) / unit * unit;
+  return used < f->stride ? used : f->stride;
 }
 
 /* The recursion over WIDE columns from `first` on, the last one first. rows: (m, stride + WIDE),
@@ -129,75 +139,44 @@ static void recur(panel_filter *f, int block, double *g, double *turned) {
     for (int l = 0; l < stride; l++) g[l * stride + k] = turned[k * stride + l];
 }
 
-/* ROWS rows of WIDTH columns of S after the sample, and the columns' part of C: the old S is
- * read once for both. `vectors` of the rows of C stay in registers. */
+/* ROWS rows of a panel of S after the sample, and their part of C: PANEL columns are VECTORS. */
 static inline __attribute__((always_inline)) void change_rows(
-    int vectors, int used, int m, int stride, const REAL *steps, const REAL *mix,
-    const REAL *grown, REAL *s, REAL *cross) {
-  reals fresh[ROWS], sum[ROWS][VECTORS];
-  for (int r = 0; r < ROWS; r++) fresh[r] = (reals){0};
-  for (int k = 0; k < m; k++) {
-    const reals step = reals_load(steps + k * PANEL);
-    for (int r = 0; r < ROWS; r++) fresh[r] += cross[r * stride + k] * step;
-  }
-  for (int r = 0; r < ROWS; r++)
-    for (int v = 0; v < vectors; v++) sum[r][v] = reals_load(cross + r * stride + v * WIDTH);
-  for (int i = 0; i < WIDTH; i++) {
-    const reals column = reals_load(mix + i * WIDTH);
-    reals slopes[VECTORS];
-    for (int v = 0; v < vectors; v++) slopes[v] = reals_load(grown + i * stride + v * WIDTH);
-    for (int r = 0; r < ROWS; r++) {
-      const reals old = reals_all(s[r * PANEL + i]);
-      fresh[r] += old * column;
-      for (int v = 0; v < vectors; v++) sum[r][v] += old * slopes[v];
-    }
-  }
-  for (int r = 0; r < ROWS; r++)
-    for (int v = 0; v < vectors; v++) reals_store(cross + r * stride + v * WIDTH, sum[r][v]);
-  if (used > vectors * WIDTH)
-    band_product(1, ROWS, used - vectors * WIDTH, WIDTH, s, PANEL, 1, grown + vectors * WIDTH,
-                 stride, cross + vectors * WIDTH, stride);
-  for (int r = 0; r < ROWS; r++) reals_store(s + r * PANEL, fresh[r]);
+    int used, int m, int stride, const REAL *steps, const REAL *mix, const REAL *grown, REAL *s,
+    REAL *cross) {
+  reals fresh[ROWS][VECTORS];
+  int depth = PANEL;
+  __asm__("" : "+r"(depth)); /* written out, the products would not fit the registers */
+  memset(fresh, 0, sizeof fresh);
+  add_block(ROWS, VECTORS, m, cross, stride, 1, steps, PANEL, fresh);
+  add_block(ROWS, VECTORS, depth, s, PANEL, 1, mix, PANEL, fresh);
+  band_product(1, ROWS, used, depth, s, PANEL, 1, grown, stride, cross, stride);
+  memcpy(s, fresh, sizeof fresh); /* a row is VECTORS */
 }
 
-/* What WIDTH columns of S do to each other, (WIDTH, WIDTH), and their slopes, both grown. */
+/* What the columns of a panel do to each other, (PANEL, PANEL), and their slopes, both grown. */
 static void mix_columns(const panel_filter *f, int first, const REAL *steps, REAL *mix, REAL *grown) {
   const int stride = f->stride, rows = FEW;
   const REAL growth = R(f->growth);
-  for (int i = 0; i < WIDTH; i += rows)
-    block_product(0, rows, 1, f->outputs, f->slopes + (first + i) * stride, stride, 1, steps,
-                  PANEL, mix + i * WIDTH, WIDTH);
-  for (int i = 0; i < WIDTH; i++) {
-    for (int j = 0; j < WIDTH; j++) mix[i * WIDTH + j] *= j < i ? growth : R(0);
-    mix[i * WIDTH + i] = growth * f->shrinks[first + i];
+  for (int i = 0; i < PANEL; i += rows)
+    block_product(0, rows, VECTORS, f->outputs, f->slopes + (first + i) * stride, stride, 1, steps,
+                  PANEL, mix + i * PANEL, PANEL);
+  for (int i = 0; i < PANEL; i++) {
+    for (int j = 0; j < PANEL; j++) mix[i * PANEL + j] *= j < i ? growth : R(0);
+    mix[i * PANEL + i] = growth * f->shrinks[first + i];
   }
-  for (int k = 0; k < WIDTH * stride; k++) grown[k] = growth * f->slopes[first * stride + k];
+  for (int k = 0; k < PANEL * stride; k++) grown[k] = growth * f->slopes[first * stride + k];
 }
 
-/* A panel of S of a block after the sample, and its part of C: the later half of its columns,
- * then the other, a square of rows at a time. */
+/* A panel of S of a block after the sample, and its part of C. */
 static void change_panel(panel_filter *f, int block, int panel) {
   const int start = f->starts[block] + panel * PANEL, m = f->outputs, stride = f->stride;
   const int used = used_columns(f);
   const REAL *steps = f->steps + (ptrdiff_t)start * m;
-  REAL *s = panel_of(f, block, panel), mix[2][WIDTH * WIDTH], grown[2][WIDTH * stride];
-  for (int half = 0; half < 2; half++)
-    mix_columns(f, start + half * WIDTH, steps + half * WIDTH, mix[half], grown[half]);
-  for (int first = start; first < f->starts[block + 1]; first += PANEL)
-    for (int half = 1; half >= 0; half--) {
-      const int zeros = first == start ? half * WIDTH / ROWS * ROWS : 0; /* above the diagonal */
-      for (int j = first + zeros; j < first + PANEL; j += ROWS) {
-        REAL *old = s + (ptrdiff_t)j * PANEL + half * WIDTH;
-        REAL *cross = f->cross + (ptrdiff_t)j * stride;
-        const REAL *step = steps + half * WIDTH;
-        if (stride == WIDTH)
-          change_rows(1, WIDTH, m, WIDTH, step, mix[half], grown[half], old, cross);
-        else if (stride == 2 * WIDTH)
-          change_rows(1, used, m, 2 * WIDTH, step, mix[half], grown[half], old, cross);
-        else
-          change_rows(VECTORS, used, m, stride, step, mix[half], grown[half], old, cross);
-      }
-    }
+  REAL *s = panel_of(f, block, panel), mix[PANEL * PANEL], grown[PANEL * stride];
+  mix_columns(f, start, steps, mix, grown);
+  for (int j = start; j < f->starts[block + 1]; j += ROWS)
+    change_rows(used, m, stride, steps, mix, grown, s + (ptrdiff_t)j * PANEL,
+                f->cross + (ptrdiff_t)j * stride);
 }
 
 #endif
