@@ -80,6 +80,11 @@ class Insect:
     wings: tuple[InsectWing, ...]
     second_moment: float
 
+    @property
+    def feathers(self) -> int:
+        """Parts of each wing that feather on their own: more than one where a wing is twisted."""
+        return 1 if all(wing.root is None for wing in self.wings) else STRIPS
+
 
 def _turned_over(down: float, up: float) -> Motion:
     """Pitch of a wing with angles of attack in mid-stroke [deg] that turns over between them."""
@@ -413,7 +418,7 @@ def hoverer(insect: Insect) -> Robot:
     bodies, wings = [], []
     for wing, ahead in zip(insect.wings, (0.075, -0.075), strict=False):
         name, place = f"left_{wing.name}", ahead * wing.length * (len(insect.wings) > 1)
-        feathers = [f"{name}_{k}" for k in range(1 if wing.root is None else STRIPS)]
+        feathers = [f"{name}_{k}" for k in range(insect.feathers)]
         bodies.append(f"""
   {name}:
     at: [{place:.6g}, 0, 0]
@@ -482,7 +487,7 @@ def _gait(insect: Insect, robot: Robot) -> Any:
         moves[f"{wing.name}_cone"] = series(*wing.cone, sign=1.0)
         moves[f"{wing.name}_plane"] = (float(np.radians(wing.plane)), [])
         mean, ((first, phase), *others) = wing.pitch
-        for k in range(1 if wing.root is None else STRIPS):
+        for k in range(insect.feathers):
             share = 1.0 if wing.root is None else (k + 0.5) / STRIPS / 0.75
             at_strip = first if wing.root is None else wing.root + share * (first - wing.root)
             pitch = mean, ((at_strip, phase), *others)
