@@ -365,7 +365,8 @@ def test_outputs_are_those_asked_for(network: LinearStripNetwork) -> None:
 
 def test_a_frame_without_mass_has_no_drag(network: LinearStripNetwork) -> None:
     """A frame of a sensor on the body: the same terms and the same force."""
-    text = network.robot.source.replace("bodies:", "bodies:\n  cell: {parent: body, massless: true}")
+    frame = "bodies:\n  cell: {parent: body, massless: true}"
+    text = network.robot.source.replace("bodies:", frame)
     framed = LinearStripNetwork(load_robot_text(text))
     x, weights = np.concatenate(sample(network.robot, 3)), network.initial(0) + 0.1
     np.testing.assert_allclose(framed(x, weights), network(x, weights), rtol=1e-12)
