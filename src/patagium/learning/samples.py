@@ -97,19 +97,16 @@ def samples(
 
 
 def other_air(network: Network, flight: xr.Dataset | ForceSamples) -> tuple[Air, str] | None:
-    """Air of a flight, and words on it, where its steady wind or its density is not the network's.
-
-    None where they are, and of networks that know no air or learn its wind or density.
-    """
+    """Steady air of a flight and words on it; None if the network knows none, has or learns it."""
     own: Air | None = getattr(getattr(network, "model", network), "air", None)
-    learned = network.describe().get("estimate", ()) if own is not None else ()
+    learned = () if own is None else network.describe().get("estimate", ())
     if own is None or any(name.startswith(("wind", "density")) for name in learned):
         return None
     air = flight.air if isinstance(flight, ForceSamples) else air_of(flight)
     if (air.wind, air.density) == (own.wind, own.density):
         return None
     words = (f"wind {one.wind} m/s at {one.density:.4g} kg/m^3" for one in (air, own))
-    return air, "{}; learned in {}".format(*words)
+    return air, "; learned in ".join(words)
 
 
 def in_flight(
@@ -124,15 +121,14 @@ def in_flight(
     """
     network, told = model.network, []
     known = getattr(getattr(network, "model", network), "robot", None)
-    if known is not None:
-        flown = robot or (flight.robot if isinstance(flight, ForceSamples) else robot_of(flight))
-        if known.strips != flown.strips:
-            told = [f"Warning: the wings of {flown.name} are not those that the model learned."]
+    flown = robot or (flight.robot if isinstance(flight, ForceSamples) else robot_of(flight))
+    if known is not None and known.strips != flown.strips:
+        told = [f"Warning: the wings of {flown.name} are not those that the model learned."]
     found = other_air(network, flight)
     if found is not None and isinstance(model, Model | Learner):
-        whole = model if isinstance(model, Model) else model_of(model)
-        air = {"wind": list(found[0].wind), "density": found[0].density}
-        model = replace(whole, network=network_from_description(_with_air(network.describe(), air)))
+        air = {"wind": found[0].wind, "density": found[0].density}
+        network = network_from_description(_with_air(network.describe(), air))
+        model = replace(model if isinstance(model, Model) else model_of(model), network=network)
         told.append(f"Note: predicted in the air of the flight, {found[1]}.")
     return model, told
 
