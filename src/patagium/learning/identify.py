@@ -182,7 +182,8 @@ def evaluate(
     period = gait_period(flight) if isinstance(flight, xr.Dataset) else None
     step = float(np.median(np.diff(time)))
     taken = chosen_every(model, step, period) if every is None else every
-    result = compare(model, time, x, y, every=taken, units=units, gaps=find_gaps(time))
+    std, gaps = stds(flight, model.network), find_gaps(time)
+    result = compare(model, time, x, y, every=taken, units=units, std=std, gaps=gaps)
     result.scores["verdict"] += told
     return result
 
@@ -208,6 +209,7 @@ def compare(
     *,
     every: int = 100,
     units: Sequence[str] | None = None,
+    std: Array | None = None,
     gaps: ArrayLike = (),
 ) -> Identification:
     """Scores of a model with frozen weights on samples it never saw; see `evaluate`.
@@ -219,6 +221,7 @@ def compare(
         y: What was measured, (N, n_y) [unit of y].
         every: The rival holds one measured sample in so many.
         units: Units of the outputs; None for "1".
+        std: Standard deviation of each measurement, (N, n_y) [unit of y]; None: the model's alone.
         gaps: First sample after each gap in time.
     """
     names = model.network.output_names
@@ -226,7 +229,8 @@ def compare(
     guess = model.network.evaluate(x, model.weights)
     held = persistence(y, used_samples(len(y), every, gaps))
     chosen = thin(np.arange(len(y)), MOST_CHECKS).tolist() if isinstance(model, _Predicts) else []
-    checks = [check(model, k, (x[k], y[k])) for k in chosen]  # type: ignore[arg-type]
+    noise = [None] * len(y) if std is None else std
+    checks = [check(model, k, (x[k], y[k]), noise[k]) for k in chosen]  # type: ignore[arg-type]
     scorer, late = Scorer(names), np.arange(len(y)) >= len(y) // 2
     scorer.add_predictions(y, guess, held, late)
     rows = late_samples(len(y))
