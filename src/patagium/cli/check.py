@@ -24,7 +24,7 @@ EXAMPLES = (
 def check(
     file: Annotated[
         Path,
-        typer.Argument(help="Robot (.yaml, .urdf), flight (.nc) or table (.csv, .parquet)."),
+        typer.Argument(help="Robot (.yaml, .urdf), flight or log (.nc), table (.csv, .parquet)."),
     ],
     mapping: MappingOption = None,
     as_json: JsonOption = False,
@@ -41,9 +41,7 @@ def check(
     elif mapping is not None:
         raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
     elif ending == ".nc":
-        from patagium.sensing.logs.record import is_log
-
-        facts = _log_facts(file) if is_log(file) else _flight_facts(file, as_json)
+        facts = _netcdf_facts(file, as_json)
     elif ending in (".yaml", ".yml", ".urdf") or str(file) in preset_names():
         facts = {"kind": "robot", **robot_facts(load_robot(str(file)))}
     else:
@@ -61,6 +59,31 @@ def robot_facts(robot: Robot) -> dict[str, Any]:
     moving = ", ".join(robot.dof_names[i] for i in robot.actuated)
     lines = chain_words(robot)
     return describe_robot(robot) | {"actuated": moving, "lifting lines": lines}
+
+
+def _netcdf_facts(file: Path, as_json: bool) -> dict[str, Any]:
+    from patagium.netcdf_file import kind_of
+    from patagium.sensing import load_sensor_log
+    from patagium.sensing.logs.record import LOADED, is_log, load_log
+    from patagium.sensing.sensors.sense import is_sensor_log
+
+    if is_log(file):
+        return _log_facts(file)
+    if is_sensor_log(existing(file)):
+        log = load_sensor_log(file)
+        samples = {name: f"{one.sizes['time']} samples" for name, one in log.readings.items()}
+        return {"kind": "sensor log", "robot": log.robot.name, **samples}
+    if not (kind := kind_of(file)).startswith(LOADED):
+        return _flight_facts(file, as_json)
+    found = load_log(file)
+    time, names = found["time"].values, found.data_vars
+    return {
+        "kind": kind.partition(",")[0],
+        "robot": found.attrs["robot_name"],
+        "samples": len(time),
+        "duration [s]": float(time[-1] - time[0]) if len(time) else 0.0,
+        "quantities": [f"{name} [{found[name].attrs.get('units', '1')}]" for name in names],
+    }
 
 
 def _flight_facts(file: Path, as_json: bool) -> dict[str, Any]:

@@ -22,10 +22,11 @@ from patagium.learning.forecast import Horizons, named_horizons
 from patagium.learning.learners.learner import Learner
 from patagium.learning.model_file import Model
 from patagium.learning.models.memory import network_inputs
+from patagium.learning.models.network import Network
 from patagium.learning.parameter_paths import Trained, estimates_of, parameter_scores
 from patagium.learning.propagation import robot_motion
 from patagium.learning.result import Check, Identification, check, record_of
-from patagium.learning.samples import samples, stds, with_force
+from patagium.learning.samples import in_flight, other_air, samples, stds, with_force
 from patagium.learning.scores import Scorer, persistence
 from patagium.learning.stream import MOST_CHECKS, late_samples, stream, thin, used_samples
 from patagium.learning.table_network import scaling_samples
@@ -106,7 +107,7 @@ def identify(
         if ahead >= (span := float(time[-1] - time[0])):
             raise ParameterError("horizon", f"less than the {span:.4g} s of the log", ahead)
     result = stream(chosen, time, x, y, every=taken, horizons=horizons, progress=progress, **known)
-    words = _forces_words(flight, count) if isinstance(flight, ForceSamples) else {}
+    words = {} if isinstance(flight, LogTable) else _flight_words(flight, chosen.network, count)
     result.scores["chosen"] = words | choices(chosen, taken, step, **given)
     if isinstance(flight, LogTable):
         result.scores["gaps_found"] = flight.describe_gaps()
@@ -114,11 +115,18 @@ def identify(
     return result
 
 
-def _forces_words(forces: ForceSamples, count: int) -> dict[str, str]:
-    """Sentence that names the measured forces, and how many of the samples are left out."""
-    names, lost = ", ".join(forces.measured), count - len(forces.time)
+def _flight_words(
+    flight: xr.Dataset | ForceSamples, network: Network, count: int
+) -> dict[str, str]:
+    """Air that is not the network's; measured forces, and how many samples are left out."""
+    other = other_air(network, flight)
+    words = {"air": f"not that of the flight, {other[1]}"} if other else {}
+    if not isinstance(flight, ForceSamples):
+        return words
+    names, lost = ", ".join(flight.measured), count - len(flight.time)
     left = f"; {lost} of {count} samples, whose motion is not known, are left out" * bool(lost)
-    return {"forces": f"of {names} by {forces.source}, each with its standard deviation{left}"}
+    told = f"of {names} by {flight.source}, each with its standard deviation{left}"
+    return words | {"forces": told}
 
 
 def _refuse_for_tables(inputs: Sequence[str] | None, robot: Robot | None) -> None:
@@ -138,6 +146,8 @@ def evaluate(
     robot: Robot | None = None,
 ) -> Identification:
     """Scores of a model with frozen weights on a flight or a table it never saw.
+
+    A network with physics takes the steady wind and the density of the flight.
 
     Args:
         flight: Record with q, v, a, u1; measured forces; or a table.
@@ -167,11 +177,15 @@ def evaluate(
         return result
     if inputs is None and isinstance(model, Model):
         inputs = model.inputs
+    model, told = in_flight(model, flight, robot)
     time, x, y, units = samples(flight, model.network, inputs, robot)
     period = gait_period(flight) if isinstance(flight, xr.Dataset) else None
     step = float(np.median(np.diff(time)))
     taken = chosen_every(model, step, period) if every is None else every
-    return compare(model, time, x, y, every=taken, units=units, gaps=find_gaps(time))
+    std, gaps = stds(flight, model.network), find_gaps(time)
+    result = compare(model, time, x, y, every=taken, units=units, std=std, gaps=gaps)
+    result.scores["verdict"] += told
+    return result
 
 
 def _check_columns(table: LogTable, model: Trained) -> None:
@@ -195,6 +209,7 @@ def compare(
     *,
     every: int = 100,
     units: Sequence[str] | None = None,
+    std: Array | None = None,
     gaps: ArrayLike = (),
 ) -> Identification:
     """Scores of a model with frozen weights on samples it never saw; see `evaluate`.
@@ -206,6 +221,7 @@ def compare(
         y: What was measured, (N, n_y) [unit of y].
         every: The rival holds one measured sample in so many.
         units: Units of the outputs; None for "1".
+        std: Standard deviation of each measurement, (N, n_y) [unit of y]; None: the model's alone.
         gaps: First sample after each gap in time.
     """
     names = model.network.output_names
@@ -213,7 +229,8 @@ def compare(
     guess = model.network.evaluate(x, model.weights)
     held = persistence(y, used_samples(len(y), every, gaps))
     chosen = thin(np.arange(len(y)), MOST_CHECKS).tolist() if isinstance(model, _Predicts) else []
-    checks = [check(model, k, (x[k], y[k])) for k in chosen]  # type: ignore[arg-type]
+    noise = [None] * len(y) if std is None else std
+    checks = [check(model, k, (x[k], y[k]), noise[k]) for k in chosen]  # type: ignore[arg-type]
     scorer, late = Scorer(names), np.arange(len(y)) >= len(y) // 2
     scorer.add_predictions(y, guess, held, late)
     rows = late_samples(len(y))

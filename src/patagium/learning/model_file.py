@@ -135,6 +135,8 @@ def model_of(learner: Learner, *, inputs: Sequence[str] | None = None, source: s
     """
     description = learner.describe()
     noise = getattr(learner, "measurement_std", description.get("measurement_std"))
+    if noise is not None and np.isnan(noise).any():  # not found before the first sample
+        noise = None
     outputs = learner.network.outputs
     return Model(
         learner.network,

@@ -161,6 +161,9 @@ def check(
         mean, covariance = learner.predict(x, std, time)
     else:
         mean, covariance = learner.predict(x)
+        covariance = np.atleast_2d(covariance) + np.diag(
+            np.zeros(len(y)) if std is None else std**2
+        )
     return Check(number, y - mean, np.sqrt(np.diagonal(np.atleast_2d(covariance))))
 
 

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from patagium.aerodynamics import Air
 from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError, ShapeError
+from patagium.learning.learners.learner import Learner
+from patagium.learning.model_file import Model, model_of
 from patagium.learning.models.network import Network, flight_terms
+from patagium.learning.models.registry import network_from_description
+from patagium.learning.parameter_paths import Trained
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import recorded, state_columns, training_data
 from patagium.sensing.force.measured_force import ForceSamples
-from patagium.simulation import robot_of
+from patagium.simulation import air_of, robot_of
 
 
 def with_force(flight: Any) -> Any:
@@ -88,6 +94,50 @@ def samples(
         raise ShapeError("outputs of the model", known, f"another robot's: {', '.join(names)}")
     columns = [machine.index(name) for name in names]
     return time, x, force[:, columns], [machine.force_units[k] for k in columns]
+
+
+def other_air(network: Network, flight: xr.Dataset | ForceSamples) -> tuple[Air, str] | None:
+    """Steady air of a flight and words on it; None if the network knows none, has or learns it."""
+    own: Air | None = getattr(getattr(network, "model", network), "air", None)
+    learned = () if own is None else network.describe().get("estimate", ())
+    if own is None or any(name.startswith(("wind", "density")) for name in learned):
+        return None
+    air = flight.air if isinstance(flight, ForceSamples) else air_of(flight)
+    if (air.wind, air.density) == (own.wind, own.density):
+        return None
+    words = (f"wind {one.wind} m/s at {one.density:.4g} kg/m^3" for one in (air, own))
+    return air, "; learned in ".join(words)
+
+
+def in_flight(
+    model: Trained, flight: xr.Dataset | ForceSamples, robot: Robot | None = None
+) -> tuple[Trained, list[str]]:
+    """Model in the steady wind and the density of a flight, and what it did not learn, in words.
+
+    Args:
+        model: A learner or a model; its network may know no air and no robot.
+        flight: Record of a flight, or measured forces.
+        robot: The machine; None for the one the flight carries.
+    """
+    network, told = model.network, []
+    known = getattr(getattr(network, "model", network), "robot", None)
+    flown = robot or (flight.robot if isinstance(flight, ForceSamples) else robot_of(flight))
+    if known is not None and known.strips != flown.strips:
+        told = [f"Warning: the wings of {flown.name} are not those that the model learned."]
+    found = other_air(network, flight)
+    if found is not None and isinstance(model, Model | Learner):
+        air = {"wind": found[0].wind, "density": found[0].density}
+        network = network_from_description(_with_air(network.describe(), air))
+        model = replace(model if isinstance(model, Model) else model_of(model), network=network)
+        told.append(f"Note: predicted in the air of the flight, {found[1]}.")
+    return model, told
+
+
+def _with_air(description: Any, air: Mapping[str, Any]) -> Any:
+    """Description of a network, of its model of the air and its added mass, in other air."""
+    if not isinstance(description, Mapping):
+        return description
+    return {k: {**v, **air} if k == "air" else _with_air(v, air) for k, v in description.items()}
 
 
 def stds(flight: xr.Dataset | ForceSamples, network: Network) -> Array | None:

@@ -23,7 +23,7 @@ from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
 from patagium.learning.parameter_paths import Trained
 from patagium.learning.result import Identification
-from patagium.learning.samples import samples
+from patagium.learning.samples import in_flight, samples
 from patagium.robot import Robot
 
 Frames = Indices
@@ -110,10 +110,11 @@ def _interpolate(known: Array, values: Array, time: Array) -> Array | None:
 
 
 def _from_model(flight: xr.Dataset, robot: Robot, model: Trained, frames: Frames) -> Prediction:
+    if isinstance(model.network, _WINGED):
+        _check_strips(model.network, robot)
+    model, _ = in_flight(model, flight, robot)
     network = model.network
     inputs = model.inputs if isinstance(model, Model) else None
-    if isinstance(network, _WINGED):
-        _check_strips(network, robot)
     if isinstance(network, StripNetwork):
         network = _with_measurements(network, list(robot.dof_names))
     time, x, _, _ = samples(flight, network, inputs, robot)

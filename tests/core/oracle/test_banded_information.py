@@ -67,3 +67,20 @@ def test_solution_and_covariance_are_those_of_dense_algebra(rng: np.random.Gener
 def test_points_that_nothing_sees_are_refused() -> None:
     with pytest.raises(FilterDiverged, match="singular"):
         Information(8, 1).solve()
+
+
+def test_a_long_gap_does_not_hide_what_lies_beside_it() -> None:
+    """Both ends as beside a short gap; 1000 points tied by fourth differences are singular."""
+
+    def ends(points: int) -> tuple[np.ndarray, np.ndarray]:
+        information = Information(points, 1)
+        tie = np.array([1.0, -4.0, 6.0, -4.0, 1.0, 0.0])
+        information.add_alike(np.outer(tie, tie), np.ones((points - 5, 1)), slice(0, 1))
+        for seen in (slice(0, 20), slice(-20, None)):
+            information.diagonal[seen] += 0.1
+            information.gradient[seen] = 0.1
+        change, covariance = information.solve()
+        return change[:20], np.sqrt(covariance.matrix[:10, -1])
+
+    for near, far in zip(ends(140), ends(1040), strict=True):
+        np.testing.assert_allclose(far, near, rtol=1e-3)  # of what the other end tells

@@ -146,6 +146,16 @@ def test_clean_flapping_is_not_touched() -> None:
             assert usable and np.isfinite(within).all() and not any(events.values()), k
 
 
+@pytest.mark.parametrize("every", [3, 23, 40])
+def test_samples_that_come_less_often_for_good_do_not_jump(every: int) -> None:
+    """A state of a stream at 1 kHz that goes on with one sample in `every`."""
+    x, y = flapping(6000)
+    bounds = Bounds(network())
+    for k in (*range(1500), *range(1500, 6000, every)):
+        usable, _, events = bounds.bounded(x[k], y[k], STEP * k)
+        assert usable and not any(events.values()), (k, events)
+
+
 def test_an_encoder_that_jumps_within_its_range_is_refused() -> None:
     x, y = flapping(1000)
     learner = pt.ExtendedLearner(network(), measurement_std=0.05)

@@ -363,6 +363,15 @@ def test_outputs_are_those_asked_for(network: LinearStripNetwork) -> None:
     np.testing.assert_allclose(chosen(x, weights), network(x, weights)[rows], rtol=1e-12)
 
 
+def test_a_frame_without_mass_has_no_drag(network: LinearStripNetwork) -> None:
+    """A frame of a sensor on the body: the same terms and the same force."""
+    frame = "bodies:\n  cell: {parent: body, massless: true}"
+    text = network.robot.source.replace("bodies:", frame)
+    framed = LinearStripNetwork(load_robot_text(text))
+    x, weights = np.concatenate(sample(network.robot, 3)), network.initial(0) + 0.1
+    np.testing.assert_allclose(framed(x, weights), network(x, weights), rtol=1e-12)
+
+
 def test_a_robot_without_wings_is_refused() -> None:
     with pytest.raises(ParameterError, match="robot with wings"):
         LinearStripNetwork(pt.load_robot("ur5e"))

@@ -220,6 +220,9 @@ def test_check_says_what_a_good_file_holds(flight: Path, speak: Speak) -> None:
     assert held["kind"] == "flight"
     assert held["energy_audit"] < 1e-6  # acceptance of the corrected flight
     assert json.loads(speak("check", "aerobat", "--json").out)["kind"] == "robot"
+    seen = pt.sense(pt.load_flight(flight), [pt.sensors.presets.as5600()])
+    sensors = pt.sensing.save_sensor_log(seen, flight.with_name("sensors.nc"))
+    assert json.loads(speak("check", sensors, "--json").out)["kind"] == "sensor log"
 
 
 def test_identify_then_evaluate_a_flight(flight: Path, tmp_path: Path, speak: Speak) -> None:

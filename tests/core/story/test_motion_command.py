@@ -68,6 +68,8 @@ def test_a_table_becomes_motion_forces_and_a_figure(
         lift = found["force"].sel(dof="z").values
         assert found["known"].values.all()
         std = found["force_std"].sel(dof="z").values
+    checked = said(["check", "flight-motion.nc"], capsys)
+    assert "a motion with forces" in checked and "force [N or N m]" in checked
     expected = 0.05 * (9.81 - 4.9)  # N
     inner = slice(20, -20)
     assert np.abs(lift - expected)[inner].mean() < 2 * std[inner].mean() < 0.1

@@ -20,8 +20,12 @@ from patagium.learning.learners.registry import learner_from_description, load_l
 from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.live.pipeline import Pipeline
 from patagium.native import compiler_name
+from patagium.robot.files import load_robot_text
 from patagium.sensing.force.air_force import packet_columns
 from patagium.simulation import air_of
+from patagium.viewer.predicted_forces import predict_flight
+
+STILL = pt.Air()
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +104,39 @@ def test_air_that_no_network_knows_is_said() -> None:
     for air, told in ((pt.Air(gust=gust), True), (pt.Air(ground=-1.0), True), (pt.Air(), False)):
         words = learner_choices(default_learner(robot, air), given=False)
         assert ("wind" in words) is told
+
+
+def other_flight(robot: pt.Robot, air: pt.Air = STILL) -> xr.Dataset:
+    gait = pt.gaits.sinusoidal(robot, frequency=4.0, plunge=0.4)
+    start = robot.coordinates(x=3.0)
+    aero = pt.QuasiSteady(robot, air)
+    return pt.simulate(robot, aero, gait, duration=0.3, time_step=1e-3, v=start)
+
+
+def test_a_model_is_evaluated_in_the_air_of_the_flight(flight: xr.Dataset) -> None:
+    """Learned in still air, it predicts a head wind of thinner air: 3 times the variance before."""
+    robot = pt.load_robot("aerobat")
+    windy = other_flight(robot, pt.Air(density=0.9, wind=(-2.0, 0.0, 0.0)))
+    grey = pt.GreyBox(pt.QuasiSteady(robot), {"polar.lift_amplitude": 0.5})
+    for learner in (pt.identify(flight).learner, pt.ExtendedLearner(grey)):
+        scores = pt.evaluate(windy, learner).scores
+        assert scores["nmse_worst"] < 1e-4, scores["nmse"]
+        assert "learned in wind (0.0, 0.0, 0.0) m/s at 1.225" in scores["verdict"][-1]
+    shown = predict_flight(windy, robot, learner, np.arange(len(windy.time)))
+    np.testing.assert_allclose(shown.generalized[:, 2], windy.aero_force[:, 2], rtol=1e-6)
+    own = pt.ExtendedLearner(pt.GreyBox(pt.QuasiSteady(robot), {"wind.x": 0.5}))
+    assert pt.evaluate(windy, own).scores["nmse_worst"] > 0.1  # what it says of the wind stays
+    assert "not that of the flight" in pt.identify(windy, learner).scores["chosen"]["air"]
+
+
+def test_other_wings_than_those_learned_are_said() -> None:
+    text = pt.load_robot("aerobat").source
+    wide = load_robot_text(text.replace("trailing: -5 cm", "trailing: -9 cm"))
+    heavy = load_robot_text(text.replace("mass: 10 g", "mass: 15 g"))
+    learner = default_learner(pt.load_robot("aerobat"))
+    for robot, told in ((wide, True), (heavy, False)):
+        verdict = pt.evaluate(other_flight(robot), learner).scores["verdict"]
+        assert any("wings of aerobat are not" in one for one in verdict) is told
 
 
 def test_what_is_set_by_hand_is_said(flight: xr.Dataset) -> None:

@@ -38,6 +38,8 @@ def column(log: Path, name: str) -> Any:
         *((unit, 1.0, "m/s^2") for unit in ("m/s2", "m/s²", "m/s^2")),
         *((unit, 1.0, "rad/s^2") for unit in ("rad/s2", "rad/s²")),
         ("nm", 1e-9, "m"),
+        ("0.02 deg", 0.02 * np.pi / 180, "rad"),  # an encoder behind a gear of 50
+        ("2.5e-1 mN", 2.5e-4, "N"),
     ],
 )
 def test_units_are_read_as_rigs_write_them(unit: str, factor: float, si: str) -> None:

@@ -12,7 +12,7 @@ import pytest
 import patagium as pt
 from patagium.learning import ExtendedLearner, LinearStripNetwork, Misfit
 from patagium.learning.identify import compare
-from patagium.learning.model_file import Model, load_model, save_model
+from patagium.learning.model_file import Model, load_model, model_of, save_model
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.stream import stream
 from patagium.learning.verdict import with_verdict
@@ -38,6 +38,17 @@ def test_words_for_intervals() -> None:
     times = re.match("Intervals (.*) times too narrow", narrow["verdict"][0])
     assert times is not None
     assert float(times[1]) == pytest.approx(5.0, rel=0.15)
+
+
+def test_intervals_of_frozen_weights_hold_the_noise_of_each_sample() -> None:
+    """Noise of deviation 5 that comes with the samples, over a model's own of 1."""
+    learner = ExtendedLearner(DenseNetwork(1, (), ("y",)), prior_std=1e-9, measurement_std=1.0)
+    time, x = 0.01 * np.arange(400), np.zeros((400, 1))
+    y = 26**0.5 * np.random.default_rng(5).standard_normal((400, 1))
+    y += learner.network.evaluate(x, learner.weights)
+    for one in (learner, model_of(learner)):
+        scores = compare(one, time, x, y, std=np.full((400, 1), 5.0)).scores
+        assert scores["nis_second_half"] == pytest.approx(1.0, abs=0.3)  # of 200 samples
 
 
 def test_wrong_intervals_of_tiny_errors_are_a_note() -> None:

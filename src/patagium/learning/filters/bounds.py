@@ -4,7 +4,8 @@ A value is refused that lies further than 3 widths of its range (10 for an outpu
 range. So is an input, no acceleration and no command, that jumps: by more than 15 times its median
 step and a quarter of its range, and 2 steps more for each usual time step since it was last taken,
 but not after a gap of 20. After a jump an input is taken again within 5 median steps for each of
-these time steps, unless all inputs go on smoothly from what was refused. It is refused for as many
+these time steps, unless all inputs go on smoothly from what was refused. Median steps are those of
+a usual time step, and change with it. It is refused for as many
 samples as the inputs went on smoothly before it, 20 to 100; then it is believed, and moves of its
 size are no jumps any more. The range is that of the values taken so far, at least the network's own
 scale of an input and a hundredth of the widest output. A value outside of it widens it by a quarter
@@ -181,7 +182,8 @@ class Bounds:
         step, usual = time - clock[_LAST], clock[_USUAL]
         if isfinite(step) and step > 0:
             counted = min(step, _C.STEPS * usual)
-            clock[_USUAL] += (counted - usual) / _C.STEPS if usual > 0 else step
+            clock[_USUAL] = usual + (counted - usual) / _C.STEPS if usual > 0 else step
+            self.arrays["bound_step"] *= clock[_USUAL] / usual if usual > 0 else 1.0
         clock[_LAST], clock[_MISSED] = time, 0.0
 
     def _take(self, value: Array, kept: Bools, known: Any, width: Array) -> None:

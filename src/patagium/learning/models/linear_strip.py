@@ -411,9 +411,9 @@ def _whole_terms(machine: Robot, robot: Robot, sample: _Sample) -> ca.SX:
 
 
 def _bare(robot: Robot) -> list[int]:
-    """Bodies without strips."""
+    """Bodies without strips; a frame without mass has no drag."""
     winged = {strip.body for strip in robot.strips}
-    return [k for k in range(len(robot.bodies)) if k not in winged]
+    return [k for k, body in enumerate(robot.bodies) if k not in winged and body.mass]
 
 
 def _kind(strip: Strip) -> str:
@@ -583,7 +583,7 @@ def _functions(
     for (body, kind), wrench in wrenches.items():
         kinds[kind] += jacobians[body].T @ wrench
     terms = [_whole_terms(machine, robot, sample)[lists, :], sum(kinds.values())]
-    for k in _bare(robot):
+    for k in _bare(machine):
         drag = _body_wrenches(robot.bodies[k], sample.airflows[k], sample.density)
         terms.append(jacobians[k].T @ drag)
     terms += [kinds[kind] for kind in surfaces]

@@ -117,6 +117,13 @@ static double ahead_of(const bounds *b, double step) {
   return step > 0 && b->clock[1] > 0 ? fmax(step / b->clock[1], 1) : INFINITY;
 }
 
+/* Usual step of time after one more; the median steps of the channels grow and shrink with it. */
+static void keep_step(const bounds *b, double step, int channels) {
+  const double usual = b->clock[1];
+  b->clock[1] = usual > 0 ? usual + (fmin(step, STEPS * usual) - usual) / STEPS : step;
+  for (int k = 0; usual > 0 && k < channels; k++) b->step[k] *= b->clock[1] / usual;
+}
+
 /* Whether the inputs can be learned from; outputs that are refused become NaN. */
 static int bound(screening *s, double *measured) {
   const bounds *b = s->bounds;
@@ -146,8 +153,6 @@ static int bound(screening *s, double *measured) {
     s->counts[BAD_INPUTS]++;
     return 0;
   }
-  if (isfinite(step) && step > 0)
-    b->clock[1] += b->clock[1] > 0 ? (fmin(step, STEPS * b->clock[1]) - b->clock[1]) / STEPS : step;
   const int jumped = b->track[1] > 0, believed = jumped && !compares(b, ahead);
   int smooth = !jumped;
   for (int k = 0; k < b->smooth; k++) {
@@ -156,6 +161,7 @@ static int bound(screening *s, double *measured) {
     if (believed && moved > JUMP * b->step[k]) b->step[k] = moved / JUMP;
   }
   b->track[0] = smooth ? b->track[0] + 1 : 0;
+  if (isfinite(step) && step > 0) keep_step(b, step, n + s->channels);
   b->clock[0] = stamp;
   b->clock[2] = b->track[1] = 0;
   for (int k = 0; k < n; k++) take(b, k, b->x[k], widths[k]);

@@ -6,6 +6,7 @@ no other expressions. `docs/logs.md` has an example for each kind of file.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -25,6 +26,8 @@ _DERIVED = {
     "kg/m/s^2": "Pa",
 }
 """Usual names of the SI units of mechanics."""
+_COUNTED = re.compile(r"(?:(?=[\d.]*[1-9])(\d*\.?\d+(?:[eE][-+]?\d{1,2})?)\s+)?(.*)", re.DOTALL)
+"""A number that is not zero, where there is one, and a unit."""
 
 
 class _Words(BaseModel):
@@ -268,7 +271,7 @@ def conversion(unit: str, target: str | None, where: str) -> tuple[float, str]:
     """Factor from one unit to another, and the name of the other.
 
     Args:
-        unit: Unit of the numbers.
+        unit: Unit of the numbers, or so many of it: "0.02 deg" behind a gear of 50.
         target: Unit of the result; None for SI.
         where: Place of the unit in messages.
 
@@ -277,7 +280,8 @@ def conversion(unit: str, target: str | None, where: str) -> tuple[float, str]:
     """
     from pint import DimensionalityError
 
-    known = _unit(unit, where)
+    size, plain = _COUNTED.fullmatch(unit).groups()  # type: ignore[union-attr]
+    known = _unit(plain, where)
     wanted = None if target is None else _unit(target, where)
     numbers = [pint_units().Quantity(number, known) for number in (0.0, 1.0)]
     try:
@@ -289,7 +293,7 @@ def conversion(unit: str, target: str | None, where: str) -> tuple[float, str]:
         ) from problem
     if zero.magnitude != 0.0:
         raise LogError(f"{where}: expected a unit that only scales, found {unit!r}")
-    return float(one.magnitude), _written(f"{one.units:~}")
+    return float(size or 1) * float(one.magnitude), _written(f"{one.units:~}")
 
 
 def _unit(text: str, where: str) -> Any:
@@ -300,7 +304,8 @@ def _unit(text: str, where: str) -> Any:
         return pint_units().Unit(plain)
     except Exception as problem:  # pint raises its own, tokenize's and Python's for bad text
         raise LogError(
-            f"{where}: expected a unit such as 'm/s^2', 'deg/s', 'g_0' or '1', found {shown(text)}"
+            f"{where}: expected a unit such as 'm/s^2', 'deg/s', 'g_0' or '1', or a number of one "
+            f"such as '0.02 deg', found {shown(text)}"
         ) from problem
 
 

@@ -25,6 +25,8 @@ from patagium.native import load_kernel
 DEGREE = 5
 SEEN = DEGREE + 1
 """Control points that a time sees."""
+_DAMPING = 0.0, 1e-14, 1e-12
+"""Shares of the largest information that are tried: a long gap has less than rounding hides."""
 
 
 class Knots:
@@ -150,8 +152,12 @@ class Information:
         Raises:
             FilterDiverged: If the information is singular or not finite.
         """
-        found = banded_inverse(self.matrix, self.gradient)
-        if found is None:
+        for share in _DAMPING:
+            self.diagonal[:] += share * self.diagonal.max(axis=0)
+            found = banded_inverse(self.matrix, self.gradient)
+            if found is not None:
+                break
+        else:
             raise FilterDiverged(
                 "motion: the information about the motion is singular; state the noise of the "
                 "sensors (std)",

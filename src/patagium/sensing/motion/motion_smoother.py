@@ -158,12 +158,7 @@ class _Residuals:
 
 
 def _learn_part(
-    one: Samples,
-    k: int,
-    part: Part,
-    place: slice,
-    found: _Residuals,
-    robust: bool,
+    one: Samples, k: int, part: Part, place: slice, found: _Residuals, robust: bool
 ) -> float:
     """Update noise, color, jitter and weights of a part; returns the largest relative change."""
     valid, weight = found.valid, one.weight[:, k, None] * found.valid
@@ -177,12 +172,7 @@ def _learn_part(
     lost = np.clip(share * one.color[k], 0.0, 0.98)  # of the noise, by following it
     square = found.residual**2 / marginal
     features = np.stack([np.broadcast_to(base, rate.shape) / marginal, rate / marginal])
-    normal = np.einsum(
-        "int,jnt,nt->ij",
-        features,
-        features,
-        weight * (1 - lost),
-    )
+    normal = np.einsum("int,jnt,nt->ij", features, features, weight * (1 - lost))
     right = np.einsum("int,nt->i", features, weight * square)
     stated = one.stream.model.variances[place]
     if (stated > 1.01 * FLOOR[part.unit] ** 2).all():
@@ -283,11 +273,7 @@ class MotionFit:
         point = self.spline.at(times)
         return point.levels[:, 0], point.attitude
 
-    def _place(
-        self,
-        motion: Callable[[Array], tuple[Array, Rotation | None]],
-        step: float,
-    ) -> None:
+    def _place(self, motion: Callable[[Array], tuple[Array, Rotation | None]], step: float) -> None:
         """Begin with knots at a step, and control points on a motion."""
         begin, end = self.span
         self.knots = Knots(begin, end, step)
@@ -301,12 +287,7 @@ class MotionFit:
             turns = attitude.as_quat()
             sign = np.sign(np.einsum("ij,ij->i", turns[1:], turns[:-1]))
             turns[1:] *= np.cumprod(np.where(sign == 0, 1.0, sign))[:, None]
-        self.spline = MotionSpline(
-            self.knots,
-            points,
-            self.turn,
-            turns,
-        )
+        self.spline = MotionSpline(self.knots, points, self.turn, turns)
         middles = begin + self.knots.step * (np.arange(self.knots.spans) + 0.5)
         count = max(1, int((end - begin) / max(_SHORTEST_WINDOW, 8 * self.knots.step)))
         self.window = np.minimum((middles - begin) / (end - begin) * count, count - 1).astype(int)
@@ -348,15 +329,7 @@ class MotionFit:
         std = np.sqrt(self.covariance.matrix[:, -1]).reshape(change.shape)
         moved = 0.3 * float((np.abs(change) / std).max())
         for one, found in zip(self.samples, linear, strict=True):
-            moved = max(
-                moved,
-                self._learn_noise(
-                    one,
-                    found,
-                    change,
-                    robust,
-                ),
-            )
+            moved = max(moved, self._learn_noise(one, found, change, robust))
         return max(moved, self._learn_density(drive))
 
     def _linearized(self, one: Samples) -> _Linear:
@@ -382,20 +355,9 @@ class MotionFit:
         own = np.where(valid[:, :, None, None], own, 0.0)
         if used > 1:  # accelerations and rates: how fast they change is not part of the levels
             rate = np.zeros_like(rate)
-        return _Linear(
-            point,
-            residual,
-            self.spline.rows(point, own),
-            rate,
-            valid,
-            own[:, :, 0],
-        )
+        return _Linear(point, residual, self.spline.rows(point, own), rate, valid, own[:, :, 0])
 
-    def _scale(
-        self,
-        one: Samples,
-        found: _Linear,
-    ) -> Array:
+    def _scale(self, one: Samples, found: _Linear) -> Array:
         """Square roots of the weights of all values over their variance, (N, k)."""
         spread = one.spread(found.rate)
         for k, _, place in one.parts():
@@ -430,33 +392,17 @@ class MotionFit:
                 loose[self.biases[one.stream.name]] = 1e-9
         return loose
 
-    def _add_prior(
-        self,
-        information: Information,
-        drive: Array,
-    ) -> None:
+    def _add_prior(self, information: Information, drive: Array) -> None:
         every = np.arange(self.knots.spans)[:, None]
         times = (self.knots.begin + self.knots.step * (every + _GAUSS)).ravel()
         here = slice(0, len(self.columns))
-        self.stiffness = self._add_smoothness(
-            information,
-            times,
-            drive,
-            here,
-            self.order,
-        )
+        self.stiffness = self._add_smoothness(information, times, drive, here, self.order)
         first = self.knots.weights(np.array([self.knots.begin]), 1)[0, 0]
         for one in self.samples:
             if one.stream.name not in self.biases:
                 continue
             place = self.biases[one.stream.name]
-            self._add_smoothness(
-                information,
-                times,
-                drive,
-                place,
-                1,
-            )
+            self._add_smoothness(information, times, drive, place, 1)
             known = 1.0 / one.stream.model.bias_std**2
             information.add_alike(np.outer(first, first), known[None], place)
             pull = information.gradient.reshape(-1, self.width)
@@ -464,12 +410,7 @@ class MotionFit:
             pull[:SEEN, place] -= first[:, None] * (start * known)
 
     def _add_smoothness(
-        self,
-        information: Information,
-        times: Array,
-        drive: Array,
-        here: slice,
-        order: int,
+        self, information: Information, times: Array, drive: Array, here: slice, order: int
     ) -> Array:
         """Add the prior of a derivative of some unknowns; returns its matrix for a span, (6, 6)."""
         half = 0.5 * self.knots.step
@@ -484,13 +425,7 @@ class MotionFit:
             pull[j : j + self.knots.spans, here] -= parts[j]
         return stiffness
 
-    def _learn_noise(
-        self,
-        one: Samples,
-        found: _Linear,
-        change: Array,
-        robust: bool,
-    ) -> float:
+    def _learn_noise(self, one: Samples, found: _Linear, change: Array, robust: bool) -> float:
         """Update the noise and the weights of a sensor; returns the largest relative change."""
         seen = change[found.point.span[:, None] + np.arange(SEEN)].reshape(len(found.rows), -1)
         residual = found.residual - np.einsum("nkc,nc->nk", found.rows, seen)
@@ -501,10 +436,7 @@ class MotionFit:
             if valid.sum() < 10:
                 continue
             part_of = _Residuals(
-                residual[:, place],
-                leverage[:, place],
-                found.rate[:, place],
-                valid,
+                residual[:, place], leverage[:, place], found.rate[:, place], valid
             )
             moved = max(moved, _learn_part(one, k, part, place, part_of, robust))
         return moved
@@ -536,11 +468,7 @@ class MotionFit:
             found[whole] = count[whole].max(initial=0.0)
         return found
 
-    def _learn_liveliness(
-        self,
-        share: Array,
-        known: Array,
-    ) -> None:
+    def _learn_liveliness(self, share: Array, known: Array) -> None:
         """Update how lively each stretch of time is, relative to the whole."""
         count = self.window[-1] + 1
         if count < 3:

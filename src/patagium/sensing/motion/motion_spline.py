@@ -49,11 +49,7 @@ class MotionSpline:
     """
 
     def __init__(
-        self,
-        knots: Knots,
-        points: Array,
-        turn: Indices | None = None,
-        turns: Array | None = None,
+        self, knots: Knots, points: Array, turn: Indices | None = None, turns: Array | None = None
     ) -> None:
         self.knots, self.points, self.turn, self.turns = knots, points, turn, turns
 
@@ -69,12 +65,7 @@ class MotionSpline:
             return MotionSpline(self.knots, points)
         points[:, self.turn] = 0.0
         turned = product(self.turns, Rotation.from_rotvec(change[:, self.turn]).as_quat())
-        return MotionSpline(
-            self.knots,
-            points,
-            self.turn,
-            turned,
-        )
+        return MotionSpline(self.knots, points, self.turn, turned)
 
     def at(self, times: Array) -> SplinePoint:
         """Motion at given times, (N,) [s]."""
@@ -83,28 +74,12 @@ class MotionSpline:
         seen = span[:, None] + np.arange(SEEN)
         levels = np.einsum("nlj,njc->nlc", weights, self.points[seen])
         if self.turn is None or self.turns is None:
-            return SplinePoint(
-                span,
-                weights,
-                levels,
-                None,
-                np.zeros((len(times), 3, 3, SEEN, 0)),
-            )
+            return SplinePoint(span, weights, levels, None, np.zeros((len(times), 3, 3, SEEN, 0)))
         attitude, spin, spin_rate, slopes = _turning(weights, self.turns[seen])
         levels[:, :, self.turn] = np.stack([np.zeros_like(spin), spin, spin_rate], axis=1)
-        return SplinePoint(
-            span,
-            weights,
-            levels,
-            Rotation.from_quat(attitude),
-            slopes,
-        )
+        return SplinePoint(span, weights, levels, Rotation.from_quat(attitude), slopes)
 
-    def rows(
-        self,
-        point: SplinePoint,
-        slope: Array,
-    ) -> Array:
+    def rows(self, point: SplinePoint, slope: Array) -> Array:
         """Slopes of measurements with respect to the control points that a time sees.
 
         Args:
@@ -115,27 +90,15 @@ class MotionSpline:
             (N, k, 6 n), point by point.
         """
         used = slope.shape[2]
-        found = np.einsum(
-            "nklc,nlj->nkjc",
-            slope,
-            point.weights[:, :used],
-            optimize=True,
-        )
+        found = np.einsum("nklc,nlj->nkjc", slope, point.weights[:, :used], optimize=True)
         if self.turn is not None:
             turned = slope[:, :, :, self.turn]
             found[..., self.turn] = np.einsum(
-                "nkla,nlajb->nkjb",
-                turned,
-                point.slopes[:, :used],
-                optimize=True,
+                "nkla,nlajb->nkjb", turned, point.slopes[:, :used], optimize=True
             )
         return np.ascontiguousarray(found).reshape(len(slope), slope.shape[1], -1)
 
-    def driven(
-        self,
-        times: Array,
-        order: int,
-    ) -> tuple[Indices, Array, Array]:
+    def driven(self, times: Array, order: int) -> tuple[Indices, Array, Array]:
         """Derivative of a given order of each column, and its slopes.
 
         For attitude it is twice the vector part of the conjugate quaternion times that derivative
