@@ -29,12 +29,13 @@ from patagium.arguments import checked
 from patagium.arrays import Array, real_array
 from patagium.control.events import WingLossEvent
 from patagium.control.orbit import NoOrbit, Orbit
-from patagium.control.predictive import OrbitController, OrbitModel
+from patagium.control.predictive import OrbitController, OrbitModel, begins
 from patagium.control.trimming import trim
 from patagium.control.wingbeat import FlightMap, PrescribedRows
 from patagium.errors import ParameterError
 from patagium.robot import Robot
 from patagium.simulation.gait_models import Gait
+from patagium.simulation.mounts import Mount
 from patagium.simulation.simulator import FlightState
 
 EFFECTIVENESS_STD, WRENCH_STD = 0.15, 0.3
@@ -298,24 +299,37 @@ class AdaptiveController:
         self._free = tuple(name for name in model.commands if name != "frequency")
         if not self._free:
             raise ParameterError("commands", "one beside the frequency", model.commands)
-        self.controller, self.orbit, self._design = controller, orbit, orbit
-        self._air, self._surprised = orbit.aero, False
+        self.controller, self._design, self._memory = controller, orbit, memory
         robot, strips = orbit.robot, orbit.robot.strips
         weight = float(robot.gravity) * robot.mass
         lever = float(np.mean([strip.chord for strip in strips]))
         wrench = weight * np.array([1.0, 1.0, lever])
-        stds = np.r_[np.full(len(strips), EFFECTIVENESS_STD), WRENCH_STD * wrench]
+        self._stds = np.r_[np.full(len(strips), EFFECTIVENESS_STD), WRENCH_STD * wrench]
         self._least = np.r_[np.zeros(len(strips)), -wrench]
         self._most = np.r_[np.full(len(strips), 2.0), wrench]
-        self.weights = np.asarray(LearnedAir(orbit.aero).weights)
-        self.learner, self.learning = AirWeights(self.weights, stds, memory), True
+        self._repeats = memory * model.parts
+        self.learning, self._time = True, -np.inf
+        self._begin()
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} around {self.controller!r}>"
+
+    def _begin(self) -> None:
+        """Know the design model alone."""
+        self.orbit, self._air, self._surprised = self._design, self._design.aero, False
+        self.weights = np.asarray(LearnedAir(self._air).weights)
+        self.learner = AirWeights(self.weights, self._stds, self._memory)
         self._samples: dict[int, Array] = {}
         self._ripple: Array | None = None
-        self._repeats = memory * model.parts
         self._disturbance = Disturbance()
         self._departures = Departures()
         self.counts: Counter[str] = Counter()
         self._reason, self._failures, self._pause = "", 0, 0
+
+    def restart(self) -> None:
+        """Start anew, with nothing learned; see `OrbitController.restart`."""
+        self.controller.restart()
+        self._begin()
 
     @property
     def held(self) -> Counter[str]:
@@ -332,12 +346,15 @@ class AdaptiveController:
         """Length of an interval: the `control_period` of a flight [s]."""
         return self.controller.period
 
-    def check_flight(self, robot: Robot, gait: Gait) -> None:
-        """Refuse a flight of another robot or gait; see `OrbitController`."""
-        self.controller.check_flight(robot, gait)
+    def check_flight(self, robot: Robot, gait: Gait, mount: Mount) -> None:
+        """Refuse a flight of another robot or gait, or one that is held; see `OrbitController`."""
+        self.controller.check_flight(robot, gait, mount)
 
     def __call__(self, time: float, state: FlightState | None) -> dict[str, float]:
         """Commands for the interval that begins now; see `OrbitController`."""
+        if begins(time, self._time):
+            self.restart()
+        self._time = time
         first, parts = round(time / self.period), self.controller.model.parts
         if state is not None and abs(time - state.time) <= 0.5 * self.period:
             self._samples[first] = self.controller.measured(state, first)

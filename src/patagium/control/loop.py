@@ -39,7 +39,7 @@ TIME_STEP = 1e-4
 class LoopController(Protocol):
     """Controller of a closed loop; `report()` and `held` of `OrbitController` are told too.
 
-    A method `check_flight(robot, gait)` may refuse a flight for which it was not made.
+    A method `check_flight(robot, gait, mount)` may refuse a flight for which it was not made.
     """
 
     @property

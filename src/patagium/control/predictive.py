@@ -33,6 +33,7 @@ from patagium.control.wingbeat import FlightMap, PrescribedRows
 from patagium.errors import ParameterError, ShapeError, positive
 from patagium.robot import Robot
 from patagium.simulation.gait_models import Gait
+from patagium.simulation.mounts import Mount
 from patagium.simulation.simulator import FlightState
 from patagium.simulation.steered_gait import Responses, SteeredGait
 
@@ -481,6 +482,11 @@ SOFT = 100.0
 """Weight of a soft limit over that of the state's departure."""
 
 
+def begins(time: float, last: float) -> bool:
+    """Whether a time [s] begins another flight than the one of the time before it."""
+    return time < last or time == last == 0
+
+
 class OrbitController:
     """Controller that flies along a periodic orbit, but for its law.
 
@@ -526,7 +532,7 @@ class OrbitController:
         self.before = np.zeros(len(commands))
         self.costs, self.gains = self._law(model)
         self.held: Counter[str] = Counter()
-        self._time = 0.0
+        self._time = -np.inf
         self._followed = False
 
     def __repr__(self) -> str:
@@ -550,13 +556,15 @@ class OrbitController:
         self.before = np.zeros(len(self.ends))
         self.held = Counter()
 
-    def check_flight(self, robot: Robot, gait: Gait) -> None:
-        """Refuse a flight of another robot, or of another gait, than the controller's orbit has.
+    def check_flight(self, robot: Robot, gait: Gait, mount: Mount) -> None:
+        """Refuse a flight of another robot or gait than the controller's orbit has, or a held one.
 
         Raises:
-            ParameterError: If coordinates or gaits are others.
+            ParameterError: If coordinates or gaits are others, or a mount holds the body.
         """
         check_attitude(robot)
+        if robot.floating and mount.kind != "free":
+            raise ParameterError("mount", "free, as on the controller's orbit", mount.kind)
         known, own = self.model.robot, self.model.steered.gait
         if robot.dof_names != known.dof_names:
             raise ParameterError("controller", f"one made for {robot.name}", known.name)
@@ -629,7 +637,7 @@ class OrbitController:
         Raises:
             ParameterError: If it cannot start anew (`restart`).
         """
-        if time < self._time:
+        if begins(time, self._time):
             self.restart()
         self._time = time
         model, period = self.model, self.model.period

@@ -156,8 +156,8 @@ def _check_joints(robot: Robot, gait: Gait, q: Array, v: Array) -> None:
 Controller: TypeAlias = Callable[[float, "FlightState"], Mapping[str, float] | None]
 """Function from time [s] and state to commands by name, as `SteeredGait` takes them.
 
-It may have a `period` [s] at which it is called, and a method `check_flight(robot, gait)` that
-refuses a flight for which it was not made."""
+It may have a `period` [s] at which it is called, and a method `check_flight(robot, gait, mount)`
+that refuses a flight for which it was not made."""
 
 
 @dataclass(frozen=True)
@@ -428,7 +428,7 @@ class Simulator:
             return self.advance(self.steps, progress)
         if isinstance(controller, type):
             raise ParameterError("controller", "a function or an object, no class", controller)
-        period = period_of(controller, self._robot, self._gait, self._control_period)
+        period = period_of(controller, self._robot, self._gait, self._held, self._control_period)
         if period is not None:
             self._control_steps = _control_steps(self._gait, period, self._time_step)
         while self.outcome is Outcome.COMPLETED and self._integration.done < self.steps:
@@ -529,7 +529,11 @@ def _wind(aero: Aerodynamics, samples: dict[str, Array], time: Array) -> Array:
 
 
 def period_of(
-    controller: Controller, robot: Robot, gait: Gait, stated: float | None = None
+    controller: Controller,
+    robot: Robot,
+    gait: Gait,
+    mount: Mount | None = None,
+    stated: float | None = None,
 ) -> float | None:
     """Control period of a controller [s]: its own `period`, else the stated one, else None.
 
@@ -537,7 +541,8 @@ def period_of(
         ParameterError: If the two differ, its own is no positive number, or it refuses the flight.
     """
     if hasattr(controller, "check_flight"):
-        controller.check_flight(robot, gait.gait if isinstance(gait, SteeredGait) else gait)
+        flown = gait.gait if isinstance(gait, SteeredGait) else gait
+        controller.check_flight(robot, flown, mount_of(robot, mount))
     own = getattr(controller, "period", None)
     if own is None:
         return stated
@@ -745,7 +750,7 @@ def simulate(
     aero, gait, duration, q, v = _by_cruise(robot, aero, gait, duration, mount, q, v)
     period = control_period
     if controller is not None:
-        period = period_of(controller, robot, gait, period)
+        period = period_of(controller, robot, gait, mount, period)
     elif period is not None:
         raise ParameterError("control_period", "a controller with it", None)
 

@@ -10,6 +10,7 @@ import pytest
 
 import patagium as pt
 from patagium.control import (
+    AdaptiveController,
     Estimate,
     GustEvent,
     LinearRegulator,
@@ -162,6 +163,24 @@ def test_a_controller_starts_anew_with_each_flight(orbit, kind):
     for name in ("q", "command", "estimate"):
         assert np.array_equal(again[name].values, first[name].values, equal_nan=True)
     assert again.attrs["held"] == first.attrs["held"] != "{}"
+
+
+def test_a_controller_that_learns_begins_each_flight_without_what_it_learned(orbit):
+    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS), orbit)
+    told = [
+        (flown(orbit, controller, duration=0.6).attrs["controller"], controller.learner.weights)
+        for _ in range(2)
+    ]
+    assert told[0][0] == told[1][0]
+    assert np.array_equal(told[0][1], told[1][1]) and (told[0][1] != controller.learner.prior).any()
+    assert repr(controller).startswith("<AdaptiveController around <LinearRegulator of ornith")
+
+
+def test_a_flight_of_one_sample_is_the_same_again(orbit):
+    controller = LinearRegulator(orbit, COMMANDS)
+    start = {"q": orbit.start()["q"] + 0.1 * np.eye(orbit.robot.dof)[orbit.robot.index("pitch")]}
+    first, again = (flown(orbit, controller, duration=0.01, **start) for _ in range(2))
+    assert np.array_equal(first["command"].values, again["command"].values)
 
 
 def test_a_controller_that_learned_another_orbit_refuses_another_flight(orbit):

@@ -219,6 +219,24 @@ def test_a_controller_made_for_another_flight_is_refused(
     pt.fly(heavy, pt.QuasiSteady(heavy), regulator, orbit=ornithopter_orbit, duration=0.02)
 
 
+@pytest.mark.parametrize(
+    "mount",
+    [pt.mounts.fixed(), pt.mounts.carried(pt.paths.line((0, 0, 1), (1, 0, 1), duration=1.0))],
+)
+def test_a_controller_of_a_free_flight_is_refused_on_a_mount(
+    ornithopter_orbit: Any, regulator: Any, mount: Any
+) -> None:
+    orbit = ornithopter_orbit
+    adaptive = pt.control.AdaptiveController(regulator, orbit)
+    words = {"duration": 10 * regulator.period, "time_step": regulator.period / 8}
+    flying = pt.Simulator(ROBOT, orbit.aero, orbit.gait, mount=mount, **words)
+    for controller in (regulator, adaptive):
+        with pytest.raises(ParameterError, match=f"mount: expected free.*found '{mount.kind}'"):
+            pt.simulate(ROBOT, orbit.aero, orbit.gait, mount=mount, controller=controller, **words)
+        with pytest.raises(ParameterError, match=f"mount: expected free.*found '{mount.kind}'"):
+            flying.fly(controller)
+
+
 QUATERNION = 'robot: expected one with Euler angles .*"euler".*found .*ornithopter with a quat'
 
 
