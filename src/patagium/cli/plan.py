@@ -63,7 +63,8 @@ def _in_si(written: Any, info: ValidationInfo, name: str = "") -> Any:
     if isinstance(written, dict):
         return {key: _in_si(one, info, key) for key, one in written.items()}
     rate, _, state = name.rpartition(" of ")
-    command = robot.actuators.get(info.data.get("command", name))
+    key = info.data.get("command", name)
+    command = None if key.endswith("amplitude") else robot.actuators.get(key)  # over the gait's own
     unit = command.unit if command else ""
     if state in robot.dof_names:
         per = {"velocity": "/s", "acceleration": "/s^2"}.get(rate, "")

@@ -147,7 +147,7 @@ class OrbitSearch:
         sizes = dict(zip(flight_map.names, self._scale, strict=True))
         for name, value in tolerable.items():
             if name not in sizes:
-                raise ParameterError("tolerable", f"one of {', '.join(sizes)}", name, sizes)
+                raise ParameterError("tolerable", f"one of {', '.join(sizes)}", name, tuple(sizes))
             sizes[name] = positive(f"tolerable: {name}", value)
         self._size = np.array([sizes[name] for name in self.frame.names])
         self._pitch = [k for k, name in enumerate(flight_map.names) if name == "pitch"]

@@ -106,6 +106,11 @@ def test_a_glider_holds_its_glide(tmp_path, capsys):
         ("missing: 0.02", "missing: .nan", "line 6, sensors.missing"),
         ("velocity of z: 0.02", "velocity of z: 2 cm", r"line 6, sensors.std.velocity of z: .*m/s"),
         ("value: 0", "value: 3 mm", r"line 13, events.5.stuck.value: .*rad"),
+        (  # an amplitude is over the gait's own: it was taken for .52 of it
+            "rudder_offset, value: 0",
+            "plunge_amplitude, value: 30 deg",
+            "line 13, events.5.stuck.value: expected .*a number",
+        ),
         ("robot: ornithopter\n", "", "robot: expected `robot: ornithopter`, found nothing"),
     ],
 )

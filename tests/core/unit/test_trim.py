@@ -214,6 +214,7 @@ def test_wings_that_are_held_need_no_frequency_and_no_amplitude():
     ("tolerable", "said"),
     [
         ({"height": 0.1}, "tolerable: expected one of x, y, z, roll"),
+        ({"zz": 1.0}, "of yaw, found 'zz'; did you mean z"),
         ({"z": 0.0}, "tolerable: z: expected a positive number, found 0.0"),
         ({"pitch": -1.0}, "tolerable: pitch: expected a positive number, found -1.0"),
     ],
