@@ -7,15 +7,15 @@ from __future__ import annotations
 
 from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias, Union
+from typing import Annotated, Any, Literal, Self, TypeAlias, Union
 
 import xarray as xr
 
 from pydantic import (  # isort: skip
     AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, ValidationInfo,
-    create_model,
+    create_model, model_validator,
 )  # fmt: skip
-from patagium.aerodynamics import AddedMass, Air
+from patagium.aerodynamics import AddedMass, Air, QuasiSteady
 from patagium.arguments import Progress
 from patagium.cli.estimates import GreyModel, air_class
 from patagium.control.adaptation import AdaptiveController
@@ -63,6 +63,9 @@ def _in_si(written: Any, info: ValidationInfo, name: str = "") -> Any:
     if isinstance(written, dict):
         return {key: _in_si(one, info, key) for key, one in written.items()}
     rate, _, state = name.rpartition(" of ")
+    if name not in robot.actuators and name and state not in robot.dof_names:
+        known = [*robot.dof_names, *(f"velocity of {one}" for one in robot.dof_names)]
+        raise ParameterError("state", f"one of {', '.join(known)}", name, known)
     key = info.data.get("command", name)
     command = None if key.endswith("amplitude") else robot.actuators.get(key)  # over the gait's own
     unit = command.unit if command else ""
@@ -78,6 +81,15 @@ States: TypeAlias = Annotated[dict[str, Any], AfterValidator(_in_si)]
 class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
+    def check(self, robot: Robot) -> None:
+        """Refuse what is not possible with a robot."""
+
+    @model_validator(mode="after")
+    def _possible(self, info: ValidationInfo) -> Self:
+        if info.context is not None:
+            self.check(info.context)
+        return self
+
 
 class TrimPart(_Part):
     """Conditions of the orbit, and the air that the controller's model has."""
@@ -87,18 +99,22 @@ class TrimPart(_Part):
     turn_rate: TurnRate = 0.0
     free: tuple[str, ...] = ()
     air: GreyModel = "quasi-steady"
-    density: Density = 1.225
+    density: Annotated[Density, Field(gt=0)] = 1.225
 
 
 class TruthPart(_Part):
     """Truth that flies: masses and inertias off the file's, other air."""
 
-    masses: PureNumber = 0.01
+    masses: Annotated[PureNumber, Field(ge=0, lt=0.3, examples=["0.02"])] = 0.01
     air: GreyModel = "quasi-steady"
     density: Density = 1.2
     wind: Velocity = (0.0, 0.0, 0.0)
-    added_mass: PureNumber | None = None
+    added_mass: Annotated[PureNumber, Field(ge=0)] | None = None
     polar: dict[str, PureNumber] = {}
+
+    def check(self, robot: Robot) -> None:
+        """Refuse air that there cannot be."""
+        Air(density=self.density, wind=self.wind)
 
 
 class ControllerPart(_Part):
@@ -108,6 +124,11 @@ class ControllerPart(_Part):
     commands: tuple[str, ...] = ()
     tolerable: States = {}
     learn: bool = False
+
+    def check(self, robot: Robot) -> None:
+        """Refuse sizes that are none."""
+        for name, size in self.tolerable.items():
+            positive(f"tolerable.{name}", size)
 
 
 class SensorPart(_Part):
@@ -135,6 +156,10 @@ class SensorsPart(_Part):
     delay: Duration = 0.0
     missing: PureNumber = 0.0
     parts: tuple[SensorPart, ...] = ()
+
+    def check(self, robot: Robot) -> None:
+        """Refuse sensors that there cannot be."""
+        self.known(robot)
 
     def known(self, robot: Robot) -> NoisyState | TrackedState:
         """Source of the estimates.
@@ -167,13 +192,22 @@ EVENTS: dict[str, type[Event]] = {
 }
 
 
+class _EventPart(_Part):
+    def check(self, robot: Robot) -> None:
+        """Refuse an event that cannot happen to a robot; its polar is known with the truth."""
+        event = event_of(self)
+        event.gust()
+        if not isinstance(event, PolarEvent):
+            event.changed(robot, QuasiSteady(robot))
+
+
 def _event_part(name: str, kind: type[Event]) -> Any:
     """Event of a kind, as a plan has it."""
     given: dict[str, Any] = {"type": (Literal[name], ...)}
     for one in fields(kind):
         default = ... if one.default is MISSING else one.default
         given[one.name] = (_TYPES.get(one.name, str), default)
-    return create_model(kind.__name__, __base__=_Part, **given)
+    return create_model(kind.__name__, __base__=_EventPart, **given)
 
 
 def _kept(event: object) -> object:
@@ -196,8 +230,8 @@ class Plan(_Part):
     controller: ControllerPart = ControllerPart()
     sensors: SensorsPart = SensorsPart()
     events: tuple[EventPart, ...] | None = None
-    duration: Duration | None = None
-    time_step: Duration = 1e-4
+    duration: Annotated[Duration, Field(gt=0)] | None = None
+    time_step: Annotated[Duration, Field(gt=0)] = 1e-4
     seed: Annotated[int, Field(ge=0)] = 0
 
 

@@ -163,27 +163,25 @@ def test_a_plan_asks_for_a_model_that_relearns(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "where"),
     [
-        (
-            "wing: left_wing",
-            "wing: left_wng",
-            "events: at 0.4 s the outer 3 % of left_wng lost: wing",
-        ),
-        ("share: 0.03", "share: 1.5", "events: at 0.4 s the outer 150 % of left_wing lost: share"),
-        ("body: body", "body: boddy", "events: at 0.3 s a payload of 5 g on boddy: body"),
-        ("50 ms, stays", "-1 s, stays", "events: at 0.2 s a wind of 0.1, 0, 0 m/s more"),
-        ("mass: 5 g", "mass: -5 g", "mass"),
+        ("wing: left_wing", "wing: left_wng", "line 11, events.3.wing_loss.wing"),
+        ("share: 0.03", "share: 1.5", "line 11, events.3.wing_loss.share"),
+        ("body: body", "body: boddy", "line 10, events.2.payload.body"),
+        ("50 ms, stays", "-1 s, stays", "line 9, events.1.gust"),
+        ("mass: 5 g", "mass: -5 g", "line 10, events.2.payload.mass"),
         ("drag_offset", "drag_ofset", "factors"),
         ("command: rudder_offset", "command: ruder_offset", "ruder_offset"),
         ("time: 0.6 s", "time: 6 s", "within the flight"),
-        ("time: 0.6 s", "time: -1 s", "zero or more"),
-        ("std: {z:", "std: {zz:", "std"),
-        ("missing: 0.02", "missing: 1.5", "missing"),
-        ("missing: 0.02", "delay: -1 s", "delay"),
-        ("masses: 0.02", "masses: 0.5", "share"),
+        ("time: 0.6 s", "time: -1 s", "line 13, events.5.stuck.time"),
+        ("std: {z:", "std: {zz:", "line 6, sensors.std"),
+        ("missing: 0.02", "missing: 1.5", "line 6, sensors.missing"),
+        ("missing: 0.02", "delay: -1 s", "line 6, sensors.delay"),
+        ("masses: 0.02", "masses: 0.5", "line 4, truth.masses: expected less than 0.3"),
+        ("density: 1.19 kg/m^3", "density: -1", "line 4, truth.density"),
         ("lift_amplitude: 0.97", "lift: 0.97", "factors"),
-        ("duration: 0.8 s", "duration: -1 s", "duration"),
-        ("duration: 0.8 s", "duration: 0 s", "duration"),
-        ("time_step: 0.5 ms", "time_step: 0 s", "time_step"),
+        ("duration: 0.8 s", "duration: -1 s", "line 14, duration"),
+        ("duration: 0.8 s", "duration: 0 s", "line 14, duration"),
+        ("time_step: 0.5 ms", "time_step: 0 s", "line 15, time_step"),
+        ("type: regulator", "type: regulator, tolerable: {z: 0}", "line 5, controller.tolerable"),
         ("commands: [", "tolerable: {zz: 1}, commands: [", "zz"),
     ],
 )
@@ -206,8 +204,8 @@ def test_what_a_plan_cannot_ask_is_refused(tmp_path):
         prepared(load_plan("dragonfly"))
     parts = "parts: [{type: icm_42688_p, rate: 500 Hz}, {type: as5600}, {type: prime_x_13}]"
     path.write_text(PLAN.replace("missing: 0.02", parts))
-    with pytest.raises(ParameterError, match="parts, or std"):
-        prepared(load_plan(path))
+    with pytest.raises(LogError, match="line 6, sensors.*parts, or std"):
+        load_plan(path)
     path.write_text(PLAN.replace("std: {z: 0.005, velocity of z: 0.02}, missing: 0.02", parts))
     words = prepared(load_plan(path)).words
     assert any("tracker makes of icm_42688_p, as5600" in one for one in words)
