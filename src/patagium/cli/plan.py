@@ -46,7 +46,8 @@ from patagium.sensing.sensors import presets
 from patagium.sensing.sensors.sensor import Sensor
 from patagium.simulation import gaits
 
-Density: TypeAlias = quantity_type("kg/m^3", "a density")  # type: ignore[valid-type]
+_Density: TypeAlias = quantity_type("kg/m^3", "a density")  # type: ignore[valid-type]
+Density: TypeAlias = Annotated[_Density, Field(gt=0)]
 TurnRate: TypeAlias = quantity_type("rad/s", "a rate of turning")  # type: ignore[valid-type]
 Velocity: TypeAlias = Annotated[tuple[Speed, Speed, Speed], Field(examples=["[0, 0, 1 m/s]"])]
 BEATS = 40
@@ -64,8 +65,9 @@ def _in_si(written: Any, info: ValidationInfo, name: str = "") -> Any:
         return {key: _in_si(one, info, key) for key, one in written.items()}
     rate, _, state = name.rpartition(" of ")
     if name not in robot.actuators and name and state not in robot.dof_names:
-        known = [*robot.dof_names, *(f"velocity of {one}" for one in robot.dof_names)]
-        raise ParameterError("state", f"one of {', '.join(known)}", name, known)
+        known = robot.dof_names
+        expected = f"a coordinate ({', '.join(known)}), or `velocity of` one"
+        raise ParameterError("state", expected, name, known)
     key = info.data.get("command", name)
     command = None if key.endswith("amplitude") else robot.actuators.get(key)  # over the gait's own
     unit = command.unit if command else ""
@@ -82,7 +84,7 @@ class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     def check(self, robot: Robot) -> None:
-        """Refuse what is not possible with a robot."""
+        """Refuse values that this robot does not allow."""
 
     @model_validator(mode="after")
     def _possible(self, info: ValidationInfo) -> Self:
@@ -99,7 +101,7 @@ class TrimPart(_Part):
     turn_rate: TurnRate = 0.0
     free: tuple[str, ...] = ()
     air: GreyModel = "quasi-steady"
-    density: Annotated[Density, Field(gt=0)] = 1.225
+    density: Density = 1.225
 
 
 class TruthPart(_Part):
@@ -112,10 +114,6 @@ class TruthPart(_Part):
     added_mass: Annotated[PureNumber, Field(ge=0)] | None = None
     polar: dict[str, PureNumber] = {}
 
-    def check(self, robot: Robot) -> None:
-        """Refuse air that there cannot be."""
-        Air(density=self.density, wind=self.wind)
-
 
 class ControllerPart(_Part):
     """Controller along the orbit; with `learn` its model of the air relearns in flight."""
@@ -126,7 +124,7 @@ class ControllerPart(_Part):
     learn: bool = False
 
     def check(self, robot: Robot) -> None:
-        """Refuse sizes that are none."""
+        """Refuse a tolerable size that is not positive."""
         for name, size in self.tolerable.items():
             positive(f"tolerable.{name}", size)
 
@@ -158,7 +156,7 @@ class SensorsPart(_Part):
     parts: tuple[SensorPart, ...] = ()
 
     def check(self, robot: Robot) -> None:
-        """Refuse sensors that there cannot be."""
+        """Refuse sensors that this robot cannot carry, or numbers out of range."""
         self.known(robot)
 
     def known(self, robot: Robot) -> NoisyState | TrackedState:
@@ -194,7 +192,7 @@ EVENTS: dict[str, type[Event]] = {
 
 class _EventPart(_Part):
     def check(self, robot: Robot) -> None:
-        """Refuse an event that cannot happen to a robot; its polar is known with the truth."""
+        """Refuse an event that this robot cannot have; a polar is checked in flight."""
         event = event_of(self)
         event.gust()
         if not isinstance(event, PolarEvent):

@@ -148,7 +148,7 @@ def test_clean_flapping_is_not_touched() -> None:
 
 @pytest.mark.parametrize("every", [3, 23, 40])
 def test_samples_that_come_less_often_for_good_do_not_jump(every: int) -> None:
-    """A state of a stream at 1 kHz that goes on with one sample in `every`."""
+    """Samples at 1 kHz, then only one in `every`, as when a saved learner goes on."""
     x, y = flapping(6000)
     bounds = Bounds(network())
     for k in (*range(1500), *range(1500, 6000, every)):

@@ -309,3 +309,12 @@ def test_controllers_follow_no_turns_and_say_so() -> None:
     plan = Plan.model_validate({"robot": "ornithopter", "trim": {"turn_rate": 0.1}})
     with pytest.raises(ParameterError, match="^trim: turn_rate: expected 0 rad/s, as controllers"):
         prepared(plan)
+
+
+def test_an_error_of_an_event_names_the_event(ornithopter_orbit: Any) -> None:
+    event = pt.control.StuckEvent(time=0.4, command="rudder")
+    with pytest.raises(ParameterError, match=r"^events: at 0\.4 s .*rudder"):
+        pt.fly(
+            ROBOT, pt.QuasiSteady(ROBOT), Steering({}), orbit=ornithopter_orbit, duration=0.9,
+            time_step=2e-3, events=[event],
+        )  # fmt: skip

@@ -411,7 +411,7 @@ def _whole_terms(machine: Robot, robot: Robot, sample: _Sample) -> ca.SX:
 
 
 def _bare(robot: Robot) -> list[int]:
-    """Bodies without strips; a frame without mass has no drag."""
+    """Bodies without strips that have drag: frames without mass have none."""
     winged = {strip.body for strip in robot.strips}
     return [k for k, body in enumerate(robot.bodies) if k not in winged and body.mass]
 

@@ -23,13 +23,11 @@
 static inline __attribute__((always_inline)) void add_some(
     int sign, int count, int depth, const wide *a, int a_depth, int a_apart, const wide *b,
     int b_depth, wide *x, int apart) {
-  wide sum[8];
+  wide sum[4];
   for (int r = 0; r < count; r++) sum[r] = x[r * apart];
-  for (int i = 0; i < depth; i++) {
-    wide own = b[i * b_depth];
-    IN_REGISTER(own);
-    for (int r = 0; r < count; r++) sum[r] += sign * a[i * a_depth + r * a_apart] * own;
-  }
+  for (int i = 0; i < depth; i++)
+    for (int r = 0; r < count; r++)
+      sum[r] += sign * a[i * a_depth + r * a_apart] * b[i * b_depth];
   for (int r = 0; r < count; r++) x[r * apart] = sum[r];
 }
 
@@ -37,8 +35,6 @@ static inline __attribute__((always_inline)) void add_sums(
     int sign, int count, int depth, const wide *a, int a_depth, int a_apart, const wide *b,
     int b_depth, wide *x, int apart) {
   int r = 0;
-  for (; r + 8 <= count; r += 8)
-    add_some(sign, 8, depth, a + r * a_apart, a_depth, a_apart, b, b_depth, x + r * apart, apart);
   for (; r + 4 <= count; r += 4)
     add_some(sign, 4, depth, a + r * a_apart, a_depth, a_apart, b, b_depth, x + r * apart, apart);
   a += r * a_apart;

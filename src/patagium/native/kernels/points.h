@@ -85,7 +85,6 @@ static inline __attribute__((always_inline)) void own_layer_of(
       slope[t] = bias < start ? (reals){0} : reals_load(s + bias * PANEL);
     for (int j = row < start ? start - row : 0; j < in; j++) {
       reals step = reals_load(s + (row + j) * PANEL);
-      IN_REGISTER(step);
       for (int t = 0; t < count; t++) slope[t] += x[t * in + j] * step;
     }
     for (int t = 0; t < count; t++) {

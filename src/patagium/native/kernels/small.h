@@ -40,8 +40,7 @@ static inline __attribute__((always_inline)) void add_tile(int rows, int stride,
   wide part[8];
   for (int r = 0; r < rows; r++) part[r] = wide_load(sum + r * stride);
   for (int i = 0; i < count; i++) {
-    wide column = wide_load(x_l + i * stride);
-    IN_REGISTER(column);
+    const wide column = wide_load(x_l + i * stride);
     for (int r = 0; r < rows; r++) part[r] += x_k[i * stride + r] * column;
   }
   for (int r = 0; r < rows; r++) wide_store(sum + r * stride, part[r]);

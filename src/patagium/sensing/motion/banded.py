@@ -26,7 +26,7 @@ DEGREE = 5
 SEEN = DEGREE + 1
 """Control points that a time sees."""
 _DAMPING = 0.0, 1e-14, 1e-12
-"""Shares of the largest information that are tried: a long gap has less than rounding hides."""
+"""Shares of the largest information, added in turn to the diagonal until it has a factor."""
 
 
 class Knots:

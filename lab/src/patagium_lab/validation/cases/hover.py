@@ -82,7 +82,7 @@ class Insect:
 
     @property
     def feathers(self) -> int:
-        """Parts of each wing that feather on their own: more than one where a wing is twisted."""
+        """Parts of each wing with a feathering joint: 1, or one a strip where a wing is twisted."""
         return 1 if all(wing.root is None for wing in self.wings) else STRIPS
 
 
