@@ -29,6 +29,7 @@ from patagium.control.events import (
     WingLossEvent,
     off_nominal,
 )
+from patagium.control.gait_family import gait_family
 from patagium.control.loop import fly
 from patagium.control.lqr import LinearRegulator
 from patagium.control.orbit import Orbit
@@ -77,6 +78,14 @@ def _in_si(written: Any, info: ValidationInfo, name: str = "") -> Any:
     return si_at(written, unit, "a quantity", name)
 
 
+def _parameters(names: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+    """Names of gait parameters, which the cruise has, once the robot is known."""
+    if info.context is not None and names:
+        gait_family(info.context, gaits.cruise(info.context), names)
+    return names
+
+
+Parameters: TypeAlias = Annotated[tuple[str, ...], AfterValidator(_parameters)]
 States: TypeAlias = Annotated[dict[str, Any], AfterValidator(_in_si)]
 
 
@@ -99,7 +108,7 @@ class TrimPart(_Part):
     speed: Speed | None = None
     climb: Speed | None = None
     turn_rate: TurnRate = 0.0
-    free: tuple[str, ...] = ()
+    free: Parameters = ()
     air: GreyModel = "quasi-steady"
     density: Density = 1.225
 
@@ -119,7 +128,7 @@ class ControllerPart(_Part):
     """Controller along the orbit; with `learn` its model of the air relearns in flight."""
 
     type: Literal["predictive", "regulator", "averaged"] = "predictive"
-    commands: tuple[str, ...] = ()
+    commands: Parameters = ()
     tolerable: States = {}
     learn: bool = False
 

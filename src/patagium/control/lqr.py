@@ -9,6 +9,7 @@ more within a beat than actuators follow. Neglected in the design: limits, which
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -18,6 +19,7 @@ from scipy.linalg import block_diag
 from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.control.predictive import (
+    GROWS,
     OrbitController,
     OrbitModel,
     Reference,
@@ -61,6 +63,10 @@ class LinearRegulator(OrbitController):
         self._averaged = averaged
         self._change_cost = change_cost
         super().__init__(orbit, commands, parts, tolerable)
+        grows = np.abs(self.multipliers).max()
+        if grows > GROWS:
+            said = f"LinearRegulator: departures grow {grows:.3g} times a beat under the averaged"
+            warnings.warn(f"{said} gain; averaged=False gives one for each part", stacklevel=3)
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:

@@ -434,12 +434,12 @@ def periodic_riccati(
             break
         grows = np.abs(np.linalg.eigvals(closed_beat(by_state, by_input, gains))).max()
         settled = np.abs(gains - before).max() <= _SETTLED_GAINS * np.abs(gains).max()
-        if settled and grows <= _GROWS:
+        if settled and grows <= GROWS:
             return costs, gains
         ahead, least = _joined(ahead, ahead), min(least, grows)
     expected = "commands that can hold the orbit (add those that move the mode that grows)"
     found = f"a multiplier of {least:.4g} remains"
-    if least <= _GROWS:
+    if least <= GROWS:
         expected = "commands and tolerable departures whose gains settle"
         found = f"gains that change after {2**_DOUBLINGS} beats"
     raise ParameterError("commands", expected, found)
@@ -473,7 +473,8 @@ CLOSED = 1e-4
 """Largest change of a state, but for positions, over the beat of an orbit [m/s, rad, rad/s]."""
 _DOUBLINGS, _SETTLED_GAINS = 20, 1e-9
 _HELD = 1e12  # a cost over the largest of Q; beyond, only rounding moves a mode
-_GROWS = 1.001  # a multiplier; a neutral one that is double is found as 1 + sqrt(rounding)
+GROWS = 1.001
+"""Multiplier from which a departure grows; a neutral one that is double is 1 + sqrt(rounding)."""
 TOLERABLE = {"z": 0.1, "yaw": 0.1, "roll": 0.1, "pitch": 0.1}
 """Departures that cost as much as a command over half its range, where none are given [m, rad]."""
 TOLERABLE_SPEED, TOLERABLE_TURN = 0.3, 2.0
@@ -714,7 +715,7 @@ class PredictiveController(OrbitController):
         parts: Intervals of a beat; one command each.
         tolerable: Departures by name of a state, such as `z` or `velocity of x`, that cost as much
             as a command over half its range [SI].
-        limits: Soft limits by name of a state, least and most [SI].
+        limits: Soft limits by name of a state, least and most [SI]; None where there is none.
 
     Raises:
         ParameterError: If a name is none, a command has no range, or the commands cannot hold
@@ -733,13 +734,15 @@ class PredictiveController(OrbitController):
         horizon: int = 20,
         parts: int = 10,
         tolerable: Mapping[str, float] | None = None,
-        limits: Mapping[str, tuple[float, float]] | None = None,
+        limits: Mapping[str, tuple[float | None, float | None]] | None = None,
     ) -> None:
         super().__init__(orbit, commands, parts, tolerable)
-        for name, (low, high) in (limits or {}).items():
+        self._limits = {}
+        for name, (least, most) in (limits or {}).items():
+            low, high = -np.inf if least is None else least, np.inf if most is None else most
             if low >= high:
                 raise ParameterError(f"limits: {name}", "the least first", (low, high))
-        self._limits = {self._state(k): v for k, v in (limits or {}).items()}
+            self._limits[self._state(name)] = low, high
         self._horizon = horizon
         self._begin()
 

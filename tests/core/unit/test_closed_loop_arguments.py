@@ -262,7 +262,10 @@ def test_a_quaternion_is_refused_with_the_remedy(ornithopter_orbit: Any, regulat
     ("words", "said"),
     [
         ({"limits": {"velocity of z": (3, -3)}}, "limits: velocity of z: expected the least first"),
-        ({"limits": {"z": 0.3}}, "limits: z: expected 2 numbers, each a finite number, found 0.3"),
+        (
+            {"limits": {"z": 0.3}},
+            "limits: z: expected 2 numbers, each a finite number or None, found 0.3",
+        ),
         ({"limits": {"z": (np.nan, 1)}}, "limits: z: expected 2 numbers, each a finite number"),
         ({"limits": {1: (0, 1)}}, "limits: a name: expected text, found 1"),
         ({"horizon": 0}, "horizon: expected one interval at least, found 0"),

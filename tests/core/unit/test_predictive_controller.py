@@ -162,6 +162,18 @@ def test_commands_keep_ranges_and_rates(cruise):
     assert controller.model.steered.limited == 0  # nothing was left to the gait to cut
 
 
+def test_a_limit_may_have_one_side(cruise):
+    robot, start, name, found = cruise.robot, cruise.start(), "velocity of z", []
+    v = start["v"] + 0.2 * (np.array(robot.dof_names) == "z")
+    sample = FlightState(robot, 0.0, start["q"], v)
+    for limits in ({name: (None, 0.1)}, {name: (-5.0, 0.1)}, {name: (-5.0, None)}, {}):
+        controller = PredictiveController(cruise, BIRD_COMMANDS, limits=limits)
+        found.append(np.array(list(controller(0.0, sample).values())))
+    assert found[0] == pytest.approx(found[1], abs=1e-6)  # the tolerance of the program
+    assert found[2] == pytest.approx(found[3], abs=1e-6)
+    assert np.abs(found[0] - found[3]).max() > 0.01
+
+
 def test_slow_modes_are_held_and_what_grows_is_told(cruise):
     """The slowest closed-loop mode of the first two takes some 500 and 900 beats to settle."""
     loose = dict.fromkeys(("z", "yaw", "roll", "pitch"), 2.0)
