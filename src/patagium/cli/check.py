@@ -24,7 +24,10 @@ EXAMPLES = (
 def check(
     file: Annotated[
         Path,
-        typer.Argument(help="Robot (.yaml, .urdf), flight or log (.nc), table (.csv, .parquet)."),
+        typer.Argument(
+            help="Robot (.yaml, .urdf), plan (.yaml), flight or log (.nc), model (.json), table "
+            "(.csv, .parquet)."
+        ),
     ],
     mapping: MappingOption = None,
     as_json: JsonOption = False,
@@ -42,12 +45,15 @@ def check(
         raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
     elif ending == ".nc":
         facts = _netcdf_facts(file, as_json)
+    elif ending == ".json":
+        facts = _model_facts(file)
+    elif ending in (".yaml", ".yml") and (plan := _plan_facts(file)):
+        facts = plan
     elif ending in (".yaml", ".yml", ".urdf") or str(file) in preset_names():
         facts = {"kind": "robot", **robot_facts(load_robot(str(file)))}
     else:
-        raise ParameterError(
-            "file", "a name ending in .yaml, .urdf, .nc, .csv or .parquet", str(file)
-        )
+        expected = "a name ending in .yaml, .urdf, .nc, .json, .csv or .parquet"
+        raise ParameterError("file", expected, str(file))
     answer(facts, as_json=as_json, title=f"{file} can be used")
 
 
@@ -59,6 +65,27 @@ def robot_facts(robot: Robot) -> dict[str, Any]:
     moving = ", ".join(robot.dof_names[i] for i in robot.actuated)
     lines = chain_words(robot)
     return describe_robot(robot) | {"actuated": moving, "lifting lines": lines}
+
+
+def _plan_facts(file: Path) -> dict[str, Any] | None:
+    """Facts of a plan; None where the file is a robot's."""
+    from patagium.cli.plan import load_plan
+    from patagium.limits import ROBOT_FILE
+    from patagium.reading import parsed_yaml, text_of
+
+    told = parsed_yaml(text_of(existing(file), ROBOT_FILE), str(file))
+    if not isinstance(told, dict) or "robot" not in told:
+        return None
+    plan = load_plan(file)
+    events = [one.type for one in plan.events or ()]
+    return {"kind": "plan", "robot": plan.robot, "events": events}
+
+
+def _model_facts(file: Path) -> dict[str, Any]:
+    from patagium.learning import load_model
+
+    model = load_model(existing(file))
+    return {"kind": "model", "network": repr(model.network), "learned from": model.source}
 
 
 def _netcdf_facts(file: Path, as_json: bool) -> dict[str, Any]:

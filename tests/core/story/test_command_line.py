@@ -223,6 +223,16 @@ def test_check_says_what_a_good_file_holds(flight: Path, speak: Speak) -> None:
     seen = pt.sense(pt.load_flight(flight), [pt.sensors.presets.as5600()])
     sensors = pt.sensing.save_sensor_log(seen, flight.with_name("sensors.nc"))
     assert json.loads(speak("check", sensors, "--json").out)["kind"] == "sensor log"
+    plan = flight.with_name("plan.yaml")
+    plan.write_text(
+        "robot: ornithopter\nevents: [{type: payload, time: 1 s, body: body, mass: 1 g}]"
+    )
+    told = json.loads(speak("check", plan, "--json").out)
+    assert (told["kind"], told["robot"], told["events"]) == ("plan", "ornithopter", ["payload"])
+    model = flight.with_name("model.json")
+    pt.learning.save_model(model, pt.ExtendedLearner(pt.DenseNetwork(2, (3,), ("lift",))))
+    told = json.loads(speak("check", model, "--json").out)
+    assert told["kind"] == "model" and "(lift), 13 weights" in told["network"]
 
 
 def test_identify_then_evaluate_a_flight(flight: Path, tmp_path: Path, speak: Speak) -> None:

@@ -84,9 +84,7 @@ def test_a_cost_of_changes_below_zero_is_refused(orbit):
 
 def test_an_averaged_regulator_says_where_it_fails_and_does(orbit):
     words = {"averaged": True, "change_cost": 0.0}
-    with pytest.warns(
-        UserWarning, match=r"grow .* a beat under the averaged gain"
-    ):
+    with pytest.warns(UserWarning, match=r"grow .* a beat under the averaged gain"):
         averaged = LinearRegulator(orbit, COMMANDS, **words)
     assert np.ptp(averaged.gains, axis=0).max() < 1e-8
     grows = np.abs(averaged.multipliers).max()
