@@ -182,7 +182,7 @@ def kind_of(path: str | Path) -> str:
         return command("a robot; fly it first: patagium simulate {}", path)
     if head.startswith(b"\x89HDF"):
         with suppress(OSError, RuntimeError, PatagiumError), open_netcdf(file) as opened:
-            known = getattr(opened, "format", "").rpartition(" ")[0]
+            known = str(getattr(opened, "format", "")).rpartition(" ")[0]
             kinds = {known, *opened.ncattrs(), *opened.variables}
     elif found := _FORMAT.match(head):
         kinds = {found[1].decode()}

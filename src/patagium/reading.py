@@ -32,6 +32,12 @@ _PIECE = 1 << 24  # B that are expanded at a time
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 
 
+def beside(file: Path, name: str) -> str:
+    """Path of the file of a name that lies beside another; the name itself where there is none."""
+    place = os.path.join(file.parent, name)
+    return place if os.path.isfile(place) else name  # Path would fail where a name is too long
+
+
 def regular_file(path: str | Path, most: int | None = None) -> Path:
     """Path of a file that can be read from its beginning to its end.
 
@@ -49,8 +55,8 @@ def regular_file(path: str | Path, most: int | None = None) -> Path:
         reason, near = getattr(problem, "strerror", None) or str(problem), ""
         if isinstance(problem, FileNotFoundError):
             with suppress(OSError):
-                beside = [Path(name) for name in os.listdir(file.parent)]
-                alike = {one.stem: one.name for one in beside if one.suffix == file.suffix}
+                near_by = [Path(name) for name in os.listdir(file.parent)]
+                alike = {one.stem: one.name for one in near_by if one.suffix == file.suffix}
                 near = similar(file.stem, alike)
             reason = f"no such file{near}"
         raise Unreadable(str(path), "", "a file that can be read", reason) from None

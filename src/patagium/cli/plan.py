@@ -37,7 +37,7 @@ from patagium.control.predictive import OrbitController, PredictiveController
 from patagium.control.trimming import free_parameters, trim
 from patagium.errors import LogError, ParameterError, PatagiumError, positive, refuse_removed
 from patagium.limits import ROBOT_FILE
-from patagium.reading import parsed_yaml, refused, text_of
+from patagium.reading import beside, parsed_yaml, refused, text_of
 from patagium.robot import Robot, load_robot
 
 from patagium.robot.units import (  # isort: skip
@@ -263,8 +263,7 @@ def load_plan(name_or_path: str | Path) -> Plan:
         return Plan(robot=str(name_or_path))
     try:
         plan = Plan.model_validate(described)
-        beside = path.parent / plan.robot
-        robot = str(beside) if beside.is_file() else plan.robot
+        robot = beside(path, plan.robot)
         told = {**described, "robot": robot}
         return Plan.model_validate(told, context=load_robot(robot))
     except ValidationError as problem:

@@ -14,6 +14,7 @@ from patagium.cli.main import program, run
 from patagium.errors import ParameterError
 from patagium_lab.attack.calls import call_targets
 from patagium_lab.attack.files import READERS, file_targets
+from patagium_lab.attack.loops import loop_targets
 from patagium_lab.attack.oracle import LostState, Target, WrongNumber, judged
 from patagium_lab.attack.packets import packet_targets
 from patagium_lab.attack.page import page
@@ -26,7 +27,8 @@ from patagium_lab.attack.worker import attacked, attacked_here
 from patagium_lab.study import Stages
 
 CORPUS = sorted((Path(__file__).parent / "corpus").iterdir())
-TARGETS = {one.name: one for one in (*file_targets(), *packet_targets(), *call_targets())}
+SOURCES = (file_targets, packet_targets, call_targets, loop_targets)
+TARGETS = {one.name: one for source in SOURCES for one in source()}
 forks = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 
 

@@ -16,7 +16,7 @@ import yaml
 
 import patagium as pt
 from patagium import control
-from patagium.cli.plan import Prepared, load_plan
+from patagium.cli.plan import Prepared, event_of, load_plan
 from patagium.errors import Outcome
 from patagium.robot import Robot
 from patagium_lab.attack import seeds
@@ -155,7 +155,7 @@ def _plans(folder: Path) -> Callable[[Draw], None]:
         if plan.truth.air != "quasi-steady":  # another air is compiled
             truth = plan.truth.model_copy(update={"air": "quasi-steady"})
             plan = plan.model_copy(update={"truth": truth})
-        events = tuple(one.event() for one in plan.events or ())
+        events = tuple(event_of(one) for one in plan.events or ())
         known = plan.sensors.known(orbit.robot)
         flown(Prepared(plan, orbit, law, plan.duration or _DURATION, events, known).fly())
 

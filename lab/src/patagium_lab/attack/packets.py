@@ -151,7 +151,7 @@ def _plainly(text: bytes, columns: list[str]) -> Iterator[list[float]]:
         for name, cell in zip(names, cells, strict=True):
             found.setdefault(name, cell)
         try:
-            row = [float(found[name]) if found[name] else np.nan for name in columns]
+            row = [float(found[k].replace(b"_", b"?")) if found[k] else np.nan for k in columns]
         except ValueError:
             continue
         if np.isfinite(row[0]):

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from patagium.arguments import checked
 from patagium.errors import LogError, shown
 from patagium.limits import YAML_TEXT
-from patagium.reading import parsed_yaml, refused, text_of
+from patagium.reading import beside, parsed_yaml, refused, text_of
 from patagium.robot.units import pint_units, unit_for_pint, written_as_unit
 from patagium.sensing.logs.axes import AXES_WORDS, axes_of
 
@@ -242,8 +242,8 @@ def load_mapping(path: str | Path) -> TableMapping:
     file = Path(path)
     text = text_of(file, YAML_TEXT)
     mapping = parse_mapping(parsed_yaml(text, str(file)), str(file), text)
-    beside = file.parent / (mapping.robot or "")
-    return mapping.model_copy(update={"robot": str(beside)}) if beside.is_file() else mapping
+    robot = mapping.robot and beside(file, mapping.robot)
+    return mapping.model_copy(update={"robot": robot})
 
 
 def parse_mapping(words: Any, source: str = "mapping", text: str = "") -> TableMapping:
