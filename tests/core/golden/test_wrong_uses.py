@@ -155,7 +155,7 @@ robots aerobt
 robots --new hawk
 robots aerobat --draw a.bmp
 robots --draw a.png
-check model.json
+check figure.png
 check log.csv
 evaluate flight.nc model.json
 import log.csv

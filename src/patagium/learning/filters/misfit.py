@@ -77,13 +77,18 @@ class Misfit:
         self.parts["center"][:] = offset
         self.clock = np.array([np.nan, 0.0])
         self.heard = np.zeros(len(known), np.int64)
-        self.span, self._least = _C.UNSEEN, 0.0
+        self.span = _C.UNSEEN
         self.scale, self._weights = np.ones(len(known)), np.zeros(len(known))
+
+    @property
+    def least(self) -> float:
+        """Variance that is stated at least [y^2]."""
+        return float(_C.LEAST * self.parts["level"].max())
 
     @property
     def alone(self) -> Array:
         """Variance of the errors of the weights alone, (n_y,) [y^2]."""
-        return np.asarray(np.maximum(self.parts["alone"], _C.LEAST * self.parts["level"].max()))
+        return np.asarray(np.maximum(self.parts["alone"], self.least))
 
     def at(self, time: ArrayLike) -> Array:
         """Part of the last error that is expected at a time, (n_y,), or at several, (N, n_y) [y].
@@ -109,7 +114,7 @@ class Misfit:
         """
         parts, interval = self.parts, self.parts["interval"]
         nearer = (interval - parts["alone"] + parts["recent"]) * np.exp(2 * parts["width"])
-        nearer = np.maximum(nearer, self._least)
+        nearer = np.maximum(nearer, self.least)
         scale = np.sqrt(np.where(nearer > 0, nearer, interval) / interval)
         return mean + self.at(time), scale[:, None] * covariance * scale
 
@@ -158,9 +163,8 @@ class Misfit:
         if moving.any():
             logs = [log(a / b) / 2 for a, b in zip(level[moving], change[moving], strict=True)]
             self.span = min(max(exp(sum(logs) / len(logs)), 1.0), _C.MOST)
-        self._least = _C.LEAST * largest
         own = _C.LEAST * np.where(load > 0, load, 1.0)
-        least = np.full_like(level, self._least) if largest > 0 else own
+        least = np.full_like(level, self.least) if largest > 0 else own
         left = np.minimum(_C.LEFT * self.parts["residual"], level)
         misfit = np.maximum(self.floor**2 * level, left)
         return np.asarray(self._known + np.maximum(self.span * misfit, least))
@@ -178,7 +182,7 @@ class Misfit:
         interval[:] = widened(late, self._weights, self.parts["usual"])
         if carried:
             interval *= np.exp(2 * self.parts["width"])
-        interval[:] = np.where(interval > 0, np.maximum(interval, self._least), variances)
+        interval[:] = np.where(interval > 0, np.maximum(interval, self.least), variances)
         self.scale = np.sqrt(interval / variances)
         return self.scale
 
@@ -210,8 +214,10 @@ class Misfit:
         last[:] = carried
         error = innovation - carried
         for k in np.flatnonzero(kept).tolist():
-            missed = error[k] ** 2 > _C.QUANTILE * self.parts["interval"][k]
-            width[k] += _C.TURN * (float(missed) - _C.OUTSIDE)
+            stated = float(self.parts["interval"][k])
+            missed = error[k] ** 2 > _C.QUANTILE * stated
+            if missed or stated > self.least:
+                width[k] += _C.TURN * (float(missed) - _C.OUTSIDE)
             square = _capped(innovation[k] ** 2, alone[k], count)
             lagged[k] += middle * (copysign(sqrt(square), innovation[k]) * before[k] - lagged[k])
             power[k] += middle * (before[k] ** 2 - power[k])

@@ -124,7 +124,8 @@ static void learn_misfit(screening *s, const double *covariance, const double *i
     const double weights = covariance[k * s->channels + k] - s->noise[k];
     s->lagged[k] += middle * (rooted(innovation[k], square) * before - s->lagged[k]);
     s->power[k] += middle * (before * before - s->power[k]);
-    s->width[k] += TURN * ((e * e > QUANTILE * s->interval[k] ? 1 : 0) - OUTSIDE);
+    const int missed = e * e > QUANTILE * s->interval[k];
+    if (missed || s->interval[k] > s->least) s->width[k] += TURN * (missed - OUTSIDE);
     s->residual[k] += slow * (remains - s->residual[k]);
     s->recent[k] += fast * (capped(e * e, s->recent[k], s->whole[LEARNED]) - s->recent[k]);
     s->alone[k] += fast * (square - s->alone[k]);
