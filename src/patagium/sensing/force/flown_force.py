@@ -20,7 +20,7 @@ from patagium.sensing.motion.estimate_motion import estimate_motion
 from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog
 from patagium.sensing.sensors.joints import joint_names
 
-_WHITE = {"correlation": 0.0, "jitter": 0.0, "doubted": 0.0, "nis": 1.0}
+_WHITE = {"correlation": 0.0, "jitter": 0.0, "doubted": 0.0, "nis": 1.0, "shown": None}
 
 
 def motion_and_force(

@@ -7,7 +7,7 @@ turns the body by less than a few times what it turns between frames.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -39,6 +39,8 @@ _BACK = 40
 """Stretches over which a chain may leave out others."""
 _UNCLEAR = 1.5
 """Rotation over a gap above which the way that the body turned is not known [rad]."""
+_PAIRS = 500
+"""Pairs of frames that tell the usual error of steady motion."""
 _LONGEST_GAP = 1.0
 """Gap over which no motion is known without inertial units [s]."""
 
@@ -73,6 +75,7 @@ class _Steps:
         slack: Length by which a step of attitude and position may differ from a steady one,
             (N - 1, 2) [rad, m].
         jumps: Whether each step is a jump, (N - 1,).
+        known: Usual errors of steady motion, (2,) [rad, m], by the frames it goes over.
     """
 
     time: Array
@@ -81,6 +84,18 @@ class _Steps:
     rates: Array
     slack: Array
     jumps: Bools
+    known: dict[int, Array] = field(default_factory=dict)
+
+    def wander(self, span: float) -> Array:
+        """Errors of steady motion over a span, (2,) [rad, m], that are usual between jumps."""
+        ahead = max(1, round(span / float(np.median(np.diff(self.time)))))
+        if ahead not in self.known:
+            jumps = np.concatenate([[0], np.cumsum(self.jumps)])
+            begin = np.flatnonzero(jumps[ahead:] == jumps[:-ahead])
+            begin = begin[:: 1 + len(begin) // _PAIRS]
+            errors = _errors(self, begin, begin + ahead)[0]
+            self.known[ahead] = errors.max(axis=0) if len(begin) else np.zeros(2)
+        return self.known[ahead]
 
 
 def usable_frames(rows: Array) -> Bools:
@@ -267,24 +282,31 @@ def _continues(steps: _Steps, i: int, j: int, long: bool) -> bool:
 
     Where any attitude may, only a long stretch is believed after another.
     """
+    errors, mean, apart = _errors(steps, np.array([i]), np.array([j]))
     span = steps.time[j] - steps.time[i]
-    before, after = steps.rates[max(0, i - 2)], steps.rates[min(len(steps.time) - 1, j + 2)]
-    mean, apart = 0.5 * (before + after), np.abs(after - before)
-    turned = (steps.turns[i].inv() * steps.turns[j]).as_rotvec()
-    half = (
-        steps.turns[i].inv() * steps.turns[j] * Rotation.from_rotvec(-mean[:3] * span)
-    ).as_rotvec()
-    moved = steps.places[j] - steps.places[i] - mean[3:] * span
-    errors = np.array(
-        [min(np.linalg.norm(half), np.linalg.norm(turned - mean[:3] * span)), np.linalg.norm(moved)]
-    )
-    lengths = np.array([np.linalg.norm(mean[:3]), np.linalg.norm(mean[3:])]) * span
-    change = np.array([np.linalg.norm(apart[:3]), np.linalg.norm(apart[3:])]) * span
     usual = 0.5 * (steps.slack[max(0, i - 1)] + steps.slack[min(len(steps.slack) - 1, j)])
-    allowed = usual + 0.5 * lengths + 0.5 * change
+    allowed = np.maximum(usual + 0.5 * span * (mean + apart)[0], steps.wander(float(span)))
     if allowed[0] > _MOST[0]:
         return long
-    return bool((errors < allowed).all())
+    return bool((errors[0] < allowed).all())
+
+
+def _errors(steps: _Steps, i: Indices, j: Indices) -> tuple[Array, Array, Array]:
+    """Errors of steady motion from frames i to j, mean rate, its change, attitude and position.
+
+    Returns:
+        Each (K, 2) [rad, m; rad/s, m/s; rad/s, m/s].
+    """
+    span = (steps.time[j] - steps.time[i])[:, None]
+    before = steps.rates[np.maximum(0, i - 2)]
+    after = steps.rates[np.minimum(len(steps.time) - 1, j + 2)]
+    mean, back = 0.5 * (before + after), steps.turns[i].inv() * steps.turns[j]
+    half = (back * Rotation.from_rotvec(-mean[:, :3] * span)).as_rotvec()
+    ways = half, back.as_rotvec() - mean[:, :3] * span
+    turned = np.min([np.linalg.norm(one, axis=1) for one in ways], axis=0)
+    moved = np.linalg.norm(steps.places[j] - steps.places[i] - mean[:, 3:] * span, axis=1)
+    sizes = [np.linalg.norm(one.reshape(-1, 2, 3), axis=2) for one in (mean, after - before)]
+    return np.column_stack([turned, moved]), sizes[0], sizes[1]
 
 
 def _left_out(

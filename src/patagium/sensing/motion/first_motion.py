@@ -165,6 +165,11 @@ class Noise(NamedTuple):
     std: float
     correlation: float
 
+    @property
+    def slowest(self) -> float:
+        """Standard deviation of white noise with its density at the lowest frequencies [unit]."""
+        return self.std * float(np.sqrt((1 + self.correlation) / (1 - self.correlation)))
+
     def within(self, share: float) -> float:
         """Density over a share of all frequencies, the lowest, over that of white noise [1].
 
