@@ -119,15 +119,8 @@ def consistent_frames(camera: Stream) -> tuple[Bools, list[Stretch]]:
     found: list[Stretch] = []
     held = int((finite & ~seen).sum())
     if held:
-        begin, end = camera.time[finite & ~seen][[0, -1]]
-        found.append(
-            Stretch(
-                float(begin),
-                float(end),
-                "frames that repeat the last one",
-                held,
-            )
-        )
+        begin, end = camera.time[finite & ~seen][[0, -1]].tolist()
+        found.append(Stretch(begin, end, "frames that repeat the last one", held))
     places = np.flatnonzero(seen)
     if len(places) < 2 * _NEAR:
         return seen, found
@@ -135,12 +128,9 @@ def consistent_frames(camera: Stream) -> tuple[Bools, list[Stretch]]:
     ends = np.flatnonzero(steps.jumps)
     first = np.concatenate([[0], ends + 1])
     last = np.concatenate([ends, [len(places) - 1]])
-    chain = _longest_chain(steps, first, last)
     used = np.zeros(len(camera.rows), bool)
-    for k in range(len(first)):
-        rows = places[first[k] : last[k] + 1]
-        if k in chain:
-            used[rows] = True
+    for k in _longest_chain(steps, first, last):
+        used[places[first[k] : last[k] + 1]] = True
     found += _left_out(camera.time, places, used)
     return used, found
 
@@ -233,21 +223,10 @@ def _steps(time: Array, rows: Array) -> _Steps:
     slack = np.minimum(_SURPRISE * usual, _USUAL * np.median(apart, axis=0))
     slack = np.minimum(slack + _UNSTEADY * length + _LEAST, _MOST)
     both = np.vstack([steady[:1], 0.5 * (steady[1:] + steady[:-1]), steady[-1:]])
-    return _Steps(
-        time,
-        turns,
-        places,
-        both,
-        slack,
-        (apart > slack).any(axis=1),
-    )
+    return _Steps(time, turns, places, both, slack, (apart > slack).any(axis=1))
 
 
-def _longest_chain(
-    steps: _Steps,
-    first: Array,
-    last: Array,
-) -> set[int]:
+def _longest_chain(steps: _Steps, first: Array, last: Array) -> set[int]:
     """Numbers of the stretches of the chain with the most frames whose stretches continue."""
     count = len(first)
     score = (last - first + 1).astype(float)
@@ -256,19 +235,14 @@ def _longest_chain(
     step = float(np.median(np.diff(steps.time)))
     for i in range(count - 2, -1, -1):
         for j in range(i + 1, min(count, i + _BACK)):
-            if score[i] + ahead[j] > ahead[i] and _continues(
-                steps,
-                int(last[i]),
-                int(first[j]),
-                long=False,
-            ):
+            if score[i] + ahead[j] > ahead[i] and _continues(steps, last[i], first[j], long=False):
                 ahead[i] = score[i] + ahead[j]
     for j in range(1, count):
         for i in range(max(0, j - _BACK), j):
             if best[i] + score[j] <= best[j]:
                 continue
             long = min(best[i], ahead[j]) * step > _LONG
-            if _continues(steps, int(last[i]), int(first[j]), bool(long)):
+            if _continues(steps, last[i], first[j], bool(long)):
                 best[j], before[j] = best[i] + score[j], i
     chain, k = set(), int(np.argmax(best))
     while k >= 0:
@@ -309,28 +283,17 @@ def _errors(steps: _Steps, i: Indices, j: Indices) -> tuple[Array, Array, Array]
     return np.column_stack([turned, moved]), sizes[0], sizes[1]
 
 
-def _left_out(
-    time: Array,
-    places: Indices,
-    used: Bools,
-) -> list[Stretch]:
+def _left_out(time: Array, places: Indices, used: Bools) -> list[Stretch]:
     """Stretches of frames that were seen and are not used."""
     bad = ~used[places]
     edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]])))
     found = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        rows = places[begin:end]
-        word = (
-            "a pose that jumps away and back: markers swapped" if len(rows) > 1 else "one frame off"
-        )
+        stamps = time[places[begin:end]].tolist()
+        word = "a pose that jumps away and back: markers swapped"
         if begin == 0 or end == len(places):
             word = "a pose that nothing else confirms"
-        found.append(
-            Stretch(
-                float(time[rows[0]]),
-                float(time[rows[-1]]),
-                word,
-                len(rows),
-            )
-        )
+        elif len(stamps) == 1:
+            word = "one frame off"
+        found.append(Stretch(stamps[0], stamps[-1], word, len(stamps)))
     return found
