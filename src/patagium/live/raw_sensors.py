@@ -186,6 +186,7 @@ class MotionPackets:
         self._waiting: list[tuple[float, str, Array]] = []
         self.counts = dict.fromkeys(("late", "clock_resets", "out_of_range", "lost_tracks"), 0)
         self._newest: dict[str, float] = {}
+        self._first: dict[str, float] = {}
         self._late: dict[str, tuple[float, int]] = {}
         self._samples = {name: [0, 0] for name in self._sensors}
         self._told: set[str] = set()
@@ -210,11 +211,12 @@ class MotionPackets:
             LogError: If the sensors do not tell the motion.
         """
         began = perf_counter()
-        for row in () if rows is None else rows:
-            self._sort(row)
-        if self._tracker is None and (rows is None or self._settled()):
-            self._begin()
-            began = perf_counter()
+        for row in (None,) if rows is None else rows:  # one by one: a block may be long
+            if row is not None:
+                self._sort(row)
+            if self._tracker is None and (row is None or self._settled()):
+                self._begin()
+                began = perf_counter()
         if self._tracker is not None:
             self._tell_saturated()
             made = self._follow(ended=rows is None)
@@ -244,6 +246,7 @@ class MotionPackets:
             self._samples[name][1] += 1
             if name in self._seeing:
                 self._waiting.append((stamp, name, values))
+                self._first.setdefault(name, stamp)
             else:
                 self._torque.add(name, stamp, values)
         self.counts["late"] += late
@@ -256,7 +259,7 @@ class MotionPackets:
             if self._late[name][1] < _RESTARTED:
                 return False
             self.counts["clock_resets"] += 1
-            for held in (self._newest, self._late, self._waiting, self._due):
+            for held in (self._newest, self._first, self._late, self._waiting, self._due):
                 held.clear()
             self._torque.clear()
             self._tracker = None if self._tracker is None else self._started()
@@ -273,11 +276,8 @@ class MotionPackets:
 
     def _settled(self) -> bool:
         """Whether all sensors have told enough, or one has told it three times."""
-        spans = dict.fromkeys(self._seeing, 0.0)
-        for stamp, name, _ in reversed(self._waiting):
-            spans[name] = self._newest[name] - stamp
-        longest, shortest = max(spans.values()), min(spans.values())
-        return shortest >= _SETTLING or longest >= 3 * _SETTLING
+        spans = [self._newest.get(name, 0.0) - self._first.get(name, 0.0) for name in self._seeing]
+        return min(spans) >= _SETTLING or max(spans) >= 3 * _SETTLING
 
     def _begin(self) -> None:
         """Find clocks, noise and driving noise from the first samples, and start the tracker."""

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.spatial.transform import Rotation
 
 import patagium as pt
 from patagium.cli.main import run
@@ -318,3 +319,28 @@ def test_the_air_of_a_mapping_comes_with_the_motion(robot: pt.Robot) -> None:
     )
     motion = pt.estimate_motion(pt.sensor_log(log, robot))
     assert pt.inverse_dynamics_force(motion).air == pt.Air(1.1, (-2.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_load_cell_of_the_other_sign_is_asked_for(rng: np.random.Generator, sign: float) -> None:
+    """A body at rest weighs on its cell: nothing else tells the sign."""
+    body = "{floating: true, mass: 0.05, shape: {type: box, size: [0.1, 0.06, 0.04]}}"
+    brick = load_robot_text(f"{{name: brick, gravity: 9.81, bodies: {{body: {body}}}}}", "brick")
+    time = 0.005 * np.arange(80)
+    place = 2e-4 * rng.standard_normal((80, 3))
+    turns = S.as_quaternion(Rotation.from_rotvec(3e-3 * rng.standard_normal((80, 3))))
+    wrench = 2e-3 * rng.standard_normal((80, 6)) + sign * 0.05 * 9.81 * np.eye(6)[2]
+    parts = {"cameras": {"position": place, "quaternion": turns}, "cell": {"wrench": wrench}}
+    readings = {
+        name: xr.Dataset({k: (("time", k), v) for k, v in held.items()}, {"time": time})
+        for name, held in parts.items()
+    }
+    sensors = {
+        "cameras": S.MotionCapture(name="cameras", body="body", rate=200.0),
+        "cell": S.LoadCell(name="cell", body="body", rate=200.0),
+    }
+    motion, forces = motion_and_force(
+        pt.sensing.SensorLog(readings, sensors, {}, brick, "load cell")
+    )
+    notes = json.loads(motion.attrs["findings"])["notes"]
+    assert any("`negated: true`" in one for one in notes) == (sign < 0), forces.force.mean(axis=0)

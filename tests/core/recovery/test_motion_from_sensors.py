@@ -164,6 +164,18 @@ def test_noise_on_its_floor_is_said(flight: xr.Dataset) -> None:
     )
 
 
+@pytest.mark.parametrize("upright", [True, False])
+def test_a_unit_that_is_mounted_otherwise_than_stated_is_said(
+    flight: xr.Dataset, *, upright: bool
+) -> None:
+    log = pt.sense(flight, SENSORS).without_truth()
+    turn = np.array([1.0, 1.0, 1.0] if upright else [1.0, -1.0, -1.0])
+    unit = {name: turn * log["icm_42688_p"][name] for name in ("specific_force", "angular_rate")}
+    log = replace(log, readings={**log.readings, "icm_42688_p": log["icm_42688_p"].assign(unit)})
+    notes = json.loads(pt.estimate_motion(log).attrs["findings"])["notes"]
+    assert any("off what the other sensors say" in one for one in notes) != upright
+
+
 def test_accelerations_converge_as_noise_falls(flight: xr.Dataset) -> None:
     robot = pt.load_robot("aerobat")
     columns = [robot.index(name) + 2 * robot.dof for name in ("z", "left_plunge")]

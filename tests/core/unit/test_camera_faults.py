@@ -88,3 +88,22 @@ def test_stamps_that_tell_when_it_was_are_kept(rng: np.random.Generator) -> None
     place = np.column_stack([time, 0 * time, np.sin(time)])
     rows = np.hstack([place, as_quaternion(turns)])
     assert on_regular_clock(Stream("cameras", even.model, time, rows)) is None
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_what_lies_before_a_gap_is_kept_of_a_body_that_beats_its_wings(
+    rng: np.random.Generator, *, turned: bool
+) -> None:
+    """It shakes at 4 Hz; over the gap steady motion does not lead from one pose to the next."""
+    stream = camera(rng, 0.0)
+    shake = np.sin(2 * np.pi * 4.0 * stream.time + 0.3)
+    stream.rows[:, 2] += 0.05 * shake
+    pitch = Rotation.from_rotvec(np.outer(0.15 * shake, [0.0, 1.0, 0.0]))
+    stream.rows[:, 3:] = as_quaternion(pitch * pt.sensors.from_quaternion(stream.rows[:, 3:]))
+    lost = slice(101, 120)
+    if turned:
+        swapped(stream.rows, lost)
+    else:
+        stream.rows[lost] = np.nan
+    used, _ = consistent_frames(stream)
+    assert not used[lost].any() and used.sum() == 300 - 19

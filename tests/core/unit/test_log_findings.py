@@ -151,3 +151,31 @@ def test_a_position_must_move_as_its_velocity_says(
     )
     found = [one.text for one in import_log(path, mapping, tmp_path / "log.nc").findings]
     assert any(words in text for text in found) if words else not found, found
+
+
+def test_sensors_on_turned_frames_of_a_robot_do_not_contradict_each_other(tmp_path: Path) -> None:
+    """Each is on a frame of its own: the unit hangs upside down from the body."""
+    (tmp_path / "brick.yaml").write_text(
+        "{name: brick, gravity: 9.81, bodies: {body: {floating: true, mass: 0.05, shape: {type: "
+        "box, size: [0.1, 0.06, 0.04]}}, markers: {parent: body, massless: true}, unit: {parent: "
+        "body, at: [0, 0, 0.01], orientation: [180 deg, 0, 0], massless: true}}}"
+    )
+    t = 0.005 * np.arange(2000)
+    yaw, rate = 2 * np.sin(t), 2 * np.cos(t)
+    table = {"t": t, "p.x": 0 * t, "p.y": 0 * t, "p.z": 0 * t, "q.w": np.cos(yaw / 2)}
+    table |= {"q.x": 0 * t, "q.y": 0 * t, "q.z": np.sin(yaw / 2), "w.x": 0 * t, "w.y": 0 * t}
+    table |= {"w.z": -rate, "f.x": 0 * t, "f.y": 0 * t, "f.z": 0 * t - 9.81}
+    path = tmp_path / "log.csv"
+    pd.DataFrame(table).to_csv(path, index=False)
+    channels = [
+        {"column": "p", "frame": "nwu", "unit": "m", "name": "markers.position"},
+        {"column": "q", "order": "wxyz", "frame": "nwu", "body": "flu", "name": "markers.attitude"},
+        {"column": "w", "frame": "flu", "unit": "rad/s", "name": "unit.rate"},
+        {"column": "f", "frame": "flu", "unit": "m/s^2", "name": "unit.force"},
+    ]
+    words = {"time": {"column": "t"}, "robot": str(tmp_path / "brick.yaml"), "channels": channels}
+    found = import_log(path, parse_mapping(words), tmp_path / "log.nc").findings
+    assert not [one for one in found if one.kind == "axes"], found
+    del words["robot"]
+    found = import_log(path, parse_mapping(words), tmp_path / "log.nc").findings
+    assert len([one for one in found if one.kind == "axes"]) == 2, found

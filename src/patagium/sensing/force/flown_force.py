@@ -17,10 +17,14 @@ from patagium.sensing.force.measured_force import (
     motor_forces,
 )
 from patagium.sensing.motion.estimate_motion import estimate_motion
+from patagium.sensing.motion.frame_model import floating_base
 from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog
 from patagium.sensing.sensors.joints import joint_names
 
-_WHITE = {"correlation": 0.0, "jitter": 0.0, "doubted": 0.0, "nis": 1.0}
+_WHITE = {"correlation": 0.0, "jitter": 0.0, "doubted": 0.0, "nis": 1.0, "shown": None}
+
+_HELD_DOWN = 1.5
+"""Mean lift over weight from which the sign of a load cell is asked for."""
 
 
 def motion_and_force(
@@ -59,11 +63,21 @@ def motion_and_force(
         for part, unit, std in white:
             told = {"sensor": name, "part": part, "unit": unit, "std": std}
             facts["noise"].append(told | _WHITE)
-    motion.attrs["findings"] = json.dumps(facts)
     found = inverse_dynamics_force(motion, joints=joints, mount=mount)
     unknown = ~motion["known"].values
     found.force[unknown] = np.nan
     found.covariance[unknown] = np.nan
+    base = floating_base(found.robot)
+    if mount is not None and base is not None and not unknown.all():
+        weight = found.robot.mass * found.robot.gravity
+        lift = float(np.nanmean(found.force[:, base.place[2]])) / weight
+        if lift > _HELD_DOWN:
+            facts["notes"].append(
+                f"Warning: load cell: the air lifts {lift:.2g} times the weight, or, if the cell "
+                f"shows what the robot does to it, {2 - lift:.2g} times: then it lacks "
+                "`negated: true` in the mapping"
+            )
+    motion.attrs["findings"] = json.dumps(facts)
     return motion, found
 
 

@@ -218,7 +218,7 @@ def _place(found: _Found, name: str, values: xr.DataArray, body: str | None) -> 
     """Put a quantity with what measured it; one that tells nothing of motion is left out."""
     unit = str(values.attrs.get("units", ""))
     numbers = np.asarray(values.transpose("time", ...).values, float)
-    where, dim = body or _body_in(name, found.robot), values.dims[-1]
+    where, dim = body or body_in(name, found.robot), values.dims[-1]
     if dim in ("axis", "quaternion"):
         kind = "attitude" if dim == "quaternion" else _VECTORS.get(unit)
         if kind is not None and where is not None:
@@ -234,7 +234,7 @@ def _place(found: _Found, name: str, values: xr.DataArray, body: str | None) -> 
         found.efforts.setdefault(joint, (name, numbers))
 
 
-def _body_in(name: str, robot: Robot) -> str | None:
+def body_in(name: str, robot: Robot) -> str | None:
     """Body whose name is the longest one in the name of a quantity, else the floating one."""
     named = [body.name for body in robot.bodies if body.name.lower() in name.lower()]
     floating = [body.name for body in robot.floating_bodies.values()]

@@ -7,7 +7,7 @@ turns the body by less than a few times what it turns between frames.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -39,6 +39,8 @@ _BACK = 40
 """Stretches over which a chain may leave out others."""
 _UNCLEAR = 1.5
 """Rotation over a gap above which the way that the body turned is not known [rad]."""
+_PAIRS = 500
+"""Pairs of frames that tell the usual error of steady motion."""
 _LONGEST_GAP = 1.0
 """Gap over which no motion is known without inertial units [s]."""
 
@@ -73,6 +75,7 @@ class _Steps:
         slack: Length by which a step of attitude and position may differ from a steady one,
             (N - 1, 2) [rad, m].
         jumps: Whether each step is a jump, (N - 1,).
+        known: Usual errors of steady motion, (2,) [rad, m], by the frames it goes over.
     """
 
     time: Array
@@ -81,6 +84,18 @@ class _Steps:
     rates: Array
     slack: Array
     jumps: Bools
+    known: dict[int, Array] = field(default_factory=dict)
+
+    def wander(self, span: float) -> Array:
+        """Errors of steady motion over a span, (2,) [rad, m], that are usual between jumps."""
+        ahead = max(1, round(span / float(np.median(np.diff(self.time)))))
+        if ahead not in self.known:
+            jumps = np.concatenate([[0], np.cumsum(self.jumps)])
+            begin = np.flatnonzero(jumps[ahead:] == jumps[:-ahead])
+            begin = begin[:: 1 + len(begin) // _PAIRS]
+            errors = _errors(self, begin, begin + ahead)[0]
+            self.known[ahead] = errors.max(axis=0) if len(begin) else np.zeros(2)
+        return self.known[ahead]
 
 
 def usable_frames(rows: Array) -> Bools:
@@ -104,15 +119,8 @@ def consistent_frames(camera: Stream) -> tuple[Bools, list[Stretch]]:
     found: list[Stretch] = []
     held = int((finite & ~seen).sum())
     if held:
-        begin, end = camera.time[finite & ~seen][[0, -1]]
-        found.append(
-            Stretch(
-                float(begin),
-                float(end),
-                "frames that repeat the last one",
-                held,
-            )
-        )
+        begin, end = camera.time[finite & ~seen][[0, -1]].tolist()
+        found.append(Stretch(begin, end, "frames that repeat the last one", held))
     places = np.flatnonzero(seen)
     if len(places) < 2 * _NEAR:
         return seen, found
@@ -120,12 +128,9 @@ def consistent_frames(camera: Stream) -> tuple[Bools, list[Stretch]]:
     ends = np.flatnonzero(steps.jumps)
     first = np.concatenate([[0], ends + 1])
     last = np.concatenate([ends, [len(places) - 1]])
-    chain = _longest_chain(steps, first, last)
     used = np.zeros(len(camera.rows), bool)
-    for k in range(len(first)):
-        rows = places[first[k] : last[k] + 1]
-        if k in chain:
-            used[rows] = True
+    for k in _longest_chain(steps, first, last):
+        used[places[first[k] : last[k] + 1]] = True
     found += _left_out(camera.time, places, used)
     return used, found
 
@@ -218,21 +223,10 @@ def _steps(time: Array, rows: Array) -> _Steps:
     slack = np.minimum(_SURPRISE * usual, _USUAL * np.median(apart, axis=0))
     slack = np.minimum(slack + _UNSTEADY * length + _LEAST, _MOST)
     both = np.vstack([steady[:1], 0.5 * (steady[1:] + steady[:-1]), steady[-1:]])
-    return _Steps(
-        time,
-        turns,
-        places,
-        both,
-        slack,
-        (apart > slack).any(axis=1),
-    )
+    return _Steps(time, turns, places, both, slack, (apart > slack).any(axis=1))
 
 
-def _longest_chain(
-    steps: _Steps,
-    first: Array,
-    last: Array,
-) -> set[int]:
+def _longest_chain(steps: _Steps, first: Array, last: Array) -> set[int]:
     """Numbers of the stretches of the chain with the most frames whose stretches continue."""
     count = len(first)
     score = (last - first + 1).astype(float)
@@ -241,19 +235,14 @@ def _longest_chain(
     step = float(np.median(np.diff(steps.time)))
     for i in range(count - 2, -1, -1):
         for j in range(i + 1, min(count, i + _BACK)):
-            if score[i] + ahead[j] > ahead[i] and _continues(
-                steps,
-                int(last[i]),
-                int(first[j]),
-                long=False,
-            ):
+            if score[i] + ahead[j] > ahead[i] and _continues(steps, last[i], first[j], long=False):
                 ahead[i] = score[i] + ahead[j]
     for j in range(1, count):
         for i in range(max(0, j - _BACK), j):
             if best[i] + score[j] <= best[j]:
                 continue
             long = min(best[i], ahead[j]) * step > _LONG
-            if _continues(steps, int(last[i]), int(first[j]), bool(long)):
+            if _continues(steps, last[i], first[j], bool(long)):
                 best[j], before[j] = best[i] + score[j], i
     chain, k = set(), int(np.argmax(best))
     while k >= 0:
@@ -267,48 +256,44 @@ def _continues(steps: _Steps, i: int, j: int, long: bool) -> bool:
 
     Where any attitude may, only a long stretch is believed after another.
     """
+    errors, mean, apart = _errors(steps, np.array([i]), np.array([j]))
     span = steps.time[j] - steps.time[i]
-    before, after = steps.rates[max(0, i - 2)], steps.rates[min(len(steps.time) - 1, j + 2)]
-    mean, apart = 0.5 * (before + after), np.abs(after - before)
-    turned = (steps.turns[i].inv() * steps.turns[j]).as_rotvec()
-    half = (
-        steps.turns[i].inv() * steps.turns[j] * Rotation.from_rotvec(-mean[:3] * span)
-    ).as_rotvec()
-    moved = steps.places[j] - steps.places[i] - mean[3:] * span
-    errors = np.array(
-        [min(np.linalg.norm(half), np.linalg.norm(turned - mean[:3] * span)), np.linalg.norm(moved)]
-    )
-    lengths = np.array([np.linalg.norm(mean[:3]), np.linalg.norm(mean[3:])]) * span
-    change = np.array([np.linalg.norm(apart[:3]), np.linalg.norm(apart[3:])]) * span
     usual = 0.5 * (steps.slack[max(0, i - 1)] + steps.slack[min(len(steps.slack) - 1, j)])
-    allowed = usual + 0.5 * lengths + 0.5 * change
+    allowed = np.maximum(usual + 0.5 * span * (mean + apart)[0], steps.wander(float(span)))
     if allowed[0] > _MOST[0]:
         return long
-    return bool((errors < allowed).all())
+    return bool((errors[0] < allowed).all())
 
 
-def _left_out(
-    time: Array,
-    places: Indices,
-    used: Bools,
-) -> list[Stretch]:
+def _errors(steps: _Steps, i: Indices, j: Indices) -> tuple[Array, Array, Array]:
+    """Errors of steady motion from frames i to j, mean rate, its change, attitude and position.
+
+    Returns:
+        Each (K, 2) [rad, m; rad/s, m/s; rad/s, m/s].
+    """
+    span = (steps.time[j] - steps.time[i])[:, None]
+    before = steps.rates[np.maximum(0, i - 2)]
+    after = steps.rates[np.minimum(len(steps.time) - 1, j + 2)]
+    mean, back = 0.5 * (before + after), steps.turns[i].inv() * steps.turns[j]
+    half = (back * Rotation.from_rotvec(-mean[:, :3] * span)).as_rotvec()
+    ways = half, back.as_rotvec() - mean[:, :3] * span
+    turned = np.min([np.linalg.norm(one, axis=1) for one in ways], axis=0)
+    moved = np.linalg.norm(steps.places[j] - steps.places[i] - mean[:, 3:] * span, axis=1)
+    sizes = [np.linalg.norm(one.reshape(-1, 2, 3), axis=2) for one in (mean, after - before)]
+    return np.column_stack([turned, moved]), sizes[0], sizes[1]
+
+
+def _left_out(time: Array, places: Indices, used: Bools) -> list[Stretch]:
     """Stretches of frames that were seen and are not used."""
     bad = ~used[places]
     edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]])))
     found = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        rows = places[begin:end]
-        word = (
-            "a pose that jumps away and back: markers swapped" if len(rows) > 1 else "one frame off"
-        )
+        stamps = time[places[begin:end]].tolist()
+        word = "a pose that jumps away and back: markers swapped"
         if begin == 0 or end == len(places):
             word = "a pose that nothing else confirms"
-        found.append(
-            Stretch(
-                float(time[rows[0]]),
-                float(time[rows[-1]]),
-                word,
-                len(rows),
-            )
-        )
+        elif len(stamps) == 1:
+            word = "one frame off"
+        found.append(Stretch(stamps[0], stamps[-1], word, len(stamps)))
     return found

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation, Slerp
@@ -20,6 +21,7 @@ from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError, positive
 from patagium.robot import Robot
+from patagium.sensing.motion.first_motion import spectral_noise
 from patagium.sensing.motion.frame_model import Motion, floating_base, with_euler_angles
 from patagium.sensing.motion.motion_spline import conjugate, product
 from patagium.sensing.motion.sensor_streams import (
@@ -147,7 +149,7 @@ def _track(robot: Robot, stream: Stream) -> _Track | None:
     step = min(median, 1e-3)
     times = np.linspace(begin, end, 1 + round((end - begin) / step))
     if isinstance(model, EncoderModel):
-        state = smooth_series(stream.time, stream.rows, model.std, times).state
+        state = _smoothed(stream.time, stream.rows, model.std, times)
         return _Track(stream, tuple(model.columns), CubicSpline(times, state), None)
     if isinstance(model, CaptureModel) and base is not None:
         state, attitude = _smooth_base(stream, model, times)
@@ -165,13 +167,13 @@ def _smooth_base(camera: Stream, model: CaptureModel, times: Array) -> tuple[Arr
         raise LogError(f"{camera.name}: expected cameras that see the floating body itself")
     seen = np.isfinite(camera.rows).all(axis=1)
     std = np.sqrt(model.variance)
-    place = smooth_series(camera.time[seen], camera.rows[seen, :3], std[:3], times).state
+    place = _smoothed(camera.time[seen], camera.rows[seen, :3], std[:3], times)
     mount = Rotation.from_matrix(model.frame.mount)
     shown = from_quaternion(camera.rows[seen, 3:]) * mount.inv()
     parts = shown.as_quat()
     flips = np.cumprod(np.sign(np.einsum("ij,ij->i", parts[1:], parts[:-1])))
     parts[1:] *= flips[:, None]
-    turned = smooth_series(camera.time[seen], parts, float(std[3:].mean()) / 2, times).state
+    turned = _smoothed(camera.time[seen], parts, std[3:].mean() / 2, times)
     four = turned / np.linalg.norm(turned[:, :, 0], axis=1)[:, None, None]
     attitude = Rotation.from_quat(np.array(four[:, :, 0]))
     back = conjugate(four[:, :, 0])
@@ -184,6 +186,16 @@ def _smooth_base(camera: Stream, model: CaptureModel, times: Array) -> tuple[Arr
     )
     turn = np.stack([np.zeros_like(spin), spin, spin_rate], axis=-1)
     return np.concatenate([place - moved, turn], axis=1), attitude
+
+
+def _smoothed(time: Array, values: Array, stated: ArrayLike, at: Array) -> Array:
+    """Values and two derivatives, (M, B, 3), with the noise of the spectrum where less is stated.
+
+    With too little noise the derivatives are noise, least between samples: a shift of half a step.
+    """
+    seen = np.isfinite(values).all(axis=1)
+    shown = spectral_noise(time[seen], values[seen], 4).std if seen.any() else np.nan
+    return smooth_series(time, values, np.fmax(stated, shown), at).state
 
 
 class _Search:

@@ -54,6 +54,8 @@ from patagium.sensing.sensors import SensorLog, as_quaternion, from_quaternion
 
 UNKNOWN = (1e-1, 3e1, 3e2)
 """Least standard deviation of position [m, rad], rate and acceleration before any sample."""
+_APART = 5.0
+"""Noise of a part over that of its spectrum from which sensors contradict each other."""
 _MEMORY = 0.02
 """Time over which driving noise may have built up the initial rates [s]."""
 
@@ -456,8 +458,8 @@ def motion_findings(fitted: MotionFits) -> dict[str, Any]:
     Returns:
         `noise`: for each sensor and part its standard deviation, correlation from sample to
         sample, jitter of stamps [s], share of samples with little weight, and mean square of
-        the residuals over what is expected; `stretches`: times left out or not known, with
-        reasons; `notes`: assumptions about stamps.
+        the residuals over what is expected, noise of its spectrum; `stretches`: times left out or
+        not known, with reasons; `notes`: assumptions about stamps, and sensors that contradict.
     """
     noise = [
         {"sensor": one.stream.name, **facts}
@@ -472,8 +474,15 @@ def motion_findings(fitted: MotionFits) -> dict[str, Any]:
         for one in noise
         if one["std"] < 1.01 * FLOOR[one["unit"]]
     ]
+    apart = [
+        f"Warning: {one['sensor']}, {one['part']}: its samples scatter by {one['shown']:.2g} "
+        f"{one['unit']}, but are {one['std']:.2g} {one['unit']} off what the other sensors say: "
+        "check clocks (pt.sensing.estimate_shifts), units, axes, and where the sensor sits and how"
+        for one in noise
+        if one["shown"] is not None and one["std"] > _APART * max(one["shown"], FLOOR[one["unit"]])
+    ]
     return {
         "noise": noise,
         "stretches": [asdict(one) for one in fitted.stretches],
-        "notes": fitted.notes + floor,
+        "notes": fitted.notes + floor + apart,
     }

@@ -54,11 +54,7 @@ class FirstMotion:
     turned: Mapping[int, tuple[Array, Array]]
     attitude: Slerp | None
 
-    def at(
-        self,
-        times: Array,
-        columns: Indices,
-    ) -> tuple[Array, Rotation | None]:
+    def at(self, times: Array, columns: Indices) -> tuple[Array, Rotation | None]:
         """Values of columns at given times, (N, n) [m, rad], and the attitude; zero if unseen."""
         found = np.zeros((len(times), len(columns)))
         for k, column in enumerate(columns.tolist()):
@@ -68,11 +64,7 @@ class FirstMotion:
             return found, None
         return found, self.attitude(np.clip(times, *self.attitude.times[[0, -1]]))
 
-    def density(
-        self,
-        columns: Indices,
-        order: int,
-    ) -> Array:
+    def density(self, columns: Indices, order: int) -> Array:
         """Density of the noise that drives each column, (n,) [unit^2/s^(2 order - 1)]."""
         known = {**self.values, **self.turned}
         found = [
@@ -82,11 +74,7 @@ class FirstMotion:
         return np.where(np.isfinite(found), found, np.nanmax([*found, 1e-6]))
 
 
-def first_motion(
-    robot: Robot,
-    streams: Sequence[Stream],
-    used: Mapping[str, Bools],
-) -> FirstMotion:
+def first_motion(robot: Robot, streams: Sequence[Stream], used: Mapping[str, Bools]) -> FirstMotion:
     """First guess of a motion from encoders and the first cameras.
 
     Args:
@@ -117,24 +105,13 @@ def first_motion(
     place, _, _ = frame.poses(levels, attitude)
     for k, column in enumerate(base.place):
         values[column] = time, rows[:, k] - place[:, k]
-    _, angles = captured_motion(
-        Stream(
-            camera.name,
-            camera.model,
-            time,
-            rows,
-        )
-    )
+    _, angles = captured_motion(Stream(camera.name, camera.model, time, rows))
     for k, column in enumerate(base.turn):
         turned[column] = time, angles[:, k]
     return FirstMotion(values, turned, Slerp(time, attitude))
 
 
-def spectral_density(
-    time: Array,
-    values: Array,
-    order: int,
-) -> float:
+def spectral_density(time: Array, values: Array, order: int) -> float:
     """Density of the white noise that drives a derivative of a series [unit^2/s^(2 order - 1)].
 
     Args:
@@ -164,6 +141,11 @@ class Noise(NamedTuple):
 
     std: float
     correlation: float
+
+    @property
+    def slowest(self) -> float:
+        """Standard deviation of white noise with its density at the lowest frequencies [unit]."""
+        return self.std * float(np.sqrt((1 + self.correlation) / (1 - self.correlation)))
 
     def within(self, share: float) -> float:
         """Density over a share of all frequencies, the lowest, over that of white noise [1].
@@ -213,11 +195,7 @@ class _Spectrum:
     step: float
 
     @classmethod
-    def of(
-        cls,
-        time: Array,
-        values: Array,
-    ) -> _Spectrum | None:
+    def of(cls, time: Array, values: Array) -> _Spectrum | None:
         """Spectra of samples (N,); None if they are too few."""
         step = float(np.median(np.diff(time)))
         ends = np.flatnonzero(np.diff(time) > 2.5 * step) + 1
@@ -241,15 +219,10 @@ class _Spectrum:
         series = series - (series @ line / (line @ line))[:, None] * line
         power = np.abs(np.fft.rfft(series * window, axis=1)) ** 2 * step / (window @ window)
         turn = 2 * np.pi * np.fft.rfftfreq(length, step)
-        return cls(
-            power[:, 3:-1], np.asarray(turn[3:-1], float), step
-        )  # the window mixes the lowest
+        # the window mixes the lowest frequencies
+        return cls(power[:, 3:-1], np.asarray(turn[3:-1], float), step)
 
-    def misfits(
-        self,
-        order: int,
-        correlation: float,
-    ) -> tuple[Array, Array]:
+    def misfits(self, order: int, correlation: float) -> tuple[Array, Array]:
         """Misfit by stretch, noise and density, (S, 5, 40), and the densities, (40,).
 
         The model is density / w^(2 order) and noise with a correlation from sample to sample.

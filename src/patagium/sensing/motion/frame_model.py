@@ -112,6 +112,11 @@ class FrameModel:
         position: Position of the frame from the body's origin, body axes, (3,) [m].
         orientation: Rotation from the frame's axes to body axes, (3, 3) [-].
 
+    Attributes:
+        offset: Position of the frame on the body that moves with it, that body's axes, (3,) [m].
+        mount: Rotation from the frame's axes to that body's, (3, 3) [-].
+        on_base: Whether the frame moves with the floating body.
+
     Raises:
         ParameterError: If the robot has no such body, or several floating bodies.
     """
@@ -122,12 +127,15 @@ class FrameModel:
         self.robot, self.base = robot, floating_base(robot)
         self.offset = np.asarray(position, float)
         self.mount = np.asarray(orientation, float)
-        self._both = np.kron(np.eye(2), self.mount.T)
         index = robot.body_index(body)
+        while (held := robot.bodies[index]).parent >= 0 and not held.joints:  # a fixed frame
+            index, turn = held.parent, np.array(held.orientation, float)
+            self.offset, self.mount = held.position + turn @ self.offset, turn @ self.mount
+        self._both = np.kron(np.eye(2), self.mount.T)
         functions = load_functions(
             f"motion of body {index} {robot.structure}",
             lambda: _functions(robot, index),
-            label=f"{robot.name} motion of {body}",
+            label=f"{robot.name} motion of {robot.bodies[index].name}",
         )
         self.inertial_function, self.pose_function = functions["inertial"], functions["pose"]
         self.parameters = robot.parameters

@@ -108,7 +108,7 @@ class Samples:
         ]
 
     def describe(self) -> list[dict[str, Any]]:
-        """Noise and weights of each part as learned, JSON-able."""
+        """Noise and weights of each part as learned, and the noise of its spectrum, JSON-able."""
         return [
             {
                 "part": part.name,
@@ -118,6 +118,7 @@ class Samples:
                 "jitter": float(np.sqrt(self.jitter[k])),
                 "doubted": float((self.weight[self.used, k] < 0.5).mean()),
                 "nis": float(self.nis[k]),
+                "shown": shown if np.isfinite(shown := self.first[k].slowest) else None,
             }
             for k, part, place in self.parts()
         ]

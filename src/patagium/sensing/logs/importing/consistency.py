@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from patagium.arrays import Array
+from patagium.robot import Robot
 from patagium.sensing.logs.axes import continuous, rotate, slerp, turning_rate
 from patagium.sensing.logs.importing.findings import (
     GRAVITY,
@@ -28,6 +29,7 @@ from patagium.sensing.logs.importing.findings import (
 )
 from patagium.sensing.logs.importing.plan import Quantity
 from patagium.sensing.logs.importing.resample import Spool, TimeBase, resampled, stamps_in
+from patagium.sensing.logs.sensor_log import body_in
 from patagium.sensing.motion.camera_faults import consistent_frames
 from patagium.sensing.motion.sensor_streams import ImuModel, Stream, first_camera
 from patagium.sensing.sensors import as_quaternion, from_quaternion
@@ -84,23 +86,19 @@ class _Forces:
     compared: int = 0
 
 
+@np.errstate(all="ignore")  # numbers of a damaged log may be of any size
 def consistency(
-    spool: Spool, base: TimeBase, gap: float
+    spool: Spool, base: TimeBase, gap: float, robot: Robot | None
 ) -> tuple[list[Finding], list[dict[str, Any]]]:
     """Findings about relations between quantities, and the residuals of specific forces.
+
+    With a robot, quantities of different bodies are not compared: `estimate_motion` does it.
 
     Returns:
         Findings; and for each specific force with an attitude, its mean in world axes and, with
         a velocity in world axes, the residual R f - g - dv/dt by axis [m/s^2]: its mean (the bias
         of the accelerometer, for one), its standard deviation and its rms.
     """
-    with np.errstate(all="ignore"):  # numbers of a damaged log may be of any size
-        return _looked_at(spool, base, gap)
-
-
-def _looked_at(
-    spool: Spool, base: TimeBase, gap: float
-) -> tuple[list[Finding], list[dict[str, Any]]]:
     items = spool.plan.items
     attitudes = [item for item in items if item.is_attitude]
     vectors = [item for item in items if item.column.frame and not item.is_attitude]
@@ -111,18 +109,27 @@ def _looked_at(
     looked = _Stretches(spool, base, gap)
     found: list[Finding] = []
     facts: list[dict[str, Any]] = []
-    if attitudes:
-        for rate in rates:
-            found += _compare(looked, attitudes[0], rate, turning=True)
-        for force in forces:
-            more, fact = _forces(looked, attitudes[0], force, speeds[0] if speeds else None)
+
+    def body_of(item: Quantity) -> str | None:
+        return None if robot is None else body_in(item.column.label, robot)
+
+    def beside(item: Quantity, others: Sequence[Quantity]) -> Quantity | None:
+        return next((one for one in others if body_of(one) == body_of(item)), None)
+
+    for rate in rates:
+        if (attitude := beside(rate, attitudes)) is not None:
+            found += _compare(looked, attitude, rate, turning=True)
+    for force in forces:
+        if (attitude := beside(force, attitudes)) is not None:
+            more, fact = _forces(looked, attitude, force, beside(force, speeds))
             found += more
             facts += fact
-    if places and speeds:
-        found += _compare(looked, places[0], speeds[0], turning=False)
+    if places and (speed := beside(places[0], speeds)) is not None:
+        found += _compare(looked, places[0], speed, turning=False)
     told = {one.where.partition(" and ")[0] for one in found if one.kind == "axes"}
     for force in forces:
-        if force.column.label not in told:
+        upright = robot is None or body_of(force) == body_in("", robot)
+        if upright and force.column.label not in told:
             found += _down_findings(force, spool)
     return found, facts
 

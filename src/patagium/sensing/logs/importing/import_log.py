@@ -229,7 +229,7 @@ def _written(
     _refuse_unusable(log, spool, mapping)
     plan = spool.plan
     base = time_base(spool, mapping, source)
-    relations, facts = consistency(spool, base, mapping.gap)
+    relations, facts = consistency(spool, base, mapping.gap, robot)
     findings = (*log_findings(log, spool, base, mapping, robot), *relations)
     if tell is not None:
         tell(findings)
