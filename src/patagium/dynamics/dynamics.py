@@ -216,6 +216,9 @@ class Dynamics(_Methods):
     def __repr__(self) -> str:
         return f"<Dynamics of {self.robot!r}>"
 
+    def __reduce__(self) -> tuple[type[Dynamics], tuple[Robot]]:
+        return Dynamics, (self.robot,)
+
     @checked
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
@@ -312,6 +315,9 @@ class Point:
 
     def __repr__(self) -> str:
         return f"<Point {self.offset} m on {self.robot.bodies[self.body].name} of {self.robot!r}>"
+
+    def __reduce__(self) -> tuple[type[Point], tuple[Robot, int, Array]]:
+        return Point, (self.robot, self.body, self.offset)
 
     def position(self, q: ArrayLike) -> Array:
         """Position in world axes, (3,) [m].
