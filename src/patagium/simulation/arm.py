@@ -28,7 +28,7 @@ from patagium.native import load_functions
 from patagium.robot import Robot
 from patagium.robot.attitude import body_accelerations, body_rates, rotation_from_angles
 from patagium.robot.model import Axis
-from patagium.simulation.gait_models import Gait, PrescribedMotion
+from patagium.simulation.gait_models import Gait, PrescribedMotion, asked_times
 from patagium.simulation.paths import Path, span_of
 
 
@@ -292,7 +292,7 @@ class ArmPlan:
 
     def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s], exact to rounding."""
-        asked = np.asarray(time, float)
+        asked = asked_times(time)
         end = self.time[-1]
         inside = np.mod(asked, end) if self.period else np.clip(asked, 0.0, end)
         guess = self._spline(inside)

@@ -21,8 +21,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arrays import Array, Bools
-from patagium.errors import LogError, ParameterError
+from patagium.arrays import Array, Bools, real_array
+from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.limits import LARGEST, TABLE_FILE
 from patagium.reading import text_of
 from patagium.robot import Robot
@@ -71,6 +71,18 @@ class Gait(Protocol):
         """Description, as JSON-able values; it travels with every flight."""
 
 
+def asked_times(time: ArrayLike) -> Array:
+    """Times at which a motion is asked for, (N,) [s]; N is 1 for a number.
+
+    Raises:
+        ShapeError: If there are more dimensions.
+    """
+    times = np.atleast_1d(real_array("time", time))
+    if times.ndim > 1:
+        raise ShapeError("time", "(N,)", times.shape)
+    return times
+
+
 def described(kind: str, motion: Any, leave: Sequence[str] = ()) -> dict[str, Any]:
     """Description of a gait or path from its fields, as JSON-able values."""
     values = {name: value for name, value in asdict(motion).items() if name not in leave}
@@ -112,7 +124,7 @@ class FourierGait:
     def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s]."""
         rate = 2.0 * np.pi * self.frequency * np.arange(1, len(self.sine) + 1)
-        angle = np.asarray(time, float)[:, None] * rate
+        angle = asked_times(time)[:, None] * rate
         c, s = np.cos(angle), np.sin(angle)
         return PrescribedMotion(
             self.mean + c @ self.cosine + s @ self.sine,
@@ -153,7 +165,7 @@ class LinkageGait:
     def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s]."""
         rate = 2.0 * np.pi * self.frequency
-        wing = self.linkage.solve(rate * np.asarray(time, float))
+        wing = self.linkage.solve(rate * asked_times(time))
         return PrescribedMotion(
             self.offset + self._spread(wing.humerus, wing.radius),
             rate * self._spread(wing.humerus_rate, wing.radius_rate),
@@ -196,7 +208,7 @@ class TableGait:
 
         start = self.time[0]
         spline = CubicSpline(self.time - start, self.position, bc_type="periodic")
-        phase = np.mod(np.asarray(time, float) - start, self.time[-1] - start)
+        phase = np.mod(asked_times(time) - start, self.time[-1] - start)
         return PrescribedMotion(spline(phase), spline(phase, 1), spline(phase, 2))
 
     def describe(self) -> dict[str, Any]:

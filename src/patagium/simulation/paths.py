@@ -26,6 +26,7 @@ from patagium.simulation.gait_models import (
     Gait,
     PrescribedMotion,
     SuperposedGait,
+    asked_times,
     check_period,
     described,
     read_columns,
@@ -76,7 +77,7 @@ class SplinePath:
         rest = [(1, np.zeros(6)), (2, np.zeros(6))]
         ends = "periodic" if self.closed else (rest, rest)
         spline = make_interp_spline(self.time, self.position, k=5, bc_type=ends)
-        asked = np.asarray(time, float)
+        asked = asked_times(time)
         end = self.time[-1]
         inside = np.mod(asked, end) if self.closed else np.clip(asked, 0.0, end)
         moves = (inside == asked)[:, None] | self.closed
