@@ -45,6 +45,10 @@ __all__ = [
 class PatagiumError(Exception):
     """Root of everything patagium raises on purpose."""
 
+    def __reduce__(self) -> Any:
+        """Words and evidence for `pickle`, by which pools of processes send what was raised."""
+        return type(self).__new__, (type(self),), {**vars(self), "args": self.args}
+
 
 class ShapeError(PatagiumError, ValueError):
     """An array of the wrong shape.
@@ -357,11 +361,17 @@ class CompilerError(PatagiumError, RuntimeError):
 
 
 def is_finite(value: Any) -> bool:
-    """Whether a value is a real number that a float can hold, and finite."""
+    """Whether a value is a real number that a float can hold, and finite; also an array's only."""
+    real = isinstance(value, Real) or (is_number(value) and value.dtype.kind in "fiu")
     try:
-        return isinstance(value, Real) and isfinite(float(value))
+        return real and isfinite(float(value))
     except (TypeError, OverflowError):  # a duration of NumPy, or hundreds of digits
         return False
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is an array without axes, of NumPy or xarray, and not masked."""
+    return getattr(value, "shape", None) == () and not hasattr(value, "mask")
 
 
 def finite(name: str, value: Any) -> float:

@@ -354,6 +354,7 @@ class Simulator:
         samples = self.run.samples
         return FlightState(self._robot, self.time, samples["q"][-1].copy(), samples["v"][-1].copy())
 
+    @checked
     def command(self, commands: Mapping[str, float]) -> None:
         """Have the gait go to other values from now on; names are those of `SteeredGait`.
 
@@ -363,7 +364,6 @@ class Simulator:
         Raises:
             ParameterError: If a name is no command, or a value not possible.
         """
-        of_kind("commands", commands, Mapping)
         if self._steered is None:
             self._steered = SteeredGait(self._robot, self._gait)
         for name in commands:
