@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 import numpy as np
 
-from patagium.errors import ParameterError, is_finite, is_number, similar
+from patagium.errors import ParameterError, is_finite, plain, similar
 
 Progress = Callable[[int, int], None]
 """Function that is told the work done and the work in all."""
@@ -73,13 +73,6 @@ def _entering(name: str, value: Any, kinds: Mapping[str, Any]) -> Any:
         value = number
     of_kind(name, value, kind)
     return value
-
-
-def plain(value: Any) -> Any:
-    """Number of an array without axes, also of those within a dictionary; else what was given."""
-    if type(value) is dict:
-        return {name: plain(one) for name, one in value.items()}
-    return value.item() if is_number(value) else value
 
 
 def check_fields(record: Any) -> None:
@@ -144,8 +137,6 @@ def _fits(value: Any, kind: Any) -> bool:
         return True
     if origin in (Union, UnionType):
         return complex in inner or any(_fits(value, one) for one in inner)  # or it is ArrayLike
-    if isinstance(value, bool | np.bool_) and kind in (float, int):
-        return False
     if kind is float:
         return is_finite(value)
     if kind is int:

@@ -76,7 +76,7 @@ class ParameterError(PatagiumError, ValueError):
     """
 
     def __init__(self, name: str, expected: str, found: object, known: Iterable[str] = ()) -> None:
-        seen = "nothing" if found is None else shown(_plain(found), 400) + similar(found, known)
+        seen = "nothing" if found is None else shown(plain(found), 400) + similar(found, known)
         super().__init__(f"{name}: expected {expected}, found {seen}")
         self.name, self.expected, self.found = name, expected, found
 
@@ -170,10 +170,12 @@ def first_few(lines: list[str]) -> str:
     return "\n".join([*lines[:PROBLEMS], *more])
 
 
-def _plain(found: object) -> object:
-    """A NumPy scalar as the number a person wrote."""
-    item = getattr(found, "item", None)
-    return item() if callable(item) and getattr(found, "shape", None) == () else found
+def plain(value: Any) -> Any:
+    """Number of an array without axes, also of those within a dictionary; else what was given."""
+    if type(value) is dict:
+        return {name: plain(one) for name, one in value.items()}
+    lone = getattr(value, "shape", None) == () and not hasattr(value, "mask")
+    return value.item() if lone and hasattr(value, "item") else value
 
 
 class RobotFileError(PatagiumError, ValueError):
@@ -361,17 +363,13 @@ class CompilerError(PatagiumError, RuntimeError):
 
 
 def is_finite(value: Any) -> bool:
-    """Whether a value is a real number that a float can hold, and finite; also an array's only."""
-    real = isinstance(value, Real) or (is_number(value) and value.dtype.kind in "fiu")
+    """Whether a value is a real number that a float can hold, and finite."""
+    number = plain(value)
     try:
-        return real and isfinite(float(value))
+        flag = isinstance(number, bool)
+        return not flag and isinstance(number, Real) and isfinite(float(number))
     except (TypeError, OverflowError):  # a duration of NumPy, or hundreds of digits
         return False
-
-
-def is_number(value: Any) -> bool:
-    """Whether a value is an array without axes, of NumPy or xarray, and not masked."""
-    return getattr(value, "shape", None) == () and not hasattr(value, "mask")
 
 
 def finite(name: str, value: Any) -> float:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import reduce
 from io import StringIO
@@ -21,7 +21,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arrays import Array, Bools, real_array
+from patagium.arrays import Array, Bools, brief, equal, real_array
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.limits import LARGEST, TABLE_FILE
 from patagium.reading import text_of
@@ -43,13 +43,13 @@ class PrescribedMotion:
     position: Array
     velocity: Array
     acceleration: Array
+    __repr__, __eq__ = brief, equal
+
+    def __iter__(self) -> Iterator[Array]:
+        return iter((self.position, self.velocity, self.acceleration))
 
     def __add__(self, other: PrescribedMotion) -> PrescribedMotion:
-        return PrescribedMotion(
-            self.position + other.position,
-            self.velocity + other.velocity,
-            self.acceleration + other.acceleration,
-        )
+        return PrescribedMotion(*map(add, self, other))
 
 
 @runtime_checkable
@@ -109,6 +109,7 @@ class FourierGait:
     mean: Array
     cosine: Array
     sine: Array
+    __repr__, __eq__ = brief, equal
 
     @property
     def period(self) -> float | None:
@@ -156,6 +157,7 @@ class LinkageGait:
     offset: Array
     plunge: Bools
     elbow: Bools
+    __repr__, __eq__ = brief, equal
 
     @property
     def period(self) -> float | None:
@@ -196,6 +198,7 @@ class TableGait:
     source: str
     time: Array
     position: Array
+    __repr__, __eq__ = brief, equal
 
     @property
     def period(self) -> float | None:
@@ -225,6 +228,7 @@ class SuperposedGait:
     """
 
     parts: tuple[Gait, ...]
+    __repr__ = brief
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arguments import checked, of_kind
-from patagium.arrays import Array, real_array
+from patagium.arrays import Array, brief, equal, real_array
 from patagium.errors import LogError, ParameterError, ShapeError, finite, positive, suggest_names
 from patagium.robot.model import FLOATING_COORDINATES, finite_triple
 from patagium.simulation.gait_models import (
@@ -64,6 +64,7 @@ class SplinePath:
     time: Array
     position: Array
     closed: bool
+    __repr__, __eq__ = brief, equal
 
     @property
     def period(self) -> float | None:

@@ -296,15 +296,9 @@ class Simulator:
 
     def _row_table(self, base: Callable[[Array], PrescribedMotion], time: Array) -> Array:
         """Rows of the equations at given times: motion of joints and of a held body, wind."""
-        joints, body = self._gait.motion(time), base(time)
-        return np.column_stack(
-            [
-                *(joints.position, body.position),
-                *(joints.velocity, body.velocity),
-                *(joints.acceleration, body.acceleration),
-                self._aero.air.uniform_wind_at(time),
-            ]
-        )
+        pairs = zip(self._gait.motion(time), base(time), strict=True)
+        motion = [part for pair in pairs for part in pair]
+        return np.column_stack([*motion, self._aero.air.uniform_wind_at(time)])
 
     @property
     def time(self) -> float:
@@ -637,10 +631,8 @@ def _base_motion(
 
 def _in_quaternion(path: Path, time: Array) -> PrescribedMotion:
     """A path of positions and angles as the coordinates of a body with a quaternion."""
-    given = path.motion(time)
-    parts = (given.position, given.velocity, given.acceleration)
     (position, angles), (velocity, rates), (acceleration, faster) = (
-        np.split(part, [3], axis=1) for part in parts
+        np.split(part, [3], axis=1) for part in path.motion(time)
     )
     return PrescribedMotion(
         np.hstack([position, quaternion_from_angles(angles)]),

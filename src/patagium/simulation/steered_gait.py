@@ -198,8 +198,7 @@ class SteeredGait:
         parts = np.empty((3, len(times), self._count))
         for place in np.unique(places):
             inside = places == place
-            found = self._answered(self.answers[place], times[inside])
-            parts[:, inside] = found.position, found.velocity, found.acceleration
+            parts[:, inside] = tuple(self._answered(self.answers[place], times[inside]))
         return PrescribedMotion(*parts)
 
     @checked
@@ -394,5 +393,4 @@ class SteeredGait:
             return self.gait.motion(own[:, 0])
         found = self.gait.motion(own.T.ravel())
         each, shape = np.arange(self._count), (self._count, -1, self._count)
-        parts = (found.position, found.velocity, found.acceleration)
-        return PrescribedMotion(*(part.reshape(shape)[each, :, each].T for part in parts))
+        return PrescribedMotion(*(part.reshape(shape)[each, :, each].T for part in found))

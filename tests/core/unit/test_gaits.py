@@ -238,3 +238,16 @@ def test_a_motion_is_asked_for_at_one_time_or_many(robot, name):
             np.testing.assert_array_equal(moved.motion(time).position, expected.position)
         with pytest.raises(ShapeError, match="time"):
             moved.motion(np.zeros((2, 3)))
+
+
+def test_gaits_and_paths_of_the_same_numbers_are_equal_and_short(robot):
+    def made(amplitude):
+        swing = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=amplitude)
+        crank = pt.gaits.linkage(robot, frequency=5.0)
+        line = pt.paths.line((0, 0, 1), (amplitude, 0, 1), duration=1.0)
+        both = pt.gaits.superposed(robot, crank, swing)
+        return swing, both, swing.motion(TIME), line, pt.mounts.carried(line)
+
+    for one, same, other in zip(made(0.2), made(0.2), made(0.3), strict=True):
+        assert one == same != other != 3
+        assert len(repr(one)) < 500 and "\n" not in repr(one)
