@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 import numpy as np
 
-from patagium.errors import ParameterError, is_finite, similar
+from patagium.errors import ParameterError, is_finite, plain, similar
 
 Progress = Callable[[int, int], None]
 """Function that is told the work done and the work in all."""
@@ -39,12 +39,14 @@ _LARGEST = 2**63  # whole number
 def checked(function: _Function) -> _Function:
     """Decorator that checks the types of the arguments against the annotations.
 
+    An array without axes enters as its number, also one within a dictionary.
+
     Args:
         function: Function or method; a keyword that it does not know is a TypeError.
     """
     known = signature(function).parameters
-    first = (Parameter.POSITIONAL_ONLY, Parameter.POSITIONAL_OR_KEYWORD)
-    names = [name for name, one in known.items() if one.kind in first]
+    ordered = (Parameter.POSITIONAL_ONLY, Parameter.POSITIONAL_OR_KEYWORD)
+    names = [name for name, one in known.items() if one.kind in ordered]
     rest = next((name for name, one in known.items() if one.kind is Parameter.VAR_KEYWORD), "")
 
     @wraps(function)
@@ -54,30 +56,38 @@ def checked(function: _Function) -> _Function:
             hint = similar(unknown[0], list(known))
             expected = f"expected one of {', '.join(sorted(known.keys() - {'self'}))}{hint}"
             raise TypeError(f"unexpected keyword argument {unknown[0]!r}, {expected}")
-        for name, value in (*zip(names, given, strict=False), *named.items()):
-            if name in kinds:
-                of_kind(name, value, kinds[name])
-            elif rest and name not in known:
-                of_kind(name, value, kinds.get(rest, Any))
-        return function(*given, **named)
+        first = [_entering(name, one, kinds) for name, one in zip(names, given, strict=False)]
+        others = {
+            name: _entering(name, one, kinds if name in known else {name: kinds.get(rest, Any)})
+            for name, one in named.items()
+        }
+        return function(*first, *given[len(names) :], **others)
 
     return entered  # type: ignore[return-value]
+
+
+def _entering(name: str, value: Any, kinds: Mapping[str, Any]) -> Any:
+    """Argument as it enters: the number of an array without axes where a number will do."""
+    kind, number = kinds.get(name, Any), plain(value)
+    if number is not value and _fits(number, kind):
+        value = number
+    of_kind(name, value, kind)
+    return value
 
 
 def check_fields(record: Any) -> None:
     """Check the types of a dataclass's fields; NumPy values become plain Python values."""
     owner: Any = type(record)
     kinds = _kinds(owner)
-    for name, value in list(vars(record).items()):
+    for name, value in [(name, plain(value)) for name, value in vars(record).items()]:
         of_kind(name, value, kind := kinds[name])
         either = get_origin(kind) in (Union, UnionType)
         origins = [get_origin(one) for one in (get_args(kind) if either else (kind,))]
-        if isinstance(value, np.generic):
-            object.__setattr__(record, name, value.item())
-        elif tuple in origins and _listed(value) and not isinstance(value, tuple):
-            object.__setattr__(record, name, tuple(np.asarray(value).tolist()))
+        if tuple in origins and _listed(value) and not isinstance(value, tuple):
+            value = tuple(np.asarray(value).tolist())
         elif Mapping in origins and isinstance(value, Mapping):
-            object.__setattr__(record, name, dict(value))
+            value = dict(value)
+        object.__setattr__(record, name, value)
 
 
 def of_kind(name: str, value: object, kind: Any) -> None:
@@ -127,8 +137,6 @@ def _fits(value: Any, kind: Any) -> bool:
         return True
     if origin in (Union, UnionType):
         return complex in inner or any(_fits(value, one) for one in inner)  # or it is ArrayLike
-    if isinstance(value, bool | np.bool_) and kind in (float, int):
-        return False
     if kind is float:
         return is_finite(value)
     if kind is int:

@@ -40,6 +40,18 @@ def brief(record: Any) -> str:
     return f"{type(record).__name__}({', '.join(said)})"
 
 
+def equal(record: Any, other: object) -> bool:
+    """Whether two records of one class hold the same numbers and words.
+
+    Args:
+        record: A dataclass, which takes this as its `__eq__`.
+        other: Anything.
+    """
+    names = [one.name for one in fields(record)]
+    alike = (np.array_equal(getattr(record, k), getattr(other, k)) for k in names)
+    return type(record) is type(other) and all(alike)
+
+
 def rising(times: Any) -> Array:
     """Times of samples, checked to increase, (N,) [s], as float64.
 

@@ -45,6 +45,10 @@ __all__ = [
 class PatagiumError(Exception):
     """Root of everything patagium raises on purpose."""
 
+    def __reduce__(self) -> Any:
+        """Words and evidence for `pickle`, by which pools of processes send what was raised."""
+        return type(self).__new__, (type(self),), {**vars(self), "args": self.args}
+
 
 class ShapeError(PatagiumError, ValueError):
     """An array of the wrong shape.
@@ -72,7 +76,7 @@ class ParameterError(PatagiumError, ValueError):
     """
 
     def __init__(self, name: str, expected: str, found: object, known: Iterable[str] = ()) -> None:
-        seen = "nothing" if found is None else shown(_plain(found), 400) + similar(found, known)
+        seen = "nothing" if found is None else shown(plain(found), 400) + similar(found, known)
         super().__init__(f"{name}: expected {expected}, found {seen}")
         self.name, self.expected, self.found = name, expected, found
 
@@ -166,10 +170,12 @@ def first_few(lines: list[str]) -> str:
     return "\n".join([*lines[:PROBLEMS], *more])
 
 
-def _plain(found: object) -> object:
-    """A NumPy scalar as the number a person wrote."""
-    item = getattr(found, "item", None)
-    return item() if callable(item) and getattr(found, "shape", None) == () else found
+def plain(value: Any) -> Any:
+    """Number of an array without axes, also of those within a dictionary; else what was given."""
+    if type(value) is dict:
+        return {name: plain(one) for name, one in value.items()}
+    lone = getattr(value, "shape", None) == () and not hasattr(value, "mask")
+    return value.item() if lone and hasattr(value, "item") else value
 
 
 class RobotFileError(PatagiumError, ValueError):
@@ -358,8 +364,10 @@ class CompilerError(PatagiumError, RuntimeError):
 
 def is_finite(value: Any) -> bool:
     """Whether a value is a real number that a float can hold, and finite."""
+    number = plain(value)
     try:
-        return isinstance(value, Real) and isfinite(float(value))
+        flag = isinstance(number, bool)
+        return not flag and isinstance(number, Real) and isfinite(float(number))
     except (TypeError, OverflowError):  # a duration of NumPy, or hundreds of digits
         return False
 

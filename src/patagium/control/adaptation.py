@@ -554,7 +554,7 @@ class AdaptiveController:
         times = time + 0.5 * step * np.arange(2 * steps + 1)
         motion = model.steered.motion(times)
         wind = self._design.aero.air.uniform_wind_at(times)
-        table = np.column_stack([motion.position, motion.velocity, motion.acceleration, wind])
+        table = np.column_stack([*motion, wind])
         none = np.zeros((len(table), 0, table.shape[1] - 3))
         return PrescribedRows(table, none, step, np.zeros(0))
 

@@ -555,7 +555,7 @@ class GaitProgram:
         """Excess of motions between samples beyond their limits, above and below, (2, l) [SI]."""
         swings, gait = self._swings, self.family.gait(values)
         motion = gait.motion(np.linspace(0.0, gait.period or 0.0, _BETWEEN))
-        every = np.hstack([motion.position, motion.velocity, motion.acceleration])
+        every = np.hstack([*motion])
         limited = every[:, swings.columns]
         top, bottom = limited.max(axis=0), limited.min(axis=0)
         over = np.array([top - swings.high, swings.low - bottom])

@@ -14,7 +14,7 @@ from patagium.arrays import Array, real_array
 from patagium.dynamics import equations, kinematics
 from patagium.dynamics.kinematics import body_poses
 from patagium.errors import ShapeError
-from patagium.native import NativeFunction, load_functions
+from patagium.native import NativeFunction, load_functions, named_function
 from patagium.robot.model import Robot
 
 
@@ -28,35 +28,25 @@ def _build(robot: Robot) -> list[ca.Function]:
     bias = equations.bias(machine, q, v)
     a_all, u = equations.forward_prescribed(machine, q, v, a_a, f)
     u1 = u[list(robot.actuated)] if n_a else ca.SX(0, 1)
+    at, moving = {"q": q}, {"q": q, "v": v}
+    prescribed = {**moving, "a_actuated": a_a, "f": f}
     named: dict[str, tuple[dict[str, ca.SX], dict[str, ca.SX]]] = {
-        "mass_matrix": ({"q": q}, {"mass_matrix": mass}),
-        "coriolis": ({"q": q, "v": v}, {"force": equations.coriolis(machine, q, v)}),
-        "gravity": ({"q": q}, {"force": equations.gravity_force(machine, q)}),
-        "bias": ({"q": q, "v": v}, {"force": bias}),
-        "mass_matrix_and_bias": ({"q": q, "v": v}, {"mass_matrix": mass, "bias": bias}),
-        "inverse": ({"q": q, "v": v, "a": a}, {"force": equations.inverse(machine, q, v, a)}),
-        "forward": ({"q": q, "v": v, "f": f}, {"a": equations.forward(machine, q, v, f)}),
-        "forward_prescribed": (
-            {"q": q, "v": v, "a_actuated": a_a, "f": f},
-            {"a": a_all, "u1": u1},
-        ),
-        "kinetic_energy": ({"q": q, "v": v}, {"energy": equations.kinetic_energy(machine, q, v)}),
-        "potential_energy": ({"q": q}, {"energy": equations.potential_energy(machine, q)}),
-        "momentum": ({"q": q, "v": v}, {"momentum": equations.momentum(machine, q, v)}),
-        "angular_momentum": (
-            {"q": q, "v": v},
-            {"momentum": equations.angular_momentum(machine, q, v)},
-        ),
-        "center_of_mass": ({"q": q}, {"position": equations.center_of_mass(machine, q)}),
-        "coordinate_rates": (
-            {"q": q, "v": v},
-            {"rates": kinematics.coordinate_rates(machine, q, v)},
-        ),
+        "mass_matrix": (at, {"mass_matrix": mass}),
+        "coriolis": (moving, {"force": equations.coriolis(machine, q, v)}),
+        "gravity": (at, {"force": equations.gravity_force(machine, q)}),
+        "bias": (moving, {"force": bias}),
+        "mass_matrix_and_bias": (moving, {"mass_matrix": mass, "bias": bias}),
+        "inverse": ({**moving, "a": a}, {"force": equations.inverse(machine, q, v, a)}),
+        "forward": ({**moving, "f": f}, {"a": equations.forward(machine, q, v, f)}),
+        "forward_prescribed": (prescribed, {"a": a_all, "u1": u1}),
+        "kinetic_energy": (moving, {"energy": equations.kinetic_energy(machine, q, v)}),
+        "potential_energy": (at, {"energy": equations.potential_energy(machine, q)}),
+        "momentum": (moving, {"momentum": equations.momentum(machine, q, v)}),
+        "angular_momentum": (moving, {"momentum": equations.angular_momentum(machine, q, v)}),
+        "center_of_mass": (at, {"position": equations.center_of_mass(machine, q)}),
+        "coordinate_rates": (moving, {"rates": kinematics.coordinate_rates(machine, q, v)}),
     }
-    return [
-        ca.Function(name, [*i.values(), p], [*o.values()], [*i, "parameters"], [*o])
-        for name, (i, o) in named.items()
-    ]
+    return [named_function(name, {**i, "parameters": p}, o) for name, (i, o) in named.items()]
 
 
 class _Methods:
@@ -83,7 +73,7 @@ class _Methods:
         return self._call("coriolis", q, v)
 
     def gravity(self, q: ArrayLike) -> Array:
-        """Gravity force G(q) = dU/dq, (n,) [N, N m].
+        """Force of gravity and of springs, G(q) = dU/dq, (n,) [N, N m].
 
         Args:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
@@ -156,7 +146,7 @@ class _Methods:
         return self._call("kinetic_energy", q, v)
 
     def potential_energy(self, q: ArrayLike) -> Any:
-        """Potential energy of gravity, zero at the world's origin, scalar [J].
+        """Potential energy of gravity, zero at the world's origin, and of springs, scalar [J].
 
         Args:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
@@ -216,6 +206,9 @@ class Dynamics(_Methods):
     def __repr__(self) -> str:
         return f"<Dynamics of {self.robot!r}>"
 
+    def __reduce__(self) -> tuple[type[Dynamics], tuple[Robot]]:
+        return Dynamics, (self.robot,)
+
     @checked
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
@@ -237,15 +230,12 @@ class Dynamics(_Methods):
         """Axes of length one, which compiled functions drop, put back."""
         if not self._one_coordinate or name.endswith("_energy"):
             return result
-        if isinstance(result, tuple):
-            parts = ("mass_matrix", "bias") if name == "mass_matrix_and_bias" else ("a", "u1")
-            return tuple(self._restored(k, part) for k, part in zip(parts, result, strict=True))
-        array = np.asarray(result)
-        if name == "mass_matrix":
-            return array[..., None, None] if self.robot.dof == 1 else array
-        rows = len(self.robot.actuated) if name == "u1" else self.robot.dof
-        vector_of_one = rows == 1 and name not in ("momentum", "angular_momentum", "center_of_mass")
-        return array[..., None] if vector_of_one else array
+        signature, single = self._functions[name].signature, not isinstance(result, tuple)
+        outputs = zip(signature.names_out, signature.sizes_out, strict=True)
+        lost = [(1 + (key == "mass_matrix")) * (size == (1, 1)) for key, size in outputs]
+        parts = zip((result,) if single else result, lost, strict=True)
+        whole = tuple(np.asarray(part)[(..., *(None,) * axes)] for part, axes in parts)
+        return whole[0] if single else whole
 
     @property
     def functions(self) -> dict[str, NativeFunction]:
@@ -290,18 +280,15 @@ class Point:
 
         def build() -> list[ca.Function]:
             machine, p = robot.symbolic()
-            sizes = {"q": robot.coordinate_count, "v": robot.dof, "r": 3}
-            q, v, r = (ca.SX.sym(name, size) for name, size in sizes.items())
+            q, v, r = map(ca.SX.sym, "qvr", (robot.coordinate_count, robot.dof, 3))
+            at = {"q": q, "offset_parameters": r, "parameters": p}
             position = kinematics.point_position(machine, q, body, r)
             velocity = kinematics.point_velocity(machine, q, v, body, r)
             jacobian = kinematics.point_jacobian(machine, q, body, r)
-            names = ["q", "offset_parameters", "parameters"]
             return [
-                ca.Function("position", [q, r, p], [position], names, ["position"]),
-                ca.Function(
-                    "velocity", [q, v, r, p], [velocity], ["q", "v", *names[1:]], ["velocity"]
-                ),
-                ca.Function("jacobian", [q, r, p], [jacobian], names, ["jacobian"]),
+                named_function("position", at, {"position": position}),
+                named_function("velocity", {"q": q, "v": v, **at}, {"velocity": velocity}),
+                named_function("jacobian", at, {"jacobian": jacobian}),
             ]
 
         name = robot.bodies[body].name
@@ -312,6 +299,9 @@ class Point:
 
     def __repr__(self) -> str:
         return f"<Point {self.offset} m on {self.robot.bodies[self.body].name} of {self.robot!r}>"
+
+    def __reduce__(self) -> tuple[type[Point], tuple[Robot, int, Array]]:
+        return Point, (self.robot, self.body, self.offset)
 
     def position(self, q: ArrayLike) -> Array:
         """Position in world axes, (3,) [m].
@@ -394,5 +384,5 @@ def _poses(robot: Robot) -> ca.Function:
     poses = body_poses(machine, q)
     position = ca.horzcat(*[pose.position for pose in poses])
     rotation = ca.horzcat(*[pose.rotation for pose in poses])
-    names_in, names_out = ["q", "parameters"], ["position", "rotation"]
-    return ca.Function("poses", [q, parameters], [position, rotation], names_in, names_out)
+    outputs = {"position": position, "rotation": rotation}
+    return named_function("poses", {"q": q, "parameters": parameters}, outputs)

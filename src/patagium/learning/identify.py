@@ -81,7 +81,7 @@ def identify(
         ShapeError: If the network does not fit the inputs or the outputs.
         ParameterError: If an input has no such name, or inputs or a robot are given for a table.
     """
-    count, flight = len(getattr(flight, "time", ())), with_force(flight)
+    count, flight = np.size(getattr(flight, "time", ())), with_force(flight)
     chosen = learner or default_learner(flight if robot is None else robot, every=every)
     given = {"learner_given": learner is not None, "every_given": every is not None}
     known: dict[str, Any]

@@ -16,14 +16,14 @@ from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
 
 from patagium.arguments import checked
-from patagium.arrays import Array, Indices, real_array
-from patagium.errors import FilterDiverged, Outcome, ParameterError, ShapeError
+from patagium.arrays import Array, Indices
+from patagium.errors import FilterDiverged, Outcome, ParameterError
 from patagium.learning.filters.weight_covariance import block_covariance
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.model_file import Model, model_of
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
-from patagium.learning.stream import gap_starts, used_samples
+from patagium.learning.stream import checked_samples, used_samples
 
 _CLOSE = 0.01  # steps shorter than that, in deviations, are the last
 _HALVINGS = 8
@@ -70,17 +70,16 @@ def refine(
 
     Raises:
         ParameterError: If there are no rounds.
-        ShapeError: If the arrays do not fit each other.
+        ShapeError: If the arrays do not fit each other or the network.
+        LogError: If an input is not finite or time does not advance.
         FilterDiverged: If nothing finite comes of the learner's weights.
     """
     if rounds < 1:
         raise ParameterError("rounds", "at least 1", rounds)
-    stamps, seen, measured = (real_array("time, x and y", a) for a in (time, x, y))
-    network, starts = learner.network, gap_starts(gaps, stamps.size)
-    if measured.shape != (stamps.size, network.outputs) or stamps.ndim != 1:
-        raise ShapeError("y", (stamps.size, network.outputs), measured.shape)
-    used = used_samples(len(stamps), every, starts)
-    log = _Log(stamps, seen, measured, starts, used, learner.measurement_std)
+    network = learner.network
+    given = checked_samples(network, (time, x, y), gaps, None)
+    used = used_samples(len(given.time), every, given.gaps)
+    log = _Log(given.time, given.x, given.y, given.gaps, used, learner.measurement_std)
     first, prior = learner.prior
     weights, cost = learner.weights, _cost(network, log, learner.weights, first, prior)
     if not np.isfinite(cost):

@@ -21,6 +21,7 @@ from patagium.arrays import Array
 from patagium.errors import LogError, Outcome
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
+from patagium.learning.model_file import Model, model_of
 from patagium.learning.scores import json_ready
 from patagium.netcdf_file import kind_of, loaded_dataset, write_netcdf
 from patagium.reading import json_object, made_again
@@ -51,6 +52,15 @@ class Identification:
     learner: Any = field(default=None, repr=False)
     outcome: Outcome = Outcome.COMPLETED
     message: str = ""
+
+    @property
+    def model(self) -> Model:
+        """Model with the last weights, as `save_model` writes it, of inputs q, then v.
+
+        Raises:
+            ParameterError: If there is no learner, as after loading from a file.
+        """
+        return self.learner if isinstance(self.learner, Model) else model_of(self.learner)
 
     def __repr__(self) -> str:
         return "\n".join([f"<Identification {self.outcome.name}>", *map(": ".join, self._facts())])

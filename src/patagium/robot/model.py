@@ -19,9 +19,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arguments import checked, of_kind
+from patagium.arguments import checked
 from patagium.arrays import Array, real_array
-from patagium.errors import ParameterError, finite
+from patagium.errors import ParameterError
 from patagium.robot.amendment import amended_source, composed_source, source_with_attitude
 from patagium.robot.attitude import quaternion_from_angles, rotation_from_angles
 
@@ -413,6 +413,7 @@ class Robot:
         symbols = ca.SX.sym("p", len(names))
         return _with_values(self, dict(zip(names, ca.vertsplit(symbols), strict=True))), symbols
 
+    @checked
     def with_parameters(self, values: Mapping[str, float]) -> Robot:
         """A copy with some run-time parameters changed, for calibration and damage.
 
@@ -421,12 +422,11 @@ class Robot:
         Raises:
             ParameterError: If a name is no number of the robot, or a value cannot be.
         """
-        of_kind("values", values, Mapping)
         known = {name for name, _ in _leaves(self)}
         for name, value in values.items():
             if name not in known:
                 raise ParameterError(name, f"a parameter of robot {self.name!r}", name, known)
-            if finite(name, value) < 0 and name.rpartition(".")[2] in _NEVER_NEGATIVE:
+            if value < 0 and name.rpartition(".")[2] in _NEVER_NEGATIVE:
                 raise ParameterError(name, "a quantity that is not negative", value)
         source = amended_source(self.source, values) if self.source else ""
         return replace(_with_values(self, values), source=source)

@@ -28,7 +28,7 @@ from patagium.native import load_functions
 from patagium.robot import Robot
 from patagium.robot.attitude import body_accelerations, body_rates, rotation_from_angles
 from patagium.robot.model import Axis
-from patagium.simulation.gait_models import Gait, PrescribedMotion
+from patagium.simulation.gait_models import Gait, PrescribedMotion, asked_times
 from patagium.simulation.paths import Path, span_of
 
 
@@ -90,8 +90,7 @@ class Tool:
 
     def torque(self, motion: PrescribedMotion) -> Array:
         """Force or torque of each joint, load left out, (N, n) [N m, N]."""
-        moved = motion.position, motion.velocity, motion.acceleration
-        return np.array(self._functions["torque"].batch(*moved, self._parameters))
+        return np.array(self._functions["torque"].batch(*motion, self._parameters))
 
 
 def _functions(arm: Robot, body: int) -> list[ca.Function]:
@@ -125,8 +124,7 @@ def path_twist(motion: PrescribedMotion) -> tuple[Array, Array]:
     Args:
         motion: Of x, y, z, roll, pitch, yaw, (N, 6) each [m, rad].
     """
-    moved = motion.position, motion.velocity, motion.acceleration
-    angles, rates, second = (part[:, 3:] for part in moved)
+    angles, rates, second = (part[:, 3:] for part in motion)
     turned = rotation_from_angles(angles)
     spin = body_rates(angles, rates), body_accelerations(angles, rates, second)
     world = [(turned @ part[..., None])[..., 0] for part in spin]
@@ -189,9 +187,7 @@ def check_branch(arm: Robot, tool: Tool, time: Array, target: PrescribedMotion, 
         raise PathError(time[k], "", quantity, 1 / clearance[k], 1 / CLEARANCE, "")
     if count < len(time):
         raise PathError(time[count], "", "distance of the tool from the path", np.inf, CLOSED, "m")
-    part = PrescribedMotion(
-        *(k[:count] for k in (target.position, target.velocity, target.acceleration))
-    )
+    part = PrescribedMotion(*(k[:count] for k in target))
     _check_limits(arm, tool, time, tool.follow(q[:count], part))
     return float(clearance.min())
 
@@ -292,7 +288,7 @@ class ArmPlan:
 
     def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s], exact to rounding."""
-        asked = np.asarray(time, float)
+        asked = asked_times(time)
         end = self.time[-1]
         inside = np.mod(asked, end) if self.period else np.clip(asked, 0.0, end)
         guess = self._spline(inside)
@@ -406,13 +402,8 @@ class CarriedGait:
 
     def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Motion of arm and robot at the times asked for, (N,) [s]."""
-        parts = self.plan.motion(time), self.gait.motion(time)
-        return PrescribedMotion(
-            *(
-                np.hstack([getattr(part, name) for part in parts])
-                for name in ("position", "velocity", "acceleration")
-            )
-        )
+        parts = zip(self.plan.motion(time), self.gait.motion(time), strict=True)
+        return PrescribedMotion(*map(np.hstack, parts))
 
     def describe(self) -> dict[str, Any]:
         """Description, as JSON-able values."""

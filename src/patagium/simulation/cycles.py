@@ -127,7 +127,7 @@ def _signals(flight: xr.Dataset, robot: Robot, time: Array) -> dict[str, Array]:
         cell = -flight["mount_wrench"].transpose("time", "component").values[:, :3]
         cell = cell + float(robot.gravity) * robot.mass * np.array([0.0, 0.0, 1.0])
         signals |= {"mount_lift": cell[:, 2], "mount_thrust": cell @ forward}
-    joints = (flight["u1"] * flight["v"]).sum("dof")
+    joints = (flight["u1"] * flight["v"]).sum("dof", skipna=False)
     return signals | {"power": np.asarray(joints.values, float)}
 
 
@@ -161,7 +161,7 @@ def _forward(flight: xr.Dataset, robot: Robot) -> Array:
     level = air_velocity(flight, robot) * np.array([1.0, 1.0, 0.0])
     if np.linalg.norm(level) >= _HOVERING:
         return np.asarray(level / np.linalg.norm(level))
-    yaw = _heading(flight["q"].values[0], robot)
+    yaw = _heading(flight["q"].isel(time=0).values, robot)
     return np.array([np.cos(yaw), np.sin(yaw), 0.0])
 
 

@@ -302,7 +302,7 @@ def robot_of(flight: xr.Dataset, name: str = "flight", late: bool = False) -> Ro
         robot = _robot_of_text(str(flight.attrs["robot"]), str(flight.attrs["robot_name"]))
     check_labels(flight, robot, name)
     try:
-        if late or rising(flight.coords.get("time", 0.0)).size:
+        if late or ("time" in flight.dims and rising(flight["time"]).size):
             return robot
     except (LogError, ParameterError) as problem:
         raise FlightError(f"{name}: time does not rise: {problem}") from None

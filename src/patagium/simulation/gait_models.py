@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import reduce
 from io import StringIO
@@ -21,8 +21,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arrays import Array, Bools
-from patagium.errors import LogError, ParameterError
+from patagium.arrays import Array, Bools, brief, equal, real_array
+from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.limits import LARGEST, TABLE_FILE
 from patagium.reading import text_of
 from patagium.robot import Robot
@@ -43,13 +43,13 @@ class PrescribedMotion:
     position: Array
     velocity: Array
     acceleration: Array
+    __repr__, __eq__ = brief, equal
+
+    def __iter__(self) -> Iterator[Array]:
+        return iter((self.position, self.velocity, self.acceleration))
 
     def __add__(self, other: PrescribedMotion) -> PrescribedMotion:
-        return PrescribedMotion(
-            self.position + other.position,
-            self.velocity + other.velocity,
-            self.acceleration + other.acceleration,
-        )
+        return PrescribedMotion(*map(add, self, other))
 
 
 @runtime_checkable
@@ -69,6 +69,18 @@ class Gait(Protocol):
 
     def describe(self) -> dict[str, Any]:
         """Description, as JSON-able values; it travels with every flight."""
+
+
+def asked_times(time: ArrayLike) -> Array:
+    """Times at which a motion is asked for, (N,) [s]; N is 1 for a number.
+
+    Raises:
+        ShapeError: If there are more dimensions.
+    """
+    times = np.atleast_1d(real_array("time", time))
+    if times.ndim > 1:
+        raise ShapeError("time", "(N,)", times.shape)
+    return times
 
 
 def described(kind: str, motion: Any, leave: Sequence[str] = ()) -> dict[str, Any]:
@@ -97,6 +109,7 @@ class FourierGait:
     mean: Array
     cosine: Array
     sine: Array
+    __repr__, __eq__ = brief, equal
 
     @property
     def period(self) -> float | None:
@@ -112,7 +125,7 @@ class FourierGait:
     def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s]."""
         rate = 2.0 * np.pi * self.frequency * np.arange(1, len(self.sine) + 1)
-        angle = np.asarray(time, float)[:, None] * rate
+        angle = asked_times(time)[:, None] * rate
         c, s = np.cos(angle), np.sin(angle)
         return PrescribedMotion(
             self.mean + c @ self.cosine + s @ self.sine,
@@ -144,6 +157,7 @@ class LinkageGait:
     offset: Array
     plunge: Bools
     elbow: Bools
+    __repr__, __eq__ = brief, equal
 
     @property
     def period(self) -> float | None:
@@ -153,7 +167,7 @@ class LinkageGait:
     def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s]."""
         rate = 2.0 * np.pi * self.frequency
-        wing = self.linkage.solve(rate * np.asarray(time, float))
+        wing = self.linkage.solve(rate * asked_times(time))
         return PrescribedMotion(
             self.offset + self._spread(wing.humerus, wing.radius),
             rate * self._spread(wing.humerus_rate, wing.radius_rate),
@@ -184,6 +198,7 @@ class TableGait:
     source: str
     time: Array
     position: Array
+    __repr__, __eq__ = brief, equal
 
     @property
     def period(self) -> float | None:
@@ -196,7 +211,7 @@ class TableGait:
 
         start = self.time[0]
         spline = CubicSpline(self.time - start, self.position, bc_type="periodic")
-        phase = np.mod(np.asarray(time, float) - start, self.time[-1] - start)
+        phase = np.mod(asked_times(time) - start, self.time[-1] - start)
         return PrescribedMotion(spline(phase), spline(phase, 1), spline(phase, 2))
 
     def describe(self) -> dict[str, Any]:
@@ -213,6 +228,7 @@ class SuperposedGait:
     """
 
     parts: tuple[Gait, ...]
+    __repr__ = brief
 
     @property
     def joints(self) -> tuple[str, ...]:

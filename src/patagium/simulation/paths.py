@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arguments import checked, of_kind
-from patagium.arrays import Array, real_array
+from patagium.arrays import Array, brief, equal, real_array
 from patagium.errors import LogError, ParameterError, ShapeError, finite, positive, suggest_names
 from patagium.robot.model import FLOATING_COORDINATES, finite_triple
 from patagium.simulation.gait_models import (
@@ -26,6 +26,7 @@ from patagium.simulation.gait_models import (
     Gait,
     PrescribedMotion,
     SuperposedGait,
+    asked_times,
     check_period,
     described,
     read_columns,
@@ -63,6 +64,7 @@ class SplinePath:
     time: Array
     position: Array
     closed: bool
+    __repr__, __eq__ = brief, equal
 
     @property
     def period(self) -> float | None:
@@ -76,7 +78,7 @@ class SplinePath:
         rest = [(1, np.zeros(6)), (2, np.zeros(6))]
         ends = "periodic" if self.closed else (rest, rest)
         spline = make_interp_spline(self.time, self.position, k=5, bc_type=ends)
-        asked = np.asarray(time, float)
+        asked = asked_times(time)
         end = self.time[-1]
         inside = np.mod(asked, end) if self.closed else np.clip(asked, 0.0, end)
         moves = (inside == asked)[:, None] | self.closed

@@ -296,15 +296,9 @@ class Simulator:
 
     def _row_table(self, base: Callable[[Array], PrescribedMotion], time: Array) -> Array:
         """Rows of the equations at given times: motion of joints and of a held body, wind."""
-        joints, body = self._gait.motion(time), base(time)
-        return np.column_stack(
-            [
-                *(joints.position, body.position),
-                *(joints.velocity, body.velocity),
-                *(joints.acceleration, body.acceleration),
-                self._aero.air.uniform_wind_at(time),
-            ]
-        )
+        pairs = zip(self._gait.motion(time), base(time), strict=True)
+        motion = [part for pair in pairs for part in pair]
+        return np.column_stack([*motion, self._aero.air.uniform_wind_at(time)])
 
     @property
     def time(self) -> float:
@@ -354,6 +348,7 @@ class Simulator:
         samples = self.run.samples
         return FlightState(self._robot, self.time, samples["q"][-1].copy(), samples["v"][-1].copy())
 
+    @checked
     def command(self, commands: Mapping[str, float]) -> None:
         """Have the gait go to other values from now on; names are those of `SteeredGait`.
 
@@ -363,7 +358,6 @@ class Simulator:
         Raises:
             ParameterError: If a name is no command, or a value not possible.
         """
-        of_kind("commands", commands, Mapping)
         if self._steered is None:
             self._steered = SteeredGait(self._robot, self._gait)
         for name in commands:
@@ -637,10 +631,8 @@ def _base_motion(
 
 def _in_quaternion(path: Path, time: Array) -> PrescribedMotion:
     """A path of positions and angles as the coordinates of a body with a quaternion."""
-    given = path.motion(time)
-    parts = (given.position, given.velocity, given.acceleration)
     (position, angles), (velocity, rates), (acceleration, faster) = (
-        np.split(part, [3], axis=1) for part in parts
+        np.split(part, [3], axis=1) for part in path.motion(time)
     )
     return PrescribedMotion(
         np.hstack([position, quaternion_from_angles(angles)]),

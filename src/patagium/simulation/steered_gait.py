@@ -24,12 +24,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arguments import checked, of_kind
-from patagium.arrays import Array, real_array
-from patagium.errors import ParameterError, ShapeError, finite
+from patagium.arrays import Array
+from patagium.errors import ParameterError, finite
 from patagium.robot import Robot
 from patagium.robot.model import COMMANDS, Actuator
 from patagium.robot.units import spoken
-from patagium.simulation.gait_models import Gait, PrescribedMotion
+from patagium.simulation.gait_models import Gait, PrescribedMotion, asked_times
 
 SHARPNESS = 8.0
 """Each lag k times the response time: 99 % is there within about one response time."""
@@ -191,17 +191,14 @@ class SteeredGait:
         Raises:
             ShapeError: If the times are not (N,).
         """
-        times = np.atleast_1d(real_array("time", time))
-        if times.ndim > 1:
-            raise ShapeError("time", "(N,)", times.shape)
+        times = asked_times(time)
         first = bisect_right(self._starts, np.fmin.reduce(times, initial=np.inf)) - 1
         last = bisect_right(self._starts, np.fmax.reduce(times, initial=-np.inf))
         places = first + np.searchsorted(self._starts[first:last], times, side="right") - 1
         parts = np.empty((3, len(times), self._count))
         for place in np.unique(places):
             inside = places == place
-            found = self._answered(self.answers[place], times[inside])
-            parts[:, inside] = found.position, found.velocity, found.acceleration
+            parts[:, inside] = tuple(self._answered(self.answers[place], times[inside]))
         return PrescribedMotion(*parts)
 
     @checked
@@ -396,5 +393,4 @@ class SteeredGait:
             return self.gait.motion(own[:, 0])
         found = self.gait.motion(own.T.ravel())
         each, shape = np.arange(self._count), (self._count, -1, self._count)
-        parts = (found.position, found.velocity, found.acceleration)
-        return PrescribedMotion(*(part.reshape(shape)[each, :, each].T for part in parts))
+        return PrescribedMotion(*(part.reshape(shape)[each, :, each].T for part in found))

@@ -151,3 +151,22 @@ def test_a_forked_learner_goes_on_apart(tmp_path: Path) -> None:
     expected = run(learner, 20, 40)[-2]
     assert os.waitpid(child, 0)[1] == 0
     np.testing.assert_array_equal(np.load(tmp_path / "child.npy"), expected)
+
+
+ERRORS = [
+    pt.errors.ParameterError("x", "a number", "y"),
+    pt.errors.ShapeError("x", (3,), (4,)),
+    pt.errors.SimulationFailed("stopped", None, pt.errors.Outcome.NOT_FINITE),
+    pt.errors.FilterDiverged("lost", pt.errors.Outcome.COVARIANCE_LOST),
+    pt.errors.OutputError("out.nc", OSError(28, "no space left")),
+    pt.errors.LogError("line 3"),
+]
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_an_error_comes_back_from_another_process(error: Exception, again: Any) -> None:
+    """A pool whose worker sends one that cannot be read is broken, and its other results lost."""
+    found = again(error)
+    assert type(found) is type(error) and str(found) == str(error)
+    assert vars(found) == vars(error)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import patagium as pt
 from patagium.errors import ParameterError, PatagiumError, ShapeError
@@ -102,6 +103,31 @@ def test_an_array_is_as_good_as_a_tuple_where_none_may_stand_too() -> None:
         for where in (np.ones(3), [1.0, 1.0, 1.0], (1.0, 1.0, 1.0))
     ]
     assert told[0] == told[1] == told[2] and told[0].position == (1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize("number", [np.array, np.float32, xr.DataArray])
+def test_an_array_without_axes_is_its_number(number: Any) -> None:
+    """What indexing NumPy and xarray gives, in commands, durations and records."""
+
+    def flown(as_given: Any) -> Any:
+        return pt.simulate(
+            ROBOT, pt.QuasiSteady(ROBOT, pt.Air(density=as_given(1.25))), pt.gaits.cruise(ROBOT),
+            duration=as_given(0.125), time_step=as_given(2**-10),
+            v=ROBOT.velocities(x=as_given(6.0)),
+            controller=lambda time, state: {"elevation_offset": as_given(0.125)},
+        )  # fmt: skip
+
+    assert flown(number).identical(flown(float))
+    heavy = ROBOT.with_parameters({"body.mass": number(0.5)})
+    assert heavy == ROBOT.with_parameters({"body.mass": 0.5})
+
+
+@pytest.mark.parametrize("value", [np.ma.masked, np.array(1j), np.array("1"), np.array(np.nan)])
+def test_an_array_without_axes_that_holds_no_number_is_refused(value: Any) -> None:
+    with pytest.raises(ParameterError, match="expected a (positive|finite) number"):
+        pt.Air(density=value)
+    with pytest.raises(ParameterError, match="x: expected a finite number"):
+        ROBOT.coordinates(x=value)
 
 
 @pytest.mark.parametrize("cost", [np.ones((2, 3)), np.ones(3), np.array(1.0), np.ones((2, 2, 2))])

@@ -170,3 +170,13 @@ def test_the_verb_writes_a_table_and_a_figure(
     head, *rows = table.read_text().splitlines()
     assert head.startswith("phase,lift,lift_spread") and len(rows) == 100
     assert figure.read_text().lstrip().startswith("<?xml")
+
+
+def test_power_of_samples_that_are_missing_is_missing(held: xr.Dataset) -> None:
+    """Not that of the joints that are left, nor none."""
+    lost = held.assign(u1=held["u1"].where((held["time"] < 0.3) | (held["dof"] != "left_plunge")))
+    found = pt.cycle_statistics(lost, skip=0)
+    assert np.isnan(found.attrs["mean_power"]) and np.isnan(found["power_by_cycle"].values[2])
+    assert (
+        found["power_by_cycle"].values[0] == pt.cycle_statistics(held, skip=0)["power_by_cycle"][0]
+    )

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -163,3 +166,11 @@ def test_a_robot_of_one_coordinate_keeps_its_axes(choice, monkeypatch):
     assert dyn.batch.mass_matrix(np.zeros((5, 1))).shape == (5, 1, 1)
     assert dyn.batch.inverse(*np.zeros((3, 5, 1))).shape == (5, 1)
     assert dyn.momentum(q, v).shape == (3,)
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_dynamics_and_points_go_to_other_processes(dyn, states, again):
+    q, v = states[0][0], states[1][0]
+    point = dyn.point(dyn.robot.bodies[-1].name, (0.01, 0.02, 0.03))
+    np.testing.assert_array_equal(again(dyn).bias(q, v), dyn.bias(q, v))
+    np.testing.assert_array_equal(again(point).velocity(q, v), point.velocity(q, v))

@@ -189,6 +189,7 @@ USES = {
         ),
         (lambda flight: flight.isel(time=slice(None, None, -1)), "time does not rise"),
         (lambda flight: flight.isel(time=slice(0)), "expected samples, found none"),
+        (lambda flight: flight.isel(time=0), "expected samples, found none"),
         (lambda flight: flight.assign_coords(time=flight.time * 0), "time does not rise"),
         (
             lambda flight: flight.assign_coords(time=flight.time.astype("m8[s]")),

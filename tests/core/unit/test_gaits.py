@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.errors import LogError, ParameterError
+from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.robot import Linkage
 
 TIME = np.linspace(0.0, 0.7, 57)
@@ -225,3 +225,29 @@ def test_a_period_shorter_than_the_table_is_refused(robot, tmp_path):
 def test_a_missing_file_is_said(robot, tmp_path):
     with pytest.raises(LogError, match=r"absent\.csv: .*found no such file"):
         pt.gaits.from_csv(robot, tmp_path / "absent.csv")
+
+
+@pytest.mark.parametrize("name", ["sinusoidal", "linkage", "still"])
+def test_a_motion_is_asked_for_at_one_time_or_many(robot, name):
+    path = pt.paths.line((0, 0, 1), (1.5, 0, 1), duration=1.0)
+    own = {"sinusoidal": {"plunge": 0.3}}.get(name, {})
+    gait = getattr(pt.gaits, name)(robot, **({} if name == "still" else {"frequency": 5.0}), **own)
+    for moved in (gait, path):
+        expected = moved.motion([0.3])
+        for time in (0.3, np.array(0.3), np.float64(0.3)):
+            np.testing.assert_array_equal(moved.motion(time).position, expected.position)
+        with pytest.raises(ShapeError, match="time"):
+            moved.motion(np.zeros((2, 3)))
+
+
+def test_gaits_and_paths_of_the_same_numbers_are_equal_and_short(robot):
+    def made(amplitude):
+        swing = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=amplitude)
+        crank = pt.gaits.linkage(robot, frequency=5.0)
+        line = pt.paths.line((0, 0, 1), (amplitude, 0, 1), duration=1.0)
+        both = pt.gaits.superposed(robot, crank, swing)
+        return swing, both, swing.motion(TIME), line, pt.mounts.carried(line)
+
+    for one, same, other in zip(made(0.2), made(0.2), made(0.3), strict=True):
+        assert one == same != other != 3
+        assert len(repr(one)) < 500 and "\n" not in repr(one)

@@ -176,3 +176,15 @@ def test_a_format_that_is_long_is_not_repeated(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="expected a file of format") as refused:
         load_model(path)
     assert len(str(refused.value)) < 1000
+
+
+def test_an_identification_has_the_model_that_is_saved(tmp_path: Path) -> None:
+    flight = pt.simulate(pt.load_robot("aerobat"), duration=0.1, time_step=1e-3)
+    result = pt.identify(flight)
+    again = load_model(save_model(tmp_path / "model.json", result.model))
+    x = np.concatenate([flight[k][-1] for k in "qva"])
+    np.testing.assert_array_equal(again.predict(x)[0], result.model.predict(x)[0])
+    assert pt.evaluate(flight, result.model).model is not None
+    result.save(tmp_path / "result.nc")
+    with pytest.raises(ParameterError, match="learner"):
+        _ = pt.learning.load_identification(tmp_path / "result.nc").model

@@ -54,3 +54,5 @@ def test_of_another_the_cost_is_minimal():
     assert model.measurement_std == pytest.approx([0.1])
     with pytest.raises(ShapeError, match="y"):
         refine(learner, TIME, x, y[:-1])
+    with pytest.raises(ShapeError, match="x"):
+        refine(learner, TIME, x[:-1], y)
