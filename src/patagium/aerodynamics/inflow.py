@@ -200,7 +200,8 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
         one = wing, bodies[hinge][0] @ axes, tip @ axes
         for group in groups:
             apart = np.linalg.norm((one[1] - group[0][1])[[0, 2]])  # left and right are one
-            if apart < TANDEM * min(np.linalg.norm(b - a) for _, a, b in (one, group[0])):
+            near = apart < TANDEM * min(np.linalg.norm(b - a) for _, a, b in (one, group[0]))
+            if near and _held(robot, wing) == _held(robot, group[0][0]):
                 group.append(one)
                 break
         else:
@@ -215,17 +216,28 @@ def _wings(robot: Robot) -> Iterator[tuple[Wing, int, Array]]:
     """Wings, each with the body at its hinge and its tip; parts on one hinge are one wing."""
     bodies, parts = poses(robot), dict[Any, list[tuple[float, Wing, int, Array]]]()
     for name in {strip.wing: None for strip in robot.strips}:
-        strips = tuple(i for i, strip in enumerate(robot.strips) if strip.wing == name)
-        last = robot.strips[strips[-1]]
-        part = Wing(strips, _levels(robot, last.body))
-        hinge, tip = _hinge(robot, part), placed(bodies[last.body], np.array(last.quarter_chord))
-        reach = float(np.linalg.norm(tip - bodies[hinge][0]))
+        order = tuple(i for i, strip in enumerate(robot.strips) if strip.wing == name)
+        ways = [_part(robot, bodies, strips) for strips in (order, order[::-1])]
+        reach, part, hinge, tip = max(ways, key=lambda way: round(way[0], 9))  # written inwards?
         key = hinge if robot.bodies[hinge].parent >= 0 else name
         parts.setdefault(key, []).append((reach, part, hinge, tip))
     for one in parts.values():
         outwards = sorted(one, key=lambda part: part[0])
         _, outer, hinge, tip = outwards[-1]
         yield Wing(sum((part.strips for _, part, *_ in outwards), ()), outer.levels), hinge, tip
+
+
+def _part(robot: Robot, bodies: Any, strips: tuple[int, ...]) -> tuple[float, Wing, int, Array]:
+    """Strips as a wing whose last one is its tip: distance from the hinge [m], hinge and tip."""
+    last = robot.strips[strips[-1]]
+    part = Wing(strips, _levels(robot, last.body))
+    hinge, tip = _hinge(robot, part), placed(bodies[last.body], np.array(last.quarter_chord))
+    return float(np.linalg.norm(tip - bodies[hinge][0])), part, hinge, tip
+
+
+def _held(robot: Robot, wing: Wing) -> bool:
+    """Whether no joint moves a wing on its base, as none does a fixed tail."""
+    return not any(robot.bodies[body].joints for body in _inwards(robot, wing))
 
 
 def _levels(robot: Robot, body: int) -> int:
@@ -238,11 +250,16 @@ def _levels(robot: Robot, body: int) -> int:
     return levels if held or not bodies[parent].joints else levels + 1
 
 
-def _hinge(robot: Robot, wing: Wing) -> int:
-    body = robot.strips[wing.strips[-1]].body
+def _inwards(robot: Robot, wing: Wing) -> list[int]:
+    """Bodies from that of a wing's outermost strip inwards to that of its hinge."""
+    found = [robot.strips[wing.strips[-1]].body]
     for _ in range(wing.levels):
-        body = robot.bodies[body].parent
-    return body
+        found.append(robot.bodies[found[-1]].parent)
+    return found
+
+
+def _hinge(robot: Robot, wing: Wing) -> int:
+    return _inwards(robot, wing)[-1]
 
 
 class _Moving:

@@ -95,7 +95,7 @@ def read_polar(path: str | Path) -> PolarTable:
 
 def _header(line: str) -> dict[str, tuple[int, str]]:
     """Position and unit of each column in a header line; units in brackets, as in alpha [deg]."""
-    joined = re.sub(r"\s+(?=[\[(])", "", line.lower())
+    joined = re.sub(r"^[\s#%]+|\s+(?=[\[(])", "", line.lower())  # remarks' marks are no column
     found: dict[str, tuple[int, str]] = {}
     for place, word in enumerate(joined.split("," if "," in joined else None)):
         opened = word.strip(" \"'").replace("(", "[")

@@ -37,7 +37,7 @@ def robot_warnings(robot: Robot) -> list[str]:
     """Sentences on likely slips, each with what to write; none for a robot without."""
     images = mirrored_bodies(robot)  # the other side is told
     checks = (_wide_limits(robot, images), _masses_at_hinges(robot, images), _small_strips(robot))
-    every = (_bare_numbers(robot.source), *checks, _overlaps(robot))
+    every = (_bare_numbers(robot.source), *checks, _few_strips(robot), _overlaps(robot))
     return [sentence for check in every for sentence in check]
 
 
@@ -94,6 +94,17 @@ def _small_strips(robot: Robot) -> Iterator[str]:
         if area <= _SMALL * max(areas) and strip.wing not in told:
             told.add(strip.wing)
             yield f"strip {strip.name}: its area of {area:.3g} m^2 does nothing; give it a chord"
+
+
+def _few_strips(robot: Robot) -> Iterator[str]:
+    """Flexible plates of more pieces than strips: what is between them bends, but feels no air."""
+    for name, body in yaml.safe_load(robot.source).get("bodies", {}).items():
+        pieces = 1 + body["flexible"].get("elements", 4) if body.get("flexible") else 0
+        own = {name, *(f"{name}_{k}" for k in range(1, pieces))}
+        strips = sum(robot.bodies[strip.body].name in own for strip in robot.strips)
+        if 0 < strips < pieces:
+            few = f"its {pieces} pieces have {strips} strips"
+            yield f"body {name}: flexible: {few}; write strips: {pieces} or more, or fewer elements"
 
 
 def _overlaps(robot: Robot) -> Iterator[str]:

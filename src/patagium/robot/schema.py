@@ -70,6 +70,8 @@ Direction: TypeAlias = Annotated[
 ]
 PositiveLength: TypeAlias = Annotated[Length, AfterValidator(_positive)]
 Tensor: TypeAlias = Array
+FIRST_HINGE = 1 - 1 / np.sqrt(3)
+"""Place of the first hinge of a flexible plate, over its share of the span."""
 _ORIGIN = (0.0, 0.0, 0.0)
 
 
@@ -331,6 +333,12 @@ class BodyPart(_Part):
         if self.flexible is not None and not (plate and not self.floating):
             expected = "a flexible body whose shape is a plate along y, and that does not float"
             raise mismatch(expected, "another body", "flexible")
+        if isinstance(self.shape, Plate) and self.flexible is not None:
+            inwards = self.shape.span / 2 - abs(self.center_of_mass[1])
+            if inwards > FIRST_HINGE * self.shape.span / self.flexible.elements:
+                expected = "a flexible plate to one side of its body's origin, where it is held"
+                found = f"one that begins {inwards:.3g} m on the other side; cut it in two bodies"
+                raise mismatch(expected, found, "center_of_mass")
         for key in ("attitude", "damping"):
             if getattr(self, key) is not None and not self.floating:
                 expected = f"{key} on a floating body (a joint carries its own)"

@@ -100,6 +100,7 @@ def test_a_flight_with_flexible_wings_keeps_its_energy_and_is_symmetric():
         ("type: plate, chord: 4 cm, span: 0.5 m, thickness: 1 mm",
          "type: box, size: [4 cm, 0.5 m, 1 mm]", "a plate along y"),
         ("0.2 N m^2", "0.2 N m", "torsion"),
+        ("[0, 0.25, 0]", "[0, 0, 0]", "begins 0.25 m on the other side"),  # held at its tip
     ],
 )  # fmt: skip
 def test_what_cannot_bend_is_refused(old, new, words):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import pi
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.inflow import strokes_of
 from patagium.errors import ParameterError
 from patagium.robot import Robot, load_robot_text
-from patagium.robot.files import preset_text
+from patagium.robot.files import preset_text, write_template
 from patagium.robot.planform import poses
 
 HOVERER = """
@@ -234,6 +235,39 @@ def test_wings_in_tandem_share_a_stroke_and_a_tail_does_not() -> None:
     names = [{bird.strips[i].wing for i in stroke.strips} for stroke in strokes_of(bird)]
     assert len(names) > 1
     assert all(len(one) <= 2 for one in names)
+
+
+def test_a_tail_fixed_to_the_body_of_a_hoverer_has_a_stroke_of_its_own(tmp_path: Path) -> None:
+    """A held tail whose body begins at the wings' hinges was a third wing of their stroke."""
+    robot, arm = pt.load_robot(write_template(str(tmp_path / "bird"))), pt.load_robot("ur5e")
+    for machine in (robot, robot.mounted_on(arm, "tool")):
+        strokes = [{machine.strips[i].wing for i in k.strips} for k in strokes_of(machine)]
+        assert strokes == [{"left_wing", "right_wing"}, {"tail"}]
+
+
+def test_a_right_wing_written_out_is_the_mirror_image_of_the_left_one(
+    hoverer: Robot, rng: np.random.Generator
+) -> None:
+    """Its stations rise from the tip to the root, where its last strip is."""
+    begin, middle, end = map(HOVERER.index, ("  left_wing:", "wings:", "mirror:"))
+
+    def right(part: str) -> str:
+        for old, new in (("left", "right"), ("axis: -z", "axis: z"), ("[0, 1", "[0, -1")):
+            part = part.replace(old, new)
+        part = part.replace("cm, 4 cm", "cm, -4 cm")
+        return part.replace("span: 8 cm, leading", "span: 0, leading")
+
+    body, wing = HOVERER[begin:middle], HOVERER[middle + len("wings:\n") : end]
+    inwards = right(wing).replace("{span: 0 cm", "{span: -8 cm")
+    both = HOVERER[:begin] + body + right(body) + "wings:\n" + wing + inwards
+    written = load_robot_text(both)
+    q, v = rng.normal(size=(2, 4)) * [[0.3], [20.0]]
+    state = np.r_[0.2, 0.1, -1.0, 0.1, 0.6, 0.0, 0.1, -0.6, 0.0]
+    rates = [
+        pt.air.Inflow(pt.QuasiSteady(robot)).state_derivative(q, v, state)
+        for robot in (hoverer, written)
+    ]
+    assert rates[1] == pytest.approx(rates[0], rel=1e-9)
 
 
 def test_the_stroke_of_a_robot_on_an_arm_is_its_own(rng: np.random.Generator) -> None:

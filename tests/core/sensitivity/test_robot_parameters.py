@@ -43,7 +43,7 @@ bodies:
       - {name: left_slide, type: prismatic, axis: y, limits: [0, 2 cm], passive: true, damping: 1,
          stiffness: 30, rest: 1 cm}
     mass: 4 g
-    center_of_mass: [1 mm, 2 cm, 1 mm]
+    center_of_mass: [1 mm, 4 cm, 1 mm]
     shape: {type: plate, axis: y, chord: 5 cm, span: 10 cm, thickness: 3 mm}
     flexible: {elements: 2, bending: 0.1 N m^2, torsion: 0.2 N m^2, damping: 1 ms}
   boom:

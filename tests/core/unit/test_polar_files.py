@@ -77,6 +77,16 @@ def test_the_missing_side_of_a_symmetric_section_is_its_mirror_image(
     assert np.allclose(one.parameters, both.parameters)
 
 
+@pytest.mark.parametrize("mark", ["# ", "#", "%", " # "])
+def test_a_mark_before_the_header_shifts_no_column(tmp_path: Path, mark: str) -> None:
+    """NumPy's savetxt writes one: alpha was C_L, C_L was C_D, and C_m where the flow turns."""
+    file = tmp_path / "saved.txt"
+    file.write_text(XFOIL.replace("   alpha", mark + "alpha"))
+    table = pt.air.read_polar(file)
+    assert np.allclose(np.degrees(table.angle), [-8, 0, 8])
+    assert table.moment is not None and np.allclose(table.moment, [-0.001, 0, 0.001])
+
+
 def test_a_side_that_ends_before_its_stall_is_refused() -> None:
     degrees = np.arange(-5.0, 16.0)
     lift = 6.0 * np.sin(np.radians(degrees + 3.0))

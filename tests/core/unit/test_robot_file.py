@@ -451,6 +451,12 @@ SLIPS = {
         "{span: 1e-9, leading: -5 cm, trailing: -12 cm}",
         r"strip fin\[0\]: its area of .* does nothing; give it a chord",
     ),
+    "fewer strips than pieces": (
+        "28 cm, 0]\n    shape: {type: plate, chord: 25 cm, span: 72 cm, thickness: 4 mm}",
+        "36 cm, 0]\n    shape: {type: plate, chord: 25 cm, span: 72 cm, thickness: 4 mm}\n"
+        "    flexible: {elements: 12, bending: 0.1 N m^2}",
+        r"body left_wing: flexible: its 13 pieces have 8 strips; write strips: 13 or more",
+    ),
     "a wing twice": (
         "  - name: tailplane\n",
         "  - name: left_again\n    segments: [{body: left_wing, strips: 2, stations: [{span: 0, "
