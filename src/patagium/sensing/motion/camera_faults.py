@@ -259,10 +259,11 @@ def _continues(steps: _Steps, i: int, j: int, long: bool) -> bool:
     errors, mean, apart = _errors(steps, np.array([i]), np.array([j]))
     span = steps.time[j] - steps.time[i]
     usual = 0.5 * (steps.slack[max(0, i - 1)] + steps.slack[min(len(steps.slack) - 1, j)])
-    allowed = np.maximum(usual + 0.5 * span * (mean + apart)[0], steps.wander(float(span)))
-    if allowed[0] > _MOST[0]:
-        return long
-    return bool((errors[0] < allowed).all())
+    least = usual + 0.5 * span * (mean + apart)[0]
+    if least[0] <= _MOST[0] and (errors[0] < least).all():
+        return True
+    allowed = np.maximum(least, steps.wander(float(span)))
+    return long if allowed[0] > _MOST[0] else bool((errors[0] < allowed).all())
 
 
 def _errors(steps: _Steps, i: Indices, j: Indices) -> tuple[Array, Array, Array]:
