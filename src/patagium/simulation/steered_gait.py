@@ -207,7 +207,7 @@ class SteeredGait:
 
         A command keeps the range of its actuator, and a joint its limits: first its amplitude is
         lowered as far as that takes, then its offset. `limited` counts the commands to which
-        this was done.
+        this was done. What is commanded of a joint counts before what is of its pair or of all.
 
         Args:
             time: When it is commanded, not before the last time [s].
@@ -219,8 +219,8 @@ class SteeredGait:
         if not (np.isfinite(time) and time >= self._since):
             raise ParameterError("time", f"at {self._since:g} s or later", time)
         target = self.target.copy()
-        for name, value in commands.items():
-            kind, places = self._commanded_places(name)
+        for name in sorted(commands, key=lambda one: -len(self.places(one))):  # a joint's own last
+            value, (kind, places) = commands[name], self._commanded_places(name)
             lowest, wanted = _LOWEST.get(kind, (-np.inf, ""))
             if finite(f"command {name}", value) < lowest:
                 raise ParameterError(f"command {name}", wanted, value)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -148,6 +149,15 @@ def test_a_command_moves_the_joints_it_names_and_no_other():
         expected[:, place[joint]] += 0.2
     # ten wingbeats after the command exp(-80) of it is left
     np.testing.assert_allclose(away, expected, atol=1e-12)
+
+
+def test_a_joint_s_own_command_counts_before_its_pair_s_in_any_order():
+    given = {"left_plunge_amplitude": 0.5, "plunge_amplitude": 0.6, "amplitude": 0.7}
+    for names in permutations(given):
+        gait = SteeredGait(ROBOT, a_gait())
+        gait.command(0.0, {name: given[name] for name in names})
+        joints = ("left_plunge", "right_plunge", "left_elbow")
+        assert [gait.commanded(f"{joint}_amplitude") for joint in joints] == [0.5, 0.6, 0.7]
 
 
 def test_what_cannot_be_is_refused():
