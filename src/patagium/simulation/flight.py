@@ -302,7 +302,8 @@ def robot_of(flight: xr.Dataset, name: str = "flight", late: bool = False) -> Ro
         robot = _robot_of_text(str(flight.attrs["robot"]), str(flight.attrs["robot_name"]))
     check_labels(flight, robot, name)
     try:
-        if late or ("time" in flight.dims and rising(flight["time"]).size):
+        time = flight.coords.get("time")
+        if late or time is None or (time.ndim and rising(time).size):
             return robot
     except (LogError, ParameterError) as problem:
         raise FlightError(f"{name}: time does not rise: {problem}") from None
