@@ -33,7 +33,7 @@ _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 
 
 def beside(file: Path, name: str) -> str:
-    """Path of the file of a name that lies beside another; the name itself where there is none."""
+    """Path of a file in the folder of another file; the name as given if there is no such file."""
     place = os.path.join(file.parent, name)
     return place if os.path.isfile(place) else name  # Path would fail where a name is too long
 

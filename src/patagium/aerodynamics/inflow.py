@@ -228,7 +228,7 @@ def _wings(robot: Robot) -> Iterator[tuple[Wing, int, Array]]:
 
 
 def _part(robot: Robot, bodies: Any, strips: tuple[int, ...]) -> tuple[float, Wing, int, Array]:
-    """Strips as a wing whose last one is its tip: distance from the hinge [m], hinge and tip."""
+    """Distance from hinge to tip [m], wing, hinge and tip, where the last strip is at the tip."""
     last = robot.strips[strips[-1]]
     part = Wing(strips, _levels(robot, last.body))
     hinge, tip = _hinge(robot, part), placed(bodies[last.body], np.array(last.quarter_chord))

@@ -134,7 +134,7 @@ def in_flight(
 
 
 def _with_air(description: Any, air: Mapping[str, Any]) -> Any:
-    """Description of a network with the wind and density of other air, wherever it has them."""
+    """Description of a network in which every model of the air has other wind and density."""
     if not isinstance(description, Mapping):
         return description
     return {k: {**v, **air} if k == "air" else _with_air(v, air) for k, v in description.items()}

@@ -133,7 +133,7 @@ bodies:
 
 
 def test_cameras_are_found_to_a_tenth_of_their_step_where_their_noise_is_not_stated() -> None:
-    """On frames that are fixed to the body; half a step off was least noise of the derivatives."""
+    """Cameras on fixed frames; with too little noise assumed, clocks were off by half a step."""
     robot = load_robot_text(BRICK, "brick")
     time = np.arange(0.0, 0.4 + 1e-9, 1e-3)
     rate, size = 2 * np.pi * np.array([1, 2, 4, 3, 4, 2]), np.array([0.1, 0.1, 0.05, 0.3, 0.2, 0.4])

@@ -82,7 +82,7 @@ class Misfit:
 
     @property
     def least(self) -> float:
-        """Variance that is stated at least [y^2]."""
+        """Smallest variance of an interval, a share of that of the largest output [y^2]."""
         return float(_C.LEAST * self.parts["level"].max())
 
     @property
@@ -212,11 +212,11 @@ class Misfit:
         last, carried, lagged, power = (self.parts[name] for name in PARTS[7:11])
         before, alone, width = last.copy(), self.parts["alone"], self.parts["width"]
         last[:] = carried
-        error = innovation - carried
+        error, least = innovation - carried, self.least
         for k in np.flatnonzero(kept).tolist():
             stated = float(self.parts["interval"][k])
             missed = error[k] ** 2 > _C.QUANTILE * stated
-            if missed or stated > self.least:
+            if missed or stated > least:
                 width[k] += _C.TURN * (float(missed) - _C.OUTSIDE)
             square = _capped(innovation[k] ** 2, alone[k], count)
             lagged[k] += middle * (copysign(sqrt(square), innovation[k]) * before[k] - lagged[k])

@@ -87,7 +87,7 @@ class _Steps:
     known: dict[int, Array] = field(default_factory=dict)
 
     def wander(self, span: float) -> Array:
-        """Errors of steady motion over a span, (2,) [rad, m], that are usual between jumps."""
+        """Largest errors of predicting steady motion over a span without jumps, (2,) [rad, m]."""
         ahead = max(1, round(span / float(np.median(np.diff(self.time)))))
         if ahead not in self.known:
             jumps = np.concatenate([[0], np.cumsum(self.jumps)])
