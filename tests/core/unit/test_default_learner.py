@@ -63,6 +63,19 @@ def test_intervals_hold_errors_that_vanish(flight: xr.Dataset) -> None:
     assert late.min() > 0.9e-6 * found.prediction["measurement"].values.std(0).max()
 
 
+def test_intervals_soon_forget_the_errors_of_a_learner_that_knew_nothing(
+    flight: xr.Dataset,
+) -> None:
+    """From the tenth to the fortieth sample; the mean of all errors was fifteen times too wide."""
+    found = pt.identify(flight).prediction
+    errors = (found["measurement"] - found["prediction"]).sel(time=found["check_time"])
+    over = (errors / found["predicted_std"]).sel(check_time=slice(0.1, 0.4)).values
+    moving = found["measurement"].values.std(0)
+    over = over[:, moving > 1e-6 * moving.max()]
+    assert (over**2).mean() > 0.2**2  # 1 where the interval is right; .5 here, .06 before
+    assert (np.abs(over) < 1.96).mean() > 0.9
+
+
 def test_a_motion_without_accelerations_is_refused_in_words() -> None:
     robot = pt.load_robot("aerobat")
     learner = pt.ExtendedLearner(LinearStripNetwork(robot), measurement_std=1e-3)

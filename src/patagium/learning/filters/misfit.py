@@ -21,8 +21,9 @@ The variance that the filter states is another thing than the one that it assume
     <e_k^2> + 15 max(h_k - <h_k>, 0),
 
 with e the errors of such predictions and h the variance that the weights alone give, both averaged
-over 5 spans, h by its logarithm, so that the prior's is soon forgotten: in flow like that of late
-it is what the errors are, and it grows in flow that excites weights which the flow of late did not.
+over 5 spans, at first over the last fifth of all samples, h by its logarithm, so that the prior's
+and the first errors are soon forgotten: in flow like that of late it is what the errors are, and it
+grows in flow that excites weights which the flow of late did not.
 In the flow that is being learned its width is turned up by each error outside of it and down by
 those inside, until it holds 95 %.
 
@@ -206,7 +207,7 @@ class Misfit:
                 [1]: their error is not expected to last.
         """
         slow = max(1.0 / (count + _C.FIRST), 1.0 / (_C.LONG * self.span))
-        fast = max(1.0 / count, 1.0 / (_C.SHORT * self.span))
+        fast = max(_C.SHORT / (count + _C.SHORT - 1.0), 1.0 / (_C.SHORT * self.span))
         middle = max(1.0 / (count + _C.FIRST), 1.0 / (_C.MIDDLE * self.span))
         residual, recent, usual = (self.parts[name] for name in PARTS[3:6])
         last, carried, lagged, power = (self.parts[name] for name in PARTS[7:11])

@@ -19,7 +19,7 @@
 #define START 0.02      /* of the variance of a channel: what is left, to begin with */
 #define LEFT 3.0        /* variance over the mean square of what a sample leaves */
 #define LONG 100.0      /* spans over which what is left is averaged, */
-#define SHORT 5.0       /* and innovations */
+#define SHORT 5.0       /* and innovations, over the last fifth of all samples at most */
 #define MIDDLE 20.0     /* and the correlation of errors from sample to sample */
 #define QUANTILE 3.8415 /* of chi-square that holds 95 %, */
 #define OUTSIDE 0.05    /* the share that it does not hold, */
@@ -113,7 +113,7 @@ static void learn_misfit(screening *s, const double *covariance, const double *i
   const double count = (double)s->whole[LEARNED];
   const double slow = fmax(1 / (count + FIRST), 1 / (LONG * s->span));
   const double middle = fmax(1 / (count + FIRST), 1 / (MIDDLE * s->span));
-  const double fast = fmax(1 / count, 1 / (SHORT * s->span));
+  const double fast = fmax(SHORT / (count + SHORT - 1), 1 / (SHORT * s->span));
   for (int k = 0; k < s->channels; k++) {
     const double left = s->noise[k] * gain[k], before = s->left[k];
     const double remains = capped(left * left, s->residual[k], s->whole[LEARNED]);
