@@ -14,6 +14,7 @@ References:
 
 from __future__ import annotations
 
+import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
@@ -473,6 +474,8 @@ CLOSED = 1e-4
 """Largest change of a state, but for positions, over the beat of an orbit [m/s, rad, rad/s]."""
 _DOUBLINGS, _SETTLED_GAINS = 20, 1e-9
 _HELD = 1e12  # a cost over the largest of Q; beyond, only rounding moves a mode
+UNEVEN = 0.1
+"""Share of its period by which a controller may be called early or late."""
 GROWS = 1.001
 """Multiplier from which a departure grows; a neutral one that is double is 1 + sqrt(rounding)."""
 TOLERABLE = {"z": 0.1, "yaw": 0.1, "roll": 0.1, "pitch": 0.1}
@@ -493,7 +496,8 @@ class OrbitController:
 
     A sample that is missing, late, or not finite, and an answer that is none, leave the last
     command in force; `held` counts them by their cause. A time before the last one begins another
-    flight, and the controller starts anew. Arguments are those of its laws.
+    flight, and the controller starts anew. Called at another period than its own, it warns.
+    Arguments are those of its laws.
 
     Raises:
         ParameterError: If a name is none, a command has no range, or the commands cannot hold
@@ -638,10 +642,14 @@ class OrbitController:
         Raises:
             ParameterError: If it cannot start anew (`restart`).
         """
-        if begins(time, self._time):
+        after, last = time - self._time, self._time
+        if begins(time, last):
             self.restart()
+        elif last >= 0 and abs(after - self.period) > UNEVEN * self.period:
+            said = f"{type(self).__name__}: called after {after:.4g} s, not its period of"
+            warnings.warn(f"{said} {self.period:.4g} s (control_period of a flight)", stacklevel=3)
         self._time = time
-        model, period = self.model, self.model.period
+        model, period = self.model, self.period
         if state is None:
             return self._hold("missing")
         if not abs(time - state.time) <= 0.5 * period:

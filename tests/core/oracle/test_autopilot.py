@@ -82,6 +82,7 @@ def test_a_turn_by_half_and_a_jump_are_those_of_numpy(orbit, log):
         first[0].push(camera, stamp + 1e-3, [1e300, -1e300, 1e300, 1.0, 0.0, 0.0, 0.0])
 
 
+@pytest.mark.filterwarnings("ignore:LinearRegulator. called after")  # ticks are samples' arrivals
 def test_an_autopilot_is_its_parts(orbit, log):
     """Samples that come late, values and samples that are missing, two kinds of intervals."""
     robot, count = orbit.robot, 40

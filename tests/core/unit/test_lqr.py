@@ -100,6 +100,17 @@ def test_a_controller_says_what_it_commands(orbit):
     )
 
 
+def test_a_controller_that_is_called_at_another_period_warns(orbit):
+    regulator, start = LinearRegulator(orbit, COMMANDS), orbit.start()
+    flight = pt.Simulator(
+        orbit.robot, orbit.aero, regulator.model.steered, duration=orbit.period,
+        control_period=1.5 * regulator.period, time_step=regulator.period / 50, **start,
+    )  # fmt: skip
+    flight.step(regulator(flight.time, flight.state))
+    with pytest.warns(UserWarning, match="control_period"):
+        regulator(flight.time, flight.state)
+
+
 def test_a_command_that_is_none_is_refused(orbit):
     with pytest.raises(ParameterError, match="tail_offset"):
         LinearRegulator(orbit, ("tail_offset",))
