@@ -17,6 +17,7 @@ CASES = (
     "hover",
     "hover_modes",
     "monarch",
+    "monarch_feedback",
 )
 """Modules of the package `cases` in reading order; `compute()` of each gives its results."""
 

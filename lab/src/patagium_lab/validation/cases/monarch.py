@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 
 STEPS = 480
 """Time steps a wingbeat."""
+_CASES = files("patagium_lab").joinpath("cases")
 _SAMPLES, _HARMONICS = 1024, 64
 _SLIDES = "".join(
     f"\n      - {{name: {axis}, type: prismatic, axis: {axis}, passive: true}}" for axis in "xyz"
@@ -89,13 +90,17 @@ class Hover:
     swing: Array
 
 
+def published() -> dict[str, Any]:
+    """Figures of the public program, as in `monarch.yaml`."""
+    words: dict[str, Any] = yaml.safe_load(_CASES.joinpath("monarch.yaml").read_text("utf-8"))
+    return words
+
+
 def hovers() -> list[Hover]:
     """The three published hovers."""
-    folder = files("patagium_lab").joinpath("cases")
-    text = folder.joinpath("monarch_robot.yaml").read_text(encoding="utf-8")
-    words = yaml.safe_load(folder.joinpath("monarch.yaml").read_text(encoding="utf-8"))
+    text = _CASES.joinpath("monarch_robot.yaml").read_text(encoding="utf-8")
     found = []
-    for name, orbit in words["orbits"].items():
+    for name, orbit in published()["orbits"].items():
         still = "theta_B_0" in orbit["motion"]  # the attitude is prescribed
         robot = load_robot_text(text.replace("floating: true", _PRESCRIBED) if still else text)
         gait, swing = _gait(robot, orbit["motion"]), np.array(orbit["swing"])
@@ -123,8 +128,8 @@ def _gait(robot: Robot, k: dict[str, float]) -> FourierGait:
     return FourierGait(joints, k["f"], series[0].real / 2, series[1:].real, -series[1:].imag)
 
 
-def published_swing(hover: Hover, *, errors: bool) -> Array:
-    """Largest less least within a beat, in the order of `Hover.swing`, (4,) [m/s, m].
+def flown_beat(hover: Hover, *, errors: bool) -> Array:
+    """Velocity and position forward and up along a beat, (STEPS + 1, 4) [m/s, m].
 
     Args:
         hover: The hover, flown from its start with the published motion.
@@ -166,7 +171,7 @@ def published_swing(hover: Hover, *, errors: bool) -> Array:
         states.append(states[-1] + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
     flown = np.array(states)
     places = [first + names.index(name) for first in (len(names), 0) for name in "xz"]
-    return np.asarray(np.ptp(flown[:, places], axis=0))
+    return np.asarray(flown[:, places])
 
 
 @cache
@@ -191,7 +196,7 @@ def compute() -> list[CaseResult]:
     known = hovers()
     expected = np.concatenate([hover.swing for hover in known])
     models: dict[str, Any] = {
-        name: np.concatenate([published_swing(hover, errors=errors) for hover in known])
+        name: np.concatenate([np.ptp(flown_beat(one, errors=errors), axis=0) for one in known])
         for name, errors in (("with the program's errors", True), ("without them", False))
     }
     apart = {name: float(np.abs(one / expected - 1).max()) for name, one in models.items()}
