@@ -54,7 +54,7 @@ class Bifurcation:
     orbit: Orbit = field(repr=False)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Branch:
     """Branch of periodic orbits along a parameter, from one end to the other.
 

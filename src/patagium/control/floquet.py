@@ -59,7 +59,7 @@ class Mode:
         return not abs(rate - self.rate) <= FAILS * abs(self.rate)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Floquet:
     """Stability of a periodic orbit.
 

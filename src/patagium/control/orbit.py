@@ -95,7 +95,7 @@ def check_attitude(robot: Robot) -> None:
         raise ParameterError("robot", expected, f"{robot.name} with a quaternion")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Orbit:
     """Periodic orbit that was found.
 

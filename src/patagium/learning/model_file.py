@@ -45,7 +45,7 @@ class _Structured(Protocol):
     def kept_covariance(self) -> BlockCovariance: ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Model:
     """A network with the weights it has learned; it predicts and does not learn.
 

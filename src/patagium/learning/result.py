@@ -33,7 +33,7 @@ UPDATED = {"innovation": 2, "innovation_std": 2, "nis": 1, "weights_norm": 1, "l
 """Arrays that a record keeps over the updates, with their number of dimensions."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Identification:
     """Model of the air as learned from a flight or a log, with its scores.
 

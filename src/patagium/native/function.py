@@ -145,7 +145,9 @@ class NativeFunction:
             ):
                 array = real_array(self.signature.names_in[position], argument)
                 if array.shape != buffer.shape and not array.size == buffer.size == 1:
-                    raise ShapeError(self.signature.names_in[position], buffer.shape, array.shape)
+                    many = " (`batch` takes many)" if array.shape[1:] == buffer.shape else ""
+                    name, expected = self.signature.names_in[position], f"{buffer.shape}{many}"
+                    raise ShapeError(name, expected, array.shape)
                 buffer[...] = array
             self._run()
             if self._single:

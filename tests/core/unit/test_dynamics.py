@@ -119,6 +119,8 @@ def test_wrong_shapes_are_named():
     dyn = pt.Dynamics(pt.load_robot("aerobat"))
     with pytest.raises(ShapeError, match=r"q: expected shape \(14,\), found \(13,\)"):
         dyn.mass_matrix(np.zeros(13))
+    with pytest.raises(ShapeError, match=r"\(`batch` takes many\), found \(5, 14\)"):
+        dyn.mass_matrix(np.zeros((5, 14)))
     with pytest.raises(ParameterError, match="one of body"):
         dyn.point("tail")
     with pytest.raises(ShapeError, match="offset"):

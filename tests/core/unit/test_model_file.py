@@ -185,6 +185,7 @@ def test_an_identification_has_the_model_that_is_saved(tmp_path: Path) -> None:
     x = np.concatenate([flight[k][-1] for k in "qva"])
     np.testing.assert_array_equal(again.predict(x)[0], result.model.predict(x)[0])
     assert pt.evaluate(flight, result.model).model is not None
+    assert again != result.model and len({again, result.model}) == 2
     result.save(tmp_path / "result.nc")
     with pytest.raises(ParameterError, match="learner"):
         _ = pt.learning.load_identification(tmp_path / "result.nc").model

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import warnings
 from dataclasses import replace
@@ -55,6 +56,13 @@ def test_the_orbit_says_itself_in_ten_lines(orbit):
     assert len(text.splitlines()) <= 10
     for word in ("m/s", "deg", "frequency", "Hz", "residual", "multipliers", "stable"):
         assert word in text
+
+
+def test_results_are_compared_as_what_they_are_and_not_number_by_number(orbit):
+    """The comparison of arrays has no single truth, and ended in an error."""
+    again, modes = copy.copy(orbit), [pt.control.floquet(orbit) for _ in range(2)]
+    assert orbit == orbit and orbit != again and modes[0] != modes[1]
+    assert len({orbit, again, *modes}) == 4
 
 
 def test_conditions_of_climb_and_turn_hold(aerobat):
