@@ -178,6 +178,25 @@ def test_missing_numbers_are_told_and_left_out(tmp_path: Path) -> None:
         brought(written(tmp_path, frame(fz=np.full(300, np.nan))))
 
 
+@pytest.mark.parametrize("rate", [{}, {"rate": "500 Hz"}])
+def test_an_output_that_is_missing_costs_the_others_nothing(
+    rate: dict[str, str], tmp_path: Path
+) -> None:
+    table = frame(drag=np.sin(0.1 * np.arange(300)))
+    table.loc[20:29, "fz"] = np.nan  # drag alone is known
+    table.loc[40, ["fz", "drag"]] = np.nan  # nothing to learn
+    table.loc[60, "gy"] = np.nan  # no input
+    drag = {"column": "drag", "unit": "N"}
+    words = {**WORDS, "time": WORDS["time"] | rate, "outputs": [*WORDS["outputs"], drag]}
+    found = brought(written(tmp_path, table), words)
+    assert found.samples == 298 and found.left_out == 2
+    with LogRecord(found.path) as record:
+        log = record.table()
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(log.y[:, 0])), np.arange(20, 30))
+    np.testing.assert_allclose(log.y[:, 1], table["drag"].drop([40, 60]))
+    assert np.isfinite(log.x).all()
+
+
 def test_the_unit_of_time_is_doubted(tmp_path: Path) -> None:
     words = {**WORDS, "time": {"column": "t", "unit": "s", "start": None}}
     stamps = 1e5 * np.arange(300)

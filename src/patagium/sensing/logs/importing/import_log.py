@@ -148,7 +148,8 @@ class Imported:
         samples: Number of its samples.
         duration: Time from the first to the last sample [s].
         time_base: Its time base in words.
-        left_out: Samples of the time base that were left out because a quantity was missing.
+        left_out: Samples of the time base that were left out because an input, a channel or all
+            outputs were missing.
         findings: Suspicious facts about the log.
         facts: Residuals of specific forces against velocities; see `consistency`.
         notes: Assumptions made to read the log.
@@ -260,7 +261,7 @@ def _written(
         samples, duration = _write(writer, spool, base, mapping.gap, progress)
     if samples < 2:
         raise LogError(
-            f"{source}: expected samples where all quantities are known, found {samples} "
+            f"{source}: expected samples with all inputs and an output, found {samples} "
             f"of {base.count}; gaps of different streams, or missing numbers, leave no more"
         )
     return Imported(
@@ -313,15 +314,21 @@ def _duplicates_remedy(stamps: StampSurvey) -> str:
 def _write(
     writer: Writer, spool: Spool, base: TimeBase, gap: float, progress: Progress | None
 ) -> tuple[int, float]:
-    """Number of samples written where all quantities are valid, and their duration [s]."""
+    """Number of samples written, with all inputs, channels and an output, and their duration [s].
+
+    An output that is missing beside others is NaN.
+    """
     samples, first, last, end = 0, 0.0, 0.0, 0
+    needed = np.array([item.needed for item in spool.plan.items])
     while (begin := after_gaps(spool, base, end, gap)) < base.count:
         end = min(begin + CHUNK, base.count)
         stamps = stamps_in(spool, base, begin, end)
         parts = [resampled(spool, item, stamps, gap) for item in spool.plan.items]
-        valid = np.logical_and.reduce([ok for _, ok in parts])
+        known = np.array([ok for _, ok in parts])
+        valid = known[needed].all(axis=0) & (known[~needed].any(axis=0) | needed.all())
         zeros = np.zeros((len(stamps), len(spool.plan.zero)))
-        values = np.column_stack([*(part for part, _ in parts), zeros])[valid]
+        shown = (np.where(ok[:, None], part, np.nan) for part, ok in parts)
+        values = np.column_stack([*shown, zeros])[valid]
         time = (stamps[valid] - base.origin) / SECOND
         if len(time):
             first = float(time[0]) if not samples else first
