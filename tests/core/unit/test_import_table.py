@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from patagium.errors import LogError, OutputError
+import patagium as pt
+from patagium.errors import FlightError, LogError, OutputError, ParameterError
 from patagium.sensing import read_table
 from patagium.sensing.logs.files import opening
 from patagium.sensing.logs.files.channels import Request, StampSource
@@ -105,6 +106,18 @@ def test_a_table_is_read_through_any_mapping(tmp_path: Path) -> None:
     path, told = written(tmp_path, frame()), []
     table = read_table(path, parse_mapping(WORDS), told.append)
     assert table.x.shape == (300, 4) and len(told) == 1
+
+
+def test_an_imported_log_is_a_table_without_its_mapping(tmp_path: Path) -> None:
+    path = written(tmp_path, frame())
+    found, direct = brought(path).path, read_table(path, parse_mapping(WORDS))
+    table = read_table(found)
+    np.testing.assert_array_equal(table.y, direct.y)
+    assert table.input_names == direct.input_names and table.source == str(found)
+    with pytest.raises(ParameterError, match="mapping"):
+        read_table(path)
+    with pytest.raises(FlightError, match="read_table"):
+        pt.identify(pt.load_log(found))
 
 
 def test_bad_stamps_are_told_and_left_out(tmp_path: Path) -> None:
