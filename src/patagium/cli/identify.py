@@ -54,8 +54,8 @@ PANELS = {
 }
 """Options of each panel of the help; the usual ones come before, in none."""
 _MOMENT = "The force on each strip, the predicted one as a halo; a click plays the flight."
-_FIRST = 0.01
 _START = 1 << 18  # samples of a long log that a network is made from
+_FIRST = 0.01
 """Span that scales a dense network where nothing repeats itself [s]."""
 
 
@@ -146,9 +146,8 @@ def identify(
     if refine and result.outcome is Outcome.COMPLETED:
         with progress_bar(f"Refining what {file.name} taught"):
             result = refined(result, flight, result.scores["every"])
-    names = None if table is None else table.input_names
     model = model or file.with_name("model.json")
-    outputs.attempt("model", lambda: keep_model(model, result.learner, names, file.name))
+    outputs.attempt("model", lambda: keep_model(model, result.learner, result.inputs, file.name))
     if predictions is not None and outputs.attempt("predictions", lambda: result.save(predictions)):
         typer.echo(f"The predictions are in {predictions}", err=True)
     if report is not None:
@@ -224,7 +223,7 @@ def flight_network(flight: Any, choice: LearnerChoice) -> Any:
     """A network for a flight; a dense one is scaled by its first wingbeat."""
     from patagium.learning.samples import with_force
     from patagium.sensing import ForceSamples, training_data
-    from patagium.simulation import air_of, robot_of
+    from patagium.simulation import air_of, gait_period, robot_of
 
     if choice.shape()[0] is not NetworkKind.DENSE:
         return winged_network(choice, flight, air_of(flight))
@@ -234,17 +233,10 @@ def flight_network(flight: Any, choice: LearnerChoice) -> Any:
         y = forces.force[:, [forces.robot.index(name) for name in names]]
     else:
         time, x, y = training_data(flight)
-    first = time <= time[0] + _look(flight)
-    return scaled_network(choice, names, x[first], y[first])
-
-
-def _look(flight: Any) -> float:
-    """One wingbeat, or the first 10 ms: the span that scales a dense network [s]."""
-    from patagium.simulation import gait_period
-
     span = gait_period(flight) or _FIRST
     typer.echo(f"Inputs and outputs are scaled by the first {span:.4g} s.", err=True)
-    return span
+    first = time <= time[0] + span
+    return scaled_network(choice, names, x[first], y[first])
 
 
 def table_network(table: LogTable, choice: LearnerChoice) -> Any:

@@ -57,9 +57,8 @@ def long_record(file: Path, mapping: Path | None) -> LogRecord | None:
     if not is_log(file) or mapping is not None:
         return None
     with LogRecord(file) as record:
-        if record.is_flight or record.count < LONG:
-            return None
-    return record_of(file, None)
+        fits = record.is_flight or record.count < LONG
+    return None if fits else record_of(file, None)
 
 
 def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | None]:
@@ -80,9 +79,7 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
     record = record_of(file, mapping)
     if record is not None:
         with record:
-            if record.is_flight:
-                return record.flight(), None
-            return None, record.table()
+            return (record.flight(), None) if record.is_flight else (None, record.table())
     if file.suffix.lower() == ".nc":
         if mapping is not None:
             raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))

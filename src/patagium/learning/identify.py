@@ -7,7 +7,8 @@ Neglected: errors of the states; a flight's accelerations, too, are taken as the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol, runtime_checkable
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -19,7 +20,7 @@ from patagium.errors import LogError, Outcome, ParameterError
 from patagium.learning.default_learner import choices, chosen_every, default_learner, table_every
 from patagium.learning.filters.misfit import unseen
 from patagium.learning.forecast import Horizons, named_horizons
-from patagium.learning.learners.learner import Learner
+from patagium.learning.learners.learner import Learner, Updated
 from patagium.learning.model_file import Model
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
@@ -35,11 +36,6 @@ from patagium.robot import Robot
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.sensing.logs.table import LogTable, find_gaps
 from patagium.simulation import gait_period, robot_of
-
-
-@runtime_checkable
-class _Predicts(Protocol):
-    def predict(self, x: Any) -> tuple[Array, Array]: ...
 
 
 @checked
@@ -97,8 +93,7 @@ def identify(
         time, x, y, units = samples(flight, chosen.network, inputs, robot)
         motion, period = None, None if isinstance(flight, ForceSamples) else gait_period(flight)
         if named_horizons(horizons) and not isinstance(flight, ForceSamples):
-            machine = robot_of(flight) if robot is None else robot
-            motion = robot_motion(flight, machine, chosen.network, inputs, period)
+            motion = robot_motion(flight, robot or robot_of(flight), chosen.network, inputs, period)
         step = float(np.median(np.diff(time)))
         taken = chosen_every(chosen, step, period) if every is None else every
         known = {"units": units, "std": stds(flight, chosen.network), "gaps": find_gaps(time)}
@@ -112,7 +107,8 @@ def identify(
     if isinstance(flight, LogTable):
         result.scores["gaps_found"] = flight.describe_gaps()
         result.scores.update(samples=len(flight.time), samples_that_scaled=first)
-    return result
+        inputs = flight.input_names
+    return replace(result, inputs=None if inputs is None else tuple(inputs))
 
 
 def _flight_words(
@@ -228,7 +224,8 @@ def compare(
     x = network_inputs(model.network, model.weights, time, x, gaps)
     guess = model.network.evaluate(x, model.weights)
     held = persistence(y, used_samples(len(y), every, gaps))
-    chosen = thin(np.arange(len(y)), MOST_CHECKS).tolist() if isinstance(model, _Predicts) else []
+    predicts = isinstance(model, Model | Updated)
+    chosen = thin(np.arange(len(y)), MOST_CHECKS).tolist() if predicts else []
     noise = [None] * len(y) if std is None else std
     checks = [check(model, k, (x[k], y[k]), noise[k]) for k in chosen]  # type: ignore[arg-type]
     scorer, late = Scorer(names), np.arange(len(y)) >= len(y) // 2

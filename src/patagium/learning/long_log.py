@@ -156,7 +156,8 @@ class _LongRun:
             "recorded": f"the last {len(record.time)} samples",
             **({"course_not_kept": self.unkept} if self.unkept else {}),
         }
-        return Identification(with_verdict(scores), record, self.learner, run.outcome, run.message)
+        facts = self.learner, run.outcome, run.message, self.record.of_role("input")
+        return Identification(with_verdict(scores), record, *facts)
 
     def _learn_block(self, progress: Progress | None) -> BlockRun:
         """Learn and score the samples from `begin` on, up to right before a used one."""

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
-from patagium.arrays import Array, brief
+from patagium.arrays import Array, brief, real_array
 from patagium.errors import LogError, ParameterError, ShapeError, shown
 from patagium.learning.filters.misfit import widened
 from patagium.learning.filters.weight_covariance import (
@@ -26,7 +26,7 @@ from patagium.learning.filters.weight_covariance import (
     block_covariance,
     covariance_from,
 )
-from patagium.learning.learners.learner import Learner, as_input
+from patagium.learning.learners.learner import Learner, as_input, row_by_row
 from patagium.learning.models.network import Network, center_of
 from patagium.learning.models.registry import network_from_description
 from patagium.limits import free_memory
@@ -101,7 +101,7 @@ class Model:
         """Measurement at x before it is made, with the network linear around its weights.
 
         Args:
-            x: Input, (n_x,) [units of x].
+            x: Input, (n_x,) [units of x]; several, (N, n_x), give (N, n_y) and (N, n_y, n_y).
 
         Returns:
             Mean, (n_y,), and covariance, (n_y, n_y); nan without one. It is H P H' + R, scaled to
@@ -110,7 +110,9 @@ class Model:
         Raises:
             ShapeError: If x has another shape.
         """
-        sample = as_input(self.network, x)
+        if (rows := real_array("x", x)).ndim == 2:
+            return row_by_row(self.predict, rows, self.network.outputs)
+        sample = as_input(self.network, rows)
         mean = self.network(sample, self.weights)
         if self.kept_covariance is None or self.measurement_std is None:
             return mean, np.full((len(mean), len(mean)), np.nan)
@@ -162,7 +164,8 @@ def save_model(path: str | Path, model: Model | Learner) -> Path:
         The path.
     """
     learned = model if isinstance(model, Model) else model_of(model)
-    return write_whole(path, json.dumps(_words(learned), indent=1).encode())
+    text = json.dumps(_words(learned), indent=1, default=np.ndarray.tolist)
+    return write_whole(path, text.encode())
 
 
 @checked
@@ -190,18 +193,17 @@ def load_model(path: str | Path) -> Model:
 
 
 def _words(model: Model) -> dict[str, Any]:
-    noise, usual = model.measurement_std, model.usual_std
     return {
         "format": FORMAT,
         "patagium_version": __version__,
         "source": model.source,
         "network": model.network.describe(),
-        "inputs": None if model.inputs is None else list(model.inputs),
+        "inputs": model.inputs,
         "outputs": list(model.network.output_names),
         "learner": model.learner,
-        "measurement_std": None if noise is None else noise.tolist(),
-        "usual_std": None if usual is None else usual.tolist(),
-        "weights": model.weights.tolist(),
+        "measurement_std": model.measurement_std,
+        "usual_std": model.usual_std,
+        "weights": model.weights,
         "covariance": None if model.kept_covariance is None else _packed(model.kept_covariance),
     }
 

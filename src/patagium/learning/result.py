@@ -45,6 +45,7 @@ class Identification:
             loaded from a file.
         outcome: COMPLETED, or why the learner stopped.
         message: When and why it stopped; empty if it did not.
+        inputs: Names of what the network saw; None: q, then v.
     """
 
     scores: dict[str, Any]
@@ -52,15 +53,17 @@ class Identification:
     learner: Any = field(default=None, repr=False)
     outcome: Outcome = Outcome.COMPLETED
     message: str = ""
+    inputs: tuple[str, ...] | None = None
 
     @property
     def model(self) -> Model:
-        """Model with the last weights, as `save_model` writes it, of inputs q, then v.
+        """Model with the last weights, as `save_model` writes it.
 
         Raises:
             ParameterError: If there is no learner, as after loading from a file.
         """
-        return self.learner if isinstance(self.learner, Model) else model_of(self.learner)
+        known = isinstance(self.learner, Model)
+        return self.learner if known else model_of(self.learner, inputs=self.inputs)
 
     def __repr__(self) -> str:
         return "\n".join([f"<Identification {self.outcome.name}>", *map(": ".join, self._facts())])

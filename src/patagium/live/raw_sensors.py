@@ -63,10 +63,9 @@ def channels(robot: Robot, sensor: Sensor) -> dict[str, tuple[str, ...]]:
         robot: The machine.
         sensor: An encoder, inertial unit, camera or motor current; others have none.
     """
-    if isinstance(sensor, Encoder):
-        return {"position": joint_names(sensor.joints, robot)}
-    if isinstance(sensor, MotorCurrent):
-        return {"current": joint_names(sensor.joints, robot)}
+    if isinstance(sensor, Encoder | MotorCurrent):
+        name = "position" if isinstance(sensor, Encoder) else "current"
+        return {name: joint_names(sensor.joints, robot)}
     if isinstance(sensor, Imu):
         return {"specific_force": _AXES, "angular_rate": _AXES}
     if isinstance(sensor, MotionCapture):

@@ -396,7 +396,8 @@ def _require(flight: xr.Dataset, names: Sequence[str], name: str = "the flight")
     of_kind("flight", flight, xr.Dataset)
     missing = [attribute for attribute in names if attribute not in flight.attrs]
     if missing:
-        raise FlightError(f"{name} has no attribute {', '.join(missing)}")
+        table = "; `pt.sensing.read_table` reads a log without one" * ("findings" in flight.attrs)
+        raise FlightError(f"{name} has no attribute {', '.join(missing)}{table}")
 
 
 def _coordinates(origin: FlightOrigin, time: Array) -> dict[str, Any]:

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from patagium.errors import LogError, OutputError
+import patagium as pt
+from patagium.errors import FlightError, LogError, OutputError, ParameterError
 from patagium.sensing import read_table
 from patagium.sensing.logs.files import opening
 from patagium.sensing.logs.files.channels import Request, StampSource
@@ -107,6 +108,18 @@ def test_a_table_is_read_through_any_mapping(tmp_path: Path) -> None:
     assert table.x.shape == (300, 4) and len(told) == 1
 
 
+def test_an_imported_log_is_a_table_without_its_mapping(tmp_path: Path) -> None:
+    path = written(tmp_path, frame())
+    found, direct = brought(path).path, read_table(path, parse_mapping(WORDS))
+    table = read_table(found)
+    np.testing.assert_array_equal(table.y, direct.y)
+    assert table.input_names == direct.input_names and table.source == str(found)
+    with pytest.raises(ParameterError, match="mapping"):
+        read_table(path)
+    with pytest.raises(FlightError, match="read_table"):
+        pt.identify(pt.load_log(found))
+
+
 def test_bad_stamps_are_told_and_left_out(tmp_path: Path) -> None:
     stamps = frame()["t"].to_numpy().copy()
     stamps[50] = stamps[49]
@@ -176,6 +189,25 @@ def test_missing_numbers_are_told_and_left_out(tmp_path: Path) -> None:
     assert kinds(found) == {"missing numbers"} and found.samples == 297
     with pytest.raises(LogError, match="lift: expected finite numbers, found none"):
         brought(written(tmp_path, frame(fz=np.full(300, np.nan))))
+
+
+@pytest.mark.parametrize("rate", [{}, {"rate": "500 Hz"}])
+def test_an_output_that_is_missing_costs_the_others_nothing(
+    rate: dict[str, str], tmp_path: Path
+) -> None:
+    table = frame(drag=np.sin(0.1 * np.arange(300)))
+    table.loc[20:29, "fz"] = np.nan  # drag alone is known
+    table.loc[40, ["fz", "drag"]] = np.nan  # nothing to learn
+    table.loc[60, "gy"] = np.nan  # no input
+    drag = {"column": "drag", "unit": "N"}
+    words = {**WORDS, "time": WORDS["time"] | rate, "outputs": [*WORDS["outputs"], drag]}
+    found = brought(written(tmp_path, table), words)
+    assert found.samples == 298 and found.left_out == 2
+    with LogRecord(found.path) as record:
+        log = record.table()
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(log.y[:, 0])), np.arange(20, 30))
+    np.testing.assert_allclose(log.y[:, 1], table["drag"].drop([40, 60]))
+    assert np.isfinite(log.x).all()
 
 
 def test_the_unit_of_time_is_doubted(tmp_path: Path) -> None:

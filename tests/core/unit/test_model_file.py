@@ -47,6 +47,19 @@ def test_a_model_predicts_as_its_learner_did(tmp_path: Path, rng: np.random.Gene
     np.testing.assert_array_equal(mean, learner.network(x, learner.weights))
 
 
+@pytest.mark.parametrize("count", [0, 1, 4])
+def test_several_inputs_are_predicted_as_one_by_one(count: int, rng: np.random.Generator) -> None:
+    learner, x = taught(rng), rng.normal(size=(count, 3))
+    for one in (learner, model_of(learner)):
+        mean, covariance = one.predict(x)
+        assert mean.shape == (count, 2) and covariance.shape == (count, 2, 2)
+        for k, row in enumerate(x):
+            np.testing.assert_array_equal(mean[k], one.predict(row)[0])
+            np.testing.assert_array_equal(covariance[k], one.predict(row)[1])
+        with pytest.raises(ShapeError, match="x"):
+            one.predict(np.zeros((2, 4)))
+
+
 STRUCTURES = {
     "node": {"covariance": "node"},
     "layer": {"covariance": "layer"},
@@ -187,5 +200,10 @@ def test_an_identification_has_the_model_that_is_saved(tmp_path: Path) -> None:
     assert pt.evaluate(flight, result.model).model is not None
     assert again != result.model and len({again, result.model}) == 2
     result.save(tmp_path / "result.nc")
+    assert result.model.inputs is None
+    names = [f"{part}.{name}" for part in "qv" for name in pt.load_robot("aerobat").dof_names]
+    network = pt.DenseNetwork(len(names), (3,), ("z",))
+    learner = pt.CubatureLearner(network, prior_std=0.3, measurement_std=0.1, spread=1.7)
+    assert pt.identify(flight, learner, inputs=names[::-1]).model.inputs == tuple(names[::-1])
     with pytest.raises(ParameterError, match="learner"):
         _ = pt.learning.load_identification(tmp_path / "result.nc").model

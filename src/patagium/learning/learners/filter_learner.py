@@ -31,6 +31,7 @@ from patagium.learning.learners.learner import (
     as_input,
     diverged,
     found_part,
+    row_by_row,
     shaped_sample,
 )
 from patagium.learning.learners.state_file import write_state
@@ -211,7 +212,7 @@ class FilterLearner(Learner):
         """Measurement at x before it is made.
 
         Args:
-            x: Input, (n_x,) [units of x].
+            x: Input, (n_x,) [units of x]; several, (N, n_x), give (N, n_y) and (N, n_y, n_y).
             time: Of the measurement [s], in the flow that is being learned: with `misfit`, what
                 of the last error is expected then is part of the mean. None: what the weights
                 alone give, in any flow.
@@ -225,7 +226,9 @@ class FilterLearner(Learner):
             ShapeError: If x has another shape.
             FilterDiverged: If it is not finite, or the covariance was lost.
         """
-        sample = as_input(self._network, x)
+        if (rows := real_array("x", x)).ndim == 2:
+            return row_by_row(lambda x: self.predict(x, std, time), rows, self._network.outputs)
+        sample = as_input(self._network, rows)
         nothing = np.zeros(0)
         if not np.isfinite(sample).all():
             raise diverged(Outcome.NOT_FINITE, self.count, sample, nothing)

@@ -7,7 +7,7 @@ time. Neglected: threads.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -132,6 +132,15 @@ def as_input(network: Network, x: ArrayLike) -> Array:
         raise ShapeError("x", f"{problem.expected}{told}", problem.found) from None
 
 
+def row_by_row(
+    predict: Callable[[Array], tuple[Array, Array]], rows: Array, outputs: int
+) -> tuple[Array, Array]:
+    """Means, (N, n_y), and covariances, (N, n_y, n_y), at inputs, (N, n_x) [units of x]."""
+    found = [predict(row) for row in rows]
+    means, covariances = ([one[k] for one in found] for k in (0, 1))
+    return np.reshape(means, (-1, outputs)), np.reshape(covariances, (-1, outputs, outputs))
+
+
 def shaped_sample(network: Network, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     """x, (n_x,), and y, (n_y,), as arrays.
 
@@ -151,14 +160,10 @@ def diverged(outcome: Outcome, count: int, x: Array, y: Array) -> FilterDiverged
                 "number; the learner is as it was before",
                 Outcome.NOT_FINITE,
             )
-    reason = {
-        Outcome.NOT_FINITE: "the network's output or the new weights are not finite",
-        Outcome.COVARIANCE_LOST: "the covariance is no longer positive definite",
-    }[outcome]
-    remedy = {
-        Outcome.NOT_FINITE: "lower prior_std or the spread, or scale inputs and outputs",
-        Outcome.COVARIANCE_LOST: outcome.remedy,
-    }[outcome]
+    reason, remedy = "the covariance is no longer positive definite", outcome.remedy
+    if outcome is Outcome.NOT_FINITE:
+        reason = "the network's output or the new weights are not finite"
+        remedy = "lower prior_std or the spread, or scale inputs and outputs"
     return FilterDiverged(
         f"update {count + 1}: {reason}; the learner is as it was before; {remedy}", outcome
     )

@@ -21,7 +21,7 @@ import pandas as pd
 
 from patagium.arguments import Progress, checked
 from patagium.arrays import Array
-from patagium.errors import LogError
+from patagium.errors import LogError, ParameterError
 from patagium.netcdf_file import NetcdfDraft
 from patagium.robot import Robot, load_robot, preset_names
 from patagium.sensing.logs.files.channels import LogFile
@@ -41,7 +41,7 @@ from patagium.sensing.logs.importing.resample import (
     time_base,
 )
 from patagium.sensing.logs.mapping import TableMapping, load_mapping
-from patagium.sensing.logs.record import FORMAT, LogRecord
+from patagium.sensing.logs.record import FORMAT, LogRecord, is_log
 from patagium.sensing.logs.table import LogTable
 from patagium.version import __version__
 from patagium.whole_file import Draft
@@ -148,7 +148,7 @@ class Imported:
         samples: Number of its samples.
         duration: Time from the first to the last sample [s].
         time_base: Its time base in words.
-        left_out: Samples of the time base that were left out because a quantity was missing.
+        left_out: Samples of the time base that lack an input, a channel or all outputs.
         findings: Suspicious facts about the log.
         facts: Residuals of specific forces against velocities; see `consistency`.
         notes: Assumptions made to read the log.
@@ -260,7 +260,7 @@ def _written(
         samples, duration = _write(writer, spool, base, mapping.gap, progress)
     if samples < 2:
         raise LogError(
-            f"{source}: expected samples where all quantities are known, found {samples} "
+            f"{source}: expected samples with all inputs and an output, found {samples} "
             f"of {base.count}; gaps of different streams, or missing numbers, leave no more"
         )
     return Imported(
@@ -313,15 +313,18 @@ def _duplicates_remedy(stamps: StampSurvey) -> str:
 def _write(
     writer: Writer, spool: Spool, base: TimeBase, gap: float, progress: Progress | None
 ) -> tuple[int, float]:
-    """Number of samples written where all quantities are valid, and their duration [s]."""
+    """Number of samples written, with what is needed and an output, and their duration [s]."""
     samples, first, last, end = 0, 0.0, 0.0, 0
+    needed = np.array([item.needed for item in spool.plan.items])
     while (begin := after_gaps(spool, base, end, gap)) < base.count:
         end = min(begin + CHUNK, base.count)
         stamps = stamps_in(spool, base, begin, end)
         parts = [resampled(spool, item, stamps, gap) for item in spool.plan.items]
-        valid = np.logical_and.reduce([ok for _, ok in parts])
+        known = np.array([ok for _, ok in parts])
+        valid = known[needed].all(axis=0) & (known[~needed].any(axis=0) | needed.all())
         zeros = np.zeros((len(stamps), len(spool.plan.zero)))
-        values = np.column_stack([*(part for part, _ in parts), zeros])[valid]
+        shown = (np.where(ok[:, None], part, np.nan) for part, ok in parts)
+        values = np.column_stack([*shown, zeros])[valid]
         time = (stamps[valid] - base.origin) / SECOND
         if len(time):
             first = float(time[0]) if not samples else first
@@ -353,19 +356,23 @@ def _half(progress: Progress | None, which: int) -> Progress | None:
 
 @checked
 def read_table(
-    path: str | Path, mapping: TableMapping | str | Path, tell: Tell | None = None
+    path: str | Path, mapping: TableMapping | str | Path | None = None, tell: Tell | None = None
 ) -> LogTable:
     """Table of inputs and outputs in a log, by `import_log` in a temporary folder.
 
     Args:
         path: A CSV (also `.csv.gz`) or Parquet file, or another log.
-        mapping: Meaning of its columns or fields, or the YAML file that states it.
+        mapping: Meaning of its columns or fields, or its YAML file; None of an imported log.
         tell: Called with the findings of the import.
 
     Raises:
         LogError: If the log cannot be read or lacks what the mapping names.
+        ParameterError: If a mapping is missing.
     """
+    if mapping is None and not is_log(path):
+        raise ParameterError("mapping", "one, or its file, for such a log", None)
     with tempfile.TemporaryDirectory() as folder:
-        found = import_log(path, mapping, Path(folder) / "log.nc", tell=tell)
-        with LogRecord(found.path) as record:
+        out = Path(folder) / "log.nc"
+        file = path if mapping is None else import_log(path, mapping, out, tell=tell).path
+        with LogRecord(file) as record:
             return replace(record.table(), source=str(path))

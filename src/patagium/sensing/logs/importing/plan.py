@@ -10,6 +10,7 @@ import numpy as np
 
 from patagium.arrays import Array
 from patagium.errors import LogError
+from patagium.sensing.force.air_force import PARTS
 from patagium.sensing.logs.axes import attitude_in_ours, axes_of
 from patagium.sensing.logs.files.channels import (
     LogFile,
@@ -61,6 +62,11 @@ class Quantity:
     def is_attitude(self) -> bool:
         """Whether the quantity is an attitude."""
         return self.order is not None
+
+    @property
+    def needed(self) -> bool:
+        """Whether no sample is made without it: all but outputs that are no part of a flight."""
+        return self.role != "output" or self.column.label.startswith(tuple(f"{k}." for k in PARTS))
 
     @property
     def norm(self) -> float | None:

@@ -215,13 +215,14 @@ def stamps_in(spool: Spool, base: TimeBase, begin: int, end: int) -> Stamps:
 
 
 def after_gaps(spool: Spool, base: TimeBase, begin: int, gap: float) -> int:
-    """Number of the first sample of a time base, from `begin` on, that is in no stream's gap."""
-    step = base.step * SECOND
+    """First sample of a time base, from `begin` on, in no gap of a stream that it needs."""
+    step, items = base.step * SECOND, spool.plan.items
+    needed = {item.stream for item in items if item.needed}
     former = -1
     while base.stream is None and former < begin < base.count:
         former = begin
         stamp = stamps_in(spool, base, begin, begin + 1)[0]
-        for stream in {item.stream for item in spool.plan.items}:
+        for stream in needed or {item.stream for item in items}:
             known = spool.stamps_of(stream)
             longest = gap * spool.surveys[stream].stamps.median * SECOND
             right = int(np.searchsorted(known, stamp))
