@@ -31,7 +31,9 @@ _POSITIVE = {
     **dict.fromkeys(("lift_slope",), "1/rad"),
     **dict.fromkeys(("stall_begins", "stall_complete", "stall_angle", "stall_width"), "rad"),
     **dict.fromkeys(("rate",), "1/semichord"),
-    **dict.fromkeys(("pressure", "separation"), "semichords"),
+    **dict.fromkeys(("pressure", "separation", "vortex"), "semichords"),
+    **dict.fromkeys(("induced_factor", "apparent_mass"), "1"),
+    "memory": "rad",
     **dict.fromkeys(("profile_drag", "friction_drag", "crossflow_drag"), "1"),
     **dict.fromkeys(("suction_efficiency", "surface_constant", "factor", "exponent"), "1"),
     **dict.fromkeys(("chord", "width", "reference_height", "roughness"), "m"),
@@ -42,7 +44,7 @@ _POSITIVE = {
     **dict.fromkeys(("damping",), "N s/m or N m s"),
 }
 _SIGNED = {
-    **dict.fromkeys(("zero_lift_angle", "lift_phase", "drag_phase"), "rad"),
+    **dict.fromkeys(("zero_lift_angle", "lift_phase", "drag_phase", "angle"), "rad"),
     **dict.fromkeys(("xy", "xz", "yz"), "kg m^2"),
     "ground": "m",
 }
@@ -246,8 +248,12 @@ def changed_air(
 
 def _write(description: Any, name: str, value: float, model: str) -> None:
     """One number into the description of a model."""
-    path = f"air.{name}" if name in ("density", *WIND) else name
+    path = f"air.{name}" if name in ("density", "ground", *WIND) else name
     steps = re.findall(r"[^.\[\]]+", path)
+    while "of" in description and steps[0] != description["model"]:
+        description = description["of"]  # of the model under this one
+    if "of" in description:
+        del steps[0]
     if name in WIND:
         steps[-1] = str("xyz".index(steps[-1]))
     for step in steps[:-1]:
