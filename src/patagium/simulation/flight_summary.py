@@ -27,6 +27,11 @@ STEEPEST = np.radians(15.0)
 """Steepest glide that is no fall [rad]."""
 HOVER = 0.1
 """Speed over that of the fastest strip below which wings hover [1] (Ellington 1984)."""
+NO_INFLOW = (
+    "It hovers, and its wings do not meet the air that they have thrown down: the lift may be "
+    "up to twice too large (--inflow, or patagium.air.Inflow(model), adds it)."
+)
+"""Said of wings that hover in air that stays as it was."""
 SLOWEST_FALL = 0.3
 """Sink rate below which nothing is said of it [m/s]."""
 UNEXPLAINED = 1e-2
@@ -168,10 +173,7 @@ def _hover(robot: Robot, flight: xr.Dataset) -> list[str]:
     speed = np.linalg.norm(air_velocity(flight, robot))
     if not driven or speed > HOVER * fastest:
         return []
-    return [
-        "It hovers, and its wings do not meet the air that they have thrown down: the lift may be "
-        "up to twice too large (--inflow, or patagium.air.Inflow(model), adds it)."
-    ]
+    return [NO_INFLOW]
 
 
 def _overloads(robot: Robot, flight: xr.Dataset) -> list[str]:
