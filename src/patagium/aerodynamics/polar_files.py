@@ -59,22 +59,21 @@ def read_polar(path: str | Path) -> PolarTable:
     if len(firsts) != 1:
         expected = "one header that names the columns alpha, CL and CD"
         raise Unreadable(str(path), "", expected, str(len(firsts) or "none"))
-    first = firsts[0]
-    names, mark = headers[first], _mark(lines[first])
-    columns, unit = len(_cells(lines[first], mark)), names["alpha"][1]
+    first, header, names = firsts[0], lines[firsts[0]], headers[firsts[0]]
+    most, unit = len(_cells(header, header)) if {*";,"} & {*header} else None, names["alpha"][1]
     wanted = [names[name][0] for name in _COLUMNS if name in names]
     flow = [names[name][0] for name in names if name == "re" or name.startswith("reynolds")]
     if unit[:3] not in ("", "deg", "rad", "°"):
         raise Unreadable(str(path), "alpha", "angles in [deg] or [rad]", unit)
     rows, flows = [], list[float]()
     for number, line in enumerate(lines[first + 1 :], first + 2):
-        cells = _cells(line, mark)
+        cells = _cells(line, header)
         numbers = [_number(cells, place) for place in wanted]
         if not np.isfinite(numbers).all():
             continue  # rules below a header, remarks, and points that were not found
-        if mark and any(cells[columns:]):
+        if most and any(cells[most:]):
             found = f"{len(cells)}; apart by semicolons, or in quotes, numbers may have commas"
-            raise Unreadable(str(path), f"line {number}", f"{columns} cells", found)
+            raise Unreadable(str(path), f"line {number}", f"{most} cells", found)
         rows.append(numbers)
         flows += [_number(cells, place) for place in flow]
     known = np.unique(np.array(flows)[np.isfinite(flows)])
@@ -95,16 +94,13 @@ def read_polar(path: str | Path) -> PolarTable:
     return PolarTable(angle, lift, drag, moment[0] if moment else None)
 
 
-def _mark(line: str) -> str:
-    """Mark between the cells of a line; empty for spaces."""
-    return next((mark for mark in ";," if mark in line), "")
-
-
-def _cells(line: str, mark: str) -> list[str]:
-    """Cells of a line, out of their quotes."""
+def _cells(line: str, header: str) -> list[str]:
+    """Cells of a line, out of their quotes, apart as those of the header are."""
+    mark = next((mark for mark in ";," if mark in header), None)
+    if mark is None:
+        return line.split()
     try:
-        rows = csv.reader([line], delimiter=mark, skipinitialspace=True) if mark else [line.split()]
-        return next(iter(rows), [])
+        return next(csv.reader([line], delimiter=mark, skipinitialspace=True), [])
     except csv.Error:
         return []  # one longer than any number
 
@@ -121,7 +117,7 @@ def _header(line: str) -> dict[str, tuple[int, str]]:
     """Position and unit of each column in a header line; units in brackets, as in alpha [deg]."""
     joined = re.sub(r"^[\s#%]+|\s+(?=[\[(])", "", line.lower())  # remarks' marks are no column
     found: dict[str, tuple[int, str]] = {}
-    for place, word in enumerate(_cells(joined, _mark(joined))):
+    for place, word in enumerate(_cells(joined, joined)):
         opened = word.strip(" \"'").replace("(", "[")
         name, _, unit = opened.partition("[")
         found.setdefault(name, (place, unit.rstrip("])")))
