@@ -187,11 +187,8 @@ class AddedMass:
         return np.atleast_1d(np.asarray(result, float))
 
     def _checked(self, **arguments: ArrayLike) -> list[Array]:
-        arrays = []
-        for name, value in arguments.items():
-            size = self.robot.coordinate_count if name == "q" else self.robot.dof
-            arrays.append(real_array(name, value, (size,)))
-        return arrays
+        sizes = dict.fromkeys(arguments, self.robot.dof) | {"q": self.robot.coordinate_count}
+        return [real_array(name, value, (sizes[name],)) for name, value in arguments.items()]
 
     @property
     def _constants(self) -> tuple[Array, Array]:
@@ -210,23 +207,19 @@ def added_mass_functions(model: AddedMass) -> list[ca.Function]:
     v, a = ca.SX.sym("v", robot.dof), ca.SX.sym("a", robot.dof)
     wind, parameters = ca.SX.sym("wind", 3), ca.SX.sym("c", 2)
     added = model.inertia(robot, wind, parameters)
-    names = ["robot_parameters", "aero_parameters"]
-    constants = [robot_parameters, parameters]
     force = kirchhoff_force(robot, q, v, a, added)
     matrix = ca.densify(-ca.jacobian(force, a))
     taken = model.circulation_force(robot, q, v, wind, parameters)
+    constants = {"robot_parameters": robot_parameters, "aero_parameters": parameters}
+    inputs = {"q": q, "v": v, "a": a, "wind": wind, **constants}
+    results = (
+        ("added_mass_matrix", ["q", *constants], "D", matrix),
+        ("added_mass_force", [*inputs], "f", force),
+        ("circulation_force", ["q", "v", "wind", *constants], "f", taken),
+    )
     return [
-        ca.Function("added_mass_matrix", [q, *constants], [matrix], ["q", *names], ["D"]),
-        ca.Function(
-            "added_mass_force",
-            [q, v, a, wind, *constants],
-            [force],
-            [*"qva", "wind", *names],
-            ["f"],
-        ),
-        ca.Function(
-            "circulation_force", [q, v, wind, *constants], [taken], [*"qv", "wind", *names], ["f"]
-        ),
+        ca.Function(name, [inputs[key] for key in keys], [value], keys, [letter])
+        for name, keys, letter, value in results
     ]
 
 

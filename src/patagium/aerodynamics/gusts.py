@@ -72,8 +72,18 @@ class Profile(Gust, Protocol):
         ...
 
 
+class NamedGust:
+    """Gust that describes itself by its name and its fields."""
+
+    name: ClassVar[str] = ""
+
+    def describe(self) -> dict[str, Any]:
+        """Description from which the gust can be made again, as JSON-able values."""
+        return {"name": self.name, **field_values(self)}
+
+
 @dataclass(frozen=True)
-class DiscreteGust:
+class DiscreteGust(NamedGust):
     """A gust of one shape in time: a velocity times a share that depends on (t - start)/T.
 
     Args:
@@ -90,8 +100,6 @@ class DiscreteGust:
     start: float
     length_time: float
 
-    name: ClassVar[str] = ""
-
     def __post_init__(self) -> None:
         object.__setattr__(self, "velocity", triple("velocity", self.velocity))
         check_fields(self)
@@ -105,10 +113,6 @@ class DiscreteGust:
         """Velocity of the gust, world axes, (N, 3) [m/s], at times (N,) [s]."""
         phase = np.clip((time - self.start) / self.length_time, 0.0, 1.0)
         return np.outer(self.share(phase), self.velocity)
-
-    def describe(self) -> dict[str, Any]:
-        """Description from which the gust can be made again, as JSON-able values."""
-        return {"name": self.name, **field_values(self)}
 
 
 @dataclass(frozen=True)
@@ -168,7 +172,7 @@ class RampGust(DiscreteGust):
 
 
 @dataclass(frozen=True)
-class GustSum:
+class GustSum(NamedGust):
     """Several gusts at once, each the same everywhere.
 
     Args:
@@ -177,17 +181,15 @@ class GustSum:
 
     gusts: tuple[Gust, ...]
 
+    name = "sum"
+
     def velocity_at(self, time: Array) -> Array:
         """Velocity of all gusts together, world axes, (N, 3) [m/s], at times (N,) [s]."""
         return sum((gust.velocity_at(time) for gust in self.gusts), np.zeros((len(time), 3)))
 
-    def describe(self) -> dict[str, Any]:
-        """Description from which the gusts can be made again, as JSON-able values."""
-        return {"name": "sum", **field_values(self)}
-
 
 @dataclass(frozen=True)
-class DrydenGust:
+class DrydenGust(NamedGust):
     """Continuous turbulence: white noise through the Dryden shaping filters.
 
     Along x   H = s sqrt(2 T) / (1 + T iw),            T = L/U,
@@ -215,7 +217,7 @@ class DrydenGust:
     airspeed: float
     seed: int
 
-    name: ClassVar[str] = "dryden"
+    name = "dryden"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "intensity", triple("intensity", self.intensity))
@@ -254,10 +256,6 @@ class DrydenGust:
         """Times between which the velocity is a straight line, (K,) [s]."""
         places = np.arange(floor(first / self.step), ceil(last / self.step) + 2)
         return np.asarray(self.step * places)
-
-    def describe(self) -> dict[str, Any]:
-        """Description from which the object can be made again, as JSON-able values."""
-        return {"name": self.name, **field_values(self)}
 
     def _unit(self, axis: int, noise: Array, past: Array) -> Array:
         """Stationary turbulence of unit variance along an axis, (before + count,) [1].
@@ -321,10 +319,8 @@ def profile_from_description(description: Mapping[str, Any]) -> Profile:
     Raises:
         ParameterError: If the name is unknown, or a key is missing or unknown.
     """
-    kinds: tuple[type[OneMinusCosineGust] | type[RampGust] | type[DrydenGust], ...]
-    kinds = OneMinusCosineGust, RampGust, DrydenGust
-    made: Profile = from_named_description("gust", kinds, description)
-    return made
+    kinds: tuple[Any, ...] = OneMinusCosineGust, RampGust, DrydenGust
+    return from_named_description("gust", kinds, description)  # type: ignore[no-any-return]
 
 
 def triple(name: str, value: ArrayLike) -> tuple[float, ...]:
@@ -370,7 +366,7 @@ class CubicPieces:
 
 
 @dataclass(frozen=True)
-class TravelingGust:
+class TravelingGust(NamedGust):
     """A gust that sweeps over the robot, w(p, t) = g(t - n . (p - p0) / c).
 
     A wing element of chord 2b whose points lie at y b ahead of mid-chord, y = cos(theta), with
@@ -401,6 +397,8 @@ class TravelingGust:
     direction: tuple[float, float, float]
     speed: float
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    name = "traveling"
 
     def __post_init__(self) -> None:
         direction = np.array(triple("direction", self.direction))
@@ -441,10 +439,6 @@ class TravelingGust:
         ends = np.zeros((2, 4, 3))
         ends[:, 0] = values[0, 0], values[-1, 3]
         return CubicPieces(knots, np.concatenate([ends[:1], inner, ends[1:]]))
-
-    def describe(self) -> dict[str, Any]:
-        """Description from which the object can be made again, as JSON-able values."""
-        return {"name": "traveling", **field_values(self)}
 
 
 def gust_from_description(description: Mapping[str, Any]) -> Gust:

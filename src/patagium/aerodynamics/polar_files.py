@@ -1,11 +1,12 @@
 """Static polars of sections from text files of XFOIL, AeroSandbox or NeuralFoil.
 
-A header names the columns, numbers follow: apart by commas if the header's names are, else by
-spaces. Neglected: the size of the Reynolds number and all other columns.
+A header names the columns, numbers follow: apart by semicolons or commas if the header's names
+are, else by spaces. Neglected: the size of the Reynolds number and all other columns.
 """
 
 from __future__ import annotations
 
+import csv
 import re
 from pathlib import Path
 from typing import NamedTuple
@@ -57,27 +58,27 @@ def read_polar(path: str | Path) -> PolarTable:
     firsts = [k for k, names in enumerate(headers) if {*_COLUMNS[:3]} <= {*names}]
     if len(firsts) != 1:
         expected = "one header that names the columns alpha, CL and CD"
-        apart = any(";" in line and "alpha" in line.lower() for line in lines)
-        remedy = "columns apart by semicolons; put commas there, and points in the numbers"
-        raise Unreadable(str(path), "", expected, remedy if apart else str(len(firsts) or "none"))
-    names, comma = headers[firsts[0]], "," in lines[firsts[0]]
-    unit = names["alpha"][1]
-    wanted = [name for name in _COLUMNS if name in names]
+        raise Unreadable(str(path), "", expected, str(len(firsts) or "none"))
+    first, header, names = firsts[0], lines[firsts[0]], headers[firsts[0]]
+    most, unit = len(_cells(header, header)) if {*";,"} & {*header} else None, names["alpha"][1]
+    wanted = [names[name][0] for name in _COLUMNS if name in names]
+    flow = [names[name][0] for name in names if name == "re" or name.startswith("reynolds")]
     if unit[:3] not in ("", "deg", "rad", "°"):
         raise Unreadable(str(path), "alpha", "angles in [deg] or [rad]", unit)
-    rows, flows = [], set()
-    for line in lines[firsts[0] + 1 :]:
-        cells = line.split("," if comma else None)
-        try:
-            numbers = [float(cells[names[name][0]]) for name in wanted]
-        except (ValueError, IndexError):
+    rows, flows = [], list[float]()
+    for number, line in enumerate(lines[first + 1 :], first + 2):
+        cells = _cells(line, header)
+        numbers = [_number(cells, place) for place in wanted]
+        if not np.isfinite(numbers).all():
             continue  # rules below a header, remarks, and points that were not found
-        if np.isfinite(numbers).all():
-            rows.append(numbers)
-            for name in {"re", "reynolds"} & {*names}:
-                flows.add(cells[names[name][0]].strip())
-    if len(flows) > 1:
-        remedy = f"{', '.join(sorted(flows))}; keep the rows of one"
+        if most and any(cells[most:]):
+            found = f"{len(cells)}; apart by semicolons, or in quotes, numbers may have commas"
+            raise Unreadable(str(path), f"line {number}", f"{most} cells", found)
+        rows.append(numbers)
+        flows += [_number(cells, place) for place in flow]
+    known = np.unique(np.array(flows)[np.isfinite(flows)])
+    if known.size and np.ptp(known) > 1e-6 * known.max():
+        remedy = f"{', '.join(f'{one:g}' for one in known)}; keep the rows of one"
         raise Unreadable(str(path), "Re", "one Reynolds number", remedy)
     table = np.array(rows).reshape(len(rows), len(wanted))
     _, kept = np.unique(table[:, 0], return_index=True)
@@ -93,11 +94,30 @@ def read_polar(path: str | Path) -> PolarTable:
     return PolarTable(angle, lift, drag, moment[0] if moment else None)
 
 
+def _cells(line: str, header: str) -> list[str]:
+    """Cells of a line, out of their quotes, apart as those of the header are."""
+    mark = next((mark for mark in ";," if mark in header), None)
+    if mark is None:
+        return line.split()
+    try:
+        return next(csv.reader([line], delimiter=mark, skipinitialspace=True), [])
+    except csv.Error:
+        return []  # one longer than any number
+
+
+def _number(cells: list[str], place: int) -> float:
+    """Number in a cell, with a point or a comma; not a number if there is none."""
+    try:
+        return float(cells[place].replace(",", "."))
+    except (ValueError, IndexError):
+        return float("nan")
+
+
 def _header(line: str) -> dict[str, tuple[int, str]]:
     """Position and unit of each column in a header line; units in brackets, as in alpha [deg]."""
     joined = re.sub(r"^[\s#%]+|\s+(?=[\[(])", "", line.lower())  # remarks' marks are no column
     found: dict[str, tuple[int, str]] = {}
-    for place, word in enumerate(joined.split("," if "," in joined else None)):
+    for place, word in enumerate(_cells(joined, joined)):
         opened = word.strip(" \"'").replace("(", "[")
         name, _, unit = opened.partition("[")
         found.setdefault(name, (place, unit.rstrip("])")))

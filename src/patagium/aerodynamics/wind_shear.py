@@ -70,11 +70,8 @@ class WindShear(OnModel):
     @property
     def own_parameters(self) -> dict[str, float]:
         """Numbers of the law by name [m, 1]."""
-        law = {"exponent": self.exponent}
-        if self.roughness is not None:
-            law = {"roughness": self.roughness}
-        numbers = {"reference_height": self.reference_height, **law}
-        return {f"wind_shear.{name}": value for name, value in numbers.items()}
+        names = "reference_height", "exponent" if self.roughness is None else "roughness"
+        return {f"wind_shear.{name}": getattr(self, name) for name in names}
 
     def expressions(
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX

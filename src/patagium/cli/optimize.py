@@ -89,6 +89,7 @@ def optimize(
     from patagium.aerodynamics import Air
     from patagium.robot import load_robot
     from patagium.simulation import gaits, save_flight
+    from patagium.simulation.flight_summary import NO_INFLOW
 
     if front is None and figure is not None:
         raise ParameterError("--figure", "--front with the speeds of the picture", None)
@@ -103,6 +104,8 @@ def optimize(
         least = control.power_front(machine, front, model, **given)
         _front(least, figure, as_json)
         return
+    if speed == 0 and not inflow:
+        typer.echo(f"patagium: {NO_INFLOW}", err=True)
     options: dict[str, Any] = {"free": free} if free else {}
     found = control.optimize(
         machine,

@@ -101,6 +101,7 @@ def trim(
     from patagium.report.page import Table
     from patagium.robot import load_robot
     from patagium.simulation import gaits, save_flight
+    from patagium.simulation.flight_summary import NO_INFLOW
 
     if along is None and figure is not None:
         raise ParameterError("--figure", "a branch to draw, such as --along speed=2:6", None)
@@ -108,6 +109,8 @@ def trim(
     gait = gaits.cruise(machine)
     chosen = tuple(free) if free else control.free_parameters(machine, gait)
     level = 0.0 if gait.period else None
+    if speed == 0 and gait.period and not inflow:
+        typer.echo(f"patagium: {NO_INFLOW}", err=True)
     if not as_json:
         kind = "Wingbeat" if gait.period else "Glide"
         typer.echo(f"{kind} of the file's cruise, {aero} air; free: {', '.join(chosen)}", err=True)

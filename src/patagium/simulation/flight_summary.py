@@ -27,6 +27,11 @@ STEEPEST = np.radians(15.0)
 """Steepest glide that is no fall [rad]."""
 HOVER = 0.1
 """Speed over that of the fastest strip below which wings hover [1] (Ellington 1984)."""
+NO_INFLOW = (
+    "It hovers, and its wings do not meet the air that they have thrown down: the lift may be "
+    "up to twice too large (--inflow, or patagium.air.Inflow(model), adds it)."
+)
+"""Said of wings that hover in air that stays as it was."""
 SLOWEST_FALL = 0.3
 """Sink rate below which nothing is said of it [m/s]."""
 UNEXPLAINED = 1e-2
@@ -160,18 +165,15 @@ def _warnings(facts: dict[str, Any], free: bool, judged: bool) -> list[str]:
 
 def _hover(robot: Robot, flight: xr.Dataset) -> list[str]:
     """Sentence about wings that hover in air that stays as it was."""
-    described = json.loads(flight.attrs.get("aero", "{}"))
-    if not flight.sizes["strip"] or described.get("model") in (None, Inflow.name):
+    told = flight.attrs.get("aero", "{}")
+    if not flight.sizes["strip"] or '"model"' not in told or f'"{Inflow.name}"' in told:
         return []
     fastest = float(flight["strip_airspeed"].to_numpy().mean(axis=0).max())
     driven = flight["v"].to_numpy()[:, list(robot.actuated)].any()
     speed = np.linalg.norm(air_velocity(flight, robot))
     if not driven or speed > HOVER * fastest:
         return []
-    return [
-        "It hovers, and its wings do not meet the air that they have thrown down: the lift may be "
-        "up to twice too large (--inflow, or patagium.air.Inflow(model), adds it)."
-    ]
+    return [NO_INFLOW]
 
 
 def _overloads(robot: Robot, flight: xr.Dataset) -> list[str]:

@@ -139,6 +139,9 @@ def test_a_wing_that_hovers_on_a_fixed_root_is_told_of_the_air_it_throws_down() 
     gait = pt.gaits.sinusoidal(robot, frequency=3.3, **{robot.dof_names[0]: 0.4})
     flight = pt.simulate(robot, pt.QuasiSteady(robot), gait, duration=1 / 3.3, time_step=1 / 330)
     assert flight_summary(flight)["warnings"][0].startswith("It hovers")
+    meets_it = pt.air.WindShear(pt.air.Inflow(pt.QuasiSteady(robot)))
+    flight.attrs["aero"] = json.dumps(meets_it.describe())
+    assert not any("It hovers" in one for one in flight_summary(flight)["warnings"])
 
 
 @pytest.mark.parametrize(

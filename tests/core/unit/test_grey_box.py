@@ -143,6 +143,33 @@ def test_numbers_of_the_robot_and_added_mass_are_found_in_a_flight(robot):
     assert model.robot.strips[1].chord == result.scores["parameter_value"]["wing[1].chord"]
 
 
+GROUND = pt.Air(wind=(-5.0, 0.0, 0.0), ground=-1.0)
+
+
+@pytest.mark.parametrize(
+    ("wrapped", "name", "unit"),
+    [
+        (lambda m: m, "ground", "m"),
+        (lambda m: pt.air.Inflow(m), "inflow.induced_factor", "1"),
+        (lambda m: pt.air.Inflow(m), "density", "kg/m^3"),
+        (lambda m: pt.air.WindShear(pt.air.Inflow(m)), "wind_shear.exponent", "1"),
+        (lambda m: pt.air.WindShear(pt.air.Inflow(m)), "inflow.memory", "rad"),
+        (lambda m: pt.air.Inflow(pt.air.WindShear(m)), "wind_shear.exponent", "1"),
+        (lambda m: pt.air.Inflow(pt.air.WindShear(m)), "polar.lift_amplitude", "1"),
+        (lambda m: pt.air.WindShear(m, roughness=0.03), "wind_shear.roughness", "m"),
+    ],
+)
+def test_models_on_models_are_made_again_with_their_numbers(robot, wrapped, name, unit):
+    """They were found in a log, and then refused as no argument of the outermost model."""
+    start = wrapped(pt.QuasiSteady(robot, GROUND))
+    grey = pt.GreyBox(start, {name: 0.1})
+    model, _ = grey.air_at(np.array([1.0]))
+    values = dict(zip(model.parameter_names, model.parameters, strict=True))
+    assert values.pop(name) == pytest.approx(grey.estimates(np.array([1.0]))[0].value)
+    assert values.items() <= dict(zip(start.parameter_names, start.parameters, strict=True)).items()
+    assert unit_of(name) == unit
+
+
 def test_viscosity_of_a_polar_is_found_in_a_flight(robot):
     """Slow air, Reynolds numbers of some 2000; the viscosity is twice that of air."""
     gait = pt.gaits.sinusoidal(robot, frequency=1.0, plunge=0.6, feather=0.5)

@@ -121,15 +121,35 @@ def test_a_unit_shifts_no_column_and_an_empty_cell_leaves_its_row_out(
 
 
 @pytest.mark.parametrize(
+    "text",
+    [
+        "alpha;CL;CD\n-1;-0,11;0,0125\n1,5;0,16;0,01\n",
+        'name,alpha,CL,CD\n"a, b","-1","-0,11","0,0125"\n"a, b","1,5","0,16","0,01"\n',
+        "alpha\tCL\tCD\n-1,0\t-0,11\t0,0125\n1,5\t0,16\t0,01\n",
+        "alpha,CL,CD,Re\n-1,-.11,.0125,1e5\n1.5,.16,.01,100000.0\n2,,.01,\n",
+    ],
+)
+def test_commas_in_numbers_and_one_reynolds_number_in_many_spellings(
+    tmp_path: Path, text: str
+) -> None:
+    file = tmp_path / "polar.csv"
+    file.write_text(text)
+    angle, lift, drag, _ = pt.air.read_polar(file)
+    assert np.allclose(np.degrees(angle), [-1, 1.5])
+    assert np.allclose(lift, [-0.11, 0.16]) and np.allclose(drag, [0.0125, 0.01])
+
+
+@pytest.mark.parametrize(
     ("text", "said"),
     [
         ("1 2 3\n", "header"),
         ("alpha CL CD\n1 0.1 0.01\n", "two or more rows"),
         ("alpha CL CD\n1 .1 .01\n2 .2 .01\nalpha CD CL\n3 .01 .3\n", "one header.*found 2"),
         ("alpha [turn],CL,CD\n0,0,.01\n1,.1,.01\n", r"\[deg\] or \[rad\], found turn"),
-        ("alpha;CL;CD\n0,0;0,0;0,01\n1,0;,1;,01\n", "found columns apart by semicolons"),
+        ("alpha,CL,CD\n0,0, 0,0, 0,01\n1,0, 0,1, 0,01\n", "line 2: expected 3 cells, found 6;"),
         ("alpha,CL,CD\n-.1,-.6,.01\n.1,.6,.01\n", r"alpha: expected degrees.*alpha \[rad\]"),
-        ("alpha,Re,CL,CD\n0,5e4,0,.01\n1,2e5,.1,.01\n", "one Reynolds number, found 2e5, 5e4"),
+        ("alpha,Reynolds number,CL,CD\n0,5e4,0,.01\n1,2e5,.1,.01\n", "one Reynolds number"),
+        ("alpha,Re,CL,CD\n0,5e4,0,.01\n1,2e5,.1,.01\n", "one Reynolds number, found 50000, 200000"),
     ],
 )
 def test_what_is_no_polar_is_refused(tmp_path: Path, text: str, said: str) -> None:

@@ -358,6 +358,14 @@ def test_the_verb_says_what_lacks(capsys):
     assert code == 2 and "at least 2" in err
 
 
+@pytest.mark.parametrize("verb", ["trim", "optimize"])
+def test_the_verbs_say_that_a_hover_lacks_inflow(capsys, verb):
+    """A hover was found with up to twice the lift, and only `simulate` said so."""
+    for speed, inflow, told in ((0, [], True), (0, ["--inflow"], False), (4, [], False)):
+        code, _, err = say(capsys, verb, "aerobat", "--free", "none", "--speed", speed, *inflow)
+        assert code == 2 and ("--inflow, or" in err) == told
+
+
 def test_steps_of_a_slow_beat_are_fine_enough():
     robot = pt.load_robot("ornithopter")
     usual, fine = pt.trim(robot), pt.trim(robot, steps=1920)

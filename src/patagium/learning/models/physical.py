@@ -29,11 +29,13 @@ WIND = ("wind.x", "wind.y", "wind.z")
 _POSITIVE = {
     **dict.fromkeys(("density",), "kg/m^3"),
     **dict.fromkeys(("lift_slope",), "1/rad"),
-    **dict.fromkeys(("stall_begins", "stall_complete", "stall_angle", "stall_width"), "rad"),
+    **dict.fromkeys(("stall_begins", "stall_complete", "stall_angle"), "rad"),
+    **dict.fromkeys(("stall_width", "memory"), "rad"),
     **dict.fromkeys(("rate",), "1/semichord"),
-    **dict.fromkeys(("pressure", "separation"), "semichords"),
-    **dict.fromkeys(("profile_drag", "friction_drag", "crossflow_drag"), "1"),
+    **dict.fromkeys(("pressure", "separation", "vortex"), "semichords"),
+    **dict.fromkeys(("profile_drag", "friction_drag", "crossflow_drag", "induced_factor"), "1"),
     **dict.fromkeys(("suction_efficiency", "surface_constant", "factor", "exponent"), "1"),
+    "apparent_mass": "1",
     **dict.fromkeys(("chord", "width", "reference_height", "roughness"), "m"),
     **dict.fromkeys(("mass",), "kg"),
     **dict.fromkeys(("xx", "yy", "zz"), "kg m^2"),
@@ -42,7 +44,7 @@ _POSITIVE = {
     **dict.fromkeys(("damping",), "N s/m or N m s"),
 }
 _SIGNED = {
-    **dict.fromkeys(("zero_lift_angle", "lift_phase", "drag_phase"), "rad"),
+    **dict.fromkeys(("zero_lift_angle", "lift_phase", "drag_phase", "angle"), "rad"),
     **dict.fromkeys(("xy", "xz", "yz"), "kg m^2"),
     "ground": "m",
 }
@@ -246,8 +248,12 @@ def changed_air(
 
 def _write(description: Any, name: str, value: float, model: str) -> None:
     """One number into the description of a model."""
-    path = f"air.{name}" if name in ("density", *WIND) else name
+    path = f"air.{name}" if name in ("density", "ground", *WIND) else name
     steps = re.findall(r"[^.\[\]]+", path)
+    while "of" in description and steps[0] != description["model"]:
+        description = description["of"]  # of the model under this one
+    if "of" in description:
+        del steps[0]
     if name in WIND:
         steps[-1] = str("xyz".index(steps[-1]))
     for step in steps[:-1]:
