@@ -420,11 +420,11 @@ def _coordinates(origin: FlightOrigin, time: Array) -> dict[str, Any]:
 
 
 def _origin_attributes(origin: FlightOrigin) -> dict[str, Any]:
-    robot, added_mass = origin.robot, origin.added_mass
+    robot, added_mass, aero = origin.robot, origin.added_mass, json.dumps(origin.aero.describe())
     return {
         "robot": robot.source,
         "robot_name": robot.name,
-        "aero": json.dumps(origin.aero.describe()),
+        "aero": aero,
         "added_mass": json.dumps(None if added_mass is None else added_mass.describe()),
         "gait": json.dumps(origin.gait),
         "mount": origin.mount,
@@ -432,7 +432,7 @@ def _origin_attributes(origin: FlightOrigin) -> dict[str, Any]:
         "load_cells": json.dumps([cell.describe() for cell in origin.load_cells]),
         "time_step": origin.time_step,
         "stepping": origin.stepping,
-        "lifting_lines": chain_words(robot) if isinstance(origin.aero, LiftingLine) else "",
+        "lifting_lines": chain_words(robot) if f'"{LiftingLine.name}"' in aero else "",
         "patagium_version": __version__,
     }
 

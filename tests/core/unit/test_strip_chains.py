@@ -104,6 +104,13 @@ def test_a_wing_written_in_parts_that_join_is_one_wing(make: type[Aerodynamics])
     np.testing.assert_allclose(forces[1], forces[0], rtol=1e-9, atol=1e-9)
 
 
+def test_a_flight_tells_the_lines_of_a_model_under_another() -> None:
+    robot = load_robot_text(WHOLE + PART % ("wing", "", 2, -0.4, 0.4), "wing")
+    aero = pt.air.WindShear(pt.LiftingLine(robot, pt.Air()))
+    flight = pt.simulate(robot, aero, pt.gaits.still(robot), duration=2e-3, time_step=1e-3)
+    assert flight.attrs["lifting_lines"] == chain_words(robot) != ""
+
+
 def test_a_wing_that_differs_a_little_from_its_image_keeps_it() -> None:
     """Without it the aspect ratio was half, unless code of the symmetric robot was cached."""
     robot = pt.load_robot("aerobat")
