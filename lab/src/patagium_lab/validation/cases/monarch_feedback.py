@@ -1,4 +1,4 @@
-"""Hovering monarch butterfly under feedback of its position, beside a public program's.
+"""Hovering monarch butterfly under feedback of its position, compared with a public program's.
 
 The program (FWUAV; its equations are those of `monarch` with a prescribed attitude) flies 10,000
 starts within 3 m for 100 beats and counts those that end on the orbit, without its abdomen at work
