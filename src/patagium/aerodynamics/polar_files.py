@@ -95,7 +95,7 @@ def read_polar(path: str | Path) -> PolarTable:
 
 
 def _cells(line: str, header: str) -> list[str]:
-    """Cells of a line, out of their quotes, apart as those of the header are."""
+    """Cells of a line, without quotes, split at the mark that splits the header."""
     mark = next((mark for mark in ";," if mark in header), None)
     if mark is None:
         return line.split()

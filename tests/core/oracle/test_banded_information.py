@@ -70,7 +70,7 @@ def test_points_that_nothing_sees_are_refused() -> None:
 
 
 def test_a_long_gap_does_not_hide_what_lies_beside_it() -> None:
-    """Estimates beside a long gap equal those beside a short one; the matrix is nearly singular."""
+    """Estimates next to a long gap equal those next to a short one; the matrix is near singular."""
 
     def ends(points: int) -> tuple[np.ndarray, np.ndarray]:
         information = Information(points, 1)

@@ -107,7 +107,7 @@ def test_an_array_is_as_good_as_a_tuple_where_none_may_stand_too() -> None:
 
 @pytest.mark.parametrize("number", [np.array, np.float32, xr.DataArray])
 def test_an_array_without_axes_is_its_number(number: Any) -> None:
-    """Arrays of shape (), as indexing returns them, in commands, durations and records."""
+    """Commands, durations and records take arrays of shape (), which indexing returns."""
 
     def flown(as_given: Any) -> Any:
         return pt.simulate(

@@ -90,8 +90,9 @@ class Hover:
     swing: Array
 
 
+@cache
 def published() -> dict[str, Any]:
-    """Figures of the public program, as in `monarch.yaml`."""
+    """Numbers that the public program stores: its orbits and its feedback (`monarch.yaml`)."""
     words: dict[str, Any] = yaml.safe_load(_CASES.joinpath("monarch.yaml").read_text("utf-8"))
     return words
 
@@ -129,7 +130,7 @@ def _gait(robot: Robot, k: dict[str, float]) -> FourierGait:
 
 
 def flown_beat(hover: Hover, *, errors: bool) -> Array:
-    """Velocity and position forward and up along a beat, (STEPS + 1, 4) [m/s, m].
+    """Velocities, then positions, forward and up at each step of a beat, (STEPS + 1, 4) [m/s, m].
 
     Args:
         hover: The hover, flown from its start with the published motion.

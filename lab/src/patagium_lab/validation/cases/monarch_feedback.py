@@ -53,7 +53,8 @@ class Butterfly:
         ways: Their change with the amplitude of the stroke, the mean of the feathering and the
             amplitude of the abdomen, (STEPS, 3, 3, n_a).
         orbit: Position and velocity, (STEPS, 4) [m, m/s].
-        abdomen: Force of the abdomen's own motion, over m l, (STEPS, 2) [rad/s^2].
+        abdomen: Inertial force of the abdomen's own motion, over its mass and the distance of its
+            center of mass from its joint, (STEPS, 2) [rad/s^2].
     """
 
     def __init__(self) -> None:
@@ -75,7 +76,7 @@ class Butterfly:
         found = gait.motion(np.arange(STEPS) * self.step)
         self.rows = np.stack([found.position, found.velocity, found.acceleration], axis=1)
         self.ways = _ways(gait, self.rows)
-        self.abdomen = _push_of_the_abdomen(gait, self.rows)
+        self.abdomen = _abdomen_force(gait, self.rows)
         self.orbit = _followed(hover)
         self.still = self.acceleration(np.zeros((STEPS, 2)), self.rows, in_air=False)
 
@@ -96,7 +97,7 @@ class Butterfly:
 
 
 def _ways(gait: FourierGait, rows: Array) -> Array:
-    """`Butterfly.ways` of the joints' motion."""
+    """Change of the joints' motion with each commanded angle; see `Butterfly.ways`."""
     motion = published()["orbits"]["attitude_prescribed"]["motion"]
     ways = np.zeros((STEPS, 3, *rows.shape[1:]))
     for k, name in enumerate(gait.joints):
@@ -110,8 +111,8 @@ def _ways(gait: FourierGait, rows: Array) -> Array:
     return ways
 
 
-def _push_of_the_abdomen(gait: FourierGait, rows: Array) -> Array:
-    """`Butterfly.abdomen`; of the Coriolis force half, as the program has it."""
+def _abdomen_force(gait: FourierGait, rows: Array) -> Array:
+    """Inertial force of the abdomen, with half of the Coriolis force, as in the public program."""
     hinge, thorax = (rows[:, :, gait.joints.index(name)] for name in ("abdomen", "pitch"))
     angle, rate = hinge[:, 0] - thorax[:, 0], hinge[:, 1] - thorax[:, 1]
     turn = np.array([[np.sin(angle), np.cos(angle)], [np.cos(angle), -np.sin(angle)]])
@@ -119,7 +120,7 @@ def _push_of_the_abdomen(gait: FourierGait, rows: Array) -> Array:
 
 
 def _followed(hover: Hover) -> Array:
-    """`Butterfly.orbit`: the beat that is flown, its drift taken out, in a few harmonics."""
+    """Orbit that is followed: a simulated beat without its drift, as a short Fourier series."""
     flown = flown_beat(hover, errors=True)[:, [2, 3, 0, 1]] * np.tile(_DOWN, 2)
     count = len(flown) - 1
     flat = flown[:-1] - np.arange(count)[:, None] / count * (flown[-1] - flown[0])
@@ -183,7 +184,7 @@ def spiral(count: int) -> Array:
 
 
 def compute(count: int = STARTS) -> list[CaseResult]:
-    """Shares of the starts that are back, as published and as flown.
+    """Shares of the starts from which flights return to the orbit: published, and found here.
 
     Args:
         count: Number of starts.
