@@ -11,6 +11,7 @@ from types import MappingProxyType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from patagium.errors import ParameterError, is_finite, plain, similar
 
@@ -128,8 +129,17 @@ def _kinds(owner: Any) -> dict[str, Any]:
     return get_type_hints(owner)
 
 
+def _meant(kind: Any) -> Any:
+    """Annotation that an alias stands for, as NumPy has them since 2.5; Any for ArrayLike."""
+    alias = get_origin(kind) or kind
+    if not hasattr(alias, "__value__"):
+        return kind
+    return Any if alias is ArrayLike else alias.__value__[get_args(kind)]
+
+
 def _fits(value: Any, kind: Any) -> bool:
     """Whether the type of a value is that of an annotation; any value fits an unknown one."""
+    kind = _meant(kind)
     if type(value) is kind and kind is not int:
         return kind is not float or isfinite(value)
     origin, inner = get_origin(kind), get_args(kind)
@@ -173,6 +183,7 @@ def _listed(value: Any) -> bool:
 
 def _words(kind: Any) -> str:
     """Words of an error message that say which type an annotation asks for."""
+    kind = _meant(kind)
     origin, inner = get_origin(kind), get_args(kind)
     if origin is Literal:
         return f"one of {', '.join(inner)}"
