@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
 import xarray as xr
+from typing_extensions import TypeAliasType
 
 import patagium as pt
+from patagium.arguments import checked
 from patagium.errors import ParameterError, PatagiumError, ShapeError
 from patagium.simulation.steered_gait import SteeredGait
 
@@ -136,6 +138,22 @@ def test_a_cost_that_is_no_square_matrix_is_refused(name: str, cost: Any) -> Non
     given = {"state_cost": np.eye(2), "input_cost": np.eye(2), name: cost}
     with pytest.raises(ShapeError, match=f"^{name}: expected"):
         pt.control.RealTimeIteration(print, 2, **given)
+
+
+def test_an_alias_of_a_type_stands_for_the_type() -> None:
+    """As NDArray does in NumPy 2.5, where any value fitted it."""
+    scalar = TypeVar("scalar", bound=np.generic)
+    array = np.ndarray[Any, np.dtype[scalar]]  # type: ignore[type-var]
+    alias = TypeAliasType("alias", array, type_params=(scalar,))[np.float64]
+
+    @checked
+    def last(values: Any) -> float:
+        return float(values[-1])
+
+    last.__wrapped__.__annotations__["values"] = alias  # type: ignore[attr-defined]
+    assert last(np.ones(2)) == 1.0
+    with pytest.raises(ParameterError, match="^values: expected"):
+        last("text")
 
 
 class Steering:
