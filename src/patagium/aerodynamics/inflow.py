@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate, pairwise
 from math import pi
-from typing import Any
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -102,7 +102,7 @@ class Inflow(OnModel):
         for number, stroke in enumerate(self.strokes):
             which = f"induced {number} " if number else "induced "
             found += [f"{which}velocity of {axis}" for axis in "xyz"]
-            wings = [self.robot.strips[wing.strips[0]].wing for wing in stroke.swept]
+            wings = [self.robot.strips[wing[0]].wing for wing in stroke.swept]
             found += [f"mean direction {axis} of {wing}" for wing in wings for axis in "xyz"]
         return tuple(found)
 
@@ -160,17 +160,8 @@ class Inflow(OnModel):
         return replace(air, power=power, state_derivative=memory.derivative(state), memory=memory)
 
 
-@dataclass(frozen=True)
-class Wing:
-    """Wing that sweeps a stroke.
-
-    Attributes:
-        strips: Places of its strips in `robot.strips`, from the root outwards.
-        levels: Bodies on the way from the body of its outermost strip inwards to that of its hinge.
-    """
-
-    strips: tuple[int, ...]
-    levels: int
+Wing: TypeAlias = tuple[int, ...]
+"""Places of the strips of a wing in `robot.strips`, from the root outwards."""
 
 
 @dataclass(frozen=True)
@@ -196,7 +187,7 @@ class Stroke:
     @property
     def strips(self) -> tuple[int, ...]:
         """Places of the strips of all wings in `robot.strips`."""
-        return tuple(strip for wing in self.wings for strip in wing.strips)
+        return sum(self.wings, ())
 
 
 def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
@@ -207,7 +198,7 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
         parent = robot.bodies[hinge].parent
         if not groups and parent >= 0:  # all in the axes that the first wing's hinge is fixed to
             axes = bodies[parent][1]
-        strips = [robot.strips[i] for i in wing.strips]
+        strips = [robot.strips[i] for i in wing]
         edges = np.vstack([placed(bodies[s.body], strip_corners(s)[:2]) for s in strips]) @ axes
         root = bodies[hinge][0] @ axes
         near, far = sorted((edges[:, 1].max() - root[1], root[1] - edges[:, 1].min()))
@@ -252,38 +243,26 @@ def _wings(robot: Robot) -> Iterator[tuple[Wing, int, Array]]:
         parts.setdefault(key, []).append((reach, part, hinge, tip))
     for one in parts.values():
         outwards = sorted(one, key=lambda part: part[0])
-        _, outer, hinge, tip = outwards[-1]
-        yield Wing(sum((part.strips for _, part, *_ in outwards), ()), outer.levels), hinge, tip
+        yield sum((part for _, part, *_ in outwards), ()), *outwards[-1][2:]
 
 
-def _part(robot: Robot, bodies: Any, strips: tuple[int, ...]) -> tuple[float, Wing, int, Array]:
+def _part(robot: Robot, bodies: Any, wing: Wing) -> tuple[float, Wing, int, Array]:
     """Distance from hinge to tip [m], wing, hinge and tip, where the last strip is at the tip."""
-    last = robot.strips[strips[-1]]
-    part = Wing(strips, _levels(robot, last.body))
-    hinge, tip = _hinge(robot, part), placed(bodies[last.body], np.array(last.quarter_chord))
-    return float(np.linalg.norm(tip - bodies[hinge][0])), part, hinge, tip
-
-
-def _levels(robot: Robot, body: int) -> int:
-    """Number of bodies from a wing's outermost one inwards to the one that its hinge moves."""
-    sides, bodies = carried_sides(robot), robot.bodies
-    levels, parent = 0, bodies[body].parent
-    while parent >= 0 and bodies[parent].parent >= 0 and len(sides[parent]) < 2:
-        levels, parent = levels + 1, bodies[parent].parent
-    held = parent < 0 or bodies[parent].parent >= 0 or bodies[parent].floating_dofs is not None
-    return levels if held or not bodies[parent].joints else levels + 1
+    last, hinge = robot.strips[wing[-1]], _inwards(robot, wing)[-1]
+    tip = placed(bodies[last.body], np.array(last.quarter_chord))
+    return float(np.linalg.norm(tip - bodies[hinge][0])), wing, hinge, tip
 
 
 def _inwards(robot: Robot, wing: Wing) -> list[int]:
-    """Bodies from that of a wing's outermost strip inwards to that of its hinge."""
-    found = [robot.strips[wing.strips[-1]].body]
-    for _ in range(wing.levels):
-        found.append(robot.bodies[found[-1]].parent)
-    return found
-
-
-def _hinge(robot: Robot, wing: Wing) -> int:
-    return _inwards(robot, wing)[-1]
+    """Bodies from that of a wing's outermost strip inwards to the one that its hinge moves."""
+    sides, bodies = carried_sides(robot), robot.bodies
+    found = [robot.strips[wing[-1]].body]
+    parent = bodies[found[-1]].parent
+    while parent >= 0 and bodies[parent].parent >= 0 and len(sides[parent]) < 2:
+        found.append(parent)
+        parent = bodies[parent].parent
+    held = parent < 0 or bodies[parent].parent >= 0 or bodies[parent].floating_dofs is not None
+    return found if held or not bodies[parent].joints else [*found, parent]
 
 
 class _Moving:
@@ -309,11 +288,11 @@ class _Moving:
         if stroke.ends:
             ends = [self._end(self.robot.strips[place], side) for place, side in stroke.ends]
             return [], pi * ca.sumsqr(ends[1] - ends[0]) / 4
-        first = self.robot.bodies[_hinge(self.robot, stroke.wings[0])].parent
+        first = self.robot.bodies[_inwards(self.robot, stroke.wings[0])[-1]].parent
         left = self._at_zero[first].rotation[:, 1] if first >= 0 else ca.SX([0, 1, 0])
         for wing in stroke.wings:
-            strip = self.robot.strips[wing.strips[-1]]
-            root = self._at_zero[_hinge(self.robot, wing)].position
+            strip = self.robot.strips[wing[-1]]
+            root = self._at_zero[_inwards(self.robot, wing)[-1]].position
             roots.append(ca.dot(left, root))
             away = ca.sqrt(ca.sumsqr(quarter_chord(self._at_zero, strip) - root))
             lengths.append(away + strip.width / 2)
@@ -328,8 +307,8 @@ class _Moving:
 
     def direction(self, wing: Wing) -> tuple[ca.SX, ca.SX]:
         """Unit vector from hinge to tip in the axes that the hinge is fixed to, its rate [1/s]."""
-        strip = self.robot.strips[wing.strips[-1]]
-        hinge = _hinge(self.robot, wing)
+        strip = self.robot.strips[wing[-1]]
+        hinge = _inwards(self.robot, wing)[-1]
         parent = self.robot.bodies[hinge].parent
         axes = self.poses[parent].rotation if parent >= 0 else ca.SX.eye(3)
         turn = self._twists[parent].angular if parent >= 0 else ca.SX.zeros(3, 1)
@@ -361,7 +340,7 @@ class _Moving:
     def _places(self, stroke: Stroke) -> list[tuple[int, ca.SX]]:
         """Body and place on it of every hinge of a stroke, or of every strip if held."""
         held = [self.robot.strips[i] for i in stroke.strips] if stroke.ends else []
-        hinges = [(_hinge(self.robot, wing), ca.SX.zeros(3, 1)) for wing in stroke.swept]
+        hinges = [(_inwards(self.robot, wing)[-1], ca.SX.zeros(3, 1)) for wing in stroke.swept]
         return hinges + [(strip.body, vector(strip.quarter_chord)) for strip in held]
 
     def _speed(self, body: int, offset: ca.SX) -> ca.SX:
