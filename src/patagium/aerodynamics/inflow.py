@@ -57,7 +57,7 @@ class Inflow(OnModel):
     swept, (|de/dt|^2 + |V|^2/R^2)^(1/2) dt: ds = (e - s)/memory of it, |s| = sin(Phi/2) / (Phi/2).
     Wings that sweep less than their own area have no stroke: of F, the part along u - V counts
     less, and none where they are held, as the drag of a wing that translates is in its polar.
-    Wings that no joint moves, or on both sides of their hinge as a tail is, have the circle for A.
+    Wings whose span no joint turns, or on both sides of their hinge as tails, have the circle as A.
 
     Args:
         model: Model of the air that gives the force.
@@ -135,12 +135,11 @@ class Inflow(OnModel):
             swapped = replace(self.model, model=within)
             return swapped.expressions(robot, q, v, state, wind, order)
         states = [state[begin:end] for begin, end in pairwise(self._places)]
-        induced = [one[:3] for one in states]
-        winds = ca.SX(wind) if wind.shape[1] > 1 else ca.repmat(wind, 1, len(robot.strips))
-        for stroke, velocity in zip(self.strokes, induced, strict=True):
-            for strip in stroke.strips:
-                winds[:, strip] += velocity
-        air = self.model.expressions(robot, q, v, state[:own], winds, parameters[:count])
+        winds = wind if wind.shape[1] > 1 else ca.repmat(wind, 1, len(robot.strips))
+        induced = ca.SX.zeros(3, len(robot.strips))
+        for stroke, one in zip(self.strokes, states, strict=True):
+            induced[:, list(stroke.strips)] = ca.repmat(one[:3], 1, len(stroke.strips))
+        air = self.model.expressions(robot, q, v, state[:own], winds + induced, parameters[:count])
         numbers = (parameters[names.index("density")], *ca.vertsplit(parameters[count:]))
         ground = parameters[names.index("ground")] if "ground" in names else None
         moving = _Moving(robot, q, v, wind, ground)
@@ -151,12 +150,7 @@ class Inflow(OnModel):
             ca.vertcat(*(part.rate for part in parts)),
             ca.vertcat(*(part.target for part in parts)),
         )
-        given = [
-            ca.dot(air.strip_force[:, strip], velocity)
-            for stroke, velocity in zip(self.strokes, induced, strict=True)
-            for strip in stroke.strips
-        ]
-        power = air.power + sum(given, ca.SX(0))  # relative to the undisturbed air
+        power = air.power + ca.dot(air.strip_force, induced)  # relative to the undisturbed air
         return replace(air, power=power, state_derivative=memory.derivative(state), memory=memory)
 
 
@@ -171,8 +165,8 @@ class Stroke:
     Attributes:
         wings: Wings.
         sides: 2 where there are wings on the left and on the right, else 1.
-        ends: Strips farthest apart, each with the side of it that ends there, of wings that no
-            joint moves or that go to both sides of their hinge, as tails do; else none.
+        ends: Strips farthest apart, each with the side of it that ends there, of wings whose span
+            no joint turns or that go to both sides of their hinge, as tails do; else none.
     """
 
     wings: tuple[Wing, ...]
@@ -202,8 +196,7 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
         edges = np.vstack([placed(bodies[s.body], strip_corners(s)[:2]) for s in strips]) @ axes
         root = bodies[hinge][0] @ axes
         near, far = sorted((edges[:, 1].max() - root[1], root[1] - edges[:, 1].min()))
-        held = not any(robot.bodies[body].joints for body in _inwards(robot, wing))
-        held = held or near > TANDEM * far  # or on both sides of its hinge
+        held = near > TANDEM * far or not _turned(robot, wing, bodies)  # on both sides of its hinge
         one = wing, held, edges if held else np.array([root, tip @ axes])
         for group in groups:
             if held == group[0][1] and _near(one[2], group[0][2], held):
@@ -212,6 +205,15 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
         else:
             groups.append([one])
     return tuple(_stroke(group) for group in groups)
+
+
+def _turned(robot: Robot, wing: Wing, bodies: Any) -> bool:
+    """Whether a joint turns the span of a wing, as none does that of a rudder."""
+    last = robot.strips[wing[-1]]
+    span = bodies[last.body][1] @ np.cross(last.normal, last.forward)
+    joints = [(k, joint) for k in _inwards(robot, wing) for joint in robot.bodies[k].joints]
+    axes = [bodies[k][1] @ joint.axis for k, joint in joints if joint.kind == "revolute"]
+    return any(np.linalg.norm(np.cross(axis, span)) > TANDEM for axis in axes)
 
 
 def _near(one: Array, other: Array, held: bool) -> bool:
@@ -276,8 +278,7 @@ class _Moving:
     """
 
     def __init__(self, robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX, ground: Any) -> None:
-        self.ground = ground
-        self.robot, self.poses = robot, body_poses(robot, q)
+        self.robot, self.poses, self.ground = robot, body_poses(robot, q), ground
         self.wind = ca.sum2(wind) / wind.shape[1]
         self._twists = body_velocities(robot, q, v)
         self._at_zero = body_poses(robot, ca.SX(ca.DM(robot.coordinates())))

@@ -199,7 +199,14 @@ def test_a_wing_from_tip_to_tip_on_a_body_has_glauert_s_downwash() -> None:
     lift = aero.strips(q, v, state)["strip_force"].sum(axis=0)[2]
     ideal = lift / (2 * 1.225 * pi * 0.5**2 * 10.0)
     assert -state[2] == pytest.approx(ideal, rel=0.01)
-    _, tail = strokes_of(pt.load_robot("hawk"))  # on both sides of its hinge: no stroke
+
+
+@pytest.mark.parametrize("bird", ["hawk", "ornithopter"])
+def test_a_tail_on_both_sides_of_its_hinge_and_a_rudder_sweep_nothing(bird: str) -> None:
+    """A rudder that was a stroke of its own, of nearly no area, let trims stall."""
+    robot = pt.load_robot(bird)
+    wings, tail = strokes_of(robot)
+    assert len(wings.swept) == 2 and not tail.swept
     assert [side for _, side in tail.ends] == [-1, 1]
 
 
