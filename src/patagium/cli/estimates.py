@@ -141,7 +141,7 @@ def air_model(
     """Model of the air around a robot, with a polar given by its name or by its file.
 
     Raises:
-        ParameterError: If the polar is not one of the model.
+        ParameterError: If the polar is not one of the model, or has the viscosity of other air.
     """
     from patagium import aerodynamics as models
 
@@ -156,5 +156,10 @@ def air_model(
     elif polar is not None:
         expected = f"{', '.join(named)} or a file with quasi-steady air, a file with a lifting line"
         raise ParameterError("--polar", expected, polar)
+    if polar == "reynolds" and not 0.5 < air.density < 2.0:
+        expected = (
+            "that of air: reynolds has its viscosity (in Python ReynoldsPolar(viscosity=...))"
+        )
+        raise ParameterError("--density", expected, air.density)
     made: Aerodynamics = air_class(word)(machine, air, **chosen)
     return models.Inflow(made) if inflow else made
