@@ -86,14 +86,7 @@ class NamedGust:
 class DiscreteGust(NamedGust):
     """A gust of one shape in time: a velocity times a share that depends on (t - start)/T.
 
-    Args:
-        velocity: Largest velocity W, world axes, (3,) [m/s].
-        start: Time when it begins [s].
-        length_time: Duration T of the change [s].
-
-    Raises:
-        ParameterError: If a number is not finite or T not positive.
-        ShapeError: If `velocity` is not (3,).
+    Arguments and errors are those of `OneMinusCosineGust`.
     """
 
     velocity: tuple[float, float, float]

@@ -157,9 +157,8 @@ def air_model(
         expected = f"{', '.join(named)} or a file with quasi-steady air, a file with a lifting line"
         raise ParameterError("--polar", expected, polar)
     if polar == "reynolds" and not 0.5 < air.density < 2.0:
-        expected = (
-            "that of air: reynolds has its viscosity (in Python ReynoldsPolar(viscosity=...))"
-        )
+        expected = "0.5 to 2 kg/m^3 with reynolds, which has the viscosity of air (of another: "
+        expected += "pt.air.ReynoldsPolar(viscosity=...) in Python)"
         raise ParameterError("--density", expected, air.density)
     made: Aerodynamics = air_class(word)(machine, air, **chosen)
     return models.Inflow(made) if inflow else made

@@ -171,7 +171,9 @@ def test_the_program_takes_a_polar_by_name_or_file(tmp_path: Path) -> None:
     insect = air_model("quasi-steady", robot, pt.Air(), "reynolds")
     assert plain == pt.QuasiSteady(robot)
     assert insect == pt.QuasiSteady(robot, polar=pt.air.ReynoldsPolar())
-    with pytest.raises(PatagiumError, match="--density: expected that of air.*found 1000"):
+    with pytest.raises(
+        PatagiumError, match="--density: expected 0.5 to 2 .*viscosity of air.*found 1000"
+    ):
         air_model("quasi-steady", robot, pt.Air(density=1000.0), "reynolds")
     measured = air_model("quasi-steady", robot, pt.Air(), str(file)).polar
     assert measured == pt.air.measured_polar(*pt.air.read_polar(file)[:3])
