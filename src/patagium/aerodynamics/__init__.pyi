@@ -27,5 +27,6 @@ from patagium.aerodynamics.section_history import section_history as section_his
 from patagium.aerodynamics.sections import MeasuredSection as MeasuredSection
 from patagium.aerodynamics.sections import Section as Section
 from patagium.aerodynamics.sections import StallDelay as StallDelay
+from patagium.aerodynamics.sections import measured_polar as measured_polar
 from patagium.aerodynamics.sections import measured_section as measured_section
 from patagium.aerodynamics.wind_shear import WindShear as WindShear

@@ -57,6 +57,7 @@ def aero_from_description(robot: Robot, description: Mapping[str, Any]) -> Aerod
     if name == QuasiSteady.name:
         switches = values.pop("force_point_switches", True)  # of older flights
         values.setdefault("force_point", "switching" if switches else "fixed")
+        values.setdefault("rotational_coefficient", QuasiSteady.rotational_coefficient)
     known = {field.name for field in fields(_MODELS[name])} - {"robot"}
     check_keys(f"model {name}", values, known)
     for key in {*_PARTS} & {*values}:

@@ -86,14 +86,7 @@ class NamedGust:
 class DiscreteGust(NamedGust):
     """A gust of one shape in time: a velocity times a share that depends on (t - start)/T.
 
-    Args:
-        velocity: Largest velocity W, world axes, (3,) [m/s].
-        start: Time when it begins [s].
-        length_time: Duration T of the change [s].
-
-    Raises:
-        ParameterError: If a number is not finite or T not positive.
-        ShapeError: If `velocity` is not (3,).
+    Arguments and errors are those of `OneMinusCosineGust`.
     """
 
     velocity: tuple[float, float, float]
@@ -150,14 +143,7 @@ class RampGust(DiscreteGust):
     The sharp-edged gust of textbooks is one whose T is short beside the time it takes to
     pass a chord.
 
-    Args:
-        velocity: Velocity W behind the edge, world axes, (3,) [m/s].
-        start: Time when it begins [s].
-        length_time: Time it grows, T [s].
-
-    Raises:
-        ParameterError: If a number is not finite or T not positive.
-        ShapeError: If `velocity` is not (3,).
+    Arguments and errors are those of `OneMinusCosineGust`, W the velocity behind the edge.
     """
 
     name = "ramp"
@@ -595,12 +581,3 @@ def strip_winds(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX, met: ca.SX) -> tu
     edges = [smooth_sign(motion.forward) for motion in strip_motions(robot, q, v, mean)]
     weighted = [mean[:, i] - edges[i] * met[3:6, i] for i in range(count)]
     return ca.horzcat(ca.SX(3, 0), *weighted), mean
-
-
-def gust_rates(met: ca.SX) -> ca.SX:
-    """Rate of the gust that pushes the air carried by each strip, world axes, (3, n) [m/s^2].
-
-    Args:
-        met: Gust at the strips, (9, n) [m/s, m/s^2].
-    """
-    return met[6:GUST_COMPONENTS, :]

@@ -11,8 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import accumulate, pairwise
 from math import pi
-from typing import Any
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -28,8 +29,8 @@ from patagium.arrays import Array
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import positive
-from patagium.robot.model import Robot
-from patagium.robot.planform import carried_sides, placed, poses
+from patagium.robot.model import Robot, Strip
+from patagium.robot.planform import carried_sides, placed, poses, strip_corners
 
 NUMBERS = ("induced_factor", "apparent_mass", "memory")
 """Parameters that follow those of the model, in their order."""
@@ -56,6 +57,7 @@ class Inflow(OnModel):
     swept, (|de/dt|^2 + |V|^2/R^2)^(1/2) dt: ds = (e - s)/memory of it, |s| = sin(Phi/2) / (Phi/2).
     Wings that sweep less than their own area have no stroke: of F, the part along u - V counts
     less, and none where they are held, as the drag of a wing that translates is in its polar.
+    Wings whose span no joint turns, or on both sides of their hinge as tails, have the circle as A.
 
     Args:
         model: Model of the air that gives the force.
@@ -91,7 +93,7 @@ class Inflow(OnModel):
     @property
     def state_size(self) -> int:
         """States of the model, then of each stroke its induced velocity and its wings' means."""
-        return self.model.state_size + sum(3 + 3 * len(stroke.wings) for stroke in self.strokes)
+        return self._places[-1]
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -100,15 +102,15 @@ class Inflow(OnModel):
         for number, stroke in enumerate(self.strokes):
             which = f"induced {number} " if number else "induced "
             found += [f"{which}velocity of {axis}" for axis in "xyz"]
-            wings = [self.robot.strips[wing.strips[0]].wing for wing in stroke.wings]
+            wings = [self.robot.strips[wing[0]].wing for wing in stroke.swept]
             found += [f"mean direction {axis} of {wing}" for wing in wings for axis in "xyz"]
         return tuple(found)
 
     @property
     def _places(self) -> list[int]:
-        """Place of the first state of each stroke."""
-        sizes = [3 + 3 * len(stroke.wings) for stroke in self.strokes]
-        return [self.model.state_size + sum(sizes[:k]) for k in range(len(sizes))]
+        """Place of the first state of each stroke, and that after the last one."""
+        sizes = [3 + 3 * len(stroke.swept) for stroke in self.strokes]
+        return [*accumulate([self.model.state_size, *sizes])]
 
     @property
     def structure(self) -> str:
@@ -132,84 +134,104 @@ class Inflow(OnModel):
             order = ca.vertcat(parameters[:first], parameters[count:], parameters[first:count])
             swapped = replace(self.model, model=within)
             return swapped.expressions(robot, q, v, state, wind, order)
-        induced = [state[place : place + 3] for place in self._places]
-        winds = ca.SX(wind) if wind.shape[1] > 1 else ca.repmat(wind, 1, len(robot.strips))
-        for stroke, velocity in zip(self.strokes, induced, strict=True):
-            for strip in stroke.strips:
-                winds[:, strip] += velocity
-        air = self.model.expressions(robot, q, v, state[:own], winds, parameters[:count])
+        states = [state[begin:end] for begin, end in pairwise(self._places)]
+        winds = wind if wind.shape[1] > 1 else ca.repmat(wind, 1, len(robot.strips))
+        induced = ca.SX.zeros(3, len(robot.strips))
+        for stroke, one in zip(self.strokes, states, strict=True):
+            induced[:, list(stroke.strips)] = ca.repmat(one[:3], 1, len(stroke.strips))
+        air = self.model.expressions(robot, q, v, state[:own], winds + induced, parameters[:count])
         numbers = (parameters[names.index("density")], *ca.vertsplit(parameters[count:]))
         ground = parameters[names.index("ground")] if "ground" in names else None
         moving = _Moving(robot, q, v, wind, ground)
         parts = [air.memory] if air.memory is not None else []
-        for stroke, velocity, place in zip(self.strokes, induced, self._places, strict=True):
-            means = ca.reshape(state[place + 3 : place + 3 + 3 * len(stroke.wings)], 3, -1)
-            parts.append(_relaxation(stroke, moving, air, velocity, means, numbers))
+        for stroke, one in zip(self.strokes, states, strict=True):
+            parts.append(_relaxation(stroke, moving, air, one, numbers))
         memory = Relaxation(
             ca.vertcat(*(part.rate for part in parts)),
             ca.vertcat(*(part.target for part in parts)),
         )
-        given = [
-            ca.dot(air.strip_force[:, strip], velocity)
-            for stroke, velocity in zip(self.strokes, induced, strict=True)
-            for strip in stroke.strips
-        ]
-        power = air.power + sum(given, ca.SX(0))  # relative to the undisturbed air
+        power = air.power + ca.dot(air.strip_force, induced)  # relative to the undisturbed air
         return replace(air, power=power, state_derivative=memory.derivative(state), memory=memory)
 
 
-@dataclass(frozen=True)
-class Wing:
-    """Wing that sweeps a stroke.
-
-    Attributes:
-        strips: Places of its strips in `robot.strips`, from the root outwards.
-        levels: Bodies on the way from the body of its outermost strip inwards to that of its hinge.
-    """
-
-    strips: tuple[int, ...]
-    levels: int
+Wing: TypeAlias = tuple[int, ...]
+"""Places of the strips of a wing in `robot.strips`, from the root outwards."""
 
 
 @dataclass(frozen=True)
 class Stroke:
-    """Wings that sweep one area.
+    """Wings that sweep one area, or go side by side and sweep none.
 
     Attributes:
         wings: Wings.
         sides: 2 where there are wings on the left and on the right, else 1.
+        ends: Strips farthest apart, each with the side of it that ends there, of wings whose span
+            no joint turns or that go to both sides of their hinge, as tails do; else none.
     """
 
     wings: tuple[Wing, ...]
     sides: int
+    ends: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def swept(self) -> tuple[Wing, ...]:
+        """Wings that sweep an area: all, or none."""
+        return () if self.ends else self.wings
 
     @property
     def strips(self) -> tuple[int, ...]:
         """Places of the strips of all wings in `robot.strips`."""
-        return tuple(strip for wing in self.wings for strip in wing.strips)
+        return sum(self.wings, ())
 
 
 def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
-    """Strokes of a robot: wings whose hinges are close to each other along the body."""
-    groups: list[list[tuple[Wing, Array, Array]]] = []
+    """Strokes of a robot: wings whose hinges, or edges if held, are close along the body."""
+    groups: list[list[tuple[Wing, bool, Array]]] = []
     bodies, axes = poses(robot), np.eye(3)
     for wing, hinge, tip in _wings(robot):
         parent = robot.bodies[hinge].parent
         if not groups and parent >= 0:  # all in the axes that the first wing's hinge is fixed to
             axes = bodies[parent][1]
-        one = wing, bodies[hinge][0] @ axes, tip @ axes
+        strips = [robot.strips[i] for i in wing]
+        edges = np.vstack([placed(bodies[s.body], strip_corners(s)[:2]) for s in strips]) @ axes
+        root = bodies[hinge][0] @ axes
+        near, far = sorted((edges[:, 1].max() - root[1], root[1] - edges[:, 1].min()))
+        held = near > TANDEM * far or not _turned(robot, wing, bodies)  # on both sides of its hinge
+        one = wing, held, edges if held else np.array([root, tip @ axes])
         for group in groups:
-            apart = np.linalg.norm((one[1] - group[0][1])[[0, 2]])  # left and right are one
-            near = apart < TANDEM * min(np.linalg.norm(b - a) for _, a, b in (one, group[0]))
-            if near and _held(robot, wing) == _held(robot, group[0][0]):
+            if held == group[0][1] and _near(one[2], group[0][2], held):
                 group.append(one)
                 break
         else:
             groups.append([one])
-    return tuple(
-        Stroke(tuple(wing for wing, *_ in group), len({b[1] > a[1] for _, a, b in group}))
-        for group in groups
-    )
+    return tuple(_stroke(group) for group in groups)
+
+
+def _turned(robot: Robot, wing: Wing, bodies: Any) -> bool:
+    """Whether a joint turns the span of a wing, as none does that of a rudder."""
+    last = robot.strips[wing[-1]]
+    span = bodies[last.body][1] @ np.cross(last.normal, last.forward)
+    joints = [(k, joint) for k in _inwards(robot, wing) for joint in robot.bodies[k].joints]
+    axes = [bodies[k][1] @ joint.axis for k, joint in joints if joint.kind == "revolute"]
+    return any(np.linalg.norm(np.cross(axis, span)) > TANDEM for axis in axes)
+
+
+def _near(one: Array, other: Array, held: bool) -> bool:
+    """Whether two wings are one stroke: roots, or all edges if held, along and above the body."""
+    roots = (one, other) if held else (one[:1], other[:1])  # left and right are one
+    apart = np.linalg.norm(roots[0][:, None, ::2] - roots[1][:, ::2], axis=-1).min()
+    return bool(apart < TANDEM * min(np.linalg.norm(np.ptp(x, axis=0)) for x in (one, other)))
+
+
+def _stroke(group: list[tuple[Wing, bool, Array]]) -> Stroke:
+    """Stroke of wings with their hinge and tip, or if held the two edges of each strip."""
+    wings, (held, *_), points = zip(*group, strict=True)
+    stroke = Stroke(wings, len({one[-1, 1] > one[0, 1] for one in points}))
+    edges = np.vstack(points)[:, 1:]
+    across = edges[:, np.ptp(edges, axis=0).argmax()]  # of a fin upward
+    ends = [divmod(int(k), 2) for k in (across.argmin(), across.argmax())]
+    named = tuple((stroke.strips[k], 2 * side - 1) for k, side in ends if held)
+    return replace(stroke, ends=named)
 
 
 def _wings(robot: Robot) -> Iterator[tuple[Wing, int, Array]]:
@@ -223,43 +245,26 @@ def _wings(robot: Robot) -> Iterator[tuple[Wing, int, Array]]:
         parts.setdefault(key, []).append((reach, part, hinge, tip))
     for one in parts.values():
         outwards = sorted(one, key=lambda part: part[0])
-        _, outer, hinge, tip = outwards[-1]
-        yield Wing(sum((part.strips for _, part, *_ in outwards), ()), outer.levels), hinge, tip
+        yield sum((part for _, part, *_ in outwards), ()), *outwards[-1][2:]
 
 
-def _part(robot: Robot, bodies: Any, strips: tuple[int, ...]) -> tuple[float, Wing, int, Array]:
+def _part(robot: Robot, bodies: Any, wing: Wing) -> tuple[float, Wing, int, Array]:
     """Distance from hinge to tip [m], wing, hinge and tip, where the last strip is at the tip."""
-    last = robot.strips[strips[-1]]
-    part = Wing(strips, _levels(robot, last.body))
-    hinge, tip = _hinge(robot, part), placed(bodies[last.body], np.array(last.quarter_chord))
-    return float(np.linalg.norm(tip - bodies[hinge][0])), part, hinge, tip
-
-
-def _held(robot: Robot, wing: Wing) -> bool:
-    """Whether no joint moves a wing on its base, as none does a fixed tail."""
-    return not any(robot.bodies[body].joints for body in _inwards(robot, wing))
-
-
-def _levels(robot: Robot, body: int) -> int:
-    """Number of bodies from a wing's outermost one inwards to the one that its hinge moves."""
-    sides, bodies = carried_sides(robot), robot.bodies
-    levels, parent = 0, bodies[body].parent
-    while parent >= 0 and bodies[parent].parent >= 0 and len(sides[parent]) < 2:
-        levels, parent = levels + 1, bodies[parent].parent
-    held = parent < 0 or bodies[parent].parent >= 0 or bodies[parent].floating_dofs is not None
-    return levels if held or not bodies[parent].joints else levels + 1
+    last, hinge = robot.strips[wing[-1]], _inwards(robot, wing)[-1]
+    tip = placed(bodies[last.body], np.array(last.quarter_chord))
+    return float(np.linalg.norm(tip - bodies[hinge][0])), wing, hinge, tip
 
 
 def _inwards(robot: Robot, wing: Wing) -> list[int]:
-    """Bodies from that of a wing's outermost strip inwards to that of its hinge."""
-    found = [robot.strips[wing.strips[-1]].body]
-    for _ in range(wing.levels):
-        found.append(robot.bodies[found[-1]].parent)
-    return found
-
-
-def _hinge(robot: Robot, wing: Wing) -> int:
-    return _inwards(robot, wing)[-1]
+    """Bodies from that of a wing's outermost strip inwards to the one that its hinge moves."""
+    sides, bodies = carried_sides(robot), robot.bodies
+    found = [robot.strips[wing[-1]].body]
+    parent = bodies[found[-1]].parent
+    while parent >= 0 and bodies[parent].parent >= 0 and len(sides[parent]) < 2:
+        found.append(parent)
+        parent = bodies[parent].parent
+    held = parent < 0 or bodies[parent].parent >= 0 or bodies[parent].floating_dofs is not None
+    return found if held or not bodies[parent].joints else [*found, parent]
 
 
 class _Moving:
@@ -273,20 +278,22 @@ class _Moving:
     """
 
     def __init__(self, robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX, ground: Any) -> None:
-        self.ground = ground
-        self.robot, self.poses = robot, body_poses(robot, q)
+        self.robot, self.poses, self.ground = robot, body_poses(robot, q), ground
         self.wind = ca.sum2(wind) / wind.shape[1]
         self._twists = body_velocities(robot, q, v)
         self._at_zero = body_poses(robot, ca.SX(ca.DM(robot.coordinates())))
 
     def sizes(self, stroke: Stroke) -> tuple[list[Any], Any]:
-        """Length R of each wing of a stroke [m], and area of the circle on their span [m^2]."""
+        """Length R of each wing that sweeps [m], and area of the circle on their span [m^2]."""
         lengths, roots = [], []
-        first = self.robot.bodies[_hinge(self.robot, stroke.wings[0])].parent
+        if stroke.ends:
+            ends = [self._end(self.robot.strips[place], side) for place, side in stroke.ends]
+            return [], pi * ca.sumsqr(ends[1] - ends[0]) / 4
+        first = self.robot.bodies[_inwards(self.robot, stroke.wings[0])[-1]].parent
         left = self._at_zero[first].rotation[:, 1] if first >= 0 else ca.SX([0, 1, 0])
         for wing in stroke.wings:
-            strip = self.robot.strips[wing.strips[-1]]
-            root = self._at_zero[_hinge(self.robot, wing)].position
+            strip = self.robot.strips[wing[-1]]
+            root = self._at_zero[_inwards(self.robot, wing)[-1]].position
             roots.append(ca.dot(left, root))
             away = ca.sqrt(ca.sumsqr(quarter_chord(self._at_zero, strip) - root))
             lengths.append(away + strip.width / 2)
@@ -294,16 +301,21 @@ class _Moving:
         between = ca.mmax(ca.vertcat(*roots)) - ca.mmin(ca.vertcat(*roots))
         return lengths, pi * ((stroke.sides * longest + between) / 2) ** 2
 
+    def _end(self, strip: Strip, side: int) -> ca.SX:
+        """Quarter chord at one end of a strip at zero coordinates, (3, 1) [m]."""
+        half = side * strip.width / 2 * cross(vector(strip.normal), vector(strip.forward))
+        return self._at_zero[strip.body].at(vector(strip.quarter_chord) + half)
+
     def direction(self, wing: Wing) -> tuple[ca.SX, ca.SX]:
         """Unit vector from hinge to tip in the axes that the hinge is fixed to, its rate [1/s]."""
-        strip = self.robot.strips[wing.strips[-1]]
-        hinge = _hinge(self.robot, wing)
+        strip = self.robot.strips[wing[-1]]
+        hinge = _inwards(self.robot, wing)[-1]
         parent = self.robot.bodies[hinge].parent
         axes = self.poses[parent].rotation if parent >= 0 else ca.SX.eye(3)
         turn = self._twists[parent].angular if parent >= 0 else ca.SX.zeros(3, 1)
         away = axes.T @ (quarter_chord(self.poses, strip) - self.poses[hinge].position)
-        at_tip = self._twists[strip.body].at(vector(strip.quarter_chord))
-        velocity = axes.T @ (self.poses[strip.body].rotation @ at_tip - self._speed(hinge))
+        at_tip = self._speed(strip.body, vector(strip.quarter_chord))
+        velocity = axes.T @ (at_tip - self._speed(hinge, ca.SX.zeros(3, 1)))
         distance = ca.sqrt(ca.sumsqr(away))
         unit, turning = away / distance, (velocity - cross(turn, away)) / distance
         return unit, turning - unit * ca.dot(unit, turning)
@@ -317,35 +329,41 @@ class _Moving:
         """
         if self.ground is None:
             return 1.0
-        heights = [self.poses[_hinge(self.robot, wing)].position[2] for wing in stroke.wings]
+        heights = [self.poses[body].at(offset)[2] for body, offset in self._places(stroke)]
         height = sum(heights, ca.SX(0)) / len(heights) - self.ground
         return 1.0 - ground_share(height, 2 * ca.sqrt(circle / pi))
 
     def velocity(self, stroke: Stroke) -> ca.SX:
-        """Mean velocity of the wings' hinges, world axes, (3, 1) [m/s]."""
-        moving = [self._speed(_hinge(self.robot, wing)) for wing in stroke.wings]
+        """Mean velocity of the hinges, or strips if held, world axes, (3, 1) [m/s]."""
+        moving = [self._speed(*place) for place in self._places(stroke)]
         return sum(moving, ca.SX.zeros(3, 1)) / len(moving)
 
-    def _speed(self, body: int) -> ca.SX:
-        """Velocity of a body's origin, world axes, (3, 1) [m/s]."""
-        return self.poses[body].rotation @ self._twists[body].linear
+    def _places(self, stroke: Stroke) -> list[tuple[int, ca.SX]]:
+        """Body and place on it of every hinge of a stroke, or of every strip if held."""
+        held = [self.robot.strips[i] for i in stroke.strips] if stroke.ends else []
+        hinges = [(_inwards(self.robot, wing)[-1], ca.SX.zeros(3, 1)) for wing in stroke.swept]
+        return hinges + [(strip.body, vector(strip.quarter_chord)) for strip in held]
+
+    def _speed(self, body: int, offset: ca.SX) -> ca.SX:
+        """Velocity of a point of a body, world axes, (3, 1) [m/s]."""
+        return self.poses[body].rotation @ self._twists[body].at(offset)
 
 
 def _relaxation(
     stroke: Stroke,
     moving: _Moving,
     air: AeroExpressions,
-    induced: ca.SX,
-    means: ca.SX,
+    state: ca.SX,
     numbers: tuple[Any, ...],
 ) -> Relaxation:
     """Relaxation of the induced velocity of a stroke and of its wings' mean directions."""
     density, factor, apparent_mass, memory = numbers
+    induced, means = state[:3], ca.reshape(state[3:], 3, -1)
     lengths, circle = moving.sizes(stroke)
     tandem = len(stroke.wings) // stroke.sides
     met = moving.wind - moving.velocity(stroke)
     swept, rates, targets = ca.SX(0), [], []
-    for k, wing in enumerate(stroke.wings):
+    for k, wing in enumerate(stroke.swept):
         swept = swept + _half_angle(ca.sumsqr(means[:, k])) * lengths[k] ** 2 / tandem
         direction, turning = moving.direction(wing)
         turned = ca.sumsqr(turning) + ca.sumsqr(met) / lengths[k] ** 2
@@ -356,7 +374,7 @@ def _relaxation(
     speed = smooth_norm(ca.sumsqr(through), _SLIGHT)
     along = ca.dot(through, whole) ** 2
     share = along / (smooth_norm(ca.sumsqr(whole), _SLIGHT) * speed) ** 2
-    area = circle + (swept - circle) * share
+    area = circle + (swept - circle) * share if stroke.swept else circle
     force = ca.sum2(air.strip_force[:, list(stroke.strips)])
     still = 1.0 - smooth_step(swept * tandem / planform)
     force = force - still * ca.dot(force, through) / speed**2 * through

@@ -166,8 +166,7 @@ class LiftingLine(Aerodynamics):
         net = lattice(robot, self.chains, q, v, wind)
         vortices = VortexSystem(self.chains, net, motions, ground_plane(robot, q, p.ground))
         geometric = ca.vertcat(*[_normalwash(motion, p) for motion in motions])
-        slope = p.section["lift_slope"]
-        wash = solve_normalwash(vortices, geometric, state, p.lags, slope)
+        wash = solve_normalwash(vortices, geometric, state, p.lags, p.section["lift_slope"])
         gains = surface_gains(self.robot, robot, p.surface_constant)
         late = geometric - wash.effective
         stalls = [
@@ -215,8 +214,7 @@ class LiftingLine(Aerodynamics):
         motions = strip_motions(robot, q, v, wind)
         net = lattice(robot, self.chains, q, v, wind)
         vortices = VortexSystem(self.chains, net, motions, ground_plane(robot, q, p.ground))
-        slope = p.section["lift_slope"]
-        wash = solve_normalwash(vortices, normalwash, state, p.lags, slope)
+        wash = solve_normalwash(vortices, normalwash, state, p.lags, p.section["lift_slope"])
         gains = surface_gains(robot, robot, p.surface_constant)
         derivative = lag_relaxation(motions, wash.effective, p.lags).derivative(state)
         lift = [

@@ -9,12 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.named_descriptions import field_values
-from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
 
@@ -68,14 +65,9 @@ class OnModel(Aerodynamics):
         raise NotImplementedError
 
     @property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of the model's parameters, then of its own."""
-        return (*self.model.parameter_names, *self.own_parameters)
-
-    @property
-    def parameters(self) -> Array:
-        """Values of the model's parameters, then of its own, (n_c,)."""
-        return np.array([*self.model.parameters, *self.own_parameters.values()])
+    def numbers(self) -> dict[str, float]:
+        """Parameters of the model, then of its own, by name [SI]."""
+        return {**self.model.numbers, **self.own_parameters}
 
     def describe(self) -> dict[str, Any]:
         """Description that makes the model again for a robot, as JSON-able values."""

@@ -19,6 +19,7 @@ from patagium.errors import Unreadable
 from patagium.reading import text_of
 
 _COLUMNS = ("alpha", "cl", "cd", "cm")
+_ANGLE = re.compile("(?:alpha|aoa|angleofattack)(deg(?:rees?)?|rad(?:ians?)?|)")
 _LARGEST = 1 << 24  # B
 _STEEP = 0.3  # 1/degree, of C_L over a whole polar: nearly three times a thin section's
 
@@ -43,8 +44,9 @@ class PolarTable(NamedTuple):
 def read_polar(path: str | Path) -> PolarTable:
     """Static polar of a section, from the columns alpha, CL, CD and perhaps CM of a text file.
 
-    Angles are in degrees unless the header has alpha [rad]. Rows are sorted by angle; of rows with
-    the same angle the first counts. Rows without a number in one of these columns are left out.
+    Angles are in degrees unless the header has alpha [rad] or alpha_rad; AoA is alpha. Rows are
+    sorted by angle; of rows with the same angle the first counts. Rows without a number in
+    one of these columns are left out.
 
     Args:
         path: Polar saved by XFOIL, or a CSV file of AeroSandbox's or NeuralFoil's results.
@@ -118,7 +120,9 @@ def _header(line: str) -> dict[str, tuple[int, str]]:
     joined = re.sub(r"^[\s#%]+|\s+(?=[\[(])", "", line.lower())  # remarks' marks are no column
     found: dict[str, tuple[int, str]] = {}
     for place, word in enumerate(_cells(joined, joined)):
-        opened = word.strip(" \"'").replace("(", "[")
+        opened = re.sub("[ _\"']", "", word).replace("(", "[")
         name, _, unit = opened.partition("[")
+        if angle := _ANGLE.fullmatch(name):
+            name, unit = "alpha", unit or angle[1]
         found.setdefault(name, (place, unit.rstrip("])")))
     return found

@@ -24,9 +24,6 @@ from patagium.aerodynamics.trailing_vortices import spans_and_areas
 from patagium.arguments import check_fields
 from patagium.robot.model import Robot
 
-ROTATIONAL_COEFFICIENT = pi / 2
-"""C_rot = pi (3/4 - x0) at x0 = 1/4 of the chord, where the incidence is taken."""
-
 _ROUNDS = 3
 """Times that lift is found where there is ground, which takes a part of the last one's downwash."""
 
@@ -54,6 +51,7 @@ class QuasiSteady(Aerodynamics):
         air: Density, wind and gusts.
         polar: Section coefficients.
         rotational: Whether pitching adds circulation.
+        rotational_coefficient: C_rot of it; pi (3/4 - x0), x0 = 1/4 where the incidence is taken.
         force_point: Where the force acts. "switching": as above. "fixed": a quarter chord ahead of
             mid-chord, as models of insects have it in their hinge axis. "moving": .82 |a|/pi + .05
             of the chord behind the edge that leads, a that of mid-chord, for wings that turn by
@@ -70,6 +68,7 @@ class QuasiSteady(Aerodynamics):
     polar: Polar = field(default_factory=DickinsonPolar)
     rotational: bool = False
     force_point: Literal["switching", "fixed", "moving"] = "switching"
+    rotational_coefficient: float = pi / 2
 
     name = "quasi_steady"
 
@@ -94,8 +93,9 @@ class QuasiSteady(Aerodynamics):
         """Parameters of the model by name, in their order [SI]."""
         values = zip(self.polar.parameter_names, self.polar.parameters, strict=True)
         polar = {f"polar.{name}": value for name, value in values}
-        rotational = {"rotational_coefficient": ROTATIONAL_COEFFICIENT} if self.rotational else {}
-        return {"density": self.air.density, **polar, **rotational, **self.air.ground_parameters}
+        if self.rotational:
+            polar["rotational_coefficient"] = self.rotational_coefficient
+        return {"density": self.air.density, **polar, **self.air.ground_parameters}
 
     def expressions(
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX

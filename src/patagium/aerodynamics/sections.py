@@ -367,8 +367,7 @@ def measured_section(
         Viterna & Janetzke (1982), Theoretical and experimental power from large horizontal-axis
         wind turbines, NASA TM-82944 (beyond the polar; 2.01 of a long plate).
     """
-    columns = {"angle": angle, "lift": lift, "drag": drag}
-    polar = TablePolar(*(tuple(real_array(*one).ravel()) for one in columns.items()))
+    polar = _table(angle, lift, drag)
     static = np.empty(0) if moment is None else real_array("moment", moment).ravel()
     if static.size not in (0, len(polar.angle)):
         expected = f"no moment, or one for each of {len(polar.angle)} angles"
@@ -395,6 +394,19 @@ def measured_section(
         separated_drag = np.interp(a, a[telling], np.maximum(of_telling, 0.0))
     stalled = TablePolar(polar.angle, tuple(separated_lift), tuple(separated_drag))
     return MeasuredSection(slope, zero, profile_drag, tuple(share), stalled, tuple(static))
+
+
+def measured_polar(angle: ArrayLike, lift: ArrayLike, drag: ArrayLike) -> TablePolar:
+    """Polar of blade elements from -90 to 90 degrees; arguments and errors of `measured_section`.
+
+    It is a section's: what the tips of a wing induce is not in it, and `Inflow` adds it.
+    """
+    return _on_both_sides(_table(angle, lift, drag), np.empty(0))[0]
+
+
+def _table(angle: ArrayLike, lift: ArrayLike, drag: ArrayLike) -> TablePolar:
+    columns = {"angle": angle, "lift": lift, "drag": drag}
+    return TablePolar(*(tuple(real_array(*one).ravel()) for one in columns.items()))
 
 
 def _on_both_sides(polar: TablePolar, moment: Array) -> tuple[TablePolar, Array, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import typer
@@ -140,7 +141,7 @@ def air_model(
     """Model of the air around a robot, with a polar given by its name or by its file.
 
     Raises:
-        ParameterError: If the polar is not one of the model.
+        ParameterError: If the polar is not one of the model, or has the viscosity of other air.
     """
     from patagium import aerodynamics as models
 
@@ -148,10 +149,16 @@ def air_model(
     named = {one.name: one for one in (models.DickinsonPolar, models.ReynoldsPolar)}
     if word == "quasi-steady" and polar in named:
         chosen["polar"] = named[polar]()
+    elif word == "quasi-steady" and polar and Path(polar).is_file():
+        chosen["polar"] = models.measured_polar(*models.read_polar(polar)[:3])
     elif word == "lifting-line" and polar and polar not in named:
         chosen["section"] = models.measured_section(*models.read_polar(polar))
     elif polar is not None:
-        expected = f"{' or '.join(named)} with quasi-steady air, a file with a lifting line"
+        expected = f"{', '.join(named)} or a file with quasi-steady air, a file with a lifting line"
         raise ParameterError("--polar", expected, polar)
+    if polar == "reynolds" and not 0.5 < air.density < 2.0:
+        expected = "0.5 to 2 kg/m^3 with reynolds, which has the viscosity of air (of another: "
+        expected += "pt.air.ReynoldsPolar(viscosity=...) in Python)"
+        raise ParameterError("--density", expected, air.density)
     made: Aerodynamics = air_class(word)(machine, air, **chosen)
     return models.Inflow(made) if inflow else made

@@ -51,8 +51,8 @@ DensityOption = Annotated[float, option_in("kg/m^3", "a density", "Density of th
 PolarOption = Annotated[
     str | None,
     typer.Option(
-        help="Polar of quasi-steady air, dickinson by default or reynolds (insects of any size); "
-        "of a lifting line a file of XFOIL, AeroSandbox or NeuralFoil."
+        help="A file of XFOIL, AeroSandbox or NeuralFoil; of quasi-steady air also dickinson, the "
+        "default, or reynolds (insects of any size)."
     ),
 ]
 InflowOption = Annotated[

@@ -108,7 +108,11 @@ class _Graph:
         return outputs
 
     def _place(self, node: _Node) -> int:
-        """Position of a node, which is new or known."""
+        """Position of a node, which is new or known; of constants (in a call) their value."""
+        given = [self.nodes[i].detail for i in node.inputs if self.nodes[i].op == ca.OP_CONST]
+        if node.op != ca.OP_CALL and 0 < len(given) == len(node.inputs):
+            of = ca.SX.unary if len(given) == 1 else ca.SX.binary
+            node = _Node(ca.OP_CONST, (), (float(of(node.op, *(x for (x,) in given))),))
         if node not in self._known:
             self._known[node] = len(self.nodes)
             self.nodes.append(node)

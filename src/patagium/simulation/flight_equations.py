@@ -14,7 +14,7 @@ from typing import NamedTuple
 import casadi as ca
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
-from patagium.aerodynamics.gusts import GUST, GUST_COMPONENTS, gust_rates, strip_delays, strip_winds
+from patagium.aerodynamics.gusts import GUST, GUST_COMPONENTS, strip_delays, strip_winds
 from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.dynamics.chain import QuaternionTurn, cross
 from patagium.dynamics.equations import (
@@ -264,7 +264,7 @@ def _motion(
         circulation = added_mass.circulation_force(machine, q, v, wind, others)
         added = added_mass.inertia(machine, mean, others)
         if gust is not None:
-            push = added_mass.gust_force(machine, q, gust_rates(gust), others)
+            push = added_mass.gust_force(machine, q, gust[6:, :], others)
             circulation = circulation + push
     return _Motion(q, v, damping_force(machine, v), on_strips, circulation, added, wind)
 

@@ -161,6 +161,55 @@ def test_a_fast_wing_has_glauert_s_downwash() -> None:
     assert down == pytest.approx(lift / (2 * 1.225 * circle * speed), rel=0.01)  # V + u for V
 
 
+GLIDER = """
+name: glider
+gravity: 0
+bodies:
+  body:
+    {floating: true, mass: 1 kg, center_of_mass: [0, 0, 0], shape: {type: box, size: [1, 1, 1]}}
+wings:
+  - name: wing
+    segments:
+      - body: body
+        at: [-40 cm, 0, 0]
+        strips: 4
+        stations:
+          - {span: -50 cm, leading: 2.5 cm, trailing: -7.5 cm}
+          - {span: 50 cm, leading: 2.5 cm, trailing: -7.5 cm}
+  - name: fin
+    segments:
+      - body: body
+        at: [-90 cm, 0, 0]
+        span_axis: z
+        strips: 1
+        stations:
+          - {span: 0 cm, leading: 2 cm, trailing: -6 cm}
+          - {span: 20 cm, leading: 2 cm, trailing: -6 cm}
+"""
+
+
+def test_a_wing_from_tip_to_tip_on_a_body_has_glauert_s_downwash() -> None:
+    """It was half a wing as long as its place on the body made it; a fin made it a pair."""
+    robot = load_robot_text(GLIDER)
+    aero = pt.air.Inflow(pt.QuasiSteady(robot, polar=POLAR))
+    assert aero.state_size == 2 * 3  # what is held sweeps no area
+    q, v, state = robot.coordinates(pitch=-0.07), robot.velocities(x=10.0), np.zeros(6)
+    for _ in range(3000):
+        state = state + 1e-3 * aero.state_derivative(q, v, state)
+    lift = aero.strips(q, v, state)["strip_force"].sum(axis=0)[2]
+    ideal = lift / (2 * 1.225 * pi * 0.5**2 * 10.0)
+    assert -state[2] == pytest.approx(ideal, rel=0.01)
+
+
+@pytest.mark.parametrize("bird", ["hawk", "ornithopter"])
+def test_a_tail_on_both_sides_of_its_hinge_and_a_rudder_sweep_nothing(bird: str) -> None:
+    """A rudder that was a stroke of its own, of nearly no area, let trims stall."""
+    robot = pt.load_robot(bird)
+    wings, tail = strokes_of(robot)
+    assert len(wings.swept) == 2 and not tail.swept
+    assert [side for _, side in tail.ends] == [-1, 1]
+
+
 @pytest.mark.parametrize("incidence", [0.0, 60.0, 90.0])
 def test_wings_that_are_held_fall_with_the_drag_of_their_polar(incidence: float) -> None:
     """They sweep nothing, so that momentum theory would drive all of the air through no area."""

@@ -1,6 +1,7 @@
 """A grey box: numbers of the air as weights, what they do, and how they are said."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -150,6 +151,7 @@ GROUND = pt.Air(wind=(-5.0, 0.0, 0.0), ground=-1.0)
     ("wrapped", "name", "unit"),
     [
         (lambda m: m, "ground", "m"),
+        (lambda m: replace(m, rotational=True), "rotational_coefficient", "1"),
         (lambda m: pt.air.Inflow(m), "inflow.induced_factor", "1"),
         (lambda m: pt.air.Inflow(m), "density", "kg/m^3"),
         (lambda m: pt.air.WindShear(pt.air.Inflow(m)), "wind_shear.exponent", "1"),

@@ -238,6 +238,18 @@ def test_functions_of_many_states_only_are_compiled_at_once_and_serve_one_too(
         np.testing.assert_allclose(turn(angle)[0], np.sin(angle), rtol=ROUNDING)
 
 
+@needs_compiler
+def test_an_inner_function_of_constants_alone_compiles_for_many_states():
+    """As derivatives of a polar's table have it: C has no lanes = double - double."""
+    a, b, x = ca.SX.sym("a"), ca.SX.sym("b"), ca.SX.sym("x")
+    inner = ca.Function("inner", [a, b], [a - b, ca.sin(a), -b], {"never_inline": True})
+    whole = ca.Function("outer", [x], [ca.vertcat(*inner(0.5, 0.2), *inner(x, 0.2))], ["x"], ["y"])
+    outer = load_functions("constants of a call", lambda: [whole], label="test")["outer"]
+    given = np.linspace(0.0, 1.0, 9)
+    expected = [[0.3, np.sin(0.5), -0.2, one - 0.2, np.sin(one), -0.2] for one in given]
+    np.testing.assert_allclose(outer.batch(given), expected, rtol=ROUNDING, atol=ROUNDING)
+
+
 def test_results_of_batches_stay_what_they_were():
     turn = load_functions("trigonometry", trigonometry, label="test")["turn"]
     x = np.linspace(-1, 1, 40)

@@ -104,7 +104,10 @@ def test_columns_are_found_by_name_and_a_moment_may_be_missing(tmp_path: Path) -
     assert table.moment is None
 
 
-@pytest.mark.parametrize("name", ["alpha", "alpha [deg]", "Alpha (deg)", "alpha [rad]"])
+NAMES = ["alpha", "alpha [deg]", "Alpha (deg)", "alpha [rad]", "AoA (deg)", "AOA", "alpha_rad"]
+
+
+@pytest.mark.parametrize("name", [*NAMES, "aoa_deg"])
 @pytest.mark.parametrize("apart", [",", " "])
 def test_a_unit_shifts_no_column_and_an_empty_cell_leaves_its_row_out(
     tmp_path: Path, name: str, apart: str
@@ -168,6 +171,13 @@ def test_the_program_takes_a_polar_by_name_or_file(tmp_path: Path) -> None:
     insect = air_model("quasi-steady", robot, pt.Air(), "reynolds")
     assert plain == pt.QuasiSteady(robot)
     assert insect == pt.QuasiSteady(robot, polar=pt.air.ReynoldsPolar())
+    with pytest.raises(
+        PatagiumError, match="--density: expected 0.5 to 2 .*viscosity of air.*found 1000"
+    ):
+        air_model("quasi-steady", robot, pt.Air(density=1000.0), "reynolds")
+    measured = air_model("quasi-steady", robot, pt.Air(), str(file)).polar
+    assert measured == pt.air.measured_polar(*pt.air.read_polar(file)[:3])
+    assert np.degrees(measured.angle)[[0, -1]] == pytest.approx([-90, 90])
     section = pt.air.measured_section(*pt.air.read_polar(file))
     line = air_model("lifting-line", robot, pt.Air(), str(file))
     assert line.describe() == pt.LiftingLine(robot, section=section).describe()
@@ -180,7 +190,10 @@ def test_a_polar_that_the_air_does_not_take_is_refused(verb: str, air: str, caps
     with pytest.raises(SystemExit) as left:
         run([verb, "aerobat", "--aero", air, "--polar", polar])
     assert left.value.code == 2
-    assert "--polar: expected dickinson or reynolds" in capsys.readouterr().err
+    assert (
+        "--polar: expected dickinson, reynolds or a file with quasi-steady"
+        in capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize(
