@@ -69,6 +69,13 @@ def rising(times: Any) -> Array:
     return stamps
 
 
+def usual_step(times: Array) -> float:
+    """Mean of the steps of increasing times near their median [s]: rounding averages out."""
+    steps = np.diff(times)
+    median = np.median(steps)
+    return float(steps[np.abs(steps - median) <= median / 2].mean())
+
+
 def selected(kept: Any, count: int) -> Indices:
     """Indices of selected samples, in order.
 

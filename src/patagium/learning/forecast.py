@@ -6,10 +6,10 @@ with the weights of time t. Without a model of the robot every input goes on as 
 it is held, or its last wingbeat is repeated from where it is now, whichever erred less at the
 samples up to t. What the network misses a wingbeat before t + h (without a wingbeat: at t) is
 known; corrected by it, the network gives the change from one wingbeat to the next. Each output
-is forecast in the way that erred least in the forecasts whose outcome is known by then: by the
-network, by the network corrected, or so with inputs that go on as before, where a model of the
-robot forecasts them otherwise. Beside the forecast stand four rivals, which see the samples up to
-t as well:
+is forecast in the way that erred least in the forecasts whose outcome is known by then, of those
+since the first wingbeat: by the network, by the network corrected, or so with inputs that go on as
+before, where a model of the robot forecasts them otherwise. Beside the forecast stand four rivals,
+which see the samples up to t as well:
 
 - the last measured output, held,
 - the mean of all outputs so far,
@@ -33,7 +33,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from patagium.arrays import Array, Bools, Indices
+from patagium.arrays import Array, Bools, Indices, usual_step
 from patagium.learning.learners.learner import Learner
 from patagium.learning.models.memory import ModelMemory, measured_inputs, network_inputs
 from patagium.learning.models.network import Network
@@ -356,14 +356,14 @@ class Forecaster:
         every = np.arange(len(y))
         self._x, self._y = x, y
         self._known = np.where(np.isfinite(y), y, persistence(y, every))
-        step = float(np.median(np.diff(self._time)))
+        step = usual_step(self._time)
         sums.lead = max(1, round(min(sums.seconds / step, 1e15)))
         self._lead = min(sums.lead, len(y))  # beyond them nothing is forecast
         self._ahead = _grid(self._lead, step)
         self._inputs = Repetition(self._time, x, period)
         self._motion: Motion = self._inputs if motion is None else motion
         self._outputs = Repetition(self._time, self._known, period)
-        self._choice = _Choice(y, 2 if motion is None else 3)
+        self._choice, self._periodic = _Choice(y, 2 if motion is None else 3), False
         self._squares = _LeastSquares(x, self._known, self._lead, max(1, self._lead // LAGS))
         self._mean = np.cumsum(self._known, axis=0) / (every + 1)[:, None]
         last = used[used + self._lead < len(y)]
@@ -402,6 +402,8 @@ class Forecaster:
         if self._motion is not self._inputs:
             repeated = self._inputs.path(last, self._ahead, model)
             ways.append(model.predict(self._time[last] + self._ahead, repeated) + miss)
+        if period is not None and not self._periodic:  # the first wingbeat's errors say nothing
+            self._choice, self._periodic = _Choice(self._y, len(ways)), True
         guess = self._choice.chosen(last, last + self._lead, np.array(ways))
         self._sums.rule = motion.rule()
         count = np.bincount(self._choice.taken, minlength=3)

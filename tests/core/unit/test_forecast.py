@@ -160,6 +160,12 @@ def test_waves_are_forecast_and_their_rivals_err_as_they_must() -> None:
     assert scores["forecast_h_rule"].startswith("last wingbeat of the inputs repeated")
 
 
+def test_errors_before_the_first_wingbeat_choose_no_way(flight: xr.Dataset) -> None:
+    """The joints are held until then; for a second outputs went a way that errs by far more."""
+    scores = pt.identify(flight, horizons=["20ms"]).scores
+    assert scores["forecast_20ms_nmse_second_half_worst"] < 1e-4
+
+
 def test_what_does_not_repeat_itself_is_held(rng: np.random.Generator) -> None:
     time = np.arange(600) * 0.01
     x = np.cumsum(rng.standard_normal((600, 1)), axis=0)
