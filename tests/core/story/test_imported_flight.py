@@ -77,11 +77,14 @@ def test_a_flight_comes_back_and_is_learned_from(
         np.testing.assert_allclose(back[part], flight[part], rtol=1e-12, atol=1e-12 * scale)
     capsys.readouterr()
     pt.save_flight(flight, native)
-    worst = []
-    for file in (out, native):
-        say("identify", file, *LEARN, "--every", "10")
+    worst, mapped = [], (log, "--mapping", log.with_name("map.yaml"))
+    for words in ((out,), (native,), mapped):  # the last is imported on the way
+        say("identify", *words, *LEARN, "--every", "10")
         worst.append(json.loads(capsys.readouterr().out)["nmse_worst"])
+    assert worst[0] == worst[2]
     assert worst[0] == pytest.approx(worst[1], rel=1e-3)  # stamps are whole nanoseconds
+    say("check", *mapped, "--json")
+    assert json.loads(capsys.readouterr().out)["a flight"]
 
 
 def test_forces_where_no_motor_is_need_not_be_in_a_log(log: Path) -> None:

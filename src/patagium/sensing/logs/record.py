@@ -149,9 +149,11 @@ class LogRecord:
         """
         inputs, outputs = self.of_role("input"), self.of_role("output")
         if not inputs or not outputs:
+            lacks = [] if self.robot is None else self._missing(self.robot)
+            flight = f"; a flight lacks {', '.join(lacks[:6])}" * bool(lacks)
             raise LogError(
                 f"{self.path}: expected inputs and outputs, but its mapping named channels only: "
-                f"{', '.join(self.labels[:12])}"
+                f"{', '.join(self.labels[:12])}{flight}"
             )
         time = self.time(begin, end)
         return LogTable(

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -358,7 +358,16 @@ def _half(progress: Progress | None, which: int) -> Progress | None:
 def read_table(
     path: str | Path, mapping: TableMapping | str | Path | None = None, tell: Tell | None = None
 ) -> LogTable:
-    """Table of inputs and outputs in a log, by `import_log` in a temporary folder.
+    """Table of inputs and outputs in a log; see `opened_log`."""
+    with opened_log(path, mapping, tell) as record:
+        return record.table()
+
+
+@contextmanager
+def opened_log(
+    path: str | Path, mapping: TableMapping | str | Path | None = None, tell: Tell | None = None
+) -> Iterator[LogRecord]:
+    """Open imported log; another one is imported by `import_log` in a temporary folder.
 
     Args:
         path: A CSV (also `.csv.gz`) or Parquet file, or another log.
@@ -375,4 +384,5 @@ def read_table(
         out = Path(folder) / "log.nc"
         file = path if mapping is None else import_log(path, mapping, out, tell=tell).path
         with LogRecord(file) as record:
-            return replace(record.table(), source=str(path))
+            record.path = Path(path)  # what its errors name
+            yield record
