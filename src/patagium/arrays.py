@@ -72,8 +72,7 @@ def rising(times: Any) -> Array:
 def usual_step(times: Array) -> float:
     """Mean of the steps of increasing times near their median [s]: rounding averages out."""
     steps = np.diff(times)
-    median = np.median(steps)
-    return float(steps[np.abs(steps - median) <= median / 2].mean())
+    return float(steps[np.abs(steps / np.median(steps) - 1) <= 0.5].mean())
 
 
 def selected(kept: Any, count: int) -> Indices:

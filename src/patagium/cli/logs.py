@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -77,21 +78,17 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
     from patagium.sensing.logs.record import LOADED
     from patagium.simulation import load_flight
 
-    record = record_of(file, mapping)
-    if record is not None:
-        with record:
-            return _flight_or_table(record)
-    if file.suffix.lower() == ".nc":
+    record: AbstractContextManager[LogRecord] | None = record_of(file, mapping)
+    if record is None and file.suffix.lower() == ".nc":
         if mapping is not None:
             raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
         logged = kind_of(file).startswith(LOADED)
         return load_log(file) if logged else load_flight(flight_file(file)), None
-    if mapping is None:
-        raise ParameterError("--mapping", f"a YAML file {command(MEANING, no_robot(file))}", None)
-    place = file if file.is_dir() else existing(file)
-    with opened_log(place, existing(mapping), partial(show_findings, err=True)) as opened:
-        return _flight_or_table(opened)
-
-
-def _flight_or_table(record: LogRecord) -> tuple[Any, LogTable | None]:
-    return (record.flight(), None) if record.is_flight else (None, record.table())
+    if record is None:
+        if mapping is None:
+            meaning = command(MEANING, no_robot(file))
+            raise ParameterError("--mapping", f"a YAML file {meaning}", None)
+        place = file if file.is_dir() else existing(file)
+        record = opened_log(place, existing(mapping), partial(show_findings, err=True))
+    with record as log:
+        return (log.flight(), None) if log.is_flight else (None, log.table())

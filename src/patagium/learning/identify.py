@@ -166,8 +166,7 @@ def evaluate(
         _refuse_for_tables(inputs, robot)
         _check_columns(flight, model)
         rows, gaps, names = (flight.time, flight.x, flight.y), flight.gaps, flight.output_units
-        step = usual_step(flight.time)
-        taken = table_every(model, step) if every is None else every
+        taken = table_every(model, usual_step(flight.time)) if every is None else every
         result = compare(model, *rows, every=taken, units=names, gaps=gaps)
         result.scores["gaps_found"] = flight.describe_gaps()
         return result
@@ -176,8 +175,7 @@ def evaluate(
     model, told = in_flight(model, flight, robot)
     time, x, y, units = samples(flight, model.network, inputs, robot)
     period = gait_period(flight) if isinstance(flight, xr.Dataset) else None
-    step = usual_step(time)
-    taken = chosen_every(model, step, period) if every is None else every
+    taken = chosen_every(model, usual_step(time), period) if every is None else every
     std, gaps = stds(flight, model.network), find_gaps(time)
     result = compare(model, time, x, y, every=taken, units=units, std=std, gaps=gaps)
     result.scores["verdict"] += told
