@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,7 +77,7 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
     from patagium.sensing.logs.record import LOADED
     from patagium.simulation import load_flight
 
-    record: AbstractContextManager[LogRecord] | None = record_of(file, mapping)
+    record: Any = record_of(file, mapping)
     if record is None and file.suffix.lower() == ".nc":
         if mapping is not None:
             raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))

@@ -60,8 +60,7 @@ _NOW_AND_THEN = 5.0  # s
 @with_learner_options()
 def stream(
     source: Annotated[
-        str,
-        typer.Argument(help="udp://ADDRESS:PORT, - for standard input, CSV file or log (.nc)."),
+        str, typer.Argument(help="udp://ADDRESS:PORT, - for standard input, CSV file or log (.nc).")
     ],
     choice: LearnerChoice,
     robot: Annotated[
@@ -84,8 +83,7 @@ def stream(
         float, typer.Option(min=1.0, help="Number of past samples in the running scores.")
     ] = 10_000.0,
     key_file: Annotated[
-        Path | None,
-        typer.Option(help="File of the key that signs datagrams; others are not used."),
+        Path | None, typer.Option(help="File of the key that signs datagrams; others are not used.")
     ] = None,
     room: Annotated[
         int, typer.Option(min=1, help="Number of packets that may wait for the learner.")

@@ -363,7 +363,8 @@ class Forecaster:
         self._inputs = Repetition(self._time, x, period)
         self._motion: Motion = self._inputs if motion is None else motion
         self._outputs = Repetition(self._time, self._known, period)
-        self._choice, self._periodic = _Choice(y, 2 if motion is None else 3), False
+        ways = 2 if motion is None else 3
+        self._choices = _Choice(y, ways), _Choice(y, ways)  # before the first wingbeat, and later
         self._squares = _LeastSquares(x, self._known, self._lead, max(1, self._lead // LAGS))
         self._mean = np.cumsum(self._known, axis=0) / (every + 1)[:, None]
         last = used[used + self._lead < len(y)]
@@ -402,11 +403,10 @@ class Forecaster:
         if self._motion is not self._inputs:
             repeated = self._inputs.path(last, self._ahead, model)
             ways.append(model.predict(self._time[last] + self._ahead, repeated) + miss)
-        if period is not None and not self._periodic:  # the first wingbeat's errors say nothing
-            self._choice, self._periodic = _Choice(self._y, len(ways)), True
-        guess = self._choice.chosen(last, last + self._lead, np.array(ways))
+        choice = self._choices[period is not None]
+        guess = choice.chosen(last, last + self._lead, np.array(ways))
         self._sums.rule = motion.rule()
-        count = np.bincount(self._choice.taken, minlength=3)
+        count = np.bincount(choice.taken, minlength=3)
         before = "now" if period is None else "a wingbeat before"
         if count[1:].any():
             self._sums.rule += (

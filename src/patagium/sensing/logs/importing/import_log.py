@@ -358,16 +358,7 @@ def _half(progress: Progress | None, which: int) -> Progress | None:
 def read_table(
     path: str | Path, mapping: TableMapping | str | Path | None = None, tell: Tell | None = None
 ) -> LogTable:
-    """Table of inputs and outputs in a log; see `opened_log`."""
-    with opened_log(path, mapping, tell) as record:
-        return record.table()
-
-
-@contextmanager
-def opened_log(
-    path: str | Path, mapping: TableMapping | str | Path | None = None, tell: Tell | None = None
-) -> Iterator[LogRecord]:
-    """Open imported log; another one is imported by `import_log` in a temporary folder.
+    """Table of inputs and outputs in a log, by `import_log` in a temporary folder.
 
     Args:
         path: A CSV (also `.csv.gz`) or Parquet file, or another log.
@@ -376,6 +367,19 @@ def opened_log(
 
     Raises:
         LogError: If the log cannot be read or lacks what the mapping names.
+        ParameterError: If a mapping is missing.
+    """
+    with opened_log(path, mapping, tell) as record:
+        return record.table()
+
+
+@contextmanager
+def opened_log(
+    path: str | Path, mapping: TableMapping | str | Path | None = None, tell: Tell | None = None
+) -> Iterator[LogRecord]:
+    """Open imported log; another one is imported in a temporary folder. See `read_table`.
+
+    Raises:
         ParameterError: If a mapping is missing.
     """
     if mapping is None and not is_log(path):
