@@ -176,6 +176,14 @@ def test_what_does_not_repeat_itself_is_held(rng: np.random.Generator) -> None:
     assert found == pytest.approx(held, rel=0.02)  # y is twice x, once that is learned
 
 
+def test_a_wingbeat_is_known_as_soon_as_it_shows() -> None:
+    """It was looked for again only in a quarter more samples, also where none was found."""
+    time, x, _ = waves(800)
+    inputs = Repetition(time, x[:, :2])
+    assert inputs.period(550) is None
+    assert inputs.period(660) == pytest.approx(0.2, rel=0.01)
+
+
 def test_each_input_goes_on_as_it_did_best() -> None:
     time, x, _ = waves()
     steps = np.column_stack([x[:, 0], np.floor(time / 0.37)])  # held between its jumps
