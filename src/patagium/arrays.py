@@ -69,6 +69,12 @@ def rising(times: Any) -> Array:
     return stamps
 
 
+def usual_step(times: Array) -> float:
+    """Mean of the steps of increasing times near their median [s]: rounding averages out."""
+    steps = np.diff(times)
+    return float(steps[np.abs(steps / np.median(steps) - 1) <= 0.5].mean())
+
+
 def selected(kept: Any, count: int) -> Indices:
     """Indices of selected samples, in order.
 

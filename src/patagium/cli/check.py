@@ -40,7 +40,7 @@ def check(
 
     ending = file.suffix.lower()
     if ending in (".csv", ".parquet", ".gz"):
-        facts = _table_facts(file, mapping)
+        facts = _log_facts(file, mapping)
     elif mapping is not None:
         raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
     elif ending == ".nc":
@@ -95,7 +95,7 @@ def _netcdf_facts(file: Path, as_json: bool) -> dict[str, Any]:
     from patagium.sensing.sensors.sense import is_sensor_log
 
     if is_log(file):
-        return _log_facts(file)
+        return _log_facts(file, None)
     if is_sensor_log(existing(file)):
         log = load_sensor_log(file)
         samples = {name: f"{one.sizes['time']} samples" for name, one in log.readings.items()}
@@ -121,34 +121,20 @@ def _flight_facts(file: Path, as_json: bool) -> dict[str, Any]:
     return facts if as_json else flight_table(facts)
 
 
-def _log_facts(file: Path) -> dict[str, Any]:
-    from patagium.sensing.logs.record import LogRecord
+def _log_facts(file: Path, mapping: Path | None) -> dict[str, Any]:
+    from patagium.sensing.logs.importing.import_log import opened_log
 
-    with LogRecord(file) as record:
+    if mapping is None and file.suffix.lower() != ".nc":
+        raise ParameterError("--mapping", f"a YAML file {command(MEANING, file)}", None)
+    with opened_log(existing(file), mapping and existing(mapping)) as record:
         time = record.time()
         return {
-            "kind": "imported log",
+            "kind": "imported log" if mapping is None else "log and its mapping",
             "samples": record.count,
             "duration [s]": float(time[-1] - time[0]),
             "numbers": [f"{name} [{unit}]" for name, unit in record.units.items()],
+            "inputs": list(record.of_role("input")),
+            "outputs": list(record.of_role("output")),
             "a flight": record.is_flight,
             "findings": [f"{one['where']}: {one['kind']}" for one in record.findings],
         }
-
-
-def _table_facts(file: Path, mapping: Path | None) -> dict[str, Any]:
-    from patagium.sensing import read_table
-
-    if mapping is None:
-        raise ParameterError("--mapping", f"a YAML file {command(MEANING, file)}", None)
-    table = read_table(existing(file), existing(mapping))
-    return {
-        "kind": "table",
-        "samples": len(table.time),
-        "duration [s]": float(table.time[-1] - table.time[0]),
-        "inputs": [f"{n} [{u}]" for n, u in zip(table.input_names, table.input_units, strict=True)],
-        "outputs": [
-            f"{n} [{u}]" for n, u in zip(table.output_names, table.output_units, strict=True)
-        ],
-        "gaps": table.describe_gaps(),
-    }

@@ -72,20 +72,22 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
         LogError: If the log cannot be read.
     """
     from patagium.cli.inspect import show_findings
-    from patagium.sensing import load_log, read_table
+    from patagium.sensing import load_log
+    from patagium.sensing.logs.importing.import_log import opened_log
     from patagium.sensing.logs.record import LOADED
     from patagium.simulation import load_flight
 
-    record = record_of(file, mapping)
-    if record is not None:
-        with record:
-            return (record.flight(), None) if record.is_flight else (None, record.table())
-    if file.suffix.lower() == ".nc":
+    record: Any = record_of(file, mapping)
+    if record is None and file.suffix.lower() == ".nc":
         if mapping is not None:
             raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
         logged = kind_of(file).startswith(LOADED)
         return load_log(file) if logged else load_flight(flight_file(file)), None
-    if mapping is None:
-        raise ParameterError("--mapping", f"a YAML file {command(MEANING, no_robot(file))}", None)
-    place = file if file.is_dir() else existing(file)
-    return None, read_table(place, existing(mapping), partial(show_findings, err=True))
+    if record is None:
+        if mapping is None:
+            meaning = command(MEANING, no_robot(file))
+            raise ParameterError("--mapping", f"a YAML file {meaning}", None)
+        place = file if file.is_dir() else existing(file)
+        record = opened_log(place, existing(mapping), partial(show_findings, err=True))
+    with record as log:
+        return (log.flight(), None) if log.is_flight else (None, log.table())

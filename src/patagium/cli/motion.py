@@ -39,8 +39,7 @@ def motion(
     ] = None,
     mapping: MappingOption = None,
     body: Annotated[
-        list[str] | None,
-        typer.Option(help="Body of a quantity, QUANTITY=BODY; may be repeated."),
+        list[str] | None, typer.Option(help="Body of a quantity, QUANTITY=BODY; may be repeated.")
     ] = None,
     out: Annotated[Path | None, output_file("File for motion and forces (.nc).", *OUTPUT)] = None,
     plot: Annotated[
@@ -86,14 +85,11 @@ def _measured(log: Path, robot: str | None, mapping: Path | None, words: list[st
     from patagium.robot import load_robot
     from patagium.sensing import load_sensor_log, sensor_log
     from patagium.sensing.logs.importing.import_log import import_log as bring
-    from patagium.sensing.logs.record import is_log
 
     bodies = dict(word.partition("=")[::2] for word in words)
     machine: Robot | None = None if robot is None else load_robot(robot)
-    if is_log(log):
-        record = record_of(log, mapping)
-        if record is not None:
-            record.close()
+    if (record := record_of(log, mapping)) is not None:
+        record.close()
         return sensor_log(log, machine, bodies=bodies)
     if log.suffix.lower() == ".nc" and mapping is None:
         kept = load_sensor_log(existing(log))
@@ -131,11 +127,7 @@ def _summary(found: xr.Dataset, forces: ForceSamples) -> dict[str, Any]:
 
 
 def _say(
-    measured: SensorLog,
-    found: xr.Dataset,
-    forces: ForceSamples,
-    summary: dict[str, Any],
-    note: str,
+    measured: SensorLog, found: xr.Dataset, forces: ForceSamples, summary: dict[str, Any], note: str
 ) -> None:
     """Print what was found, in words with units."""
     from patagium.report import Table

@@ -30,12 +30,13 @@ def send(
     key_file: Annotated[Path | None, typer.Option(help="File of a key that signs them.")] = None,
 ) -> None:
     """Send a flight's motion and forces, or the raw samples of a log, to `patagium stream`."""
+    from patagium.aerodynamics import Air
     from patagium.cli.logs import record_of
     from patagium.live.packets import read_key, send_packets
     from patagium.live.sources import address_of
     from patagium.sensing import SensorLog, load_sensor_log, sensor_log
     from patagium.sensing.sensors.sense import is_sensor_log
-    from patagium.simulation import load_flight
+    from patagium.simulation import air_of, load_flight
 
     key = None if key_file is None else read_key(key_file)
     recorded: xr.Dataset | SensorLog
@@ -46,8 +47,9 @@ def send(
     else:
         recorded = load_sensor_log(file) if is_sensor_log(file) else load_flight(file)
     address = address_of(target)
-    if (wind := getattr(recorded, "wind", None)) is not None and wind.any():
-        typer.echo("Warning: packets hold no wind: a stream learns as in still air.", err=True)
+    if not isinstance(recorded, SensorLog) and (air := air_of(recorded)) != Air():
+        told = f"packets hold no wind {air.wind} m/s and no density {air.density:.4g} kg/m^3"
+        typer.echo(f"Warning: {told}: a stream learns as in still air at sea level.", err=True)
     with progress_bar(f"Sending {file.name}") as progress:
         try:
             sent = send_packets(recorded, address, rate=rate, rows=rows, key=key, progress=progress)

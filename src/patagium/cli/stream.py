@@ -29,6 +29,7 @@ from patagium.cli.words import answer
 from patagium.errors import FilterDiverged, ParameterError, PatagiumError
 
 if TYPE_CHECKING:
+    from patagium.aerodynamics import Air
     from patagium.arrays import Array
     from patagium.live.loop import Rhythm, Sink, Status
     from patagium.live.packets import Intake
@@ -59,8 +60,7 @@ _NOW_AND_THEN = 5.0  # s
 @with_learner_options()
 def stream(
     source: Annotated[
-        str,
-        typer.Argument(help="udp://ADDRESS:PORT, - for standard input, CSV file or log (.nc)."),
+        str, typer.Argument(help="udp://ADDRESS:PORT, - for standard input, CSV file or log (.nc).")
     ],
     choice: LearnerChoice,
     robot: Annotated[
@@ -83,8 +83,7 @@ def stream(
         float, typer.Option(min=1.0, help="Number of past samples in the running scores.")
     ] = 10_000.0,
     key_file: Annotated[
-        Path | None,
-        typer.Option(help="File of the key that signs datagrams; others are not used."),
+        Path | None, typer.Option(help="File of the key that signs datagrams; others are not used.")
     ] = None,
     room: Annotated[
         int, typer.Option(min=1, help="Number of packets that may wait for the learner.")
@@ -117,11 +116,10 @@ def stream(
     from patagium.live.packets import Intake
     from patagium.live.pipeline import Pipeline
     from patagium.live.sources import PacketQueue
-    from patagium.robot import load_robot
     from patagium.sensing.force.air_force import packet_columns
 
-    machine = _robot_of(source) if robot is None else load_robot(robot)
-    net = _network(machine, choice, scale_by)
+    machine, air = _robot_and_air(source, robot)
+    net = _network(machine, air, choice, scale_by)
     outputs, stop, ending = Outputs(), threading.Event(), threading.Event()
     with sole_user(state):
         student = resumed(choice.learner(net), state)
@@ -161,20 +159,23 @@ def stream(
     outputs.check()
 
 
-def _robot_of(source: str) -> Robot:
-    """Robot that an imported log or a sensor log carries."""
+def _robot_and_air(source: str, robot: str | None) -> tuple[Robot, Air]:
+    """The named robot, else that of an imported log or a sensor log, and the air of the former."""
+    from patagium.aerodynamics import Air
+    from patagium.robot import load_robot
     from patagium.sensing import load_sensor_log
     from patagium.sensing.logs.record import LogRecord, is_log
     from patagium.sensing.sensors.sense import is_sensor_log
 
-    named = source == "-" or "://" in source
-    if not named and is_sensor_log(source):
-        return load_sensor_log(source).robot
-    if not named and is_log(source):
+    machine, air = None if robot is None else load_robot(robot), Air()
+    if is_log(source):
         with LogRecord(source) as record:
-            if record.robot is not None:
-                return record.robot
-    raise ParameterError("--robot", "a preset or a robot file: the source carries none", None)
+            machine, air = machine or record.robot, record.air
+    elif machine is None and source != "-" and "://" not in source and is_sensor_log(source):
+        machine = load_sensor_log(source).robot
+    if machine is None:
+        raise ParameterError("--robot", "a preset or a robot file: the source carries none", None)
+    return machine, air
 
 
 def _opened(source: str, columns: list[str], idle: float | None, key_file: Path | None) -> Source:
@@ -315,15 +316,14 @@ class _Recording:
             typer.echo(f"The record of {file.written} samples is in {file.path}", err=True)
 
 
-def _network(robot: Robot, choice: LearnerChoice, scale_by: Path | None) -> Any:
-    from patagium.aerodynamics import Air
+def _network(robot: Robot, air: Air, choice: LearnerChoice, scale_by: Path | None) -> Any:
     from patagium.sensing import training_data
     from patagium.simulation import load_flight
 
     if choice.shape()[0] is not NetworkKind.DENSE:
         if scale_by is not None:
             raise ParameterError("--scale-by", "a dense network to go with it", "one of wings")
-        return winged_network(choice, robot, Air())
+        return winged_network(choice, robot, air)
     if scale_by is None:
         raise ParameterError("--scale-by", "a flight that scales the dense network", None)
     _, x, y = training_data(load_flight(scale_by), robot)

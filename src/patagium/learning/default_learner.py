@@ -14,6 +14,7 @@ import xarray as xr
 
 from patagium.aerodynamics import Air
 from patagium.arguments import checked
+from patagium.arrays import usual_step
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
@@ -144,7 +145,7 @@ def table_share(table: LogTable, network: Network, every: int | None = None) -> 
     A filter that takes the samples as all of one truth becomes sure of their mean, and errs by
     more than the last sample held. The memory is 1000 updates at least.
     """
-    step = float(np.median(np.diff(table.time)))
+    step = usual_step(table.time)
     taken = _kept_up(network, "full", step) if every is None else every
     return min(taken * step / MEMORY, 1.0 / LEAST_MEMORY)
 
@@ -192,7 +193,7 @@ def chosen_every(learner: Trained, step: float, period: float | None = None) -> 
     """
     wanted = UPDATE_RATE if period is None else max(UPDATE_RATE, PER_WINGBEAT / period)
     rate = min(wanted, FASTEST, _LOAD / update_time(learner.network, _structure(learner)))
-    return max(1, ceil(1 / (rate * step) - 1e-6))
+    return max(1, ceil((1 - 1e-4) / (rate * step)))
 
 
 def table_every(learner: Trained, step: float) -> int:

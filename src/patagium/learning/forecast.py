@@ -6,10 +6,10 @@ with the weights of time t. Without a model of the robot every input goes on as 
 it is held, or its last wingbeat is repeated from where it is now, whichever erred less at the
 samples up to t. What the network misses a wingbeat before t + h (without a wingbeat: at t) is
 known; corrected by it, the network gives the change from one wingbeat to the next. Each output
-is forecast in the way that erred least in the forecasts whose outcome is known by then: by the
-network, by the network corrected, or so with inputs that go on as before, where a model of the
-robot forecasts them otherwise. Beside the forecast stand four rivals, which see the samples up to
-t as well:
+is forecast in the way that erred least in the forecasts whose outcome is known by then, of those
+since the first wingbeat: by the network, by the network corrected, or so with inputs that go on as
+before, where a model of the robot forecasts them otherwise. Beside the forecast stand four rivals,
+which see the samples up to t as well:
 
 - the last measured output, held,
 - the mean of all outputs so far,
@@ -33,7 +33,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from patagium.arrays import Array, Bools, Indices
+from patagium.arrays import Array, Bools, Indices, usual_step
 from patagium.learning.learners.learner import Learner
 from patagium.learning.models.memory import ModelMemory, measured_inputs, network_inputs
 from patagium.learning.models.network import Network
@@ -49,7 +49,7 @@ METHODS = ("nmse", "held", "average", "last_beat", "least_squares")
 LAGS = 4
 """Outputs that linear least squares sees: that at t, and those at times before."""
 _RIDGE = 1e-3  # of the mean square of each regressor
-_GROWTH = 1.25  # of the samples so far, after which the wingbeat is looked for anew
+_GROWTH = 1.25  # of the samples so far, after which a wingbeat that was found is looked for anew
 _TESTS = 40  # earlier times at which holding and repeating an input are compared
 _KEEP = 0.9  # of the errors of each way from one known outcome to the next
 _RUN_UP = 2.0  # wingbeats in which the memory of a network settles
@@ -126,7 +126,7 @@ class Repetition:
         begun = self._time[last] - self._time[0]
         if self._known is not None:
             return self._known if begun >= self._known else None
-        if last + 1 >= _GROWTH * self._looked:
+        if last + 1 > (_GROWTH if self._found else 1.0) * self._looked:
             self._looked = last + 1
             seen = slice(0, last + 1)
             self._found = wingbeat_period(self._time[seen], self._values[seen])
@@ -356,14 +356,15 @@ class Forecaster:
         every = np.arange(len(y))
         self._x, self._y = x, y
         self._known = np.where(np.isfinite(y), y, persistence(y, every))
-        step = float(np.median(np.diff(self._time)))
+        step = usual_step(self._time)
         sums.lead = max(1, round(min(sums.seconds / step, 1e15)))
         self._lead = min(sums.lead, len(y))  # beyond them nothing is forecast
         self._ahead = _grid(self._lead, step)
         self._inputs = Repetition(self._time, x, period)
         self._motion: Motion = self._inputs if motion is None else motion
         self._outputs = Repetition(self._time, self._known, period)
-        self._choice = _Choice(y, 2 if motion is None else 3)
+        ways = 2 if motion is None else 3
+        self._choices = _Choice(y, ways), _Choice(y, ways)  # before the first wingbeat, and later
         self._squares = _LeastSquares(x, self._known, self._lead, max(1, self._lead // LAGS))
         self._mean = np.cumsum(self._known, axis=0) / (every + 1)[:, None]
         last = used[used + self._lead < len(y)]
@@ -402,9 +403,10 @@ class Forecaster:
         if self._motion is not self._inputs:
             repeated = self._inputs.path(last, self._ahead, model)
             ways.append(model.predict(self._time[last] + self._ahead, repeated) + miss)
-        guess = self._choice.chosen(last, last + self._lead, np.array(ways))
+        choice = self._choices[period is not None]
+        guess = choice.chosen(last, last + self._lead, np.array(ways))
         self._sums.rule = motion.rule()
-        count = np.bincount(self._choice.taken, minlength=3)
+        count = np.bincount(choice.taken, minlength=3)
         before = "now" if period is None else "a wingbeat before"
         if count[1:].any():
             self._sums.rule += (

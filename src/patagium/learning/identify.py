@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from patagium.arguments import Progress, checked
-from patagium.arrays import Array, Bools
+from patagium.arrays import Array, Bools, usual_step
 from patagium.errors import LogError, Outcome, ParameterError
 from patagium.learning.default_learner import choices, chosen_every, default_learner, table_every
 from patagium.learning.filters.misfit import unseen
@@ -85,7 +85,7 @@ def identify(
         _refuse_for_tables(inputs, robot)
         first = scaling_samples(flight)
         time, x, y = flight.time[first:], flight.x[first:], flight.y[first:]
-        step = float(np.median(np.diff(flight.time)))
+        step = usual_step(flight.time)
         taken = table_every(chosen, step) if every is None else every
         gaps = flight.gaps[flight.gaps > first] - first
         known = {"names": flight.output_names, "units": flight.output_units, "gaps": gaps}
@@ -94,7 +94,7 @@ def identify(
         motion, period = None, None if isinstance(flight, ForceSamples) else gait_period(flight)
         if named_horizons(horizons) and not isinstance(flight, ForceSamples):
             motion = robot_motion(flight, robot or robot_of(flight), chosen.network, inputs, period)
-        step = float(np.median(np.diff(time)))
+        step = usual_step(time)
         taken = chosen_every(chosen, step, period) if every is None else every
         known = {"units": units, "std": stds(flight, chosen.network), "gaps": find_gaps(time)}
         known |= {"motion": motion, "period": period}
@@ -166,8 +166,7 @@ def evaluate(
         _refuse_for_tables(inputs, robot)
         _check_columns(flight, model)
         rows, gaps, names = (flight.time, flight.x, flight.y), flight.gaps, flight.output_units
-        step = float(np.median(np.diff(flight.time)))
-        taken = table_every(model, step) if every is None else every
+        taken = table_every(model, usual_step(flight.time)) if every is None else every
         result = compare(model, *rows, every=taken, units=names, gaps=gaps)
         result.scores["gaps_found"] = flight.describe_gaps()
         return result
@@ -176,8 +175,7 @@ def evaluate(
     model, told = in_flight(model, flight, robot)
     time, x, y, units = samples(flight, model.network, inputs, robot)
     period = gait_period(flight) if isinstance(flight, xr.Dataset) else None
-    step = float(np.median(np.diff(time)))
-    taken = chosen_every(model, step, period) if every is None else every
+    taken = chosen_every(model, usual_step(time), period) if every is None else every
     std, gaps = stds(flight, model.network), find_gaps(time)
     result = compare(model, time, x, y, every=taken, units=units, std=std, gaps=gaps)
     result.scores["verdict"] += told

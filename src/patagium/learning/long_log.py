@@ -19,6 +19,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.arguments import Progress
+from patagium.arrays import usual_step
 from patagium.errors import LogError, Outcome, OutputError
 from patagium.learning.default_learner import choices, default_learner, table_every
 from patagium.learning.forecast import ForecastSums, Horizons, named_horizons
@@ -80,7 +81,7 @@ def identify_record(
     """
     start = record.table(0, min(record.count, BLOCK))
     chosen = learner or default_learner(start, every=every)
-    step = float(np.median(np.diff(start.time)))
+    step = usual_step(start.time)
     taken = table_every(chosen, step) if every is None else every
     run = _LongRun(record, chosen, taken, named_horizons(horizons), max(block, 10 * taken), course)
     run.begin = run.begin or scaling_samples(start)
@@ -108,7 +109,7 @@ class _LongRun:
         self.record, self.learner, self.every = record, learner, every
         self.block, self.path = block, path
         names = record.of_role("output")
-        self.step = float(np.median(np.diff(record.time(0, block))))
+        self.step = usual_step(record.time(0, block))
         self.scorer, self.held = Scorer(names), np.zeros(len(names))
         self.horizons = dict(horizons)
         self.forecasts = [ForecastSums(label, one, names) for label, one in horizons.items()]

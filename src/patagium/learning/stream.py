@@ -498,12 +498,7 @@ def stream(
     run.go(progress)
     held, scorer = persistence(samples.y, run.used), Scorer(names)
     run.score(scorer, held)
-    scores = {
-        **_counts(run, every),
-        **scorer.scores(),
-        **forecast_scores(sums),
-        **run.facts(),
-    }
+    scores = {**_counts(run, every), **scorer.scores(), **forecast_scores(sums), **run.facts()}
     record, scores = run.record(names, units, held), with_verdict(scores)
     return Identification(scores, record, learner, run.outcome, run.message)
 

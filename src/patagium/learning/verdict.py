@@ -74,7 +74,7 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
     }
     for key, rival in rivals.items():
         other = scores.get(key, {})
-        names = [name for name, value in error.items() if value > other.get(name, np.inf)]
+        names = [k for k, value in error.items() if value > max(other.get(k, np.inf), _SMALL)]
         if names:
             outputs = f"{len(names)} outputs" if len(names) > 3 else ", ".join(names)
             warnings.append(f"Warning: the error of {outputs} is larger than that of {rival}.")
@@ -92,7 +92,7 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
         else:
             warnings.append(f"Warning: {times}.")
     count, learned = scores["updates"], scores.get("updates_learned", 0)
-    if 0 < learned < 0.99 * count:
+    if learned < 0.99 * count and (learned or scores["events"]):
         events = ", ".join(f"{name} {number}" for name, number in scores["events"].items())
         text = f"{count - learned} of the {count} samples to learn from taught nothing"
         warnings.append(f"Warning: {text} (events so far: {events}).")

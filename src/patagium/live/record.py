@@ -112,6 +112,8 @@ class StreamFile:
         file, robot, network = self._file, self._pipeline.robot, self._pipeline.learner.network
         file.format, file.patagium_version = FORMAT, __version__
         file.robot, file.robot_name = robot.source, robot.name
+        air = getattr(getattr(network, "model", network), "air", None)
+        file.air = json.dumps({} if air is None else air.describe())
         file.learner = json.dumps(json_ready(self._pipeline.learner.describe()))
         names = {"dof": [*robot.dof_names], "output": [*network.output_names]}
         of_part = {part: quantities(robot)[part] for part in self._parts}

@@ -17,7 +17,7 @@ import numpy as np
 
 from patagium.arrays import Array
 from patagium.errors import ParameterError, similar
-from patagium.limits import LEAST_INERTIA, TURN
+from patagium.limits import LEAST_INERTIA, SWING, TURN
 from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.flexible import flexed, pieces_of
 from patagium.robot.model import (
@@ -144,23 +144,34 @@ def _cruise(robot: Robot, part: CruisePart | None) -> Cruise | None:
     """The flight where nothing else is asked for, its names checked."""
     if part is None:
         return None
-    for key in ("amplitude", "phase", "offset"):
-        for name in getattr(part, key):
-            if not robot.joints_named(name):
-                known = [robot.dof_names[i] for i in robot.actuated]
-                pairs = [k.removeprefix("left_") for k in known]
-                expected = f"an actuated joint ({', '.join(known)}) or a pair"
-                found = name + similar(name, [*pairs, *known])
-                raise AssemblyError((f"cruise.{key}.{name}", expected, found))
-    named = [(key, k) for key in ("amplitude", "offset") for k in getattr(part, key)]
+    given: dict[str, dict[str, float]] = {"amplitude": {}, "offset": {}, "phase": {}}
+    for key, name, written in [(k, *one) for k in given for one in getattr(part, k).items()]:
+        path, joints = f"cruise.{key}.{name}", robot.joints_named(name)
+        if not joints:
+            known = [robot.dof_names[i] for i in robot.actuated]
+            pairs = [k.removeprefix("left_") for k in known]
+            expected = f"an actuated joint ({', '.join(known)}) or a pair"
+            raise AssemblyError((path, expected, name + similar(name, [*pairs, *known])))
+        unit = "rad" if key == "phase" else robot.dof_units[robot.index(joints[0])]
+        noun = "an angle" if unit == "rad" else "a length"
+        most = SWING if key == "amplitude" else TURN
+        given[key][name] = _in_si(path, written, unit, noun, most)
+    named = [(key, k) for key in ("amplitude", "offset") for k in given[key]]
     moved = [(key, name, joint) for key, name in named for joint in robot.joints_named(name)]
-    values = {(key, joint): getattr(part, key)[name] for key, name, joint in moved}
+    values = {(key, joint): given[key][name] for key, name, joint in moved}
     for key, name, joint in moved:
         size, mean = (values.get((k, joint), 0.0) for k in ("amplitude", "offset"))
         beyond = beyond_limits(robot, robot.index(joint), mean - abs(size), mean + abs(size))
         if beyond:
             raise AssemblyError((f"cruise.{key}.{name}", *beyond))
-    return Cruise(**dict(part))
+    return Cruise(**dict(part) | given)
+
+
+def _in_si(path: str, written: Any, unit: str, noun: str, most: float = TURN) -> float:
+    try:
+        return in_si(written, unit, noun, most)
+    except UnitMismatch as error:
+        raise AssemblyError((path, error.expected, error.found)) from None
 
 
 def beyond_limits(robot: Robot, dof: int, least: float, most: float) -> tuple[str, str] | None:
@@ -195,21 +206,17 @@ def _actuator(robot: Robot, name: str, part: ActuatorPart) -> Actuator:
     unit = "rad" if kind == "phase" else robot.dof_units[robot.index(joints[0])]
     unit = "Hz" if kind == "frequency" else unit
 
-    def si(key: str, written: Any, per: str = "") -> float:
-        try:
-            return in_si(written, unit + per, "a limit")
-        except UnitMismatch as error:
-            raise AssemblyError((f"{path}.{key}", error.expected, error.found)) from None
-
-    low, high = -np.inf, np.inf
+    low, high, rate = -np.inf, np.inf, np.inf
     if part.range is not None:
-        low, high = (si(f"range.{k}", one) for k, one in enumerate(part.range))
+        places = ((f"{path}.range.{k}", one) for k, one in enumerate(part.range))
+        low, high = (_in_si(place, one, unit, "a limit") for place, one in places)
         least = 0.0 if kind in ("frequency", "amplitude") else -np.inf
         if not least <= low < high:
             sign = "" if least else ", none below 0"
             found = spoken(unit, low, high)
             raise AssemblyError((f"{path}.range", f"the lower before the upper{sign}", found))
-    rate = np.inf if part.rate_limit is None else si("rate_limit", part.rate_limit, "/s")
+    if part.rate_limit is not None:
+        rate = _in_si(f"{path}.rate_limit", part.rate_limit, f"{unit}/s", "a limit")
     if not rate > 0:
         raise AssemblyError((f"{path}.rate_limit", "a positive quantity", f"{rate:g}"))
     return Actuator(unit, (low, high), rate, part.response_time, part.cost)

@@ -26,7 +26,7 @@ from patagium.robot.model import CAPACITIES, capacity_units
 
 from patagium.robot.units import (  # isort: skip
     Acceleration, Angle, BeamStiffness, Duration, Frequency, Inertia, Length, Mass, PureNumber,
-    SlidingDamping, Speed, Swing, Tilt, TurningDamping, UnitMismatch, in_si, mismatch, si_at,
+    SlidingDamping, Speed, Tilt, TurningDamping, UnitMismatch, in_si, mismatch, si_at,
     spoken,
 )  # fmt: skip
 
@@ -434,12 +434,12 @@ class Mirror(_Part):
 
 
 class CruisePart(_Part):
-    """Flight where nothing else is asked for: one sine a joint, or joints held."""
+    """Flight where nothing else is asked for: one sine a joint, whose unit the assembly knows."""
 
     frequency: Annotated[Frequency, AfterValidator(_positive)] | None = None
-    amplitude: dict[Name, Swing] = {}
-    phase: dict[Name, Angle] = {}
-    offset: dict[Name, Angle] = {}
+    amplitude: dict[Name, Any] = {}
+    phase: dict[Name, Any] = {}
+    offset: dict[Name, Any] = {}
     speed: Annotated[Speed, AfterValidator(_not_negative)] = 0.0
     pitch: Tilt = 0.0
     duration: Annotated[Duration, AfterValidator(_positive)] = 1.0

@@ -203,7 +203,6 @@ def mismatch(expected: str, found: str, at: str = "") -> PydanticCustomError:
 Length: TypeAlias = quantity_type("m", "a length")
 Mass: TypeAlias = quantity_type("kg", "a mass")
 Angle: TypeAlias = quantity_type("rad", "an angle")
-Swing: TypeAlias = quantity_type("rad", "an angle", SWING)
 Tilt: TypeAlias = quantity_type("rad", "an angle", TILT)
 Speed: TypeAlias = quantity_type("m/s", "a speed")
 Frequency: TypeAlias = quantity_type("Hz", "a frequency")

@@ -77,6 +77,15 @@ def test_no_wild_sample_ends_a_learner(kind: str, options: str) -> None:
     assert (learner.measurement_std < 1.0).all()
 
 
+@pytest.mark.parametrize("size, refused", [(2e7, 0), (1e12, 50)])
+def test_accelerations_of_an_insect_are_no_wild_values(size: float, refused: int) -> None:
+    """A wing turns by 2e7 rad/s^2 at 700 Hz; nothing was learned of a log above 1e6."""
+    learner = pt.ExtendedLearner(pt.DenseNetwork(1, (), 1), measurement_std=0.1)
+    for k, x in enumerate(size * np.cos(0.3 * np.arange(50.0))):
+        learner.update([x], [x / size], 1e-4 * k)
+    assert (learner.count, learner.events["bad_inputs"]) == (50 - refused, refused)
+
+
 @pytest.mark.parametrize("structure", ["full", "layer", "node"])
 def test_kernels_bound_as_their_twins(structure: str, rng: np.random.Generator) -> None:
     """Spikes, an encoder that jumps for 25 samples, an offset that stays until the range opens."""

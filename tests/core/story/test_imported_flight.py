@@ -77,11 +77,14 @@ def test_a_flight_comes_back_and_is_learned_from(
         np.testing.assert_allclose(back[part], flight[part], rtol=1e-12, atol=1e-12 * scale)
     capsys.readouterr()
     pt.save_flight(flight, native)
-    worst = []
-    for file in (out, native):
-        say("identify", file, *LEARN, "--every", "10")
+    worst, mapped = [], (log, "--mapping", log.with_name("map.yaml"))
+    for words in ((out,), (native,), mapped):  # the last is imported on the way
+        say("identify", *words, *LEARN, "--every", "10")
         worst.append(json.loads(capsys.readouterr().out)["nmse_worst"])
+    assert worst[0] == worst[2]
     assert worst[0] == pytest.approx(worst[1], rel=1e-3)  # stamps are whole nanoseconds
+    say("check", *mapped, "--json")
+    assert json.loads(capsys.readouterr().out)["a flight"]
 
 
 def test_forces_where_no_motor_is_need_not_be_in_a_log(log: Path) -> None:
@@ -114,10 +117,13 @@ def test_an_imported_flight_is_streamed(log: Path, capsys: pytest.CaptureFixture
         verbs = ("stream --robot ROBOT",) if words else ("identify", "motion")
         following = ", or ".join(f"patagium {verb} {file}" for verb in verbs)
         assert capsys.readouterr().out.endswith(f"Next: {following}\n")
-        say("stream", file, *words, "--idle", "0.2", *LEARN)
+        kept = file.with_suffix(".stream.nc")
+        say("stream", file, *words, "--idle", "0.2", "--record", kept, *LEARN)
         facts.append(json.loads(capsys.readouterr().out))
+        wind = (0.0 if words else -3.0, 0.0, 0.0)  # packets hold none
+        assert tuple(air_of(pt.load_log(kept)).wind) == wind
     assert facts[0]["samples"] == facts[1]["samples"] > 490
-    assert facts[0]["nmse"] == facts[1]["nmse"]
+    assert facts[0]["nmse"]["z"] < 0.5 * facts[1]["nmse"]["z"]
     say("identify", log.with_name("out.nc"), *LEARN[:-1], "--every", "50")
     model = log.with_name("model.json")
     assert capsys.readouterr().out.endswith(f"Next: patagium evaluate {model} ANOTHER.nc\n")
@@ -126,7 +132,9 @@ def test_an_imported_flight_is_streamed(log: Path, capsys: pytest.CaptureFixture
     assert "--robot: expected a preset or a robot file" in capsys.readouterr().err
 
 
-def test_an_imported_flight_is_sent_with_its_accelerations(flight: xr.Dataset, log: Path) -> None:
+def test_an_imported_flight_is_sent_with_its_accelerations(
+    flight: xr.Dataset, log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """It went as raw samples of encoders and cameras, without the v and a that it has."""
     out = log.with_name("out.nc")
     say("import", log, "--map", log.with_name("map.yaml"), "-o", out)
@@ -135,6 +143,7 @@ def test_an_imported_flight_is_sent_with_its_accelerations(flight: xr.Dataset, l
         listener.settimeout(5.0)
         say("send", out, f"udp://127.0.0.1:{listener.getsockname()[1]}", "--rate", "1e5")
         first = np.frombuffer(listener.recv(1 << 16), "<f8")[2:]
+    assert "packets hold no wind (-3.0, 0.0, 0.0) m/s" in capsys.readouterr().err
     expected = flight_packets(flight)[0]
     np.testing.assert_allclose(first, expected, rtol=1e-9, atol=1e-9)
 

@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 import patagium as pt
+from patagium.arrays import usual_step
 from patagium.learning.default_learner import (
     chosen_every,
     default_learner,
@@ -172,6 +173,8 @@ def test_the_share_of_the_samples_follows_rate_wingbeat_and_size() -> None:
     learner = default_learner(robot)
     assert update_time(learner.network) < 1e-3
     assert chosen_every(learner, 1e-4) == 100 and chosen_every(learner, 1e-3) == 10
+    day = np.arange(300) * 1e-3 + 1.7e9  # stamps of seconds since 1970 are rounded to 0.24 us
+    assert chosen_every(learner, usual_step(day)) == 10
     assert chosen_every(learner, 0.02) == 1  # a log slower than that is used whole
     assert chosen_every(learner, 1e-4, period=0.05) == 25  # twenty a wingbeat of 20 Hz
     assert chosen_every(learner, 1e-4, period=1e-3) >= 10  # never above 1 kHz

@@ -160,6 +160,12 @@ def test_waves_are_forecast_and_their_rivals_err_as_they_must() -> None:
     assert scores["forecast_h_rule"].startswith("last wingbeat of the inputs repeated")
 
 
+def test_errors_before_the_first_wingbeat_choose_no_way(flight: xr.Dataset) -> None:
+    """The joints are held until then; for a second outputs went a way that errs by far more."""
+    scores = pt.identify(flight, horizons=["20ms"]).scores
+    assert scores["forecast_20ms_nmse_second_half_worst"] < 1e-4
+
+
 def test_what_does_not_repeat_itself_is_held(rng: np.random.Generator) -> None:
     time = np.arange(600) * 0.01
     x = np.cumsum(rng.standard_normal((600, 1)), axis=0)
@@ -168,6 +174,14 @@ def test_what_does_not_repeat_itself_is_held(rng: np.random.Generator) -> None:
     assert scores["forecast_50ms_rule"].startswith("inputs held")
     found, held = (scores[f"forecast_50ms_{name}_mean"] for name in ("nmse", "held"))
     assert found == pytest.approx(held, rel=0.02)  # y is twice x, once that is learned
+
+
+def test_a_wingbeat_is_known_as_soon_as_it_shows() -> None:
+    """It was looked for again only in a quarter more samples, also where none was found."""
+    time, x, _ = waves(800)
+    inputs = Repetition(time, x[:, :2])
+    assert inputs.period(550) is None
+    assert inputs.period(660) == pytest.approx(0.2, rel=0.01)
 
 
 def test_each_input_goes_on_as_it_did_best() -> None:

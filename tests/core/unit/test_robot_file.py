@@ -309,6 +309,12 @@ FAULTS = {
         "a gait within its limits -0.01 to 0.02 m",
         "-0.03 to 0.03 m",
     ),
+    "angle of a joint that slides": (
+        ("mirror:", "cruise: {frequency: 5, amplitude: {slide: 5 deg}}\nmirror:"),
+        "cruise.amplitude.slide",
+        "a length",
+        "'5 deg'",
+    ),
     "unknown parameter": (
         ("name: glider", "name: glider\nparameters: {hull.moss: 1}"),
         "parameters.hull.moss",
@@ -318,7 +324,7 @@ FAULTS = {
 }
 
 
-_CRUISE = "cruise: {frequency: 5, amplitude: {slide: 0.01}}\n"
+_CRUISE = "cruise: {frequency: 5, amplitude: {slide: 10 mm}}\n"
 
 
 def with_actuator(text: str) -> tuple[str, str]:

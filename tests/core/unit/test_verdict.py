@@ -85,11 +85,12 @@ def test_warning_of_errors_above_physics_alone_and_held_samples() -> None:
     still = np.r_[robot.coordinates(), np.zeros(2 * robot.dof)]
     x = still + 0.2 * draw.standard_normal((60, network.inputs))
     y = network.evaluate(x, network.initial(0))
-    right, wrong = (
+    right, close, wrong = (
         compare(Model(network, scale * network.initial(0)), np.arange(60.0), x, y, every=1)
-        for scale in (1.0, 5.0)
+        for scale in (1.0, 1.0 + 1e-9, 5.0)
     )
-    assert not any("physics alone" in text for text in right.scores["verdict"])
+    for one in (right, close):  # rounding is no error
+        assert not any("physics alone" in text for text in one.scores["verdict"])
     assert any("physics alone" in text for text in wrong.scores["verdict"])
     assert any("held" in text for text in wrong.scores["verdict"])
 
@@ -111,11 +112,11 @@ def test_another_log_is_learned_wherever_and_whenever_it_begins() -> None:
 
 
 def test_warning_of_samples_that_taught_nothing() -> None:
-    """An input that jumps for 30 samples of 300; one missing output of them is a trifle."""
+    """An input that jumps for 30 samples of 300, or that no sensor says; one missing output."""
     time, x, y = walk()
     few, jumped = y.copy(), x.copy()
     few[200], jumped[200:230, 1] = np.nan, 30.0
-    for inputs, outputs, refused in ((x, few, 1), (jumped, y, 30)):
+    for inputs, outputs, refused in ((x, few, 1), (1e12 * (x + 1), y, 300), (jumped, y, 30)):
         learner = ExtendedLearner(DenseNetwork(2, (), ("y",)), measurement_std=0.01)
         scores = stream(learner, time, inputs, outputs, every=1).scores
         assert scores["updates_learned"] == learner.count == 300 - refused

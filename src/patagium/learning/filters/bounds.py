@@ -10,7 +10,7 @@ samples as the inputs went on smoothly before it, 20 to 100; then it is believed
 size are no jumps any more. The range is that of the values taken so far, at least the network's own
 scale of an input and a hundredth of the widest output. A value outside of it widens it by a quarter
 at most, and 1e-4 of it is forgotten with each sample. The first 20 values of a channel that moves
-are bounded by 1e6 of the network's scale alone.
+are bounded by 1e9 of the network's scale alone.
 
 A sample with an input that is refused is not learned; an output that is refused is missing. A
 hundred more refused than taken, none of them further off than 1e4 widths and no two in a row

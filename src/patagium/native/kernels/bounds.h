@@ -13,7 +13,7 @@
 
 #define KNOWN 20          /* values of a channel that moves before its range is known, */
 #define MANY 100          /* before its median step is, */
-#define BOUNDLESS 1e6     /* and scales that a value has at most until then */
+#define BOUNDLESS 1e9     /* and scales that a value has at most until then */
 #define INPUT_REACH 3.0   /* widths of the range that an input may lie outside of it, */
 #define OUTPUT_REACH 10.0 /* and an output */
 #define LEAST_SHARE 0.01  /* width of an output, at least, over the widest */

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from patagium.aerodynamics import Air
 from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.errors import FlightError, LogError
@@ -21,7 +22,7 @@ from patagium.reading import parsed_json
 from patagium.robot import Robot, load_robot_text
 from patagium.sensing.force.air_force import OPTIONAL_PARTS, PARTS, packet_columns
 from patagium.sensing.logs.table import LogTable, find_gaps
-from patagium.simulation.flight import quantities, robot_of
+from patagium.simulation.flight import air_of, quantities, robot_of
 
 FORMAT = "patagium log 1"
 LOADED = ("a record", "a motion")
@@ -175,6 +176,11 @@ class LogRecord:
         if "robot" not in self._file.ncattrs():
             return None
         return load_robot_text(str(self._file.robot), str(self._file.robot_name))
+
+    @property
+    def air(self) -> Air:
+        """Air that the mapping states, else at rest at sea level."""
+        return air_of(xr.Dataset(attrs=self._origin()))
 
     @property
     def is_flight(self) -> bool:

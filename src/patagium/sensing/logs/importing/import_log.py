@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -369,10 +369,24 @@ def read_table(
         LogError: If the log cannot be read or lacks what the mapping names.
         ParameterError: If a mapping is missing.
     """
+    with opened_log(path, mapping, tell) as record:
+        return record.table()
+
+
+@contextmanager
+def opened_log(
+    path: str | Path, mapping: TableMapping | str | Path | None = None, tell: Tell | None = None
+) -> Iterator[LogRecord]:
+    """Open imported log; another one is imported in a temporary folder. See `read_table`.
+
+    Raises:
+        ParameterError: If a mapping is missing.
+    """
     if mapping is None and not is_log(path):
         raise ParameterError("mapping", "one, or its file, for such a log", None)
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "log.nc"
         file = path if mapping is None else import_log(path, mapping, out, tell=tell).path
         with LogRecord(file) as record:
-            return replace(record.table(), source=str(path))
+            record.path = Path(path)  # what its errors name
+            yield record
