@@ -143,7 +143,14 @@ class RampGust(DiscreteGust):
     The sharp-edged gust of textbooks is one whose T is short beside the time it takes to
     pass a chord.
 
-    Arguments and errors are those of `OneMinusCosineGust`, W the velocity behind the edge.
+    Args:
+        velocity: Velocity W behind the edge, world axes, (3,) [m/s].
+        start: Time when it begins [s].
+        length_time: Time it grows, T [s].
+
+    Raises:
+        ParameterError: If a number is not finite or T not positive.
+        ShapeError: If `velocity` is not (3,).
     """
 
     name = "ramp"

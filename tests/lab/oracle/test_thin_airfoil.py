@@ -18,6 +18,7 @@ from patagium.aerodynamics.indicial import (
 )
 from patagium.aerodynamics.named_descriptions import field_values, from_field_values
 from patagium.errors import ParameterError, ShapeError
+from patagium_lab.validation.cases.thrust import Motion, garrick
 from patagium_lab.validation.exact_functions import (
     kussner_function,
     sears_function,
@@ -99,3 +100,24 @@ def test_lags_travel_as_a_description_and_refuse_what_cannot_be() -> None:
         Indicial((0.1,), (0.5,), (1.5,))
     with pytest.raises(ParameterError, match="finite"):
         Indicial((0.1,), (np.nan,), (0.5,))
+
+
+@pytest.mark.parametrize("lags", [TWO_STATE, FOUR_STATE])
+def test_lags_of_a_finite_span_forget_within_half_of_it(lags: Indicial) -> None:
+    wing = lags.finite_span(4.0)
+    assert wing.lift == lags.lift and wing.circulation == lags.circulation
+    assert min(wing.rate) > 1 / 4 and max(wing.rate) < 1.35 * max(lags.rate)
+    assert lags.finite_span(1e9).rate == pytest.approx(lags.rate, rel=1e-12)
+    for aspect_ratio in (0.0, -1.0, np.nan):
+        with pytest.raises(ParameterError, match="aspect_ratio"):
+            lags.finite_span(aspect_ratio)
+
+
+def test_thrust_of_a_heave_is_that_of_its_suction() -> None:
+    """Garrick's for heave alone, pi (w h / U)^2 |C|^2 over rho U^2 c / 2."""
+    for k, c in THEODORSEN.items():
+        heave = garrick(Motion(k, 0.01))
+        assert heave == pytest.approx(np.pi * (2 * k * 0.01) ** 2 * abs(c) ** 2, rel=1e-4)
+        with_pitch, turned = (garrick(Motion(k, 0.01, 0.02, a)) for a in (0.7, 0.7 + np.pi))
+        mirrored = garrick(Motion(k, -0.01, 0.02, 0.7))
+        assert turned == pytest.approx(mirrored, rel=1e-12) and turned != with_pitch

@@ -14,6 +14,7 @@ from tests.validation_page import errors_of_the_page
 from patagium.cli.main import run
 from patagium.errors import ParameterError, ShapeError
 from patagium_lab.validation.cases.case import CaseResult
+from patagium_lab.validation.cases.plunge import FINITE_LAGS
 from patagium_lab.validation.plan import CASES, ValidationPlan
 
 
@@ -53,6 +54,12 @@ def test_errors_against_theory_are_the_ones_promised(errors):
         assert errors[f"Elliptic wing, {quantity}", "40 strips"] < 0.01
         assert errors[f"Rectangular wing, {quantity}", "40 strips"] < 0.01
         assert errors[f"Elliptic wing, {quantity}", "limit of many strips"] < 1e-4
+    # Garrick's thrust and Jones' finite wings: what the lags leave
+    assert errors["Thrust of a section that heaves and pitches", "four states"] < 0.01
+    for ratio in (3, 6):
+        case = f"Sudden plunge, wing of aspect ratio {ratio}"
+        finite, endless = (errors[case, m] for m in (FINITE_LAGS, "lifting line"))
+        assert finite < 0.02 < endless
     # Jones' own exponentials, on the wing without end
     assert errors["Sudden plunge, wing without end", "lifting line"] < 1e-3
 

@@ -21,10 +21,11 @@ SUMMARY = (
     "known."
 )
 NOT_COMPARED = (
-    "Only lift, the induced drag of steady wings, the weight that hovering insects carry, the "
-    "power of two of them and the modes of a hover are compared. There are no records here of the "
-    "drag or moment of a moving wing, of a wing that folds or bends, or of the free flight of a "
-    "real robot. Both measured cases are a wing or a section alone in a wind tunnel."
+    "Only lift, the induced drag of steady wings, the thrust of moving ones in attached flow, the "
+    "weight that hovering insects carry, the power of two of them and the modes of a hover are "
+    "compared. There are no records here of the measured drag or moment of a moving wing, of a "
+    "wing that folds or bends, or of the free flight of a real robot. Both measured cases are a "
+    "wing or a section alone in a wind tunnel."
 )
 
 

@@ -12,6 +12,7 @@ CASES = (
     "gust",
     "steady_wings",
     "plunge",
+    "thrust",
     "measured_wing",
     "pitching_section",
     "hover",
