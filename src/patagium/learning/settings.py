@@ -556,7 +556,7 @@ def learner_signature(learner: str) -> Signature:
 
 
 def arguments_text(learner: str) -> str:
-    """Lines of a docstring that explain the settings of a learner.
+    """Lines of a docstring without margin that explain the settings of a learner.
 
     Args:
         learner: Kind of the learner, one of `FILTERS`.
@@ -568,7 +568,7 @@ def arguments_text(learner: str) -> str:
         limits = "" if meaning.range == "a finite number" else f"; {meaning.range}"
         default = meaning.found or repr(one.default)
         text = f"{one.name}: {meaning.text}{unit}{limits}; {default} by default."
-        lines.append(fill(text, 92, initial_indent=" " * 8, subsequent_indent=" " * 12))
+        lines.append(fill(text, 88, initial_indent=" " * 4, subsequent_indent=" " * 8))
     return "\n".join(lines)
 
 

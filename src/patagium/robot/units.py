@@ -28,6 +28,7 @@ _TORQUE = re.compile(r"\b([kMmuµ]?N)([cm]?m)(s?)\b(\s*(?:\^|\*\*)\s*\d)?")
 _TRAPS = {"gr": "g", "Mm": "mm", "Mg": "mg", "Ms": "ms"}
 """Units that hardly anybody means (grain, megameter), and those of the same kind that are meant."""
 _DIGIT = re.compile(r"(?<![\w^])([A-Za-z]{1,4})([234])\b")
+_DOT = re.compile(r"(?<=[\w)])\.(?=[^\W\d]|\()")
 _COMMON = {
     **{("cm", "m"): 0.01, ("mm", "m"): 0.001, ("g", "kg"): 0.001, ("mg", "kg"): 1e-6},
     **{("ms", "s"): 0.001, ("g mm^2", "kg m^2"): 1e-9},
@@ -145,12 +146,12 @@ def written_as_unit(text: str) -> bool:
 
 
 def unit_for_pint(text: str) -> str:
-    """Unit in the spelling that pint reads: `Nm` is a unit of yarn to it, `m/s2` is unknown.
+    """Unit in the spelling that pint reads: `Nm` is a unit of yarn to it, `N.m` and `m/s2` unknown.
 
     Args:
-        text: A text such as "mNm", "m/s2" or "m/s²".
+        text: A text such as "mNm", "N.m", "m/s2" or "m/s²".
     """
-    raised = text.translate({ord("²"): "^2", ord("³"): "^3"})
+    raised = _DOT.sub("*", text.translate({ord("²"): "^2", ord("³"): "^3"}))
     return _TORQUE.sub(r"(\1 \2 \3\4)", _DIGIT.sub(r"\1^\2", raised))
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
+from inspect import cleandoc
 from pathlib import Path
 from time import perf_counter_ns
 from typing import Any, ClassVar
@@ -76,7 +77,7 @@ class FilterLearner(Learner):
     def __init_subclass__(cls, kind: str) -> None:
         cls.kind = kind
         setattr(cls, "__signature__", learner_signature(kind))  # noqa: B010
-        cls.__doc__ = (cls.__doc__ or "").replace("        {settings}", arguments_text(kind))
+        cls.__doc__ = cleandoc(cls.__doc__ or "").replace("    {settings}", arguments_text(kind))
 
     def __init__(
         self,
