@@ -49,7 +49,8 @@ METHODS = ("nmse", "held", "average", "last_beat", "least_squares")
 LAGS = 4
 """Outputs that linear least squares sees: that at t, and those at times before."""
 _RIDGE = 1e-3  # of the mean square of each regressor
-_GROWTH = 1.25  # of the samples so far, after which a wingbeat that was found is looked for anew
+_GROWTH = 1.25  # of the samples so far, after which a wingbeat that was found is looked for anew,
+_PATIENCE = 1.05  # and one that was not: a search sees all samples
 _TESTS = 40  # earlier times at which holding and repeating an input are compared
 _KEEP = 0.9  # of the errors of each way from one known outcome to the next
 _RUN_UP = 2.0  # wingbeats in which the memory of a network settles
@@ -126,7 +127,7 @@ class Repetition:
         begun = self._time[last] - self._time[0]
         if self._known is not None:
             return self._known if begun >= self._known else None
-        if last + 1 > (_GROWTH if self._found else 1.0) * self._looked:
+        if last + 1 >= (_GROWTH if self._found else _PATIENCE) * self._looked:
             self._looked = last + 1
             seen = slice(0, last + 1)
             self._found = wingbeat_period(self._time[seen], self._values[seen])

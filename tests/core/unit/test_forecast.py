@@ -10,6 +10,7 @@ import xarray as xr
 
 import patagium as pt
 from patagium.errors import ParameterError
+from patagium.learning import forecast
 from patagium.learning.forecast import (
     METHODS,
     Forecaster,
@@ -182,6 +183,18 @@ def test_a_wingbeat_is_known_as_soon_as_it_shows() -> None:
     inputs = Repetition(time, x[:, :2])
     assert inputs.period(550) is None
     assert inputs.period(660) == pytest.approx(0.2, rel=0.01)
+
+
+def test_a_wingbeat_that_is_not_there_is_looked_for_rarely(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each search sees all samples: one at every forecast takes hours on a long log."""
+    seen: list[int] = []
+    monkeypatch.setattr(forecast, "wingbeat_period", lambda time, _: seen.append(len(time)))
+    time = np.arange(5000) * 1e-3
+    inputs = Repetition(time, np.cumsum(rng.normal(size=(5000, 2)), axis=0))
+    assert {inputs.period(last) for last in range(5000)} == {None}
+    assert len(seen) < 20 + np.log(5000 / 20) / np.log(1.05) and seen[-1] > 4700
 
 
 def test_each_input_goes_on_as_it_did_best() -> None:
