@@ -108,7 +108,7 @@ class Inflow(OnModel):
 
     @property
     def _places(self) -> list[int]:
-        """Place of the first state of each stroke, and that after the last one."""
+        """Place of the first state of each stroke, then the number of states."""
         sizes = [3 + 3 * len(stroke.swept) for stroke in self.strokes]
         return [*accumulate([self.model.state_size, *sizes])]
 
@@ -160,7 +160,7 @@ Wing: TypeAlias = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Stroke:
-    """Wings that sweep one area, or go side by side and sweep none.
+    """Wings that sweep one area, or held wings, which sweep none.
 
     Attributes:
         wings: Wings.

@@ -112,7 +112,7 @@ def test_another_log_is_learned_wherever_and_whenever_it_begins() -> None:
 
 
 def test_warning_of_samples_that_taught_nothing() -> None:
-    """An input that jumps for 30 samples of 300, or that no sensor says; one missing output."""
+    """An input that jumps for 30 samples of 300, or that no sensor measures; one missing output."""
     time, x, y = walk()
     few, jumped = y.copy(), x.copy()
     few[200], jumped[200:230, 1] = np.nan, 30.0
