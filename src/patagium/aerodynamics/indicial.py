@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from patagium.aerodynamics.local_flow import StripMotion, airspeed
 from patagium.arguments import check_fields
 from patagium.arrays import Array, real_array
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, positive
 
 ComplexArray = NDArray[np.complex128]
 
@@ -123,8 +123,7 @@ class Indicial:
         Raises:
             ParameterError: If it is not positive.
         """
-        if not aspect_ratio > 0:
-            raise ParameterError("aspect_ratio", "a positive number", aspect_ratio)
+        positive("aspect_ratio", aspect_ratio)
         return replace(self, rate=tuple(float(np.hypot(b, 1 / aspect_ratio)) for b in self.rate))
 
 

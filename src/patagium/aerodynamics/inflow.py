@@ -208,7 +208,7 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
 
 
 def _turned(robot: Robot, wing: Wing, bodies: Any) -> bool:
-    """Whether a joint turns the span of a wing, as none does that of a rudder."""
+    """Whether a joint turns the span of a wing; no joint turns that of a rudder."""
     last = robot.strips[wing[-1]]
     span = bodies[last.body][1] @ np.cross(last.normal, last.forward)
     joints = [(k, joint) for k in _inwards(robot, wing) for joint in robot.bodies[k].joints]
@@ -217,7 +217,7 @@ def _turned(robot: Robot, wing: Wing, bodies: Any) -> bool:
 
 
 def _near(one: Array, other: Array, held: bool) -> bool:
-    """Whether two wings are one stroke: roots, or all edges if held, along and above the body."""
+    """Whether the roots of two wings, or any edges of held wings, are close seen from the side."""
     roots = (one, other) if held else (one[:1], other[:1])  # left and right are one
     apart = np.linalg.norm(roots[0][:, None, ::2] - roots[1][:, ::2], axis=-1).min()
     return bool(apart < TANDEM * min(np.linalg.norm(np.ptp(x, axis=0)) for x in (one, other)))

@@ -178,7 +178,7 @@ def test_what_does_not_repeat_itself_is_held(rng: np.random.Generator) -> None:
 
 
 def test_a_wingbeat_is_known_as_soon_as_it_shows() -> None:
-    """It was looked for again only in a quarter more samples, also where none was found."""
+    """Before, the next search came after 25 % more samples, even if none had been found."""
     time, x, _ = waves(800)
     inputs = Repetition(time, x[:, :2])
     assert inputs.period(550) is None
@@ -188,7 +188,7 @@ def test_a_wingbeat_is_known_as_soon_as_it_shows() -> None:
 def test_a_wingbeat_that_is_not_there_is_looked_for_rarely(
     rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each search sees all samples: one at every forecast takes hours on a long log."""
+    """A search uses all samples so far; one search a forecast takes hours on a long log."""
     seen: list[int] = []
     monkeypatch.setattr(forecast, "wingbeat_period", lambda time, _: seen.append(len(time)))
     time = np.arange(5000) * 1e-3

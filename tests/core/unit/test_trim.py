@@ -360,7 +360,7 @@ def test_the_verb_says_what_lacks(capsys):
 
 @pytest.mark.parametrize("verb", ["trim", "optimize"])
 def test_the_verbs_say_that_a_hover_lacks_inflow(capsys, verb):
-    """Without induced inflow a hover has up to twice the lift; only `simulate` warned of it."""
+    """Without induced velocity, lift in hover is up to twice too large; only `simulate` warned."""
     for speed, inflow, told in ((0, [], True), (0, ["--inflow"], False), (4, [], False)):
         code, _, err = say(capsys, verb, "aerobat", "--free", "none", "--speed", speed, *inflow)
         assert code == 2 and ("--inflow, or" in err) == told

@@ -97,7 +97,7 @@ class Butterfly:
 
 
 def _ways(gait: FourierGait, rows: Array) -> Array:
-    """Change of the joints' motion with each commanded angle; see `Butterfly.ways`."""
+    """Derivative of the joints' motion by each commanded angle; see `Butterfly.ways`."""
     motion = published()["orbits"]["attitude_prescribed"]["motion"]
     ways = np.zeros((STEPS, 3, *rows.shape[1:]))
     for k, name in enumerate(gait.joints):

@@ -85,7 +85,7 @@ wings:
 
 
 def garrick(motion: Motion) -> float:
-    """Thrust coefficient of a section: the suction at its nose less lift times pitch.
+    """Thrust coefficient of a section: leading-edge suction less lift times pitch angle.
 
     Garrick (1936), NACA Report 567.
 
