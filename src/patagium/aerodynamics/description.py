@@ -76,11 +76,18 @@ def _section(description: Mapping[str, Any]) -> StripSection:
     return from_field_values("section", MeasuredSection, values)
 
 
+def _of_wings(make: Callable[[Any], Any], values: Any) -> Any:
+    """One polar or section, or one for each wing; descriptions of one hold numbers or a name."""
+    if values and all(isinstance(one, dict) for one in values.values()):
+        return {wing: make(one) for wing, one in values.items()}
+    return make(values)
+
+
 _PARTS: dict[str, Callable[[Any], Any]] = {
     "air": air_from_description,
-    "polar": polar_from_description,
+    "polar": lambda values: _of_wings(polar_from_description, values),
     "lags": lambda values: from_field_values("lags", Indicial, values),
-    "section": _section,
+    "section": lambda values: _of_wings(_section, values),
     # older flights do not give all numbers
     "stall_delay": lambda values: from_field_values(
         "stall delay", StallDelay, field_values(StallDelay()) | values

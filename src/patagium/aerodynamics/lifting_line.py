@@ -8,6 +8,7 @@ strips of the same wing, lift of a body between wings.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -20,6 +21,7 @@ from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.indicial import TWO_STATE, Indicial, Lags, Relaxation, lag_relaxation
 from patagium.aerodynamics.local_flow import StripMotion, airspeed, normalwash, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
+from patagium.aerodynamics.of_wings import OfWings
 from patagium.aerodynamics.polars import SectionFlow, rounded_ramp, section_flow
 from patagium.aerodynamics.sections import (
     DELAYS,
@@ -95,13 +97,15 @@ class LiftingLine(Aerodynamics):
         robot: The machine.
         air: Density, wind and gusts.
         lags: Memory of each strip.
-        section: What a strip's section makes of its wind.
+        section: What a strip's section makes of its wind: of all wings, or of each by the name of
+            the wing; a mirror image has that of its original where it is not named.
         surface_constant: K of the gain of a lifting surface over a lifting line,
             [1/2pi + 1/(pi AR)] / [1/2pi + 1/(pi AR) + K pi/(180 AR^2)]; 0: none.
         stall_delay: Dynamic stall, three more states a strip; None: separation takes no time.
 
     Raises:
-        ParameterError: If `surface_constant` is negative or not finite.
+        ParameterError: If `surface_constant` is negative or not finite, or sections are given by
+            wing, and a wing has none or a name is that of none.
 
     References:
         Izraelevitz, Zhu & Triantafyllou (2017), State-space adaptation of unsteady lifting
@@ -111,7 +115,7 @@ class LiftingLine(Aerodynamics):
     robot: Robot
     air: Air = field(default_factory=Air)
     lags: Indicial = TWO_STATE
-    section: StripSection = field(default_factory=Section)
+    section: StripSection | Mapping[str, StripSection] = field(default_factory=Section, hash=False)
     surface_constant: float = SURFACE_CONSTANT
     stall_delay: StallDelay | None = None
 
@@ -120,6 +124,12 @@ class LiftingLine(Aerodynamics):
     def __post_init__(self) -> None:
         check_fields(self)
         not_negative(self, "surface_constant")
+        self.sections  # raises for wings without one  # noqa: B018
+
+    @cached_property
+    def sections(self) -> OfWings[StripSection]:
+        """Sections by wing, and their numbers."""
+        return OfWings("section", self.section, self.robot)
 
     @property
     def chains(self) -> tuple[StripChain, ...]:
@@ -140,7 +150,7 @@ class LiftingLine(Aerodynamics):
         """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
         delay = " stall_delay" if self.stall_delay else ""
         ground = " ground" if self.air.ground_parameters else ""
-        shape = f"lags={self.lags.size} {self.section.structure} {self.chains}"
+        shape = f"lags={self.lags.size} {self.sections.structure} {self.chains}"
         return f"{self.name} {shape}{delay}{ground}"
 
     @property
@@ -149,8 +159,7 @@ class LiftingLine(Aerodynamics):
         found = {"density": self.air.density, "surface_constant": self.surface_constant}
         for part in _LAGS:
             found |= {f"lags.{part}[{k}]": x for k, x in enumerate(getattr(self.lags, part))}
-        values = zip(self.section.parameter_names, self.section.parameters, strict=True)
-        found |= {f"section.{name}": value for name, value in values}
+        found |= self.sections.numbers
         for name in DELAYS if self.stall_delay else ():
             found[f"stall_delay.{name}"] = getattr(self.stall_delay, name)
         return found | self.air.ground_parameters
@@ -166,7 +175,7 @@ class LiftingLine(Aerodynamics):
         net = lattice(robot, self.chains, q, v, wind)
         vortices = VortexSystem(self.chains, net, motions, ground_plane(robot, q, p.ground))
         geometric = ca.vertcat(*[_normalwash(motion, p) for motion in motions])
-        wash = solve_normalwash(vortices, geometric, state, p.lags, p.section["lift_slope"])
+        wash = solve_normalwash(vortices, geometric, state, p.lags, p.lift_slopes(motions))
         gains = surface_gains(self.robot, robot, p.surface_constant)
         late = geometric - wash.effective
         stalls = [
@@ -175,10 +184,7 @@ class LiftingLine(Aerodynamics):
             )
             for i, motion in enumerate(motions)
         ]
-        loads = [
-            _load(vortices, wash, gains[i], p, i, self.section, stall)
-            for i, stall in enumerate(stalls)
-        ]
+        loads = [_load(vortices, wash, gains[i], p, i, stall) for i, stall in enumerate(stalls)]
         lags = lag_relaxation(motions, wash.effective, p.lags)
         memory = Relaxation(
             ca.vertcat(lags.rate, ca.vec(ca.vertcat(*[stall.rates.T for stall in stalls]))),
@@ -214,7 +220,7 @@ class LiftingLine(Aerodynamics):
         motions = strip_motions(robot, q, v, wind)
         net = lattice(robot, self.chains, q, v, wind)
         vortices = VortexSystem(self.chains, net, motions, ground_plane(robot, q, p.ground))
-        wash = solve_normalwash(vortices, normalwash, state, p.lags, p.section["lift_slope"])
+        wash = solve_normalwash(vortices, normalwash, state, p.lags, p.lift_slopes(motions))
         gains = surface_gains(robot, robot, p.surface_constant)
         derivative = lag_relaxation(motions, wash.effective, p.lags).derivative(state)
         lift = [
@@ -239,20 +245,20 @@ class LiftingLine(Aerodynamics):
     ) -> _Stall:
         """Separation of a strip; `wash` is its lagged, and its geometric less its effective one."""
         lagged, late = wash
-        forward = motion.forward
+        forward, section = motion.forward, p.of(motion)
         effective = section_flow(forward, -lagged)
-        static = self.section.separated_share(effective, p.of_section)
+        static = section.kind.separated_share(effective, section.parameters)
         if self.stall_delay is None:
             return _Stall(static, None, 0.0, ca.SX(0, 1), ca.SX(0, 1))
         pressure, separated, shed = own[0], own[1], own[2]
         held = held_share(effective)
-        camber = p.section["zero_lift_angle"] * forward * effective.forward_sign
+        camber = section.numbers["zero_lift_angle"] * forward * effective.forward_sign
         flow = section_flow(forward, -(pressure + late + camber), motion.strip.chord)
-        across, _ = self.section.stalled.coefficients(flow, p.stalled)
-        attached = gain * p.section["lift_slope"] * lagged / effective.speed
+        across, _ = section.kind.stalled.coefficients(flow, section.stalled)
+        attached = gain * section.numbers["lift_slope"] * lagged / effective.speed
         fed = held * separated * (attached - across * effective.forward_sign)
         reached = section_flow(forward, -pressure)
-        steady = self.section.separated_share(reached, p.of_section)
+        steady = section.kind.separated_share(reached, section.parameters)
         through = faster(airspeed(motion), reached.speed)
         return _Stall(
             share=held * separated + (1.0 - held) * static,
@@ -281,9 +287,7 @@ class _Stall:
     rates: ca.SX
     targets: ca.SX
 
-    def load(
-        self, motion: StripMotion, flow: SectionFlow, section: StripSection, p: _Numbers
-    ) -> tuple[Any, Any, Any]:
+    def load(self, motion: StripMotion, flow: SectionFlow, p: _Numbers) -> tuple[Any, Any, Any]:
         """Coefficients of the separated flow's force forward and normal, and of its moment [1, m].
 
         The lagged incidence may turn the force along the motion of a wing that feathers fast,
@@ -292,15 +296,15 @@ class _Stall:
         Args:
             motion: How the strip moves.
             flow: Geometric, where the force acts.
-            section: Section of the strip.
             p: Parameters.
         """
         seen, sign, chord = self.flow or flow, flow.forward_sign, motion.strip.chord
-        across, along = section.stalled.coefficients(seen, p.stalled)
+        section = p.of(motion)
+        across, along = section.kind.stalled.coefficients(seen, section.stalled)
         across, along = (self.share * x / seen.speed for x in (across, along))
         forward = -across * seen.normal - along * seen.forward
         normal = across * seen.forward - along * seen.normal
-        moment = section.moment(seen, p.of_section) * chord
+        moment = section.kind.moment(seen, section.parameters) * chord
         if self.flow is not None:
             lost = self.share * self.share  # of the suction, a smooth 1 - sqrt(1 - s)
             to_wind = self.vortex * (1.0 - lost) * sign / flow.speed
@@ -316,6 +320,16 @@ class _Stall:
 _LAGS = ("rate", "lift", "circulation")
 
 
+@dataclass(frozen=True)
+class _SectionNumbers:
+    """Section of a strip, its parameters, those that have names, and those of its polar."""
+
+    kind: StripSection
+    parameters: Any
+    numbers: dict[str, Any]
+    stalled: Any
+
+
 class _Numbers:
     """Parameters of a lifting line by name, from its symbols or values."""
 
@@ -324,23 +338,31 @@ class _Numbers:
         parts = [[parameters[2 + part * count + k] for k in range(count)] for part in range(3)]
         self.density, self.surface_constant = parameters[0], parameters[1]
         self.lags = Lags(*parts)
-        last = 2 + 3 * count + len(model.section.parameter_names)
+        last = 2 + 3 * count + len(model.sections.numbers)
         delays = last + (len(DELAYS) if model.stall_delay else 0)
-        self.of_section = parameters[2 + 3 * count : last]
+        self._sections, self._of_sections = model.sections, parameters[2 + 3 * count : last]
         self.delays, self.ground = parameters[last:delays], parameters[delays:]
-        self.section, self.stalled = model.section.named(self.of_section)
+
+    def of(self, motion: StripMotion) -> _SectionNumbers:
+        """Section of a strip."""
+        kind, parameters = self._sections.of(motion.strip.wing, self._of_sections)
+        return _SectionNumbers(kind, parameters, *kind.named(parameters))
+
+    def lift_slopes(self, motions: Sequence[StripMotion]) -> list[Any]:
+        """Lift slope of the section of each strip [1/rad]."""
+        return [self.of(motion).numbers["lift_slope"] for motion in motions]
 
 
 def _normalwash(motion: StripMotion, p: _Numbers) -> ca.SX:
     """Air through the strip at three quarters of its chord, camber included [m/s]."""
-    camber = p.section["zero_lift_angle"] * motion.forward * smooth_sign(motion.forward)
+    camber = p.of(motion).numbers["zero_lift_angle"] * motion.forward * smooth_sign(motion.forward)
     return normalwash(motion) - camber
 
 
 def _pressure(motion: StripMotion, p: _Numbers) -> Any:
     """Attached lift per normalwash, 1/2 rho c ds a0 U [N s/m]."""
     area = motion.strip.chord * motion.strip.width
-    return p.density * area * p.section["lift_slope"] * airspeed(motion) / 2
+    return p.density * area * p.of(motion).numbers["lift_slope"] * airspeed(motion) / 2
 
 
 def _load(
@@ -349,27 +371,26 @@ def _load(
     gain: Any,
     p: _Numbers,
     i: int,
-    section: StripSection,
     stall: _Stall,
 ) -> StripLoad:
     motion, net = vortices.motions[i], vortices.lattice
-    strip, forward = motion.strip, motion.forward
+    strip, forward, section = motion.strip, motion.forward, p.of(motion)
     sign, lagged = smooth_sign(forward), wash.lagged[i]
     effective = section_flow(forward, -lagged)
     sine_square = lagged * lagged / (effective.speed * effective.speed)
     separated, attached = stall.share, 1.0 - stall.share
-    shift = sign * section.center_of_pressure_shift * sine_square * separated
+    shift = sign * section.kind.center_of_pressure_shift * sine_square * separated
     ahead = (sign - 1.0) * (strip.chord / 4) - shift * strip.chord
     normal = motion.normal_ahead(ahead)
 
     flow = section_flow(forward, normal, strip.chord)
     lift = attached_lift(vortices, wash, i, gain, _pressure(motion, p), ahead)
     density_area = p.density * strip.chord * strip.width
-    friction = attached * density_area * p.section["profile_drag"] / 2
+    friction = attached * density_area * section.numbers["profile_drag"] / 2
     spanwise = motion.spanwise_ahead(ahead)
     friction = friction * smooth_norm(flow.speed * flow.speed + spanwise * spanwise)
     pressure = density_area * flow.speed * flow.speed / 2
-    stalled = [pressure * one for one in stall.load(motion, flow, section, p)]
+    stalled = [pressure * one for one in stall.load(motion, flow, p)]
     return StripLoad(
         motion=motion,
         forward=attached * lift[0] + stalled[0] - friction * forward,

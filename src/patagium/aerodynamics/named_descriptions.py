@@ -19,6 +19,8 @@ def field_values(described: Any) -> dict[str, Any]:
 def _told(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_told(one) for one in value]
+    if isinstance(value, dict):
+        return {name: _told(one) for name, one in value.items()}
     if hasattr(value, "describe"):
         return value.describe()
     return field_values(value) if is_dataclass(value) else value

@@ -7,7 +7,9 @@ flow (Wagner, dynamic stall), induced velocity, added mass, flow along the span.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import pi
 from typing import Any, Literal
 
@@ -17,6 +19,7 @@ from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.ground import strip_ground_shares
 from patagium.aerodynamics.local_flow import StripMotion, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
+from patagium.aerodynamics.of_wings import OfWings
 from patagium.aerodynamics.polars import DickinsonPolar, Polar, section_flow
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
@@ -49,13 +52,17 @@ class QuasiSteady(Aerodynamics):
     Args:
         robot: The machine.
         air: Density, wind and gusts.
-        polar: Section coefficients.
+        polar: Section coefficients: of all wings, or of each by the name of the wing; a mirror
+            image has those of its original where it is not named.
         rotational: Whether pitching adds circulation.
         rotational_coefficient: C_rot of it; pi (3/4 - x0), x0 = 1/4 where the incidence is taken.
         force_point: Where the force acts. "switching": as above. "fixed": a quarter chord ahead of
             mid-chord, as models of insects have it in their hinge axis. "moving": .82 |a|/pi + .05
             of the chord behind the edge that leads, a that of mid-chord, for wings that turn by
             themselves on a hinge.
+
+    Raises:
+        ParameterError: If polars are given by wing, and a wing has none or a name is that of none.
 
     References:
         Dickinson, Lehmann & Sane (1999), Science 284, 1954-1960.
@@ -65,7 +72,7 @@ class QuasiSteady(Aerodynamics):
 
     robot: Robot
     air: Air = field(default_factory=Air)
-    polar: Polar = field(default_factory=DickinsonPolar)
+    polar: Polar | Mapping[str, Polar] = field(default_factory=DickinsonPolar, hash=False)
     rotational: bool = False
     force_point: Literal["switching", "fixed", "moving"] = "switching"
     rotational_coefficient: float = pi / 2
@@ -74,6 +81,11 @@ class QuasiSteady(Aerodynamics):
 
     def __post_init__(self) -> None:
         check_fields(self)
+        self._polars  # raises for wings without one  # noqa: B018
+
+    @cached_property
+    def _polars(self) -> OfWings[Polar]:
+        return OfWings("polar", self.polar, self.robot)
 
     @property
     def state_size(self) -> int:
@@ -85,17 +97,16 @@ class QuasiSteady(Aerodynamics):
         """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
         point = "" if self.force_point == "switching" else f" {self.force_point} force point"
         ground = " ground" if self.air.ground_parameters else ""
-        shape = f"{self.polar.structure} rotational={self.rotational}"
+        shape = f"{self._polars.structure} rotational={self.rotational}"
         return f"{self.name} {shape}{point}{ground}"
 
     @property
     def numbers(self) -> dict[str, float]:
         """Parameters of the model by name, in their order [SI]."""
-        values = zip(self.polar.parameter_names, self.polar.parameters, strict=True)
-        polar = {f"polar.{name}": value for name, value in values}
+        found = {"density": self.air.density, **self._polars.numbers}
         if self.rotational:
-            polar["rotational_coefficient"] = self.rotational_coefficient
-        return {"density": self.air.density, **polar, **self.air.ground_parameters}
+            found["rotational_coefficient"] = self.rotational_coefficient
+        return found | self.air.ground_parameters
 
     def expressions(
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
@@ -113,7 +124,7 @@ class QuasiSteady(Aerodynamics):
 
     def _load(self, motion: StripMotion, parameters: ca.SX, ground: Any = 0.0) -> StripLoad:
         strip, density = motion.strip, parameters[0]
-        polar = parameters[1 : 1 + len(self.polar.parameter_names)]
+        polar, numbers = self._polars.of(strip.wing, parameters[1:])
         ahead, side = ca.SX(0.0), smooth_sign(motion.forward)
         if self.force_point != "fixed":
             ahead = (side - 1.0) * (strip.chord / 4)
@@ -121,16 +132,18 @@ class QuasiSteady(Aerodynamics):
             middle = section_flow(motion.forward, motion.normal_ahead(-strip.chord / 4))
             size = smooth_norm(middle.angle_of_attack**2, 0.02)
             ahead = ahead + side * (0.2 - 0.82 / pi * size) * strip.chord
-        factor, own = self.polar.downwash_factor(polar), ca.SX(0.0)
+        factor, own = polar.downwash_factor(numbers), ca.SX(0.0)
         for _ in range(_ROUNDS if self.air.ground_parameters else 1):
             normal = motion.normal_ahead(ahead) - ground * own
             flow = section_flow(motion.forward, normal, strip.chord)
-            lift, drag = self.polar.coefficients(flow, polar)
+            lift, drag = polar.coefficients(flow, numbers)
             own = lift * flow.forward_sign * flow.speed * factor
         mass_flow = density * strip.width * strip.chord * flow.speed / 2
         across, along = mass_flow * lift, mass_flow * drag
         if self.rotational:
-            circulation = parameters[1 + polar.numel()] * strip.chord**2 * motion.pitch_rate
+            circulation = (
+                parameters[1 + len(self._polars.numbers)] * strip.chord**2 * motion.pitch_rate
+            )
             across = across + density * strip.width * circulation
         return StripLoad(
             motion=motion,

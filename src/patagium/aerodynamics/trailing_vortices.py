@@ -515,7 +515,8 @@ def _induced(
     for i, along in zip(order, right, strict=True):
         sign = along * smooth_sign(motions[i].forward)
         share = shares[i] if isinstance(shares, list) else shares
-        gain.append(sign * motions[i].strip.chord * lift_slope * net.cosines[i] / 2 * share)
+        slope = lift_slope[i] if isinstance(lift_slope, list) else lift_slope
+        gain.append(sign * motions[i].strip.chord * slope * net.cosines[i] / 2 * share)
     given = [
         *(net.points[:, order], net.normals[:, order]),
         *(net.edges, net.directions, net.core_squares),

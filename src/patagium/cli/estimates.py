@@ -136,29 +136,41 @@ def air_class(word: str) -> Any:
 
 
 def air_model(
-    word: str, machine: Robot, air: Air, polar: str | None = None, inflow: bool = False
+    word: str, machine: Robot, air: Air, polars: Sequence[str] | None = None, inflow: bool = False
 ) -> Aerodynamics:
-    """Model of the air around a robot, with a polar given by its name or by its file.
+    """Model of the air around a robot, with polars given by their names or by their files.
 
     Raises:
         ParameterError: If the polar is not one of the model, or has the viscosity of other air.
     """
     from patagium import aerodynamics as models
 
-    chosen: dict[str, Any] = {}
+    kind, key = air_class(word), {"quasi-steady": "polar", "lifting-line": "section"}.get(word, "")
+    wings = list(dict.fromkeys(strip.wing for strip in machine.strips))
+    given: dict[str, Any] = {}
     named = {one.name: one for one in (models.DickinsonPolar, models.ReynoldsPolar)}
-    if word == "quasi-steady" and polar in named:
-        chosen["polar"] = named[polar]()
-    elif word == "quasi-steady" and polar and Path(polar).is_file():
-        chosen["polar"] = models.measured_polar(*models.read_polar(polar)[:3])
-    elif word == "lifting-line" and polar and polar not in named:
-        chosen["section"] = models.measured_section(*models.read_polar(polar))
-    elif polar is not None:
-        expected = f"{', '.join(named)} or a file with quasi-steady air, a file with a lifting line"
-        raise ParameterError("--polar", expected, polar)
-    if polar == "reynolds" and not 0.5 < air.density < 2.0:
+    for text in polars or ():
+        wing, _, polar = text.partition("=") if text.partition("=")[0] in wings else ("", "", text)
+        if key == "polar" and polar in named:
+            given[wing] = named[polar]()
+        elif key == "polar" and Path(polar).is_file():
+            given[wing] = models.measured_polar(*models.read_polar(polar)[:3])
+        elif key and polar not in named and (key == "section" or Path(polar).is_file()):
+            given[wing] = models.measured_section(*models.read_polar(polar))
+        else:
+            expected = f"{', '.join(named)} or a file with quasi-steady air, a file with a lifting "
+            expected += f"line, for one wing after its name ({', '.join(wings)}) and ="
+            raise ParameterError("--polar", expected, text)
+    if any(isinstance(one, models.ReynoldsPolar) for one in given.values()) and not (
+        0.5 < air.density < 2.0
+    ):
         expected = "0.5 to 2 kg/m^3 with reynolds, which has the viscosity of air (of another: "
         expected += "pt.air.ReynoldsPolar(viscosity=...) in Python)"
         raise ParameterError("--density", expected, air.density)
-    made: Aerodynamics = air_class(word)(machine, air, **chosen)
+    chosen: dict[str, Any] = {key: given[""]} if "" in given else {}
+    if {*given} - {""}:
+        others = given.get("") or getattr(kind(machine, air), key)
+        whole = {image: wing for wing, image in machine.mirrored_wings if image not in given}
+        chosen[key] = {wing: given.get(whole.get(wing, wing), others) for wing in wings}
+    made: Aerodynamics = kind(machine, air, **chosen)
     return models.Inflow(made) if inflow else made

@@ -49,10 +49,10 @@ MappingOption = Annotated[
 DurationOption = Annotated[float | None, option_in("s", "a time", "Duration of the flight, in s.")]
 DensityOption = Annotated[float, option_in("kg/m^3", "a density", "Density of the air, in kg/m^3.")]
 PolarOption = Annotated[
-    str | None,
+    list[str] | None,
     typer.Option(
         help="A file of XFOIL, AeroSandbox or NeuralFoil; of quasi-steady air also dickinson, the "
-        "default, or reynolds (insects of any size)."
+        "default, or reynolds (insects of any size). For one wing: WING=FILE; may be repeated.",
     ),
 ]
 InflowOption = Annotated[

@@ -337,7 +337,7 @@ _LABELS = {
 
 
 def _air_model(
-    aero: AirModel, machine: Robot, air: Air, inflow: bool, polar: str | None
+    aero: AirModel, machine: Robot, air: Air, inflow: bool, polar: list[str] | None
 ) -> Aerodynamics:
     from patagium.plugins import AIR_MODELS, plugin
 

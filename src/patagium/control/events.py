@@ -176,7 +176,7 @@ class PolarEvent(Event):
     Args:
         time: When they change [s].
         factors: Factors by the names of the numbers, as the model's description has them, such as
-            `lift_amplitude` [1].
+            `lift_amplitude`, or `fin.lift_amplitude` where each wing has its own [1].
     """
 
     factors: Mapping[str, float]
@@ -195,12 +195,20 @@ class PolarEvent(Event):
         """
         described = aero.describe()
         inner = innermost(described)
-        numbers = inner.get("polar") or inner.get("section") or inner
-        known = [k for k, value in numbers.items() if isinstance(value, float)]
+        own = inner.get("polar") or inner.get("section") or {}
+        wings = {k: one for k, one in own.items() if isinstance(one, dict) and k != "stalled"}
+        parts = {f"{wing}.": one for wing, one in wings.items()} or {"": own or inner}
+        known = {
+            prefix + key: (part, key)
+            for prefix, part in parts.items()
+            for key, value in part.items()
+            if isinstance(value, float)
+        }
         for name, factor in self.factors.items():
             if name not in known:
-                raise ParameterError("factors", f"of {', '.join(known)}", name, known)
-            numbers[name] *= factor
+                raise ParameterError("factors", f"of {', '.join(known)}", name, [*known])
+            part, key = known[name]
+            part[key] *= factor
         return robot, aero_from_description(robot, described)
 
 

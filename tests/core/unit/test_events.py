@@ -127,6 +127,7 @@ def test_another_polar_of_any_air():
     for aero, name in (
         (pt.QuasiSteady(robot), "lift_amplitude"),
         (pt.LiftingLine(robot), "profile_drag"),
+        (pt.DeLaurier(robot), "friction_drag"),
         (pt.air.Inflow(pt.QuasiSteady(robot)), "lift_amplitude"),
     ):
         _, other = PolarEvent(time=0.0, factors={name: 0.5}).changed(robot, aero)

@@ -168,18 +168,18 @@ def test_the_program_takes_a_polar_by_name_or_file(tmp_path: Path) -> None:
     file, robot = tmp_path / "naca0012.txt", pt.load_robot("aerobat")
     file.write_text(XFOIL)
     plain = air_model("quasi-steady", robot, pt.Air())
-    insect = air_model("quasi-steady", robot, pt.Air(), "reynolds")
+    insect = air_model("quasi-steady", robot, pt.Air(), ["reynolds"])
     assert plain == pt.QuasiSteady(robot)
     assert insect == pt.QuasiSteady(robot, polar=pt.air.ReynoldsPolar())
     with pytest.raises(
         PatagiumError, match="--density: expected 0.5 to 2 .*viscosity of air.*found 1000"
     ):
-        air_model("quasi-steady", robot, pt.Air(density=1000.0), "reynolds")
-    measured = air_model("quasi-steady", robot, pt.Air(), str(file)).polar
+        air_model("quasi-steady", robot, pt.Air(density=1000.0), ["reynolds"])
+    measured = air_model("quasi-steady", robot, pt.Air(), [str(file)]).polar
     assert measured == pt.air.measured_polar(*pt.air.read_polar(file)[:3])
     assert np.degrees(measured.angle)[[0, -1]] == pytest.approx([-90, 90])
     section = pt.air.measured_section(*pt.air.read_polar(file))
-    line = air_model("lifting-line", robot, pt.Air(), str(file))
+    line = air_model("lifting-line", robot, pt.Air(), [str(file)])
     assert line.describe() == pt.LiftingLine(robot, section=section).describe()
 
 
