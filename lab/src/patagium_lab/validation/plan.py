@@ -16,6 +16,7 @@ CASES = (
     "measured_wing",
     "pitching_section",
     "hover",
+    "robotic_fly",
     "hover_modes",
     "monarch",
     "monarch_feedback",

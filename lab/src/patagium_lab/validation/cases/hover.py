@@ -147,7 +147,7 @@ def _dragonfly(
     return Insect(name, mass, frequency, (speed, climb), wings, 0.58)
 
 
-def _series(mean: float, cosines: tuple[float, ...], sines: tuple[float, ...]) -> Motion:
+def motion_of(mean: float, cosines: tuple[float, ...], sines: tuple[float, ...]) -> Motion:
     """Motion whose mean and harmonics are given as cosines and sines [deg]."""
     return mean, tuple(
         (float(np.hypot(a, b)), float(np.degrees(np.arctan2(-b, a))))
@@ -215,17 +215,17 @@ INSECTS = (
                 2.39e-3,
                 2.39e-3 * 0.78e-3,
                 0.0,
-                _series(
+                motion_of(
                     8.91,
                     (3.975, 8.281, -0.061, -0.391, 0.449, -0.120, -0.072, 0.070),
                     (2.284, 3.521, -1.930, 1.083, 0.301, -0.179, 0.123, 0.0),
                 ),
-                _series(
+                motion_of(
                     12.73,
                     (71.106, 2.169, -0.199, 0.610, -0.031, -0.126, -0.087, 0.054),
                     (5.455, -3.546, 0.626, 0.157, -0.036, -0.021, -0.008, -0.008),
                 ),
-                _series(
+                motion_of(
                     90.15,
                     (-3.329, -0.630, 10.978, -2.112, 3.230, 1.447, -0.614, 0.307, -0.146, -0.085),
                     (-67.543, -0.657, -9.923, -3.918, 2.688, -0.643, 0.879, 0.482, -0.030, 0.102),
@@ -247,7 +247,7 @@ INSECTS = (
                 28.0,
                 (6.28, ()),
                 (24.0, ((57.5, 0.0),)),
-                _series(
+                motion_of(
                     75.0,
                     (0.0,) * 9,
                     (-67.869, 0.0, -17.479, 0.0, -5.964, 0.0, -1.496, 0.0, -0.027),
@@ -400,7 +400,7 @@ def _flown(insect: Insect, make: Make) -> tuple[float, float]:
     flight = simulate(
         robot,
         make(robot, Air(density=1.225, wind=wind)),
-        _gait(insect, robot),
+        insect_gait(insect, robot),
         duration=BEATS / insect.frequency,
         time_step=1 / (STEPS * insect.frequency),
     )
@@ -480,7 +480,13 @@ def _rows(places: np.ndarray, chords: np.ndarray) -> str:
     )
 
 
-def _gait(insect: Insect, robot: Robot) -> Any:
+def insect_gait(insect: Insect, robot: Robot) -> Any:
+    """Motion of the wings of an insect.
+
+    Args:
+        insect: The insect.
+        robot: Its `hoverer`.
+    """
     moves: dict[str, Any] = {}
     for wing in insect.wings:
         moves[f"{wing.name}_sweep"] = series(*wing.sweep, sign=-1.0)
