@@ -196,7 +196,7 @@ class Integration:
         self._recorded = False
 
     def __getstate__(self) -> dict[str, Any]:
-        """What a copy or another process has; `change` gives it its compiled equations."""
+        """State without the compiled equations, which `change` gives it again."""
         compiled = "_equations", "_advance"
         return {name: value for name, value in vars(self).items() if name not in compiled}
 

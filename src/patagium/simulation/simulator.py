@@ -303,7 +303,7 @@ class Simulator:
         self._take(self._robot, self._aero, self._layout)
 
     def _take(self, robot: Robot, aero: Aerodynamics, layout: StateLayout) -> None:
-        """Go on by the equations of a machine in its air, from the state as it is."""
+        """Equations of a machine in its air from now on, from the state as it is."""
         added, cells = self._origin.added_mass, self._origin.load_cells
         added = None if added is None else replace(added, robot=robot)
         self._equations = _equations(
