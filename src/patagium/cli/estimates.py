@@ -106,10 +106,8 @@ def refined(result: Identification, flight: xr.Dataset, every: int) -> Identific
     """
     from patagium.learning import refine
     from patagium.learning.parameter_paths import estimates_of, parameter_scores
-    from patagium.learning.samples import samples
 
-    time, x, y, _ = samples(flight, result.learner.network)
-    model = refine(result.learner, time, x, y, every=every)
+    model = refine(result.learner, flight, every=every)
     return replace(
         result, scores=result.scores | parameter_scores(estimates_of(model)), learner=model
     )
