@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
@@ -86,8 +87,9 @@ def grey_box(flight: xr.Dataset, words: Sequence[str], aero: GreyModel | None) -
     from patagium.simulation import added_mass_of
 
     parts = [part for word in words for part in word.split(",")]
-    estimate = named_quantities("--estimate", parts, written_unit, "a standard deviation")
     model = _model(flight, aero)
+    unit = partial(written_unit, robot=model.robot)
+    estimate = named_quantities("--estimate", parts, unit, "a standard deviation")
     added = None
     if FACTOR in estimate:
         added = added_mass_of(flight) or AddedMass(model.robot, model.air)

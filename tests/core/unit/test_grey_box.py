@@ -287,10 +287,14 @@ def test_a_number_that_cannot_be_zero_does_not_start_there(robot):
         ("polar.lift_offset", "1", ""),
         ("polar.viscosity", "m^2/s", "m^2/s"),
         ("gravity", "m/s^2", "m/s^2"),
+        ("feather.stiffness", "N/m or N m/rad", "N m/rad"),
+        ("slide.stiffness", "N/m or N m/rad", "N/m"),
+        ("slide.damping", "N s/m or N m s", "N s/m"),
+        ("plunge.rest", "m or rad", "rad"),
     ],
 )
-def test_units(name, unit, written):
-    assert (unit_of(name), written_unit(name)) == (unit, written)
+def test_units(name, unit, written, robot):
+    assert (unit_of(name), written_unit(name, robot)) == (unit, written)
 
 
 def test_a_robot_may_have_a_quaternion():
