@@ -368,7 +368,7 @@ _EXPECTED = {
     "string_type": "text",
     "bool_type": "true or false",
     "int_type": "a whole number",
-    "too_short": "a list that is not empty,",
+    "too_short": "a list of more entries,",
     "union_tag_not_found": "its `type`",
     "string_pattern_mismatch": "a name: a letter, then letters, digits and _ (lower case)",
 }

@@ -102,6 +102,7 @@ class Aerodynamics(Protocol):
 
         Raises:
             ShapeError: If an argument has another shape.
+            ParameterError: If a quaternion is zero.
         """
         return self._compiled.generalized_force(q, v, state, wind)
 
@@ -188,6 +189,7 @@ class CompiledAero:
             "wind": (self._wind if wind is None else wind, 3),
         }
         arrays = [self._checked(k, value, n) for k, (value, n) in arguments.items()]
+        self._model.robot.check_attitudes(arrays[0])
         function = self._functions[name]
         call = function.batch if self._batch else function
         return call(*arrays, *self._constants)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
@@ -86,8 +87,9 @@ def grey_box(flight: xr.Dataset, words: Sequence[str], aero: GreyModel | None) -
     from patagium.simulation import added_mass_of
 
     parts = [part for word in words for part in word.split(",")]
-    estimate = named_quantities("--estimate", parts, written_unit, "a standard deviation")
     model = _model(flight, aero)
+    unit = partial(written_unit, robot=model.robot)
+    estimate = named_quantities("--estimate", parts, unit, "a standard deviation")
     added = None
     if FACTOR in estimate:
         added = added_mass_of(flight) or AddedMass(model.robot, model.air)
@@ -106,10 +108,8 @@ def refined(result: Identification, flight: xr.Dataset, every: int) -> Identific
     """
     from patagium.learning import refine
     from patagium.learning.parameter_paths import estimates_of, parameter_scores
-    from patagium.learning.samples import samples
 
-    time, x, y, _ = samples(flight, result.learner.network)
-    model = refine(result.learner, time, x, y, every=every)
+    model = refine(result.learner, flight, every=every)
     return replace(
         result, scores=result.scores | parameter_scores(estimates_of(model)), learner=model
     )

@@ -107,6 +107,10 @@ def optimize(
     if speed == 0 and not inflow:
         typer.echo(f"patagium: {NO_INFLOW}", err=True)
     options: dict[str, Any] = {"free": free} if free else {}
+    if not as_json:
+        typer.echo(
+            "Searching a trimmed flight, then its best gait; many joints take minutes.", err=True
+        )
     found = control.optimize(
         machine,
         model,

@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.arguments import check_fields, of_kind
-from patagium.arrays import Array
+from patagium.arrays import Array, brief
 from patagium.control.orbit import Orbit
 from patagium.errors import FilterDiverged, ParameterError
 from patagium.robot import Robot
@@ -47,6 +47,7 @@ class Truth:
     q: Array
     v: Array
     a: Array
+    __repr__ = brief
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,7 @@ class Estimate:
 
     state: FlightState
     acceleration: Array
+    __repr__ = brief
 
 
 @runtime_checkable

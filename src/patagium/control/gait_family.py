@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics import Air
 from patagium.arguments import checked
-from patagium.arrays import Array, real_array
+from patagium.arrays import Array, brief, real_array
 from patagium.control.wingbeat import PrescribedRows
 from patagium.errors import ParameterError
 from patagium.robot import Robot
@@ -82,6 +82,7 @@ class GaitFamily:
     base: FourierGait
     names: tuple[str, ...]
     directions: Array
+    __repr__ = brief
 
     @cached_property
     def neutral(self) -> Array:

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.arguments import check_fields
-from patagium.arrays import Array, Indices, real_array
+from patagium.arrays import Array, Indices, brief, real_array
 from patagium.errors import ParameterError
 from patagium.native import NativeFunction, load_functions, load_kernel
 from patagium.native.elimination import jacobian
@@ -122,6 +122,7 @@ class FlightMap:
     names: tuple[str, ...] = field(init=False)
     size: int = field(init=False)
     moving: int = field(init=False)
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         check_fields(self)

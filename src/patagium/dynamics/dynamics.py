@@ -221,10 +221,14 @@ class Dynamics(_Methods):
         self._one_coordinate = robot.dof == 1 or len(robot.actuated) == 1
 
     def _single(self, name: str, *arguments: ArrayLike) -> Any:
-        return self._restored(name, self._functions[name](*arguments, self._parameters))
+        result = self._functions[name](*arguments, self._parameters)
+        self.robot.check_attitudes(arguments[0])
+        return self._restored(name, result)
 
     def _many(self, name: str, *arguments: ArrayLike) -> Any:
-        return self._restored(name, self._functions[name].batch(*arguments, self._parameters))
+        result = self._functions[name].batch(*arguments, self._parameters)
+        self.robot.check_attitudes(arguments[0])
+        return self._restored(name, result)
 
     def _restored(self, name: str, result: Any) -> Any:
         """Axes of length one, which compiled functions drop, put back."""
@@ -303,13 +307,18 @@ class Point:
     def __reduce__(self) -> tuple[type[Point], tuple[Robot, int, Array]]:
         return Point, (self.robot, self.body, self.offset)
 
+    def _call(self, name: str, *state: ArrayLike) -> Array:
+        found = self._functions[name](*state, self.offset, self._parameters)
+        self.robot.check_attitudes(state[0])
+        return found
+
     def position(self, q: ArrayLike) -> Array:
         """Position in world axes, (3,) [m].
 
         Args:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
         """
-        return self._functions["position"](q, self.offset, self._parameters)
+        return self._call("position", q)
 
     def velocity(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Velocity in world axes, (3,) [m/s].
@@ -318,7 +327,7 @@ class Point:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
         """
-        return self._functions["velocity"](q, v, self.offset, self._parameters)
+        return self._call("velocity", q, v)
 
     def jacobian(self, q: ArrayLike) -> Array:
         """Jacobian J of the position: its velocity is J v, (3, n) [1, m].
@@ -326,7 +335,7 @@ class Point:
         Args:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
         """
-        return self._functions["jacobian"](q, self.offset, self._parameters)
+        return self._call("jacobian", q)
 
 
 def poses_at(robot: Robot, q: ArrayLike) -> tuple[Array, Array]:

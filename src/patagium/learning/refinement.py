@@ -9,9 +9,10 @@ errors that are correlated.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
 
@@ -23,7 +24,9 @@ from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.model_file import Model, model_of
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
+from patagium.learning.samples import samples
 from patagium.learning.stream import checked_samples, used_samples
+from patagium.sensing.force.measured_force import ForceSamples
 
 _CLOSE = 0.01  # steps shorter than that, in deviations, are the last
 _HALVINGS = 8
@@ -43,9 +46,9 @@ class _Log(NamedTuple):
 @checked
 def refine(
     learner: FilterLearner,
-    time: ArrayLike,
-    x: ArrayLike,
-    y: ArrayLike,
+    time: ArrayLike | xr.Dataset | ForceSamples,
+    x: ArrayLike | None = None,
+    y: ArrayLike | None = None,
     *,
     every: int = 1,
     gaps: ArrayLike = (),
@@ -58,7 +61,7 @@ def refine(
 
     Args:
         learner: What has learned the log; it is not changed.
-        time: Increasing, (N,) [s].
+        time: Increasing, (N,) [s]; or a flight or measured forces, which give x and y too.
         x: Measured inputs of the network, (N, n_measured) [units of x].
         y: What was measured, (N, n_y) [unit of y]; NaN where it was not.
         every: 1 to use each sample, 100 to use one in 100.
@@ -77,7 +80,10 @@ def refine(
     if rounds < 1:
         raise ParameterError("rounds", "at least 1", rounds)
     network = learner.network
-    given = checked_samples(network, (time, x, y), gaps, None)
+    table: Any = time, x, y
+    if isinstance(time, xr.Dataset | ForceSamples):
+        table = samples(time, network)[:3]
+    given = checked_samples(network, table, gaps, None)
     used = used_samples(len(given.time), every, given.gaps)
     log = _Log(given.time, given.x, given.y, given.gaps, used, learner.measurement_std)
     first, prior = learner.prior

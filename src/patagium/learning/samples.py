@@ -55,7 +55,7 @@ def samples(
         network: Its outputs are coordinates of the robot (generalized forces), or linear
             functions of the strip forces (`measured`, taken from the flight's strips).
         inputs: Names of what it sees; None: q, then v. Then a, if it needs accelerations.
-        robot: The machine; None for the one the flight carries.
+        robot: The machine; None for that whose numbers the network learns, else the flight's.
 
     Returns:
         Time (N,) [s]; x (N, n_x); y (N, n_y); units of the outputs.
@@ -74,7 +74,7 @@ def samples(
         if terms.acceleration and acceleration is None:
             raise ParameterError("a", "accelerations, which the network sees", None)
     else:
-        machine = robot_of(flight) if robot is None else robot
+        machine = robot or terms.robot or robot_of(flight)
         time, state, force = training_data(flight, machine, with_added_mass=terms.added_mass)
         acceleration = recorded(flight, "a", machine) if terms.acceleration else None
     if len(time) < 2:

@@ -332,6 +332,25 @@ class Robot:
             found.insert(3, min(found[3:]) - 1)
         return tuple(found)
 
+    @cached_property
+    def _quaternions(self) -> list[int]:
+        return [self.floating_coordinates(body)[3] for body in self.bodies if body.by_quaternion]
+
+    def check_attitudes(self, q: ArrayLike) -> None:
+        """Refuse quaternions of zeros, which say nothing and make every number NaN.
+
+        Args:
+            q: Generalized coordinates, (..., n_q) [m, rad, 1].
+
+        Raises:
+            ParameterError: If there is one.
+        """
+        for k in self._quaternions:
+            whole = np.asarray(q)
+            if not whole[..., k].all() and not whole[..., k : k + 4].any(axis=-1).all():
+                expected = "a quaternion of length 1, such as robot.coordinates() has"
+                raise ParameterError("q", expected, "qw, qx, qy, qz = 0")
+
     @property
     def couplings(self) -> tuple[tuple[int, int, float], ...]:
         """Coupled joints: index of the inner and of the outer one, and the coupling [-]."""

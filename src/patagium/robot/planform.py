@@ -87,10 +87,10 @@ def placed(pose: tuple[Array, Array], points: Array) -> Array:
 
 
 def wing_span(robot: Robot) -> float:
-    """Tip to tip distance of the strips along y, at zero coordinates [m]."""
+    """Tip to tip distance of the strips along y, or z if longer, at zero coordinates [m]."""
     places = poses(robot)
-    sides = [placed(places[s.body], strip_corners(s))[:, 1] for s in robot.strips]
-    return float(np.ptp(np.concatenate(sides))) if sides else 0.0
+    sides = [placed(places[s.body], strip_corners(s))[:, 1:] for s in robot.strips]
+    return float(np.ptp(np.concatenate(sides), axis=0).max()) if sides else 0.0
 
 
 def carried_sides(robot: Robot) -> list[set[bool]]:
@@ -112,7 +112,7 @@ def mirrored_bodies(robot: Robot) -> set[int]:
 def describe_robot(robot: Robot) -> dict[str, str | int | float]:
     """Facts of a robot for a listing, by name with the unit in brackets.
 
-    The span is that of the strips at zero coordinates, tip to tip along y.
+    The span is that of the strips at zero coordinates, tip to tip along y, or z if longer.
 
     Args:
         robot: The machine, with numbers for parameters.

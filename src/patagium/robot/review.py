@@ -22,6 +22,12 @@ _SMALL = 1e-6
 _HINGE = 0.05
 """Distance of a center of mass that is at the hinge, over that of the wing's middle."""
 
+_HEAVY = 5.0
+"""Mass of a wing over that of all other bodies that is hardly meant."""
+
+_ALIKE, _POINT = 0.3, 0.02
+"""Share of span that a wing's mass and its strips have in common; that of a mass in a point."""
+
 _KINDS = {
     ("kg", "g"): "mass",
     ("m", "cm"): "at position center_of_mass leading trailing span chord thickness radius length "
@@ -36,8 +42,14 @@ _OVERLAP = 0.1
 def robot_warnings(robot: Robot) -> list[str]:
     """Sentences on likely slips, each with what to write; none for a robot without."""
     images = mirrored_bodies(robot)  # the other side is told
-    checks = (_wide_limits(robot, images), _masses_at_hinges(robot, images), _small_strips(robot))
-    every = (_bare_numbers(robot.source), *checks, _few_strips(robot), _overlaps(robot))
+    checks = (_wide_limits(robot, images), _masses_of_wings(robot, images), _small_strips(robot))
+    every = (
+        _bare_numbers(robot.source),
+        *checks,
+        _few_strips(robot),
+        _elsewhere(robot),
+        _overlaps(robot),
+    )
     return [sentence for check in every for sentence in check]
 
 
@@ -70,7 +82,7 @@ def _wide_limits(robot: Robot, images: set[int]) -> Iterator[str]:
             yield f"joint {joint.name}: limits: {turns}; are degrees meant? Write '{far[0]:g} deg'"
 
 
-def _masses_at_hinges(robot: Robot, images: set[int]) -> Iterator[str]:
+def _masses_of_wings(robot: Robot, images: set[int]) -> Iterator[str]:
     for index, body in enumerate(robot.bodies):
         strips = [strip for strip in robot.strips if strip.body == index]
         if index in images or not strips or not body.joints or body.mass == 0.0:
@@ -85,6 +97,36 @@ def _masses_at_hinges(robot: Robot, images: set[int]) -> Iterator[str]:
                 f"body {body.name}: center_of_mass: it is at the hinge, its wing's middle is not; "
                 f"write center_of_mass: [{place}] if its mass is spread over the wing"
             )
+            continue
+        others = {*range(len(robot.bodies))} - images - {index}
+        rest = sum(float(robot.bodies[k].mass) for k in others)
+        if robot.floating and body.mass > _HEAVY * rest:
+            heavy = f"{1000 * body.mass:.3g} g, and all but its image {1000 * rest:.3g} g together"
+            yield f"body {body.name}: mass: it has {heavy}; check its unit"
+        corners = np.concatenate([strip_corners(strip) for strip in strips])
+        k = int(np.argmax(np.ptp(corners, axis=0)[1:])) + 1  # the axis of the span
+        ends = corners[:, k].min(), corners[:, k].max()
+        half = np.sqrt(max(1.5 * (sum(body.inertia[:3]) - 2 * body.inertia[k]) / body.mass, 0.0))
+        own = body.center_of_mass[k] - half, body.center_of_mass[k] + half
+        shared, longest = min(ends[1], own[1]) - max(ends[0], own[0]), max(np.ptp(ends), 2 * half)
+        if min(np.ptp(ends), half) > _POINT * longest and shared < _ALIKE * longest:
+            there, here = (f"{100 * a:.3g} to {100 * b:.3g} cm" for a, b in (own, ends))
+            seen = f"its mass lies from {there} along its span, its strips from {here}"
+            yield f"body {body.name}: center_of_mass, shape: {seen}; check the units"
+
+
+def _elsewhere(robot: Robot) -> Iterator[str]:
+    """Wings with the name of a body that moves by joints, on other bodies."""
+    for index, body in enumerate(robot.bodies):
+        carriers = {
+            strip.body for strip in robot.strips if strip.wing == body.name and not strip.mirrored
+        }
+        below = {index}  # and what hangs on it
+        for k, one in enumerate(robot.bodies):
+            below |= {k} if one.parent in below else set()
+        if body.joints and carriers and not carriers & below:
+            on = ", ".join(robot.bodies[k].name for k in sorted(carriers))
+            yield f"wing {body.name}: it is on {on}; write body: {body.name} if that carries it"
 
 
 def _small_strips(robot: Robot) -> Iterator[str]:

@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arrays import Array, real_array
+from patagium.arrays import Array, brief, real_array
 from patagium.dynamics.equations import damping_force, inverse
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import ParameterError, PathError
@@ -268,6 +268,7 @@ class ArmPlan:
     knots: Array
     clearance: float
     tool: Tool = field(repr=False, compare=False)
+    __repr__ = brief
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from patagium.robot import Robot
 from patagium.robot.model import CAPACITIES, capacity_units
 from patagium.simulation.air_audit import air_findings
 from patagium.simulation.cycles import air_force, air_velocity
-from patagium.simulation.flight import gait_period, robot_of
+from patagium.simulation.flight import air_of, gait_period, robot_of
 
 TUMBLE = np.radians(80.0)
 """Roll or pitch from which on a robot tumbles [rad]."""
@@ -32,6 +32,8 @@ NO_INFLOW = (
     "up to twice too large (--inflow, or patagium.air.Inflow(model), adds it)."
 )
 """Said of wings that hover in air that stays as it was."""
+LIQUID = 2.0
+"""Density above which a medium carries robots by buoyancy [kg/m^3]."""
 SLOWEST_FALL = 0.3
 """Sink rate below which nothing is said of it [m/s]."""
 UNEXPLAINED = 1e-2
@@ -94,6 +96,11 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     if "speed" in facts:
         free = flight.attrs.get("mount") == "free"
         warnings = _warnings(facts, free, judged=not beat or beats > 0)
+        if free and weight and air_of(flight).density > LIQUID:
+            warnings.append(
+                "Buoyancy is not modeled: gravity: 0 m/s^2 in the robot file stands for a robot "
+                "as heavy as its water."
+            )
     warnings += _hover(robot, flight.isel(time=chosen))
     audit = flight.attrs.get("energy_audit", 0.0)
     if audit > UNEXPLAINED:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -195,10 +195,20 @@ class Integration:
         self.steps, self.done = steps, 0
         self._recorded = False
 
+    def __getstate__(self) -> dict[str, Any]:
+        """State without the compiled equations, which `change` gives it again."""
+        compiled = "_equations", "_advance"
+        return {name: value for name, value in vars(self).items() if name not in compiled}
+
     @property
     def outcome(self) -> Outcome:
         """COMPLETED while all is well."""
         return self._outcome
+
+    @property
+    def state(self) -> Array:
+        """State now, (size,) [SI]."""
+        return self._state
 
     def change(self, equations: Equations) -> None:
         """Go on with other equations of the same state, from the state as it is.

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, Air, QuasiSteady
 from patagium.arguments import Progress, checked, of_kind
-from patagium.arrays import Array, real_array
+from patagium.arrays import Array, brief, real_array
 from patagium.errors import Outcome, ParameterError, SimulationFailed, positive
 from patagium.limits import MOST_STEPS
 from patagium.native import load_functions
@@ -175,6 +175,7 @@ class FlightState:
     time: float
     q: Array
     v: Array
+    __repr__ = brief
 
     def position(self, name: str) -> float:
         """Coordinate of a name, such as `z` or `pitch` [m, rad, 1].
@@ -294,6 +295,23 @@ class Simulator:
             mount_path=held.describe(), load_cells=cells,
         )  # fmt: skip
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_equations"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._take(self._robot, self._aero, self._layout)
+
+    def _take(self, robot: Robot, aero: Aerodynamics, layout: StateLayout) -> None:
+        """Equations of a machine in its air from now on, from the state as it is."""
+        added, cells = self._origin.added_mass, self._origin.load_cells
+        added = None if added is None else replace(added, robot=robot)
+        self._equations = _equations(
+            robot, aero, added, self._held, cells, layout, self._integration.state
+        )
+        self._integration.change(self._equations)
+        self._robot, self._aero, self._layout = robot, aero, layout
+
     def _row_table(self, base: Callable[[Array], PrescribedMotion], time: Array) -> Array:
         """Rows of the equations at given times: motion of joints and of a held body, wind."""
         pairs = zip(self._gait.motion(time), base(time), strict=True)
@@ -389,17 +407,14 @@ class Simulator:
         if aero.state_size != self._aero.state_size:
             expected = f"a model of {self._aero.state_size} states, as before"
             raise ParameterError("aero", expected, f"{aero.name} of {aero.state_size}")
-        added, run, cells = self._origin.added_mass, self.run, self._origin.load_cells
-        added = None if added is None else replace(added, robot=robot)
-        layout = state_layout(robot, aero, self._held, added, cells)
-        before = _energy_and_momentum(run)
-        self._equations = _equations(robot, aero, added, self._held, cells, layout, run.state)
-        self._integration.change(self._equations)
+        before = _energy_and_momentum(self.run)
+        cells = self._origin.load_cells
+        layout = state_layout(robot, aero, self._held, self._origin.added_mass, cells)
+        self._take(robot, aero, layout)
         energy, momentum = (
             now - then for now, then in zip(_energy_and_momentum(self.run), before, strict=True)
         )
         self._changes.append((self._integration.done, float(energy), momentum))
-        self._robot, self._aero, self._layout = robot, aero, layout
 
     @checked
     def fly(
@@ -621,12 +636,13 @@ def _base_motion(
             name = f"initial velocity of {robot.dof_names[i]}"
             raise ParameterError(name, "0, as a fixed mount holds it (give the air a wind)", v[i])
     position = q[[k - layout.hidden for k in layout.prescribed_coordinates[count:]]]
+    return partial(_at_rest, position, len(dofs))
 
-    def held(time: Array) -> PrescribedMotion:
-        still = np.zeros((len(time), len(dofs)))
-        return PrescribedMotion(np.tile(position, (len(time), 1)), still, still)
 
-    return held
+def _at_rest(position: Array, dofs: int, time: Array) -> PrescribedMotion:
+    """A place that is held, as a motion."""
+    still = np.zeros((len(time), dofs))
+    return PrescribedMotion(np.tile(position, (len(time), 1)), still, still)
 
 
 def _in_quaternion(path: Path, time: Array) -> PrescribedMotion:

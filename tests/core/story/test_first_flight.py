@@ -67,6 +67,13 @@ def test_the_summary_sees_what_is_wrong():
     assert found["force_over_weight"] == pytest.approx(half / (0.28 * 9.81), rel=1e-12)
 
 
+def test_the_summary_says_that_water_carries_nothing():
+    robot = pt.load_robot("hawk")
+    sea = pt.QuasiSteady(robot, pt.Air(density=1000.0))
+    flight = pt.simulate(robot, sea, pt.gaits.still(robot), duration=0.01, time_step=1e-3)
+    assert any(w.startswith("Buoyancy is not modeled") for w in flight_summary(flight)["warnings"])
+
+
 def test_the_summary_tells_what_no_actuator_has():
     robot = pt.load_robot("ornithopter")
     flight = pt.simulate(

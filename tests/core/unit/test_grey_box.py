@@ -287,10 +287,14 @@ def test_a_number_that_cannot_be_zero_does_not_start_there(robot):
         ("polar.lift_offset", "1", ""),
         ("polar.viscosity", "m^2/s", "m^2/s"),
         ("gravity", "m/s^2", "m/s^2"),
+        ("feather.stiffness", "N/m or N m/rad", "N m/rad"),
+        ("slide.stiffness", "N/m or N m/rad", "N/m"),
+        ("slide.damping", "N s/m or N m s", "N s/m"),
+        ("plunge.rest", "m or rad", "rad"),
     ],
 )
-def test_units(name, unit, written):
-    assert (unit_of(name), written_unit(name)) == (unit, written)
+def test_units(name, unit, written, robot):
+    assert (unit_of(name), written_unit(name, robot)) == (unit, written)
 
 
 def test_a_robot_may_have_a_quaternion():
@@ -309,3 +313,25 @@ def test_a_robot_may_have_a_quaternion():
         forces.append(box(x, np.ones(1)))
     assert np.abs(forces[0]).max() > 1e-3
     assert np.allclose(forces[1], forces[0], atol=1e-15)
+
+
+def test_numbers_of_a_robot_are_found_from_a_flight_of_another_robot(robot):
+    """The flight carries the true robot, the model the one of the drawing, a third lighter."""
+    truth = {"wing.mass": robot.bodies[-1].mass, "polar.lift_amplitude": 1.3}
+    book = robot.with_parameters({"wing.mass": 0.67 * truth["wing.mass"]})
+    polar = pt.air.DickinsonPolar(lift_amplitude=1.3)
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5, feather=0.3)
+    flight = pt.simulate(
+        robot, pt.QuasiSteady(robot, AIR, polar=polar), gait, duration=0.4, time_step=1e-3
+    )
+    std = 0.02 * flight.aero_force.std("time").values
+    noise = std * np.random.default_rng(0).normal(size=flight.u1.shape)
+    network = pt.GreyBox(
+        pt.QuasiSteady(book, AIR), {"wing.mass": 5e-4, "polar.lift_amplitude": 0.5}
+    )
+    learner = pt.ExtendedLearner(network, measurement_std=std)
+    log = flight.assign(u1=flight.u1 + noise)
+    pt.identify(log, learner, every=2)
+    model = pt.refine(learner, log, every=2)
+    for one in network.estimates(model.weights, np.diag(model.covariance)):
+        assert abs(one.value - truth[one.name]) < 3 * one.std < 0.1 * truth[one.name]

@@ -153,6 +153,7 @@ def test_the_verb_writes_a_flight_and_a_gait_to_fly(ornithopter, tmp_path, capsy
     given = ("optimize", "ornithopter", "--speed", 4, "--harmonics", 1)
     code, out, err = say(capsys, *given, "-o", flight, "--gait", table, "--beats", 1)
     assert code == 0, err
+    assert "Searching a trimmed flight" in err
     for word in ("power [W]", "kkt residual", "frequency [Hz]", "held by"):
         assert word in out
     flown = pt.load_flight(flight)

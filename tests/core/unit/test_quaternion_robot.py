@@ -372,3 +372,23 @@ def test_starts_that_cannot_be_are_refused(pair):
         pt.simulate(robot, pt.QuasiSteady(pair[0]), gait, **fly)
     with pytest.raises(ShapeError, match=r"\(9,\)"):
         aero.generalized_force(np.zeros(8), np.zeros(8))
+
+
+def test_a_quaternion_of_zeros_is_refused_by_equations_points_and_air(pair):
+    robot = pair[1]
+    dyn, aero = pt.Dynamics(robot), pt.QuasiSteady(robot)
+    q, v = np.zeros(robot.coordinate_count), np.zeros(robot.dof)
+    some = np.tile(robot.coordinates(), (3, 1))
+    some[1, 3:7] = 0
+    point = dyn.point(robot.bodies[0].name)
+    for ask in (
+        lambda: dyn.mass_matrix(q),
+        lambda: dyn.batch.bias(some, np.zeros((3, robot.dof))),
+        lambda: point.position(q),
+        lambda: aero.generalized_force(q, v),
+        lambda: aero.batch.strips(some, np.zeros((3, robot.dof))),
+    ):
+        with pytest.raises(ParameterError, match="expected a quaternion of length 1, such as"):
+            ask()
+    with pytest.raises(ShapeError):
+        dyn.mass_matrix(np.zeros(3))

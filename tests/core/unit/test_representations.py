@@ -109,6 +109,11 @@ def test_every_public_object_says_what_it_is_in_a_few_lines(things: dict[str, An
         text = repr(thing)
         assert name in text and " at 0x" not in text
         assert len(text.splitlines()) <= 10 and len(text) <= 1000, name
+    arm = pt.load_robot("ur5e")
+    way = pt.paths.line((0.5, 0.0, 0.3), (0.5, 0.2, 0.3), duration=1.0)
+    mount, state = pt.mounts.on_arm(arm, way), things["Simulator"].state
+    for thing in (mount, mount.plan, state, things["MotionTracker"].now()):
+        assert len(repr(thing)) <= 700 and len(repr(thing).splitlines()) == 1
     many = replace(things["Identification"], scores={"samples": 10_001})
     assert "samples: 10001\n" in repr(many)  # a count, all its digits
 

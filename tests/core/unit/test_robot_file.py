@@ -452,6 +452,21 @@ SLIPS = {
         "",
         r"body left_wing: center_of_mass: .*write center_of_mass: \[-0.612 cm, 31.6 cm, 0 cm\]",
     ),
+    "centimeters for a wing in millimeters": (
+        "center_of_mass: [-2 cm, 28 cm, 0]",
+        "center_of_mass: [-2 cm, 280 cm, 0]",
+        "body left_wing: center_of_mass, shape: its mass lies from .* to 316 cm along its span",
+    ),
+    "kilograms for a wing in grams": (
+        "mass: 45 g",
+        "mass: 45 kg",
+        "body left_wing: mass: it has 4.5e[+]04 g, and all but its image .* g together; check its",
+    ),
+    "a wing on another body": (
+        "      - body: left_wing\n        strips: 8",
+        "      - body: body\n        strips: 8",
+        "wing left_wing: it is on body; write body: left_wing if that carries it",
+    ),
     "a strip of nothing": (
         "{span: 16 cm, leading: -5 cm, trailing: -12 cm}",
         "{span: 1e-9, leading: -5 cm, trailing: -12 cm}",

@@ -31,6 +31,24 @@ def test_aerobat_weighs_twenty_grams_and_spans_381_mm():
     assert wing_span(robot) == pytest.approx(0.3814, rel=1e-14)
 
 
+def test_the_span_of_a_fin_alone_is_its_height():
+    text = """
+name: fish
+gravity: 9.81 m/s^2
+bodies: {body: {floating: true, mass: 1 kg, shape: {type: box, size: [9 cm, 4 cm, 4 cm]}}}
+wings:
+  - name: fin
+    segments:
+      - body: body
+        span_axis: z
+        strips: 3
+        stations:
+          - {span: -4 cm, leading: 0 cm, trailing: -10 cm}
+          - {span: 8 cm, leading: -4 cm, trailing: -10 cm}
+"""
+    assert wing_span(load_robot_text(text)) == pytest.approx(0.12, rel=1e-12)
+
+
 def test_aerobat_coordinates_stand_in_the_order_of_the_paper():
     side = ("plunge", "mediolateral", "elbow", "feather")
     expected = ("x", "y", "z", "roll", "pitch", "yaw")

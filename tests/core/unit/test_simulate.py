@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import patagium as pt
 from patagium.cli.main import run
@@ -273,3 +276,21 @@ def test_what_is_given_takes_the_place_of_the_cruise(tmp_path):
     assert float(held["wind"][0, 0]) == -robot.cruise.speed
     with pytest.raises(ParameterError, match="whose file has a section cruise"):
         pt.simulate(replace(robot, cruise=None))
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_a_simulator_goes_to_another_process_and_flies_on_alike(again):
+    robot = pt.load_robot("aerobat")
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.6)
+    for mount in (pt.mounts.free(), pt.mounts.fixed()):
+        first = pt.Simulator(
+            robot, pt.QuasiSteady(robot), gait, duration=0.06, time_step=1e-3, mount=mount
+        )
+        first.step({"frequency": 4.5})
+        flights = []
+        for one in (again(first), first):
+            one.step({"plunge_offset": 0.05})
+            one.change(robot.with_parameters({"body.mass": 0.012}), pt.QuasiSteady(robot))
+            one.fly()
+            flights.append(one.flight())
+        xr.testing.assert_identical(*flights)

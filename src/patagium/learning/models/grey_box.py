@@ -141,7 +141,9 @@ class GreyBox(GroupedNetwork):
     @property
     def flight_terms(self) -> FlightTerms:
         """Whether x ends with the accelerations; whether y holds the force of added mass."""
-        return FlightTerms(self.equations.needs_acceleration, self.added_mass is not None)
+        robot, added = self.model.robot, self.added_mass is not None
+        own = robot if {*self._estimate} & {*robot.parameter_names} else None
+        return FlightTerms(self.equations.needs_acceleration, added, robot=own)
 
     @property
     def output_names(self) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from patagium.arrays import Array, Indices, real_array
 from patagium.errors import ParameterError, ShapeError
 from patagium.learning.models.structure import WeightGroups
 from patagium.limits import LARGEST
+from patagium.robot.model import Robot
 
 _BLOCK = 4096  # samples evaluated at once: bounds the memory, keeps the caches warm
 
@@ -43,11 +44,13 @@ class FlightTerms(NamedTuple):
         added_mass: Whether y holds the force of the air carried along.
         strip_forces: Matrix from the strip forces in world axes, x y z of one strip after the
             other, to y, (n_y, 3 n_strips) [unit of y / N]; None where y is a generalized force.
+        robot: The machine by whose numbers y is the force of the air, or None: the flight's.
     """
 
     acceleration: bool = False
     added_mass: bool = False
     strip_forces: Array | None = None
+    robot: Robot | None = None
 
 
 @runtime_checkable

@@ -42,14 +42,16 @@ _POSITIVE = {
     **dict.fromkeys(("gravity",), "m/s^2"),
     "viscosity": "m^2/s",
     **dict.fromkeys(("damping",), "N s/m or N m s"),
+    "stiffness": "N/m or N m/rad",
 }
 _SIGNED = {
     **dict.fromkeys(("zero_lift_angle", "lift_phase", "drag_phase", "angle"), "rad"),
     **dict.fromkeys(("xy", "xz", "yz"), "kg m^2"),
     "ground": "m",
+    "rest": "m or rad",
 }
 _VECTORS = {"position": "m", "center_of_mass": "m", "quarter_chord": "m", "wind": "m/s"}
-_PLAIN = {"1": "", "1/semichord": "", "semichords": "", "N s/m or N m s": ""}
+_PLAIN = {"1": "", "1/semichord": "", "semichords": ""}
 
 
 class Estimate(NamedTuple):
@@ -154,9 +156,11 @@ def unit_of(name: str) -> str:
     return _POSITIVE.get(last) or _SIGNED.get(last, "1")
 
 
-def written_unit(name: str) -> str:
-    """Unit of a parameter as text behind a number; empty for pure numbers."""
-    unit = unit_of(name)
+def written_unit(name: str, robot: Robot) -> str:
+    """Unit of a parameter of a robot or its air behind a number; empty for pure numbers."""
+    unit, joint = unit_of(name), name.rpartition(".")[0]
+    if " or " in unit and joint in robot.dof_names:
+        unit = unit.split(" or ")[robot.dof_units[robot.index(joint)] != "m"]
     return _PLAIN.get(unit, unit)
 
 

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from patagium.arguments import checked
-from patagium.arrays import Array, real_array, rising
+from patagium.arrays import Array, brief, real_array, rising
 from patagium.errors import LogError, ParameterError, positive
 from patagium.robot import Robot
 from patagium.sensing.motion.estimate_motion import (
@@ -69,6 +69,7 @@ class MotionNow:
     v: Array
     a: Array
     covariance: Array
+    __repr__ = brief
 
 
 @dataclass

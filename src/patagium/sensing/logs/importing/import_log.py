@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from patagium.arguments import Progress, checked
-from patagium.arrays import Array
+from patagium.arrays import Array, brief
 from patagium.errors import LogError, ParameterError
 from patagium.netcdf_file import NetcdfDraft
 from patagium.robot import Robot, load_robot, preset_names
@@ -162,6 +162,7 @@ class Imported:
     findings: tuple[Finding, ...]
     facts: tuple[dict[str, Any], ...] = ()
     notes: tuple[str, ...] = field(default=())
+    __repr__ = brief
 
 
 @checked

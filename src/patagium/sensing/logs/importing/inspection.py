@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from patagium.arguments import Progress, checked
+from patagium.arrays import brief
 from patagium.errors import LogError
 from patagium.sensing.logs.files.channels import ColumnError, LogFile, Request, StampSource, Topic
 from patagium.sensing.logs.files.message_files import NO_MESSAGE
@@ -123,6 +124,7 @@ class Inspection:
     topics: tuple[TopicFacts, ...]
     findings: tuple[Finding, ...]
     notes: tuple[str, ...]
+    __repr__ = brief
 
     def plain(self) -> dict[str, Any]:
         """Inspection as a dict for JSON."""
