@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from patagium.cli.words import quantity
+from patagium.cli.words import Vector, quantity, vector
 
 OUTPUT = ("--output", "--out", "-o")
 """Words of the option for the file that a verb writes."""
@@ -48,6 +48,12 @@ MappingOption = Annotated[
 ]
 DurationOption = Annotated[float | None, option_in("s", "a time", "Duration of the flight, in s.")]
 DensityOption = Annotated[float, option_in("kg/m^3", "a density", "Density of the air, in kg/m^3.")]
+WindOption = Annotated[
+    Vector | None,
+    typer.Option(
+        parser=vector("m/s", "a speed"), help="Steady wind in world axes, in m/s: -3,0,0."
+    ),
+]
 PolarOption = Annotated[
     str | None,
     typer.Option(

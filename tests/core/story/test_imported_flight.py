@@ -92,7 +92,7 @@ def test_forces_where_no_motor_is_need_not_be_in_a_log(log: Path) -> None:
     file = log.with_name("map.yaml")
     words = json.loads(file.read_text(encoding="utf-8"))
     whole = pt.import_log(log, file, log.with_name("whole.nc")).path
-    rows = pd.read_csv(pt.import_log(log, file, log.with_name("whole.csv")).path)
+    rows = pd.read_csv(pt.import_log(log, file, log.with_name("whole.csv")).path, comment="#")
     base = {f"u1.{name}" for name in ("x", "y", "z", "roll", "pitch", "yaw")}
     words["channels"] = [one for one in words["channels"] if one["name"] not in base]
     file.write_text(json.dumps(words), encoding="utf-8")
@@ -100,7 +100,7 @@ def test_forces_where_no_motor_is_need_not_be_in_a_log(log: Path) -> None:
     assert any(text.text.startswith("taken as zero") for text in less.findings)
     for part in PARTS:
         assert np.array_equal(pt.load_log(less.path)[part], pt.load_log(whole)[part])
-    again = pd.read_csv(pt.import_log(log, file, log.with_name("less.csv")).path)
+    again = pd.read_csv(pt.import_log(log, file, log.with_name("less.csv")).path, comment="#")
     pd.testing.assert_frame_equal(again[rows.columns], rows, check_dtype=False)
     words["channels"] = [one for one in words["channels"] if one["name"] != "u1.left_plunge"]
     file.write_text(json.dumps(words), encoding="utf-8")
@@ -110,7 +110,7 @@ def test_forces_where_no_motor_is_need_not_be_in_a_log(log: Path) -> None:
 
 def test_an_imported_flight_is_streamed(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mapping, facts = log.with_name("map.yaml"), []
-    for out in ("out.nc", "out.csv"):
+    for out in ("out.nc", "out.csv", "still.csv"):
         file = log.with_name(out)
         say("import", log, "--map", mapping, "-o", file)
         words = ["--robot", "aerobat"] if file.suffix == ".csv" else []  # a log carries its robot
@@ -118,18 +118,34 @@ def test_an_imported_flight_is_streamed(log: Path, capsys: pytest.CaptureFixture
         following = ", or ".join(f"patagium {verb} {file}" for verb in verbs)
         assert capsys.readouterr().out.endswith(f"Next: {following}\n")
         kept = file.with_suffix(".stream.nc")
-        say("stream", file, *words, "--idle", "0.2", "--record", kept, *LEARN)
-        facts.append(json.loads(capsys.readouterr().out))
-        wind = (0.0 if words else -3.0, 0.0, 0.0)  # packets hold none
-        assert tuple(air_of(pt.load_log(kept)).wind) == wind
+        calm = ["--wind", "0,0,0", "--density", "1.1"] * (out == "still.csv")  # they override it
+        say("stream", file, *words, *calm, "--idle", "0.2", "--record", kept, *LEARN)
+        said = capsys.readouterr()
+        facts.append(json.loads(said.out))
+        air = pt.Air(density=1.1) if calm else pt.Air(wind=(-3.0, 0.0, 0.0))
+        assert air_of(pt.load_log(kept)) == air
+        assert ("the text states wind (-3.0, 0.0, 0.0) m/s" in said.err) == bool(calm)
     assert facts[0]["samples"] == facts[1]["samples"] > 490
-    assert facts[0]["nmse"]["z"] < 0.5 * facts[1]["nmse"]["z"]
+    assert facts[0]["nmse"]["z"] == pytest.approx(facts[1]["nmse"]["z"], rel=1e-6)
+    assert facts[0]["nmse"]["z"] < 0.5 * facts[2]["nmse"]["z"]
+    assert "wind" not in str(pt.sensing.inspect_log(log.with_name("out.csv")).findings)
     say("identify", log.with_name("out.nc"), *LEARN[:-1], "--every", "50")
     model = log.with_name("model.json")
     assert capsys.readouterr().out.endswith(f"Next: patagium evaluate {model} ANOTHER.nc\n")
     with pytest.raises(SystemExit):
         run(["stream", str(log.with_name("out.csv"))])
     assert "--robot: expected a preset or a robot file" in capsys.readouterr().err
+
+
+def test_the_air_that_a_mapping_states_is_kept_without_a_robot(tmp_path: Path) -> None:
+    """A robot that is named afterwards, as by `motion --robot`, flew in still air."""
+    table = {"t": np.arange(9) / 100, "a": np.zeros(9), "x": np.arange(9.0)}
+    pd.DataFrame(table).to_csv(tmp_path / "a.csv", index=False)
+    channels = [{"column": "x", "name": "x", "unit": "m"}]
+    words = {"time": {"column": "t"}, "channels": channels, "air": {"density": 1.1}}
+    (tmp_path / "map.yaml").write_text(json.dumps(words), encoding="utf-8")
+    pt.import_log(tmp_path / "a.csv", tmp_path / "map.yaml", tmp_path / "a.nc")
+    assert air_of(pt.load_log(tmp_path / "a.nc")) == pt.Air(density=1.1)
 
 
 def test_an_imported_flight_is_sent_with_its_accelerations(
@@ -143,7 +159,7 @@ def test_an_imported_flight_is_sent_with_its_accelerations(
         listener.settimeout(5.0)
         say("send", out, f"udp://127.0.0.1:{listener.getsockname()[1]}", "--rate", "1e5")
         first = np.frombuffer(listener.recv(1 << 16), "<f8")[2:]
-    assert "packets hold no wind (-3.0, 0.0, 0.0) m/s" in capsys.readouterr().err
+    assert '--density 1.225 --wind "-3,0,0"' in capsys.readouterr().err  # of the stream
     expected = flight_packets(flight)[0]
     np.testing.assert_allclose(first, expected, rtol=1e-9, atol=1e-9)
 

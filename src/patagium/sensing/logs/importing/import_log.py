@@ -40,8 +40,8 @@ from patagium.sensing.logs.importing.resample import (
     stamps_in,
     time_base,
 )
-from patagium.sensing.logs.mapping import TableMapping, load_mapping
-from patagium.sensing.logs.record import FORMAT, LogRecord, is_log
+from patagium.sensing.logs.mapping import AirWords, TableMapping, load_mapping
+from patagium.sensing.logs.record import AIR_LINE, FORMAT, LogRecord, is_log
 from patagium.sensing.logs.table import LogTable
 from patagium.version import __version__
 from patagium.whole_file import Draft
@@ -108,13 +108,16 @@ class CsvWriter:
     Args:
         path: The file.
         plan: Quantities of the log.
+        air: Air of the flight; a first line states it where it is not at rest at sea level.
 
     Raises:
         OSError: If the file cannot be written.
     """
 
-    def __init__(self, path: Path, plan: Plan) -> None:
+    def __init__(self, path: Path, plan: Plan, air: AirWords) -> None:
         self._file = path.open("w", encoding="utf-8", newline="")
+        if air != AirWords():
+            self._file.write(f"{AIR_LINE.decode()}{air.model_dump_json()}\n")
         labels = [label for item in plan.items for label in item.column.labels]
         self._append(pd.DataFrame(columns=["time", *labels, *plan.zero]), header=True)
 
@@ -247,14 +250,14 @@ def _written(
         "resampling": "numbers and vectors linear, attitudes by slerp, angles the short way",
         "axes": "x forward, y left, z up; attitudes w, x, y, z, body to world",
         "gap": mapping.gap,
+        "air": mapping.air.model_dump_json(),
     }
     if robot is not None:
-        air = mapping.air.model_dump_json()
-        attributes |= {"robot": robot.source, "robot_name": robot.name, "air": air}
+        attributes |= {"robot": robot.source, "robot_name": robot.name}
     writer: Writer = (
         NetcdfWriter(draft.file, plan, base.count, attributes)
         if isinstance(draft, NetcdfDraft)
-        else CsvWriter(draft.path, plan)
+        else CsvWriter(draft.path, plan, mapping.air)
     )
     with closing(writer):
         samples, duration = _write(writer, spool, base, mapping.gap, progress)
