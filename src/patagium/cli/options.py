@@ -57,8 +57,8 @@ WindOption = Annotated[
 PolarOption = Annotated[
     str | None,
     typer.Option(
-        help="A file of XFOIL, AeroSandbox or NeuralFoil; of quasi-steady air also dickinson, the "
-        "default, or reynolds (insects of any size)."
+        help="A file of XFOIL, AeroSandbox, NeuralFoil or AeroDyn; of quasi-steady air also "
+        "dickinson, the default, or reynolds (insects of any size)."
     ),
 ]
 InflowOption = Annotated[

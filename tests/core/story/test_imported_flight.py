@@ -15,8 +15,10 @@ import patagium as pt
 from patagium.cli.main import run
 from patagium.errors import FlightError, LogError
 from patagium.live.packets import flight_packets
+from patagium.sensing import training_data
 from patagium.sensing.logs.record import LogRecord
 from patagium.simulation import air_of, robot_of
+from patagium.viewer.replay import replay_content
 
 PARTS = ("q", "v", "a", "u1")
 LEARN = ("--network", "strip", "--prior-std", "0.3", "--measurement-std", "3e-4",
@@ -106,6 +108,55 @@ def test_forces_where_no_motor_is_need_not_be_in_a_log(log: Path) -> None:
     file.write_text(json.dumps(words), encoding="utf-8")
     with LogRecord(pt.import_log(log, file, log.with_name("less.nc")).path) as record:
         assert not record.is_flight and not base & set(record.labels)
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_a_torque_that_is_missing_costs_no_other_force(
+    log: Path, every: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All samples were left out, or refused."""
+    table, out = pd.read_parquet(log), tmp_path / "out.nc"
+    table.loc[::every, "u1_left_plunge"] = np.nan
+    table.to_parquet(log)
+    say("import", log, "--map", log.with_name("map.yaml"), "-o", out)
+    found = pt.load_log(out)
+    lost = np.isnan(found["u1"].sel(dof="left_plunge"))
+    assert found.sizes["time"] == len(table) and lost.sum() == lost[::every].size
+    scores = pt.identify(found, every=5).scores["nmse_second_half"]
+    assert scores["z"] < 0.02 and scores["right_plunge"] < 0.02
+    assert np.isnan(scores["left_plunge"]) == (every == 1)
+    capsys.readouterr()
+    say("stream", out, "--json")
+    assert json.loads(capsys.readouterr().out)["learned"] > 0.9 * len(table)
+
+
+def test_an_imported_flight_is_shown(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Force and moment of the air on the robot and their plots; strips are not in a log."""
+    out, page = tmp_path / "out.nc", tmp_path / "out.html"
+    say("import", log, "--map", log.with_name("map.yaml"), "-o", out)
+    say("view", out, "-o", page)
+    assert "cycles" not in capsys.readouterr().out and page.stat().st_size > 1e5
+    shown, loaded = replay_content(pt.load_log(out)), pt.load_log(out)
+    force = training_data(loaded)[2]
+    assert shown.arrows is not None and shown.arrows.force is None
+    np.testing.assert_allclose(shown.arrows.total, force[:: len(force) // len(shown.time), :3])
+    assert "Wind at first: (-3, 0, 0)" in "".join(shown.notes)
+    loaded["u1"][::2, 6] = np.nan
+    loaded["u1"][:, 7] = np.nan
+    part = replay_content(loaded)
+    assert len(part.time) == len(loaded.time) // 2
+    assert str(loaded.dof.values[7]) not in [
+        one.name for one in part.series if "force" in one.group
+    ]
+    words = json.loads(log.with_name("map.yaml").read_text(encoding="utf-8"))
+    words["channels"] = [one for one in words["channels"] if one["name"][:2] == "q."]
+    log.with_name("map.yaml").write_text(json.dumps(words), encoding="utf-8")
+    say("import", log, "--map", log.with_name("map.yaml"), "-o", out)
+    with pytest.raises(SystemExit):
+        run(["view", str(out)])
+    assert f"patagium motion {out} --robot ROBOT" in capsys.readouterr().err
 
 
 def test_an_imported_flight_is_streamed(log: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -298,7 +298,8 @@ def _refuse_unusable(log: LogFile, spool: Spool, mapping: TableMapping) -> None:
                 + ("cut the log, or check its stamps" if back else _duplicates_remedy(stamps))
             )
     for item in spool.plan.items:
-        if not spool.surveys[item.stream].values.count[list(item.places)].all():
+        asked = item.needed or item.role == "output"
+        if asked and not spool.surveys[item.stream].values.count[list(item.places)].all():
             raise LogError(
                 f"{log.path}: {item.column.label}: expected finite numbers, found none; leave it "
                 "out of the mapping if it was not measured"
@@ -319,12 +320,13 @@ def _write(
     """Number of samples written, with what is needed and an output, and their duration [s]."""
     samples, first, last, end = 0, 0.0, 0.0, 0
     needed = np.array([item.needed for item in spool.plan.items])
+    learned = ~needed & [item.role == "output" for item in spool.plan.items]
     while (begin := after_gaps(spool, base, end, gap)) < base.count:
         end = min(begin + CHUNK, base.count)
         stamps = stamps_in(spool, base, begin, end)
         parts = [resampled(spool, item, stamps, gap) for item in spool.plan.items]
         known = np.array([ok for _, ok in parts])
-        valid = known[needed].all(axis=0) & (known[~needed].any(axis=0) | needed.all())
+        valid = known[needed].all(axis=0) & (known[learned].any(axis=0) | ~learned.any())
         zeros = np.zeros((len(stamps), len(spool.plan.zero)))
         shown = (np.where(ok[:, None], part, np.nan) for part, ok in parts)
         values = np.column_stack([*shown, zeros])[valid]
