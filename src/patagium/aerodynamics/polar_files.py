@@ -107,15 +107,20 @@ def read_polar(path: str | Path) -> PolarTable:
         raise Unreadable(str(path), "alpha", "degrees, or a column alpha [rad]", rises)
     table = table[kept]
     table[:, 0] = angle if unit[:3] == "rad" else np.radians(angle)
+    angle, lift, drag, *moment = _within(table, str(path)).T
+    return PolarTable(angle, lift, drag, moment[0] if moment else None)
+
+
+def _within(table: Array, path: str) -> Array:
+    """Rows within 90 degrees; a warning tells how many are left out."""
     within = np.abs(table[:, 0]) <= np.pi / 2 + 1e-9
     if not within.all():
         left = f"{np.count_nonzero(~within)} of {len(within)} rows"
         words = f"{path}: {left} are beyond 90 degrees and left out: backward motion is mirrored"
-        warnings.warn(words, stacklevel=3)
+        warnings.warn(words, stacklevel=4)
     if np.count_nonzero(within) < 2:
-        raise Unreadable(str(path), "alpha", "two or more rows within 90 degrees", "fewer")
-    angle, lift, drag, *moment = table[within].T
-    return PolarTable(angle, lift, drag, moment[0] if moment else None)
+        raise Unreadable(path, "alpha", "two or more rows within 90 degrees", "fewer")
+    return np.asarray(table[within])
 
 
 def _cells(line: str, header: str) -> list[str]:

@@ -147,8 +147,7 @@ def stream(
                 with live_stream(live, live_address, pipeline, status, intake) as view:
                     packets = _opened(source, columns, idle, key_file)
                     shown = _watched(view, student, state, autosave, recording)
-                    noting = _noting(queue, air)
-                    shown = shown._replace(rhythms=(*shown.rhythms, noting))
+                    shown = shown._replace(rhythms=(*shown.rhythms, noting := _noting(queue, air)))
                     _learn(packets, queue, pipeline, status, stop, shown, samples)
                     noting.action()
             except Exception as error:
