@@ -1,4 +1,4 @@
-"""Static polars of sections from text files of XFOIL, AeroSandbox or NeuralFoil.
+"""Static polars of sections from text files of XFOIL, AeroSandbox, NeuralFoil or AeroDyn.
 
 A header names the columns, numbers follow: apart by semicolons or commas if the header's names
 are, else by spaces. Neglected: the size of the Reynolds number and all other columns.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import re
+import warnings
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,16 +41,28 @@ class PolarTable(NamedTuple):
     moment: Array | None
 
 
+def is_polar(path: str | Path) -> bool:
+    """Whether a text file has a header with the columns alpha, CL and CD.
+
+    Raises:
+        Unreadable: If the file cannot be read.
+    """
+    lines = text_of(path, _LARGEST).splitlines()
+    return any({*_COLUMNS[:3]} <= {*_header(line)} for line in lines)
+
+
 @checked
 def read_polar(path: str | Path) -> PolarTable:
     """Static polar of a section, from the columns alpha, CL, CD and perhaps CM of a text file.
 
     Angles are in degrees unless the header has alpha [rad] or alpha_rad; AoA is alpha. Rows are
     sorted by angle; of rows with the same angle the first counts. Rows without a number in
-    one of these columns are left out.
+    one of these columns are left out. So are, with a warning, those beyond 90 degrees: a section
+    that moves backward is its own mirror image in every model.
 
     Args:
-        path: Polar saved by XFOIL, or a CSV file of AeroSandbox's or NeuralFoil's results.
+        path: Polar saved by XFOIL, a CSV file of AeroSandbox's or NeuralFoil's results, or a file
+            of AeroDyn 15 with one table.
 
     Raises:
         Unreadable: If the file cannot be read, has not one header with alpha, CL and CD and two
@@ -92,8 +105,22 @@ def read_polar(path: str | Path) -> PolarTable:
     if not unit and rise > _STEEP * span:
         rises = f"C_L {rise:.3g} higher in {span:.3g} degrees"
         raise Unreadable(str(path), "alpha", "degrees, or a column alpha [rad]", rises)
-    angle = angle if unit[:3] == "rad" else np.radians(angle)
+    table = table[kept]
+    table[:, 0] = angle if unit[:3] == "rad" else np.radians(angle)
+    angle, lift, drag, *moment = _within(table, str(path)).T
     return PolarTable(angle, lift, drag, moment[0] if moment else None)
+
+
+def _within(table: Array, path: str) -> Array:
+    """Rows within 90 degrees; a warning tells how many are left out."""
+    within = np.abs(table[:, 0]) <= np.pi / 2 + 1e-9
+    if not within.all():
+        left = f"{np.count_nonzero(~within)} of {len(within)} rows"
+        words = f"{path}: {left} are beyond 90 degrees and left out: backward motion is mirrored"
+        warnings.warn(words, stacklevel=4)
+    if np.count_nonzero(within) < 2:
+        raise Unreadable(path, "alpha", "two or more rows within 90 degrees", "fewer")
+    return np.asarray(table[within])
 
 
 def _cells(line: str, header: str) -> list[str]:
@@ -117,7 +144,7 @@ def _number(cells: list[str], place: int) -> float:
 
 def _header(line: str) -> dict[str, tuple[int, str]]:
     """Position and unit of each column in a header line; units in brackets, as in alpha [deg]."""
-    joined = re.sub(r"^[\s#%]+|\s+(?=[\[(])", "", line.lower())  # remarks' marks are no column
+    joined = re.sub(r"^[\s#%!]+|\s+(?=[\[(])", "", line.lower())  # remarks' marks are no column
     found: dict[str, tuple[int, str]] = {}
     for place, word in enumerate(_cells(joined, joined)):
         opened = re.sub("[ _\"']", "", word).replace("(", "[")

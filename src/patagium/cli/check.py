@@ -9,7 +9,7 @@ import typer
 
 from patagium.cli.options import JsonOption, MappingOption
 from patagium.cli.words import MEANING, answer, existing
-from patagium.errors import ParameterError, command
+from patagium.errors import ParameterError, PatagiumError, command
 
 if TYPE_CHECKING:
     from patagium.robot import Robot
@@ -18,6 +18,7 @@ EXAMPLES = (
     "patagium check my-robot.yaml",
     "patagium check flight.nc --json",
     "patagium check log.csv --mapping columns.yaml",
+    "patagium check naca0012.txt",
 )
 
 
@@ -26,7 +27,7 @@ def check(
         Path,
         typer.Argument(
             help="Robot (.yaml, .urdf), plan (.yaml), flight or log (.nc), model (.json), table "
-            "(.csv, .parquet)."
+            "(.csv, .parquet), polar of a section (.csv, .txt, .dat)."
         ),
     ],
     mapping: MappingOption = None,
@@ -36,10 +37,14 @@ def check(
 
     Leaves with 0 when it can be used, with 2 and the reasons when not.
     """
+    from patagium.aerodynamics.polar_files import is_polar
     from patagium.robot import load_robot, preset_names
 
     ending = file.suffix.lower()
-    if ending in (".csv", ".parquet", ".gz"):
+    polar = mapping is None and ending in (".csv", ".txt", ".dat", ".pol", ".polar")
+    if polar and (ending != ".csv" or is_polar(existing(file))):
+        facts = _polar_facts(file)
+    elif ending in (".csv", ".parquet", ".gz"):
         facts = _log_facts(file, mapping)
     elif mapping is not None:
         raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
@@ -52,7 +57,7 @@ def check(
     elif ending in (".yaml", ".yml", ".urdf") or str(file) in preset_names():
         facts = {"kind": "robot", **robot_facts(load_robot(str(file)))}
     else:
-        expected = "a name ending in .yaml, .urdf, .nc, .json, .csv or .parquet"
+        expected = "a name ending in .yaml, .urdf, .nc, .json, .csv, .parquet, .txt or .dat"
         raise ParameterError("file", expected, str(file))
     answer(facts, as_json=as_json, title=f"{file} can be used")
 
@@ -79,6 +84,33 @@ def _plan_facts(file: Path) -> dict[str, Any] | None:
     plan = load_plan(file)
     events = [one.type for one in plan.events or ()]
     return {"kind": "plan", "robot": plan.robot, "events": events}
+
+
+def _polar_facts(file: Path) -> dict[str, Any]:
+    """Facts of a polar, as `--polar` takes it, once blade elements can be made of it."""
+    from math import degrees
+
+    from patagium.aerodynamics import measured_polar, measured_section, read_polar
+
+    table = read_polar(existing(file))
+    measured_polar(*table[:3])
+    try:
+        section = measured_section(*table)
+        lifting = f"lift slope {section.lift_slope:.3g} 1/rad, no lift at "
+        lifting += f"{degrees(section.zero_lift_angle):.3g} deg"
+    except PatagiumError as error:
+        lifting = f"not usable: {error}"
+    best = int(table.lift.argmax())
+    return {
+        "kind": "polar of a section",
+        "rows": len(table.angle),
+        "angle of attack [deg]": [degrees(table.angle[0]), degrees(table.angle[-1])],
+        "largest C_L [1]": float(table.lift[best]),
+        "at [deg]": degrees(table.angle[best]),
+        "least C_D [1]": float(table.drag.min()),
+        "moment": "none" if table.moment is None else "C_m about the quarter chord",
+        "with a lifting line": lifting,
+    }
 
 
 def _model_facts(file: Path) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from patagium.cli.words import quantity
+from patagium.cli.words import Vector, quantity, vector
 
 OUTPUT = ("--output", "--out", "-o")
 """Words of the option for the file that a verb writes."""
@@ -48,11 +48,18 @@ MappingOption = Annotated[
 ]
 DurationOption = Annotated[float | None, option_in("s", "a time", "Duration of the flight, in s.")]
 DensityOption = Annotated[float, option_in("kg/m^3", "a density", "Density of the air, in kg/m^3.")]
+WindOption = Annotated[
+    Vector | None,
+    typer.Option(
+        parser=vector("m/s", "a speed"), help="Steady wind in world axes, in m/s: -3,0,0."
+    ),
+]
 PolarOption = Annotated[
     list[str] | None,
     typer.Option(
-        help="A file of XFOIL, AeroSandbox or NeuralFoil; of quasi-steady air also dickinson, the "
-        "default, or reynolds (insects of any size). For one wing: WING=FILE; may be repeated.",
+        help="A file of XFOIL, AeroSandbox, NeuralFoil or AeroDyn; of quasi-steady air also "
+        "dickinson, the default, or reynolds (insects of any size). For one wing: WING=FILE; may "
+        "be repeated.",
     ),
 ]
 InflowOption = Annotated[

@@ -49,7 +49,8 @@ def send(
     address = address_of(target)
     if not isinstance(recorded, SensorLog) and (air := air_of(recorded)) != Air():
         told = f"packets hold no wind {air.wind} m/s and no density {air.density:.4g} kg/m^3"
-        typer.echo(f"Warning: {told}: a stream learns as in still air at sea level.", err=True)
+        given = f'--density {air.density:.6g} --wind "{",".join(f"{one:.6g}" for one in air.wind)}"'
+        typer.echo(f"Warning: {told}: give them to the stream, {given}", err=True)
     with progress_bar(f"Sending {file.name}") as progress:
         try:
             sent = send_packets(recorded, address, rate=rate, rows=rows, key=key, progress=progress)

@@ -22,6 +22,7 @@ from patagium.cli.options import (
     JsonOption,
     PolarOption,
     RobotArgument,
+    WindOption,
     option_in,
 )
 from patagium.cli.outputs import Outputs
@@ -128,12 +129,7 @@ def simulate(
         typer.Option(help="Factor of the added mass: 1 for long wings, .85 at aspect ratio 3."),
     ] = None,
     density: DensityOption = 1.225,
-    wind: Annotated[
-        Vector | None,
-        typer.Option(
-            parser=vector("m/s", "a speed"), help="Steady wind in world axes, in m/s: -3,0,0."
-        ),
-    ] = None,
+    wind: WindOption = None,
     ground: Annotated[
         float | None,
         option_in(
@@ -271,20 +267,21 @@ def simulate(
     }  # fmt: skip
     flight = _fly(machine, model, moves, conditions, shown)
     if not as_json:
-        _tell_choice(machine, flight, own is not None, duration, time_step)
+        chosen = usual if duration is None else None
+        _tell_choice(machine, flight, own is not None, chosen, time_step)
     keep(flight, output, figure, as_json)
 
 
 def _tell_choice(
-    machine: Robot, flight: Any, cruise: bool, duration: float | None, time_step: float | None
+    machine: Robot, flight: Any, cruise: bool, chosen: float | None, time_step: float | None
 ) -> None:
     """Print the settings of a flight that were chosen because no option gave them."""
     parts, own = [], machine.cruise
     if cruise and own:
         beats = f"{own.frequency:g} Hz" if own.frequency else "joints held"
         parts.append(f"its cruise, {beats} at {own.speed:g} m/s")
-    if duration is None:
-        parts.append(f"duration {float(flight['time'][-1]):g} s")
+    if chosen is not None:
+        parts.append(f"duration {chosen:g} s")
     if time_step is None:
         parts.append(f"time step {flight.attrs['time_step']:g} s")
     if parts:

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -23,7 +24,7 @@ from patagium.cli.learner_options import (
     with_learner_options,
 )
 from patagium.cli.live import LiveAddressOption, LiveOption, Shown, live_stream
-from patagium.cli.options import output_file
+from patagium.cli.options import WindOption, option_in, output_file
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import answer
 from patagium.errors import FilterDiverged, ParameterError, PatagiumError
@@ -45,10 +46,11 @@ EXAMPLES = (
     "--record stream.nc --model model.json",
     "patagium stream log.csv --robot aerobat --network dense --hidden 20 --scale-by flight.nc "
     "--covariance node --prior-std 0.5 --measurement-std 1e-3 --idle 5",
-    "sensors | patagium stream - --robot robot.yaml --live",
+    'sensors | patagium stream - --robot robot.yaml --density 1.1 --wind "-3,0,0 m/s" --live',
 )
 PANELS = {
     "Packets": "key_file room samples idle",
+    "Air": "density wind",
     "Learner": "settings scale_by memory autosave",
     "Live view": "live_address",
 }
@@ -66,6 +68,11 @@ def stream(
     robot: Annotated[
         str | None, typer.Option(help="Robot, a preset or a file; that of the log by default.")
     ] = None,
+    density: Annotated[
+        float | None,
+        option_in("kg/m^3", "a density", "Density of the air, in kg/m^3; that of a log, or 1.225."),
+    ] = None,
+    wind: WindOption = None,
     scale_by: Annotated[
         Path | None, typer.Option(help="Flight (.nc) whose samples scale a dense network.")
     ] = None,
@@ -118,8 +125,12 @@ def stream(
     from patagium.live.sources import PacketQueue
     from patagium.sensing.force.air_force import packet_columns
 
-    machine, air = _robot_and_air(source, robot)
+    machine, stated = _robot_and_air(source, robot)
+    air = stated if density is None else replace(stated, density=density)
+    air = air if wind is None else replace(air, wind=wind)
     net = _network(machine, air, choice, scale_by)
+    if air != stated and choice.shape()[0] is NetworkKind.DENSE:
+        raise ParameterError("--density, --wind", "a network of wings, which sees the air", "dense")
     outputs, stop, ending = Outputs(), threading.Event(), threading.Event()
     with sole_user(state):
         student = resumed(choice.learner(net), state)
@@ -136,8 +147,9 @@ def stream(
                 with live_stream(live, live_address, pipeline, status, intake) as view:
                     packets = _opened(source, columns, idle, key_file)
                     shown = _watched(view, student, state, autosave, recording)
-                    shown = shown._replace(rhythms=(*shown.rhythms, _noting(queue)))
+                    shown = shown._replace(rhythms=(*shown.rhythms, noting := _noting(queue, air)))
                     _learn(packets, queue, pipeline, status, stop, shown, samples)
+                    noting.action()
             except Exception as error:
                 problem = error
             finally:  # whatever ended it, what was learned is saved first
@@ -160,19 +172,23 @@ def stream(
 
 
 def _robot_and_air(source: str, robot: str | None) -> tuple[Robot, Air]:
-    """The named robot, else that of an imported log or a sensor log, and the air of the former."""
+    """The named robot, else that of an imported log or a sensor log, and the air that it states."""
     from patagium.aerodynamics import Air
     from patagium.robot import load_robot
     from patagium.sensing import load_sensor_log
-    from patagium.sensing.logs.record import LogRecord, is_log
+    from patagium.sensing.logs.record import LogRecord, is_log, stated_air
     from patagium.sensing.sensors.sense import is_sensor_log
 
     machine, air = None if robot is None else load_robot(robot), Air()
     if is_log(source):
         with LogRecord(source) as record:
             machine, air = machine or record.robot, record.air
-    elif machine is None and source != "-" and "://" not in source and is_sensor_log(source):
-        machine = load_sensor_log(source).robot
+    elif source != "-" and "://" not in source and is_sensor_log(source):
+        log = load_sensor_log(source)
+        machine, air = machine or log.robot, log.air
+    elif Path(source).is_file():
+        with Path(source).open("rb") as file:
+            air = stated_air(file.readline(1 << 10)) or air
     if machine is None:
         raise ParameterError("--robot", "a preset or a robot file: the source carries none", None)
     return machine, air
@@ -197,13 +213,19 @@ def _opened(source: str, columns: list[str], idle: float | None, key_file: Path 
     return packets
 
 
-def _noting(queue: PacketQueue) -> Rhythm:
-    """Rhythm that tells what was found about raw sensors."""
+def _noting(queue: PacketQueue, air: Air) -> Rhythm:
+    """Rhythm that tells what was found about raw sensors, and of a text in other air."""
     from patagium.live.loop import Rhythm
+    from patagium.sensing.logs.record import stated_air
 
     told: list[str] = []
 
     def tell() -> None:
+        stated, queue.intake.air = stated_air(queue.intake.air) or air, b""
+        if stated != air:
+            words = f"wind {stated.wind} m/s and density {stated.density:.4g} kg/m^3"
+            given = "another is learned in (--density, --wind)"
+            typer.echo(f"Warning: the text states {words}: {given}", err=True)
         for note in queue.notes[len(told) :]:
             told.append(note)
             typer.echo(note + "." * (note[-1] not in ".?"), err=True)

@@ -9,9 +9,11 @@ import typer
 
 from patagium.cli.options import OUTPUT, PredictedOption, option_in, output_file
 from patagium.cli.words import FLIGHT, existing, flight_file, progress_bar, say_next
-from patagium.errors import ParameterError, command
+from patagium.errors import LogError, ParameterError, command
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from patagium.viewer.predicted_forces import Predicted
 
 EXAMPLES = (
@@ -28,7 +30,8 @@ PANELS = {"A picture or a film instead of a page": "still at film"}
 
 def view(
     flights: Annotated[
-        list[Path], typer.Argument(help="Flight (.nc), or two: the second is drawn as a ghost.")
+        list[Path],
+        typer.Argument(help="Flight, motion or log (.nc), or two: the second is drawn as a ghost."),
     ] = [FLIGHT],  # noqa: B006
     out: Annotated[
         Path | None,
@@ -66,7 +69,6 @@ def view(
     """
     from patagium.report.figures import save_figure
     from patagium.report.page import page_path
-    from patagium.simulation import load_flight
     from patagium.viewer import replay
     from patagium.viewer import still as draw_still
     from patagium.viewer.film import film as write_film
@@ -81,7 +83,7 @@ def view(
     page = page_path(flight.with_suffix(".html") if out is None else out, name="--out")
     if at is not None and still is None:
         raise ParameterError("--at", "--still, the picture it is for, as well", "none")
-    shown, predicted = load_flight(flight_file(flight)), _predicted(model, predictions)
+    shown, predicted = _flight(flight), _predicted(model, predictions)
     if still is not None:
         save_figure(draw_still(shown, at, predicted=predicted), still)
         typer.echo(f"The picture is in {still}", err=True)
@@ -90,11 +92,32 @@ def view(
             write_film(shown, film, predicted=predicted, start=start, end=end, progress=progress)
         typer.echo(f"The film is in {film}", err=True)
     else:
-        beside = {other.stem: load_flight(flight_file(other)) for other in others}
+        beside = {other.stem: _flight(other) for other in others}
         options: dict[str, Any] = {"title": title, "start": start, "end": end, "beside": beside}
         replay(shown, page, predicted=predicted, **options)
         typer.echo(f"The page is in {page}", err=True)
-        say_next(f"open {page} in a browser", command("patagium cycles {}", flight))
+        cycles = () if "air" in shown.attrs else (command("patagium cycles {}", flight),)  # of logs
+        say_next(f"open {page} in a browser", *cycles)
+
+
+def _flight(file: Path) -> xr.Dataset:
+    """Flight to show: a simulated one, an imported one, a record of a stream, or a motion."""
+    from patagium.cli.logs import record_of
+    from patagium.netcdf_file import kind_of
+    from patagium.sensing import load_log
+    from patagium.sensing.logs.record import LOADED
+    from patagium.sensing.sensors.sense import is_sensor_log
+    from patagium.simulation import load_flight
+
+    record = record_of(flight_file(file), None)
+    if record is not None:
+        with record:
+            if record.is_flight:
+                return record.flight()
+    elif not is_sensor_log(file):
+        return (load_log if kind_of(file).startswith(LOADED) else load_flight)(file)
+    motion = command("patagium motion {} --robot ROBOT", file)
+    raise LogError(f"{file}: expected a motion, which `{motion}` finds, found sensors alone")
 
 
 def _predicted(model: Path | None, predictions: Path | None) -> Predicted | None:

@@ -43,6 +43,7 @@ from patagium.errors import LogError, ParameterError, Unreadable
 from patagium.live.raw_sensors import sensor_rows, sensors_text
 from patagium.reading import regular_file
 from patagium.sensing.force.air_force import PARTS
+from patagium.sensing.logs.record import AIR_LINE
 from patagium.sensing.sensors import SensorLog
 from patagium.simulation import robot_of
 
@@ -76,6 +77,7 @@ class Intake:
             them is not counted.
         unauthenticated: Datagrams without the tag of the key; not used.
         dropped: Packets for which there was no room, because the learner was too slow.
+        air: Line of a text that states its air; empty without one.
         examples: The first bad ones, in words.
         raw: Counts of raw samples, as `MotionPackets` counts them.
     """
@@ -87,6 +89,7 @@ class Intake:
     resynchronized: int = 0
     unauthenticated: int = 0
     dropped: int = 0
+    air: bytes = b""
     examples: list[str] = field(default_factory=list)
     raw: dict[str, int] = field(default_factory=dict)
 
@@ -160,6 +163,8 @@ class TextPackets:
         if text.startswith(_SENSORS) and self._describe is not None and self._places is None:
             words = text.removeprefix(_SENSORS).decode("utf-8", "replace")
             self._columns = tuple(self._describe(words))
+        if self._places is None and text.startswith(AIR_LINE):
+            self._intake.air = text
         if not text or text.startswith(b"#"):
             return None
         fields = text.split(b",")

@@ -126,6 +126,8 @@ BOUNDS = struct(
     """
     int64_t inputs: n_x that are measured; arrays hold n: those, then the outputs
     int64_t smooth: of them that do not jump: all but accelerations
+    int64_t coordinates: number of q among them, the first; 0 where they are no state
+    int64_t dof: number of v, which follow
     const double *x: n_x: inputs of this sample
     const double *scale: n: of each channel before it is known
     double *low: n: least value of the range

@@ -30,7 +30,8 @@ from patagium.robot.attitude import body_rates
 from patagium.robot.model import Body
 from patagium.robot.planform import strip_corners
 from patagium.robot.solids import Solid, carried_body, solids, tube, wing_tips
-from patagium.simulation import carrier_of, gait_period, robot_of
+from patagium.sensing import training_data
+from patagium.simulation import air_of, carrier_of, gait_period, robot_of
 from patagium.simulation.flight import Carrier
 from patagium.viewer.predicted_forces import Frames, Predicted, Prediction, predict_flight
 
@@ -237,6 +238,7 @@ def replay_content(
 ) -> Replay:
     """Content of a page or a picture of a flight; see `replay` for arguments and errors."""
     robot = robot_of(flight)
+    flight = _with_force(flight, robot)
     time = np.asarray(flight["time"].values, float)
     period = gait_period(flight)
     span = _span(time, start, end)
@@ -287,6 +289,24 @@ def replay_content(
             *([] if prediction is None or prediction.std is None else [_SURE]),
         ],
     )
+
+
+def _with_force(flight: xr.Dataset, robot: Robot) -> xr.Dataset:
+    """Flight with the force of the air, also of an imported log, a record or a motion.
+
+    Samples that lack a coordinate or a force that is known elsewhere are left out.
+    """
+    if "aero_force" in flight or not {"force", "u1"} & {*flight.data_vars}:
+        return flight
+    measured = "force" in flight
+    q = np.asarray(flight["q"].values, float)
+    flight = flight.isel(time=np.isfinite(q).all(axis=1))
+    force = flight["force"].values if measured else training_data(flight, robot)[2]
+    known = np.isfinite(force)
+    whole = known[:, known.any(axis=0)].all(axis=1)
+    if whole.sum() < 2:
+        raise FlightError("flight: expected two samples with motion and force, found fewer")
+    return flight.assign(aero_force=(("time", "dof"), force)).isel(time=whole)
 
 
 def quaternions(rotation: Array) -> Array:
@@ -343,7 +363,8 @@ def _arrows(
     air = np.asarray(shown["aero_force"].transpose("time", "dof").values, float)
     whole = total_force(robot, robot.dof_names, air, *known)
     force = point = guess = None
-    if robot.strips:
+    strips = bool(robot.strips) and "strip_force" in shown  # of a log only the total is known
+    if strips:
         force, point = (
             np.asarray(shown[name].transpose("time", "strip", "axis").values, float)
             for name in ("strip_force", "strip_point")
@@ -351,7 +372,7 @@ def _arrows(
         whole = whole or TotalForce(force.sum(axis=1), None)
         point = point - origin[:, None]
         guess = None if prediction is None else prediction.strips
-    if whole is None or not (robot.strips or air.any()):
+    if whole is None or not np.isfinite(whole.force).all() or not (strips or air.any()):
         return None
     told = std = None
     if prediction is not None:
@@ -388,10 +409,12 @@ def center_of_mass(robot: Robot, position: Array, rotation: Array) -> Array:
 def _series(shown: xr.Dataset, robot: Robot, prediction: Prediction | None) -> list[Series]:
     force = np.asarray(shown["aero_force"].transpose("time", "dof").values, float)
     q = np.asarray(shown["q"].values, float)
-    chosen = _chosen(robot, force)
+    chosen = _chosen(robot, np.nan_to_num(force))
     found = []
     for k, (name, unit) in enumerate(zip(robot.dof_names, robot.force_units, strict=True)):
         guess = sure = None
+        if np.isnan(force[:, k]).all():
+            continue  # nothing measured what drives it
         if prediction is not None and name in prediction.names:
             place = prediction.names.index(name)
             guess = prediction.generalized[:, place]
@@ -427,7 +450,8 @@ def _wind(shown: xr.Dataset) -> list[str]:
     notes = []
     for when, words in events_of(shown):
         notes.append(f"At {when:.4g} s: {words}.")
-    wind = np.asarray(shown["wind"].values, float)
+    own = [air_of(shown).wind] if "wind" not in shown else shown["wind"].values
+    wind = np.asarray(own, float)
     if wind.any():
         words = ", ".join(f"{k:.3g}" for k in wind[0])
         notes.append(f"Wind at first: ({words}) m/s, world axes.")

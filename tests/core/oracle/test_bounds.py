@@ -16,6 +16,7 @@ from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.bounds import Bounds
 from patagium.learning.filters.numbers import filter_numbers
 from patagium.learning.filters.weight_filter import WeightFilter
+from patagium.learning.samples import samples
 from patagium.learning.settings import FilterSettings
 from patagium.native import compiler_name
 from patagium.native.structs import header_numbers
@@ -322,3 +323,23 @@ def test_the_numbers_of_the_bounds_stand_once() -> None:
         used = set(re.findall(r"\b_C\.([A-Z_]+)\b", inspect.getsource(module)))
         assert len(defined) >= 8 and used <= defined.keys() and len(used) > len(defined) - 2, name
     assert header_numbers("bounds.h").KNOWN == 20 and header_numbers("misfit.h").START == 0.02
+
+
+def test_joints_that_rest_in_a_glide_are_not_stuck() -> None:
+    """Wings that stop while the robot flies on cost a hundred samples; stuck encoders still do."""
+    robot = pt.load_robot("aerobat")
+    flight = pt.simulate(robot, duration=0.5, time_step=1e-3)
+    begin, wings = 300, slice(6, None)
+    for stuck in (False, True):
+        glide = flight.copy(deep=True)
+        glide.q.values[begin:, wings] = glide.q.values[begin, wings]
+        if not stuck:
+            glide.v.values[begin:, wings] = glide.a.values[begin:, wings] = 0.0
+        learner = pt.identify(glide, every=1).learner
+        counted = learner.events["stuck"]
+        assert (counted > 0) == stuck
+        bounds, total = Bounds(learner.network), 0
+        time, x, y, _ = samples(glide, learner.network)
+        for row, force, stamp in zip(x, y, time, strict=True):
+            total += bounds.bounded(row, force, stamp)[2]["stuck"]
+        assert total == counted

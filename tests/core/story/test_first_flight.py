@@ -110,8 +110,9 @@ def test_a_broken_run_leaves_the_good_file(tmp_path, capsys):
     path = tmp_path / "flight.nc"
     assert say(capsys, "simulate", "hawk", "--duration", "0.1", "-o", path)[0] == 0
     before = path.read_bytes()
-    code, _, err = say(capsys, "simulate", "aerobat", "--time-step", "1e-2", "-o", path)
+    code, out, err = say(capsys, "simulate", "aerobat", "--time-step", "1e-2", "-o", path)
     assert code == 2 and "flight.partial.nc" in err
+    assert f"duration {pt.load_robot('aerobat').cruise.duration:g} s" in out  # not that reached
     assert path.read_bytes() == before
     assert pt.load_flight(tmp_path / "flight.partial.nc").attrs["outcome"] != "COMPLETED"
 

@@ -15,8 +15,10 @@ import patagium as pt
 from patagium.cli.main import run
 from patagium.errors import FlightError, LogError
 from patagium.live.packets import flight_packets
+from patagium.sensing import training_data
 from patagium.sensing.logs.record import LogRecord
 from patagium.simulation import air_of, robot_of
+from patagium.viewer.replay import replay_content
 
 PARTS = ("q", "v", "a", "u1")
 LEARN = ("--network", "strip", "--prior-std", "0.3", "--measurement-std", "3e-4",
@@ -92,7 +94,7 @@ def test_forces_where_no_motor_is_need_not_be_in_a_log(log: Path) -> None:
     file = log.with_name("map.yaml")
     words = json.loads(file.read_text(encoding="utf-8"))
     whole = pt.import_log(log, file, log.with_name("whole.nc")).path
-    rows = pd.read_csv(pt.import_log(log, file, log.with_name("whole.csv")).path)
+    rows = pd.read_csv(pt.import_log(log, file, log.with_name("whole.csv")).path, comment="#")
     base = {f"u1.{name}" for name in ("x", "y", "z", "roll", "pitch", "yaw")}
     words["channels"] = [one for one in words["channels"] if one["name"] not in base]
     file.write_text(json.dumps(words), encoding="utf-8")
@@ -100,7 +102,7 @@ def test_forces_where_no_motor_is_need_not_be_in_a_log(log: Path) -> None:
     assert any(text.text.startswith("taken as zero") for text in less.findings)
     for part in PARTS:
         assert np.array_equal(pt.load_log(less.path)[part], pt.load_log(whole)[part])
-    again = pd.read_csv(pt.import_log(log, file, log.with_name("less.csv")).path)
+    again = pd.read_csv(pt.import_log(log, file, log.with_name("less.csv")).path, comment="#")
     pd.testing.assert_frame_equal(again[rows.columns], rows, check_dtype=False)
     words["channels"] = [one for one in words["channels"] if one["name"] != "u1.left_plunge"]
     file.write_text(json.dumps(words), encoding="utf-8")
@@ -108,9 +110,58 @@ def test_forces_where_no_motor_is_need_not_be_in_a_log(log: Path) -> None:
         assert not record.is_flight and not base & set(record.labels)
 
 
+@pytest.mark.parametrize("every", [1, 3])
+def test_a_torque_that_is_missing_costs_no_other_force(
+    log: Path, every: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All samples were left out, or refused."""
+    table, out = pd.read_parquet(log), tmp_path / "out.nc"
+    table.loc[::every, "u1_left_plunge"] = np.nan
+    table.to_parquet(log)
+    say("import", log, "--map", log.with_name("map.yaml"), "-o", out)
+    found = pt.load_log(out)
+    lost = np.isnan(found["u1"].sel(dof="left_plunge"))
+    assert found.sizes["time"] == len(table) and lost.sum() == lost[::every].size
+    scores = pt.identify(found, every=5).scores["nmse_second_half"]
+    assert scores["z"] < 0.02 and scores["right_plunge"] < 0.02
+    assert np.isnan(scores["left_plunge"]) == (every == 1)
+    capsys.readouterr()
+    say("stream", out, "--json")
+    assert json.loads(capsys.readouterr().out)["learned"] > 0.9 * len(table)
+
+
+def test_an_imported_flight_is_shown(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Force and moment of the air on the robot and their plots; strips are not in a log."""
+    out, page = tmp_path / "out.nc", tmp_path / "out.html"
+    say("import", log, "--map", log.with_name("map.yaml"), "-o", out)
+    say("view", out, "-o", page)
+    assert "cycles" not in capsys.readouterr().out and page.stat().st_size > 1e5
+    shown, loaded = replay_content(pt.load_log(out)), pt.load_log(out)
+    force = training_data(loaded)[2]
+    assert shown.arrows is not None and shown.arrows.force is None
+    np.testing.assert_allclose(shown.arrows.total, force[:: len(force) // len(shown.time), :3])
+    assert "Wind at first: (-3, 0, 0)" in "".join(shown.notes)
+    loaded["u1"][::2, 6] = np.nan
+    loaded["u1"][:, 7] = np.nan
+    part = replay_content(loaded)
+    assert len(part.time) == len(loaded.time) // 2
+    assert str(loaded.dof.values[7]) not in [
+        one.name for one in part.series if "force" in one.group
+    ]
+    words = json.loads(log.with_name("map.yaml").read_text(encoding="utf-8"))
+    words["channels"] = [one for one in words["channels"] if one["name"][:2] == "q."]
+    log.with_name("map.yaml").write_text(json.dumps(words), encoding="utf-8")
+    say("import", log, "--map", log.with_name("map.yaml"), "-o", out)
+    with pytest.raises(SystemExit):
+        run(["view", str(out)])
+    assert f"patagium motion {out} --robot ROBOT" in capsys.readouterr().err
+
+
 def test_an_imported_flight_is_streamed(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mapping, facts = log.with_name("map.yaml"), []
-    for out in ("out.nc", "out.csv"):
+    for out in ("out.nc", "out.csv", "still.csv"):
         file = log.with_name(out)
         say("import", log, "--map", mapping, "-o", file)
         words = ["--robot", "aerobat"] if file.suffix == ".csv" else []  # a log carries its robot
@@ -118,18 +169,34 @@ def test_an_imported_flight_is_streamed(log: Path, capsys: pytest.CaptureFixture
         following = ", or ".join(f"patagium {verb} {file}" for verb in verbs)
         assert capsys.readouterr().out.endswith(f"Next: {following}\n")
         kept = file.with_suffix(".stream.nc")
-        say("stream", file, *words, "--idle", "0.2", "--record", kept, *LEARN)
-        facts.append(json.loads(capsys.readouterr().out))
-        wind = (0.0 if words else -3.0, 0.0, 0.0)  # packets hold none
-        assert tuple(air_of(pt.load_log(kept)).wind) == wind
+        calm = ["--wind", "0,0,0", "--density", "1.1"] * (out == "still.csv")  # they override it
+        say("stream", file, *words, *calm, "--idle", "0.2", "--record", kept, *LEARN)
+        said = capsys.readouterr()
+        facts.append(json.loads(said.out))
+        air = pt.Air(density=1.1) if calm else pt.Air(wind=(-3.0, 0.0, 0.0))
+        assert air_of(pt.load_log(kept)) == air
+        assert ("the text states wind (-3.0, 0.0, 0.0) m/s" in said.err) == bool(calm)
     assert facts[0]["samples"] == facts[1]["samples"] > 490
-    assert facts[0]["nmse"]["z"] < 0.5 * facts[1]["nmse"]["z"]
+    assert facts[0]["nmse"]["z"] == pytest.approx(facts[1]["nmse"]["z"], rel=1e-6)
+    assert facts[0]["nmse"]["z"] < 0.5 * facts[2]["nmse"]["z"]
+    assert "wind" not in str(pt.sensing.inspect_log(log.with_name("out.csv")).findings)
     say("identify", log.with_name("out.nc"), *LEARN[:-1], "--every", "50")
     model = log.with_name("model.json")
     assert capsys.readouterr().out.endswith(f"Next: patagium evaluate {model} ANOTHER.nc\n")
     with pytest.raises(SystemExit):
         run(["stream", str(log.with_name("out.csv"))])
     assert "--robot: expected a preset or a robot file" in capsys.readouterr().err
+
+
+def test_the_air_that_a_mapping_states_is_kept_without_a_robot(tmp_path: Path) -> None:
+    """A robot that is named afterwards, as by `motion --robot`, flew in still air."""
+    table = {"t": np.arange(9) / 100, "a": np.zeros(9), "x": np.arange(9.0)}
+    pd.DataFrame(table).to_csv(tmp_path / "a.csv", index=False)
+    channels = [{"column": "x", "name": "x", "unit": "m"}]
+    words = {"time": {"column": "t"}, "channels": channels, "air": {"density": 1.1}}
+    (tmp_path / "map.yaml").write_text(json.dumps(words), encoding="utf-8")
+    pt.import_log(tmp_path / "a.csv", tmp_path / "map.yaml", tmp_path / "a.nc")
+    assert air_of(pt.load_log(tmp_path / "a.nc")) == pt.Air(density=1.1)
 
 
 def test_an_imported_flight_is_sent_with_its_accelerations(
@@ -143,7 +210,7 @@ def test_an_imported_flight_is_sent_with_its_accelerations(
         listener.settimeout(5.0)
         say("send", out, f"udp://127.0.0.1:{listener.getsockname()[1]}", "--rate", "1e5")
         first = np.frombuffer(listener.recv(1 << 16), "<f8")[2:]
-    assert "packets hold no wind (-3.0, 0.0, 0.0) m/s" in capsys.readouterr().err
+    assert '--density 1.225 --wind "-3,0,0"' in capsys.readouterr().err  # of the stream
     expected = flight_packets(flight)[0]
     np.testing.assert_allclose(first, expected, rtol=1e-9, atol=1e-9)
 

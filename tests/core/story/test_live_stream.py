@@ -442,6 +442,23 @@ def test_only_a_sender_with_the_key_is_learned_from(flight, packets, tmp_path, c
     assert (facts["samples"], facts["unauthenticated"], facts["lost"]) == (200, 7, 0)
 
 
+def test_the_air_is_that_of_the_log_and_of_the_options(packets, tmp_path, capsys):
+    windy = pt.simulate(
+        pt.load_robot("aerobat"), duration=0.02, time_step=1e-4,
+        aero=pt.QuasiSteady(pt.load_robot("aerobat"), pt.Air(1.1, (-2.0, 0.0, 0.0))),
+    )  # fmt: skip
+    log = pt.sense(windy, [pt.sensors.presets.as5600(rate=1000.0)])
+    file = pt.sensing.save_sensor_log(log, tmp_path / "log.nc")
+    for robot in (None, "aerobat"):
+        assert cli_stream._robot_and_air(str(file), robot)[1] == pt.Air(1.1, (-2.0, 0.0, 0.0))
+    text, flown = tmp_path / "text.csv", pt.save_flight(windy, tmp_path / "flight.nc")
+    text.write_bytes(text_of(packets))
+    dense = ("--network", "dense", "--hidden", "4", "--scale-by", flown)
+    with pytest.raises(SystemExit) as left:
+        run([str(k) for k in ("stream", text, "--robot", "aerobat", *dense, "--density", "1.1")])
+    assert left.value.code == 2 and "--density, --wind" in capsys.readouterr().err
+
+
 def test_refusals_are_one_sentence(tmp_path, capsys):
     log = tmp_path / "log.csv"
     log.write_text("time,q.x\n1,2\n")

@@ -217,3 +217,54 @@ def test_an_option_without_its_number_is_told_what_one_is(capsys) -> None:
     with pytest.raises(SystemExit):
         run(["simulate", "aerobat", "--added-mass", "-o", "x.nc"])
     assert "--added-mass: expected a number such as 1, found '-o'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("aerodyn", [True, False])
+def test_of_a_polar_all_around_the_part_within_90_degrees_is_taken(
+    aerodyn: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The tables of wind turbines, of AeroDyn 15 as well."""
+    degrees = np.arange(-180.0, 181.0, 5.0)
+    sine = np.sin(np.radians(degrees))
+    lift = np.where(np.abs(degrees) <= 15, 6 * sine, 1.1 * np.sin(2 * np.radians(degrees)))
+    rows = np.column_stack([degrees, lift, 0.01 + 1.3 * sine**2, -0.2 * sine])
+    head = "alpha CL CD CM\n"
+    if aerodyn:
+        head = (
+            "! ------------ AirfoilInfo v1.01.x Input File ----------\n"
+            "          1   NumTabs    ! Number of airfoil tables in this file.\n"
+            "       0.75   Re         ! Reynolds number in millions\n"
+            "          0   alpha0     ! 0-lift angle of attack, depends on airfoil.\n"
+            "         73   NumAlf     ! Number of data lines in the following table\n"
+            "!    Alpha      Cl      Cd        Cm\n!    (deg)      (-)     (-)       (-)\n"
+        )
+    file = tmp_path / "airfoil.dat"
+    file.write_text(head + "\n".join(" ".join(f"{x:.6f}" for x in row) for row in rows) + "\n")
+    with pytest.warns(UserWarning, match="36 of 73 rows are beyond 90 degrees"):
+        table = pt.air.read_polar(file)
+    within = np.abs(degrees) <= 90
+    assert np.allclose(np.degrees(table.angle), degrees[within])
+    assert np.allclose(table[1:], rows[within, 1:].T, atol=1e-6)
+    run_to_end(["check", str(file)])
+    said = capsys.readouterr()
+    assert "-90.0, 90.0" in said.out and "lift slope 6 1/rad" in said.out
+    assert "36 of 73 rows" in said.err
+
+
+def test_a_polar_is_checked_as_it_is_taken(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`check` asked for a mapping of what --polar takes."""
+    file = tmp_path / "polar.csv"
+    file.write_text("alpha,CL,CD\n-10,-1,.02\n0,0,.01\n10,1,.02\n")
+    run_to_end(["check", str(file), "--json"])
+    assert '"least C_D [1]": 0.01' in capsys.readouterr().out
+    file.write_text("alpha,CL,CD\n100,-1,.02\n110,0,.01\n")
+    with pytest.warns(UserWarning), pytest.raises(PatagiumError, match="within 90 degrees"):
+        pt.air.read_polar(file)
+
+
+def run_to_end(words: list[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        run(words)
+    assert left.value.code in (0, None)

@@ -15,7 +15,8 @@ are bounded by 1e9 of the network's scale alone.
 A sample with an input that is refused is not learned; an output that is refused is missing. A
 hundred more refused than taken, none of them further off than 1e4 widths and no two in a row
 equal, are what the sensor says by now: the range opens up to them, which is an event.
-An input that moved, and now stands while another moves, for 5 samples more than twice its longest
+A coordinate of a robot that stands at a velocity of zero rests, as wings do in a glide. Another
+input that moved, and now stands while another moves, for 5 samples more than twice its longest
 rest of late, is stuck, for a hundred samples; a rest ends within 3 median steps of where it was.
 `kernels/bounds.h` does the same in C on the same arrays, and defines the numbers. Neglected:
 values that are wrong within their range.
@@ -51,6 +52,7 @@ class Bounds:
 
     Attributes:
         inputs: Number of inputs that are measured.
+        coordinates, dof: Number of q and of v among them, the first; 0 where they are no state.
         smooth: Number of them that do not jump, the first: all but accelerations and commands.
         x: Inputs of a sample where a kernel does not read them itself, (n_x,) [units of x].
         scale: Scale of each channel before it is known, (n,) [units of x and y].
@@ -62,6 +64,10 @@ class Bounds:
         self.inputs, outputs = measured_inputs(network), network.outputs
         accelerations = self.inputs // 3 if flight_terms(network).acceleration else 0
         self.smooth = 0 if getattr(network, "inputs_jump", False) else self.inputs - accelerations
+        self.coordinates, self.dof = 0, 0
+        robot: Any = getattr(network, "robot", None)
+        if robot is not None and self.inputs - accelerations == robot.state_size:
+            self.coordinates, self.dof = robot.coordinate_count, robot.dof
         self.x = np.zeros(network.inputs)
         self.scale = np.ones(self.inputs + outputs)
         self.scale[: self.inputs] = getattr(network, "input_scale", 1.0)
@@ -103,7 +109,7 @@ class Bounds:
             outside |= ~(np.abs(value) <= room)
             moved = np.abs(value - before)
             moved[self.smooth :] = np.nan
-            stuck, judged = self._stuck(moved), self._compares(ahead)
+            stuck, judged = self._stuck(moved, self._rests(value, moved)), self._compares(ahead)
             jumps = judged & (taken >= _C.MANY) & (moved > self._most(width, ahead)) & ~outside
             along = self._goes_along(value) and judged
             rough = (moved > _C.SMOOTH * step * ahead) | (stood > _C.STANDS)
@@ -152,13 +158,21 @@ class Bounds:
         seen[: self.inputs] = value[: self.inputs]
         return bool(self.arrays["bound_track"][_JUMPED] and (moved[own] <= near[own]).all())
 
-    def _stuck(self, moved: Array) -> Bools:
+    def _rests(self, value: Array, moved: Array) -> Bools:
+        """Coordinates and velocities that rest, (n,): both stand, and the velocity is zero."""
+        found, first = np.zeros(len(value), bool), self.coordinates - self.dof
+        q = slice(first, self.coordinates)
+        v = slice(self.coordinates, self.coordinates + self.dof)
+        found[q] = found[v] = (moved[q] == 0) & (moved[v] == 0) & (value[v] == 0)
+        return found
+
+    def _stuck(self, moved: Array, rests: Bools) -> Bools:
         """Inputs that are stuck: constant for longer than at rest, while another input moves."""
         rest, run, taken = (self.arrays[f"bound_{n}"] for n in ("rest", "stood", "taken"))
         ended = (moved > 0) & (moved <= _C.REST_STEPS * self.arrays["bound_step"])
         run += (moved == 0) & (moved > 0).any()
         rest[:] = np.where(ended, np.maximum(rest, run), rest) * (1.0 - _C.LEAK)
-        run[moved > 0] = 0
+        run[(moved > 0) | rests] = 0
         over = run - 2.0 * rest - _C.STANDS
         return np.asarray((taken >= _C.MANY) & (over > 0) & (over <= _C.ODD_RUN))
 

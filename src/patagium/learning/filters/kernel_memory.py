@@ -74,6 +74,8 @@ def screening_memory(screen: Screen) -> tuple[Any, Any]:
     limits = BOUNDS.type(
         inputs=bounds.inputs,
         smooth=bounds.smooth,
+        coordinates=bounds.coordinates,
+        dof=bounds.dof,
         **addresses({**shared, "x": bounds.x, "scale": bounds.scale}),
     )
     whole = SCREENING.type(

@@ -99,6 +99,13 @@ static void refuse(screening *s, int k, double value, double width, int why) {
   s->counts[REOPENED]++;
 }
 
+/* Whether a coordinate and its velocity rest: they stand, and the velocity is zero. */
+static int rests(const bounds *b, int64_t k) {
+  const int64_t n = b->dof, first = b->coordinates, v = k < first ? k + n : k, q = v - n;
+  return n && v >= first && v < first + n && b->x[v] == 0 && b->before[v] == 0 &&
+         b->x[q] == b->before[q];
+}
+
 /* Whether an input stands longer than at rest while another moves; a rest that ended is kept. */
 static int stuck_input(const bounds *b, int k, int others) {
   const double moved = fabs(b->x[k] - b->before[k]);
@@ -106,7 +113,7 @@ static int stuck_input(const bounds *b, int k, int others) {
   if (moved > 0 && moved <= REST_STEPS * b->step[k])
     b->rest[k] = larger(b->rest[k], (double)b->stood[k]);
   b->rest[k] *= 1.0 - LEAK;
-  if (moved > 0) b->stood[k] = 0;
+  if (moved > 0 || rests(b, k)) b->stood[k] = 0;
   const double over = (double)b->stood[k] - 2.0 * b->rest[k] - STANDS;
   return b->taken[k] >= MANY && over > 0 && over <= ODD_RUN;
 }

@@ -239,11 +239,12 @@ def training_data(
         with_added_mass: Whether y is all that the air does, added mass included.
 
     Returns:
-        Time (N,) [s]; x = [q, v], (N, n_x); y = B2 u2, (N, n) [N, N m].
+        Time (N,) [s]; x = [q, v], (N, n_x); y = B2 u2, (N, n) [N, N m], NaN where a known force
+        is NaN.
 
     Raises:
         FlightError: If a quantity is missing or of another robot.
-        LogError: If a number is missing.
+        LogError: If a number of the motion is missing, or one is infinite.
     """
     machine = robot_of(flight) if robot is None else robot
     air = ("added_mass_force",) if with_added_mass else ()
@@ -256,11 +257,11 @@ def training_data(
 
 
 def recorded(flight: xr.Dataset, name: str, robot: Robot) -> Array:
-    """Recorded quantity of a flight, (N, n_q) for q and (N, n) for the others.
+    """Recorded quantity of a flight, (N, n_q) for q and (N, n) for the others; forces may be NaN.
 
     Raises:
         FlightError: If it is missing or of another robot.
-        LogError: If a number is missing.
+        LogError: If a number of the motion is missing, or one is infinite.
     """
     (dim,) = quantities(robot)[name].dims
     names = robot.coordinate_names if name == "q" else robot.dof_names
@@ -274,7 +275,8 @@ def recorded(flight: xr.Dataset, name: str, robot: Robot) -> Array:
         raise FlightError(f"{name}: expected (time, {dim}), found {flight[name].dims}")
     check_labels(flight, robot)
     values = real_array(name, flight[name].transpose("time", dim).values, ("N", len(names)))
-    bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+    missing = np.isnan(values) if name in (PARTS[3], *OPTIONAL_PARTS) else False
+    bad = np.flatnonzero(~(np.isfinite(values) | missing).all(axis=1))
     if len(bad):
         raise LogError(
             f"{name}: expected finite numbers, found {len(bad)} samples that are not, "

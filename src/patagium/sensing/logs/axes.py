@@ -23,7 +23,7 @@ NAMED = {
     "rfu": "y, -x, z",
 }
 """Our axes in terms of named ones: forward, left, up; north, west, up; and so on."""
-AXES_WORDS = f"{', '.join(NAMED)}, or ours in terms of them such as 'x, -y, -z'"
+AXES_WORDS = f"{', '.join(NAMED)}, or ours in terms of them, right-handed, such as 'x, -y, -z'"
 _ROUNDED = 0.02
 """Departure from orthogonality that two decimals leave, at most."""
 _SIGNED = re.compile(r"([+-]?)([xyz])")

@@ -25,11 +25,24 @@ from patagium.sensing.logs.table import LogTable, find_gaps
 from patagium.simulation.flight import air_of, quantities, robot_of
 
 FORMAT = "patagium log 1"
+AIR_LINE = b"# air "
+"""Beginning of the first line of a text of packets in other air than that at rest at sea level."""
 LOADED = ("a record", "a motion")
 """Kinds of files that are read as they are; see `kind_of`."""
 _COMPONENTS = (".w", ".x", ".y", ".z")
 _CACHE = 1 << 19
 """Cache of a variable [B]; the default of netCDF4 is many times that."""
+
+
+def stated_air(line: bytes) -> Air | None:
+    """Air that the first line of a text of packets states; None where it states none.
+
+    Raises:
+        FlightError: If it cannot be read.
+    """
+    if not line.startswith(AIR_LINE):
+        return None
+    return air_of(xr.Dataset(attrs={"air": line.removeprefix(AIR_LINE).decode("utf-8", "replace")}))
 
 
 def is_log(path: str | Path) -> bool:
@@ -240,12 +253,12 @@ class LogRecord:
         return base.assign(variables).assign_coords(coordinates).assign_attrs(attributes)
 
     def _origin(self) -> dict[str, str]:
-        """Robot and air of the log as attributes of a flight; none without a robot."""
+        """Air and robot of the log as attributes of a flight, as far as it has them."""
         robot = self.robot
+        stated = {"air": str(self._file.air)} if "air" in self._file.ncattrs() else {}
         if robot is None:
-            return {}
-        air = str(self._file.air)
-        return {"robot": robot.source, "robot_name": robot.name, "air": air, "gait": "{}"}
+            return stated
+        return {**stated, "robot": robot.source, "robot_name": robot.name, "gait": "{}"}
 
     def _parts(self, robot: Robot) -> dict[str, tuple[str, ...]]:
         """Names of the numbers of each part of a flight that the log holds whole."""

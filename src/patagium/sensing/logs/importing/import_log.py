@@ -40,8 +40,8 @@ from patagium.sensing.logs.importing.resample import (
     stamps_in,
     time_base,
 )
-from patagium.sensing.logs.mapping import TableMapping, load_mapping
-from patagium.sensing.logs.record import FORMAT, LogRecord, is_log
+from patagium.sensing.logs.mapping import AirWords, TableMapping, load_mapping
+from patagium.sensing.logs.record import AIR_LINE, FORMAT, LogRecord, is_log
 from patagium.sensing.logs.table import LogTable
 from patagium.version import __version__
 from patagium.whole_file import Draft
@@ -108,13 +108,16 @@ class CsvWriter:
     Args:
         path: The file.
         plan: Quantities of the log.
+        air: Air of the flight; a first line states it where it is not at rest at sea level.
 
     Raises:
         OSError: If the file cannot be written.
     """
 
-    def __init__(self, path: Path, plan: Plan) -> None:
+    def __init__(self, path: Path, plan: Plan, air: AirWords) -> None:
         self._file = path.open("w", encoding="utf-8", newline="")
+        if air != AirWords():
+            self._file.write(f"{AIR_LINE.decode()}{air.model_dump_json()}\n")
         labels = [label for item in plan.items for label in item.column.labels]
         self._append(pd.DataFrame(columns=["time", *labels, *plan.zero]), header=True)
 
@@ -248,14 +251,14 @@ def _written(
         "resampling": "numbers and vectors linear, attitudes by slerp, angles the short way",
         "axes": "x forward, y left, z up; attitudes w, x, y, z, body to world",
         "gap": mapping.gap,
+        "air": mapping.air.model_dump_json(),
     }
     if robot is not None:
-        air = mapping.air.model_dump_json()
-        attributes |= {"robot": robot.source, "robot_name": robot.name, "air": air}
+        attributes |= {"robot": robot.source, "robot_name": robot.name}
     writer: Writer = (
         NetcdfWriter(draft.file, plan, base.count, attributes)
         if isinstance(draft, NetcdfDraft)
-        else CsvWriter(draft.path, plan)
+        else CsvWriter(draft.path, plan, mapping.air)
     )
     with closing(writer):
         samples, duration = _write(writer, spool, base, mapping.gap, progress)
@@ -296,7 +299,8 @@ def _refuse_unusable(log: LogFile, spool: Spool, mapping: TableMapping) -> None:
                 + ("cut the log, or check its stamps" if back else _duplicates_remedy(stamps))
             )
     for item in spool.plan.items:
-        if not spool.surveys[item.stream].values.count[list(item.places)].all():
+        asked = item.needed or item.role == "output"
+        if asked and not spool.surveys[item.stream].values.count[list(item.places)].all():
             raise LogError(
                 f"{log.path}: {item.column.label}: expected finite numbers, found none; leave it "
                 "out of the mapping if it was not measured"
@@ -317,12 +321,13 @@ def _write(
     """Number of samples written, with what is needed and an output, and their duration [s]."""
     samples, first, last, end = 0, 0.0, 0.0, 0
     needed = np.array([item.needed for item in spool.plan.items])
+    learned = ~needed & [item.role == "output" for item in spool.plan.items]
     while (begin := after_gaps(spool, base, end, gap)) < base.count:
         end = min(begin + CHUNK, base.count)
         stamps = stamps_in(spool, base, begin, end)
         parts = [resampled(spool, item, stamps, gap) for item in spool.plan.items]
         known = np.array([ok for _, ok in parts])
-        valid = known[needed].all(axis=0) & (known[~needed].any(axis=0) | needed.all())
+        valid = known[needed].all(axis=0) & (known[learned].any(axis=0) | ~learned.any())
         zeros = np.zeros((len(stamps), len(spool.plan.zero)))
         shown = (np.where(ok[:, None], part, np.nan) for part, ok in parts)
         values = np.column_stack([*shown, zeros])[valid]

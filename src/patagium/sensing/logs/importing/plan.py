@@ -65,8 +65,9 @@ class Quantity:
 
     @property
     def needed(self) -> bool:
-        """Whether no sample is made without it: all but outputs that are no part of a flight."""
-        return self.role != "output" or self.column.label.startswith(tuple(f"{k}." for k in PARTS))
+        """Whether no sample is made without it: all but outputs and forces of joints."""
+        part = self.column.label.partition(".")[0]
+        return part in PARTS[:3] or (self.role != "output" and part != PARTS[3])
 
     @property
     def norm(self) -> float | None:
