@@ -192,11 +192,11 @@ class SteeredGait:
             ShapeError: If the times are not (N,).
         """
         times = asked_times(time)
-        first = bisect_right(self._starts, np.fmin.reduce(times, initial=np.inf)) - 1
+        first = max(0, bisect_right(self._starts, np.fmin.reduce(times, initial=np.inf)) - 1)
         last = bisect_right(self._starts, np.fmax.reduce(times, initial=-np.inf))
         places = first + np.searchsorted(self._starts[first:last], times, side="right") - 1
-        parts = np.empty((3, len(times), self._count))
-        for place in np.unique(places):
+        parts = np.full((3, len(times), self._count), np.nan)
+        for place in np.unique(places[places >= 0]):
             inside = places == place
             parts[:, inside] = tuple(self._answered(self.answers[place], times[inside]))
         return PrescribedMotion(*parts)
@@ -239,6 +239,11 @@ class SteeredGait:
         own = float(last.own(since)[0])
         self.answers.append(_Answer(time, own, lasting, ramp, fixed))
         self._starts.append(time)
+
+    def forget(self, time: float) -> None:
+        """Forget all before the command in force at a time [s]: motion before it is nan."""
+        place = max(0, bisect_right(self._starts, time) - 1)
+        del self.answers[:place], self._starts[:place]
 
     def commanded(self, name: str) -> float:
         """Value of a command as it was given last, in its own unit; that of the first joint."""
