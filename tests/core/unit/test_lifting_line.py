@@ -5,6 +5,8 @@ from __future__ import annotations
 import copy
 import json
 import pickle
+from collections.abc import Callable
+from typing import cast
 
 import casadi as ca
 import numpy as np
@@ -81,8 +83,14 @@ def test_compiled_code_is_the_virtual_machine_and_batch_is_one_by_one(
                 assert np.allclose(got[k], want.reshape(got[k].shape), rtol=1e-11, atol=1e-11)
 
 
-@pytest.mark.parametrize("again", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
-def test_a_model_that_was_used_goes_to_another_process(aero: LiftingLine, again) -> None:
+def pickled(one: LiftingLine) -> LiftingLine:
+    return cast(LiftingLine, pickle.loads(pickle.dumps(one)))
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, pickled])
+def test_a_model_that_was_used_goes_to_another_process(
+    aero: LiftingLine, again: Callable[[LiftingLine], LiftingLine]
+) -> None:
     # The functions that were compiled on the way could not be pickled.
     q = np.full((2, 14), 0.1)
     force, forces = aero.generalized_force(q[0], q[0]), aero.batch.generalized_force(q, q)
