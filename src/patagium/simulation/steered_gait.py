@@ -271,6 +271,15 @@ class SteeredGait:
         since = np.array([time - answer.time])
         return float(answer.own(since)[0]), np.concatenate(answer.at(since))
 
+    def wingbeats(self, time: Array) -> Array:
+        """Wingbeats since the start, (N,) [1], at times that rise, (N,) [s]."""
+        firsts = [*np.searchsorted(time, self._starts), len(time)]
+        parts = [
+            answer.own(time[first:last] - answer.time)
+            for answer, (first, last) in zip(self.answers, pairwise(firsts), strict=True)
+        ]
+        return np.concatenate(parts) / (self.gait.period or np.inf)
+
     def limits(self, name: str) -> tuple[float, float, float]:
         """Least and greatest value of a command's response, and its fastest rate."""
         kind, (place, *_) = self._commanded_places(name)
