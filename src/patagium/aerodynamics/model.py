@@ -137,6 +137,10 @@ class Aerodynamics(Protocol):
     def _compiled(self) -> CompiledAero:
         return CompiledAero(self, batch=False)
 
+    def __getstate__(self) -> dict[str, Any]:
+        compiled = {"batch", "_compiled"}  # made again where they are needed
+        return {name: one for name, one in self.__dict__.items() if name not in compiled}
+
 
 _OF_STRIPS = [
     *("strip_force", "strip_point", "angle_of_attack", "effective_angle_of_attack"),

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from patagium.aerodynamics import AddedMass, Aerodynamics, QuasiSteady
+from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.arguments import checked
 from patagium.control.gait_family import GaitFamily, fourier_series, gait_family
 from patagium.control.gait_program import (
@@ -135,7 +135,8 @@ def optimize(
 
     Args:
         robot: The machine, with a floating body and Euler angles.
-        aero: Model of the air around it, in air at rest; quasi-steady by default.
+        aero: Model of the air around it, in air at rest; that of `start`, else quasi-steady by
+            default.
         gait: Gait to begin from; by default that of the robot's section `cruise`.
         speed: Mean speed forward [m/s]; None leaves it free, 0 hovers.
         climb: Mean speed upward [m/s].
@@ -144,7 +145,8 @@ def optimize(
         free: Gait parameters that may change, by the names of `gait_family`; by default frequency,
             means and coefficients of the joints that the robot's `actuators` swing and shift, or
             without actuators of all joints that move or have limits.
-        start: Orbit to begin from; by default that of `trim`, and then the best sinusoids.
+        start: Orbit to begin from, in this air; by default that of `trim`, and then the best
+            sinusoids.
         added_mass: Inertia of the air that moves with the wings, in the same air as the model.
         steps: Time steps of a beat, a multiple of 40.
         tolerable: Sizes of changes of states by name [SI], as of `trim`.
@@ -156,7 +158,7 @@ def optimize(
     Raises:
         ParameterError: If an argument is not what it may be.
     """
-    aero, given = aero or QuasiSteady(robot), start
+    given = start
     if not 1 <= harmonics <= MOST:
         raise ParameterError("harmonics", f"a whole number from 1 to {MOST}", harmonics)
     if goal != "power" and speed is not None:
@@ -172,6 +174,14 @@ def optimize(
         start = trimmed
     elif start.robot is not robot or gait is not None:
         raise ParameterError("start", "an orbit of this robot, and no gait in addition", start)
+    for name, one, own in (
+        ("aero", aero, start.aero),
+        ("added_mass", added_mass, start.added_mass),
+    ):
+        if one is not None and (own is None or one.describe() != own.describe()):
+            raise ParameterError(
+                name, f"that of start (pt.trim(..., {name}=..., start=start))", one
+            )
     if free is not None or given is not None or harmonics == 1:
         return _optimal(start, conditions, goal, harmonics, free)
     sinusoid = _optimal(start, conditions, goal, 1, None)

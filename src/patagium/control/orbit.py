@@ -91,7 +91,9 @@ def check_attitude(robot: Robot) -> None:
         ParameterError: If its attitude is a quaternion.
     """
     if robot.attitude == "quaternion":
-        expected = 'one with Euler angles (robot.with_attitude("euler"))'
+        expected = (
+            'one with Euler angles (robot.with_attitude("euler"), or attitude: euler in its file)'
+        )
         raise ParameterError("robot", expected, f"{robot.name} with a quaternion")
 
 

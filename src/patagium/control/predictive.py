@@ -668,6 +668,7 @@ class OrbitController:
             for name, value in zip(model.commands, values, strict=True)
         }
         model.steered.command(time, given)
+        model.steered.forget(time - 2 * model.parts * period)  # who learns looks back one beat
         return given
 
     def _hold(self, cause: str) -> dict[str, float]:

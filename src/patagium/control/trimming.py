@@ -386,7 +386,8 @@ def trim(
     Args:
         robot: The machine, with a floating body and Euler angles; or one whose attitude is
             prescribed, its body on passive slides x, y and z before its actuated joints.
-        aero: Model of the air around it, in air at rest; quasi-steady by default.
+        aero: Model of the air around it, in air at rest; by default that of `start`, with its added
+            mass, where that is an orbit of the same robot, else quasi-steady.
         gait: Gait to begin from; by default that of the robot's section `cruise`.
         free: Gait parameters that may change, by the names of `gait_family`; by default the
             commands of the robot's `actuators` that keep the gait mirrored, else all such
@@ -410,6 +411,8 @@ def trim(
         ParameterError: If an argument is not what it may be, there are more conditions than free
             parameters, or limits of joints or actuators exclude the gait.
     """
+    if aero is None and start is not None and start.robot is robot:
+        aero, added_mass = start.aero, added_mass or start.added_mass
     aero = aero or QuasiSteady(robot)
     _check(robot, aero)
     gait = gait or (start.gait if start else gaits.cruise(robot))

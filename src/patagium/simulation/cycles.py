@@ -14,7 +14,7 @@ from patagium.arrays import Array
 from patagium.errors import FlightError, ParameterError
 from patagium.robot import Robot
 from patagium.robot.attitude import angles_from_quaternion
-from patagium.simulation.flight import gait_period, robot_of
+from patagium.simulation.flight import WINGBEATS, gait_period, robot_of
 
 GRAM_FORCE = 9.80665e-3
 """Weight of a gram in standard gravity [N]."""
@@ -42,7 +42,7 @@ def cycle_statistics(
 
     Args:
         flight: Record of a flight.
-        period: Of a wingbeat [s]; None: of the flight's gait.
+        period: Of a wingbeat [s]; None: of the flight's gait, each as long as it was steered.
         skip: Whole wingbeats left out at the beginning.
         phases: Points of a wingbeat.
 
@@ -69,13 +69,20 @@ def cycle_statistics(
     if time[-1] - begin > beat * len(time):
         raise ParameterError("period", "more than the time between two samples", beat)
     count = int(np.floor((time[-1] - begin) / beat + 1e-6))
+    steered = flight[WINGBEATS].to_numpy() if period is None and WINGBEATS in flight else None
+    if steered is not None:
+        count = int(np.floor(steered[-1] - steered[0] - skip + 1e-6))
     if count < 1:
         raise FlightError(
             f"flight: expected {skip + 1} wingbeat{'s' * bool(skip)} of {beat:.6g} s at least, "
             f"found {time[-1] - time[0]:.6g} s; fly longer, or skip fewer"
         )
     phase = np.arange(phases) / phases
-    stamps = begin + beat * (np.arange(count)[:, None] + phase)
+    ends = begin + beat * np.arange(count + 1)
+    if steered is not None:
+        ends = np.interp(steered[0] + skip + np.arange(count + 1), steered, time)
+        beat = float(ends[-1] - ends[0]) / count
+    stamps = ends[:-1, None] + np.diff(ends)[:, None] * phase
     signals = _signals(flight, robot, time).items()
     found = {name: np.interp(stamps, time, signal) for name, signal in signals}
     return xr.Dataset(

@@ -107,6 +107,8 @@ QUANTITIES: dict[str, Quantity] = {
 """Every variable of a flight, where q and v have the same names."""
 COMMAND = "command"
 """Name of what a controller commanded of the gait."""
+WINGBEATS = "wingbeats"
+"""Name of the wingbeats since the start of a gait that was steered."""
 GIVEN = "given"
 """Samples of the energy and momentum that changes of the machine gave, (N, 4) [J, kg m/s]."""
 OPTIONAL: dict[str, Quantity] = {
@@ -116,6 +118,7 @@ OPTIONAL: dict[str, Quantity] = {
     COMMAND: Quantity(
         ("command_name",), "Hz, rad, m or 1", "what was commanded of the gait, held between"
     ),
+    WINGBEATS: Quantity((), "1", "wingbeats of the steered gait since the start"),
     LOAD_CELLS: Quantity(
         ("load_cell", "component"),
         _FORCE,

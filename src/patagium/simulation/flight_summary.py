@@ -19,7 +19,7 @@ from patagium.robot import Robot
 from patagium.robot.model import CAPACITIES, capacity_units
 from patagium.simulation.air_audit import air_findings
 from patagium.simulation.cycles import air_force, air_velocity
-from patagium.simulation.flight import air_of, gait_period, robot_of
+from patagium.simulation.flight import WINGBEATS, air_of, gait_period, robot_of
 
 TUMBLE = np.radians(80.0)
 """Roll or pitch from which on a robot tumbles [rad]."""
@@ -77,7 +77,10 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
         FlightError: If the flight does not carry its robot.
     """
     robot, time, beat = robot_of(flight), flight["time"].to_numpy(), gait_period(flight)
-    chosen, beats = _averaged(time, beat)
+    steered = flight[WINGBEATS].to_numpy() if WINGBEATS in flight else None
+    chosen, beats = _averaged(time, beat, steered)
+    if steered is not None and beats:
+        beat = float(time[-1] - time[chosen][0]) / beats
     words = {0: "its second half", 1: "its last wingbeat"}.get(beats, f"its last {beats} wingbeats")
     weight = float(robot.gravity) * robot.mass
     lift = air_force(flight, robot, time)[chosen, 2].mean()
@@ -116,12 +119,15 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     return FlightSummary(facts, flight)
 
 
-def _averaged(time: Array, beat: float | None) -> tuple[slice, int]:
+def _averaged(time: Array, beat: float | None, steered: Array | None) -> tuple[slice, int]:
     """Samples of the second half, in whole wingbeats where there is one, and how many it has."""
     half, beats = 0.5 * (time[-1] - time[0]), 0
     if beat:
-        beats = int(half / beat + 1e-9) or int(2 * half / beat + 0.01)  # to a sample
-        half = beats * beat or half
+        passed = (time - time[0]) / beat if steered is None else steered
+        before = np.interp(time[-1] - half, time, passed)
+        beats = int(passed[-1] - before + 1e-9) or int(passed[-1] - passed[0] + 0.01)  # to a sample
+    if beats:
+        half = float(time[-1] - np.interp(passed[-1] - beats, passed, time))
     first = int(np.searchsorted(time, time[-1] - half * (1 + 1e-9)))
     return slice(min(first, max(len(time) - 2, 0)), None), beats
 

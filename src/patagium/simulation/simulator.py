@@ -26,7 +26,7 @@ from patagium.limits import MOST_STEPS
 from patagium.native import load_functions
 from patagium.robot import Robot
 from patagium.robot.attitude import body_accelerations, body_rates, quaternion_from_angles
-from patagium.simulation.flight import COMMAND, GIVEN, FlightOrigin, flight_record
+from patagium.simulation.flight import COMMAND, GIVEN, WINGBEATS, FlightOrigin, flight_record
 from patagium.simulation.flight_equations import STRIP_WIND, flight_functions, recorded_names
 from patagium.simulation.gaits import Gait, PrescribedMotion, check_gait, cruise, level_start
 from patagium.simulation.mounts import InternalLoadCell, Mount, check_cells, mount_of
@@ -490,6 +490,8 @@ class Simulator:
             names, values = self._command_samples(run.steps + 1)
             origin = replace(origin, commands=names)
             run.samples[COMMAND] = values
+        if self._steered is not None and self._steered.period:
+            run.samples[WINGBEATS] = self._steered.wingbeats(time)
         for first, energy, momentum in self._changes:
             given = run.samples.setdefault(GIVEN, np.zeros((run.steps + 1, 4)))
             given[first:] += np.r_[energy, momentum]

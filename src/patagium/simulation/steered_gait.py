@@ -192,11 +192,11 @@ class SteeredGait:
             ShapeError: If the times are not (N,).
         """
         times = asked_times(time)
-        first = bisect_right(self._starts, np.fmin.reduce(times, initial=np.inf)) - 1
+        first = max(0, bisect_right(self._starts, np.fmin.reduce(times, initial=np.inf)) - 1)
         last = bisect_right(self._starts, np.fmax.reduce(times, initial=-np.inf))
         places = first + np.searchsorted(self._starts[first:last], times, side="right") - 1
-        parts = np.empty((3, len(times), self._count))
-        for place in np.unique(places):
+        parts = np.full((3, len(times), self._count), np.nan)
+        for place in np.unique(places[places >= 0]):
             inside = places == place
             parts[:, inside] = tuple(self._answered(self.answers[place], times[inside]))
         return PrescribedMotion(*parts)
@@ -240,6 +240,11 @@ class SteeredGait:
         self.answers.append(_Answer(time, own, lasting, ramp, fixed))
         self._starts.append(time)
 
+    def forget(self, time: float) -> None:
+        """Forget all before the command in force at a time [s]: motion before it is nan."""
+        place = max(0, bisect_right(self._starts, time) - 1)
+        del self.answers[:place], self._starts[:place]
+
     def commanded(self, name: str) -> float:
         """Value of a command as it was given last, in its own unit; that of the first joint."""
         kind, places = self._commanded_places(name)
@@ -265,6 +270,15 @@ class SteeredGait:
         answer = self.answers[bisect_right(self._starts, time) - 1]
         since = np.array([time - answer.time])
         return float(answer.own(since)[0]), np.concatenate(answer.at(since))
+
+    def wingbeats(self, time: Array) -> Array:
+        """Wingbeats since the start, (N,) [1], at times that rise, (N,) [s]."""
+        firsts = [*np.searchsorted(time, self._starts), len(time)]
+        parts = [
+            answer.own(time[first:last] - answer.time)
+            for answer, (first, last) in zip(self.answers, pairwise(firsts), strict=True)
+        ]
+        return np.concatenate(parts) / (self.gait.period or np.inf)
 
     def limits(self, name: str) -> tuple[float, float, float]:
         """Least and greatest value of a command's response, and its fastest rate."""

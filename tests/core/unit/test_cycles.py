@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -183,3 +184,26 @@ def test_power_of_samples_that_are_missing_is_missing(held: xr.Dataset) -> None:
     assert (
         found["power_by_cycle"].values[0] == pt.cycle_statistics(held, skip=0)["power_by_cycle"][0]
     )
+
+
+def test_wingbeats_of_a_steered_gait_are_as_long_as_they_were_steered() -> None:
+    # All had the period that was commanded last: mean lift of a steady flight 5 % off.
+    robot = replace(pt.load_robot("aerobat"), actuators={})
+    aero = pt.QuasiSteady(robot, pt.Air(wind=(-4.0, 0.0, 0.0)))
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5)
+    held = {"mount": pt.mounts.fixed(), "time_step": 5e-4}
+
+    def faster(time: float, state: object) -> dict[str, float]:
+        return {"frequency": 5.0 if time < 1.0 else 6.0}
+
+    flight = pt.simulate(robot, aero, gait, duration=2.0, controller=faster, **held)
+    plunge = flight["q"].sel(dof="left_plunge").to_numpy()
+    tops = [k for k in range(1, len(plunge) - 1) if plunge[k - 1] < plunge[k] >= plunge[k + 1]]
+    passed = flight["wingbeats"].to_numpy()[tops]
+    assert np.allclose(passed - passed[0], np.arange(len(tops)), atol=6e-3)  # to a sample
+    cycles = pt.cycle_statistics(flight, skip=0)
+    assert cycles.cycles == int(flight["wingbeats"][-1]) == 10
+    slow = pt.cycle_statistics(pt.simulate(robot, aero, gait, duration=1.0, **held), skip=0)
+    first = cycles["lift_by_cycle"][:5]
+    assert np.allclose(first, slow["lift_by_cycle"], rtol=1e-9)
+    assert flight_summary(flight)["frequency"] == pytest.approx(6.0, rel=0.02)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import pickle
+from collections.abc import Callable
+from typing import cast
 
 import casadi as ca
 import numpy as np
@@ -77,6 +81,22 @@ def test_compiled_code_is_the_virtual_machine_and_batch_is_one_by_one(
                 want = np.array(want)
                 want = want.ravel() if want.shape[1] == 1 else want
                 assert np.allclose(got[k], want.reshape(got[k].shape), rtol=1e-11, atol=1e-11)
+
+
+def pickled(one: LiftingLine) -> LiftingLine:
+    return cast(LiftingLine, pickle.loads(pickle.dumps(one)))
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, pickled])
+def test_a_model_that_was_used_goes_to_another_process(
+    aero: LiftingLine, again: Callable[[LiftingLine], LiftingLine]
+) -> None:
+    # The functions that were compiled on the way could not be pickled.
+    q = np.full((2, 14), 0.1)
+    force, forces = aero.generalized_force(q[0], q[0]), aero.batch.generalized_force(q, q)
+    twin = again(aero)
+    assert np.array_equal(twin.generalized_force(q[0], q[0]), force)
+    assert np.array_equal(twin.batch.generalized_force(q, q), forces)
 
 
 def test_methods_give_circulation_and_downwash_of_every_strip(aero: LiftingLine) -> None:

@@ -187,6 +187,15 @@ def test_refusals(ornithopter, best):
         pt.control.optimize(ornithopter, mass=1.0)
 
 
+def test_a_start_in_another_air_is_refused(ornithopter, best):
+    # The gait was that of the start's air and added mass, whatever was asked for.
+    thin, added = pt.Air(density=0.9), pt.AddedMass(ornithopter)
+    with pytest.raises(ParameterError, match="aero: expected that of start"):
+        pt.control.optimize(ornithopter, pt.QuasiSteady(ornithopter, thin), start=best.orbit)
+    with pytest.raises(ParameterError, match="added_mass: expected that of start"):
+        pt.control.optimize(ornithopter, start=best.orbit, added_mass=added)
+
+
 def limited(robot, torque=np.inf, power=np.inf):
     """Robot whose wings' motors have a greatest torque [N m] and power [W]."""
     limits = [np.full(robot.dof, np.inf) for _ in range(2)]

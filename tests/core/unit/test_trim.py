@@ -245,6 +245,15 @@ def test_an_orbit_of_another_robot_is_no_start(orbit):
         pt.trim(pt.load_robot("ornithopter"), start=orbit)
 
 
+def test_a_search_from_an_orbit_stays_in_its_air(aerobat):
+    # It went on in the default air.
+    thick = pt.Air(density=1.3)
+    added = pt.AddedMass(aerobat, thick, factor=0.1)
+    start = pt.trim(aerobat, pt.QuasiSteady(aerobat, thick), added_mass=added)
+    found = pt.trim(aerobat, start=start, speed=start.speed + 0.05)
+    assert found.found and found.aero is start.aero and found.added_mass is added
+
+
 def test_a_limit_is_told_in_digits_that_show_it_and_no_iterate_as_a_need():
     ornithopter = pt.load_robot("ornithopter")
     failed = pt.trim(ornithopter, speed=9.0)
