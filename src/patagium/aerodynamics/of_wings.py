@@ -1,4 +1,4 @@
-"""One polar or section for all wings of a robot, or one for each wing.
+"""A polar or a section for all wings of a robot, or one for each wing.
 
 Neglected: sections that change along the span of a wing; write such a wing as several.
 """
@@ -53,7 +53,7 @@ class OfWings(Generic[_Kind]):
             self._places[wing] = slice(first, len(self.numbers))
 
     def of(self, wing: str, numbers: Any) -> tuple[_Kind, Any]:
-        """Polar or section of a wing, and its numbers.
+        """Polar or section of one wing, with its parameters.
 
         Args:
             wing: Name of the wing.
@@ -73,6 +73,6 @@ def _wings_of(name: str, given: Mapping[str, Any], robot: Robot) -> dict[str, st
             raise ParameterError(f"{name} by wing", f"names of {', '.join(wings)}", wing, wings)
     for wing, own in found.items():
         if own not in given:
-            expected = "one for each wing, mirror images aside, where one is given by wing"
+            expected = "one: where wings have their own, each needs one, mirror images aside"
             raise ParameterError(f"{name} of {wing}", expected, None)
     return found

@@ -170,7 +170,7 @@ def air_model(
     chosen: dict[str, Any] = {key: given[""]} if "" in given else {}
     if {*given} - {""}:
         others = given.get("") or getattr(kind(machine, air), key)
-        whole = {image: wing for wing, image in machine.mirrored_wings if image not in given}
-        chosen[key] = {wing: given.get(whole.get(wing, wing), others) for wing in wings}
+        own = {*wings} - {image for _, image in machine.mirrored_wings} | {*given} - {""}
+        chosen[key] = {wing: given.get(wing, others) for wing in wings if wing in own}
     made: Aerodynamics = kind(machine, air, **chosen)
     return models.Inflow(made) if inflow else made

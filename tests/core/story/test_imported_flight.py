@@ -133,7 +133,7 @@ def test_a_torque_that_is_missing_costs_no_other_force(
 def test_an_imported_flight_is_shown(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Force and moment of the air on the robot and their plots; strips are not in a log."""
+    """The page shows the aerodynamic force and moment on the robot; a log has no strips."""
     out, page = tmp_path / "out.nc", tmp_path / "out.html"
     say("import", log, "--map", log.with_name("map.yaml"), "-o", out)
     say("view", out, "-o", page)

@@ -159,7 +159,7 @@ class Bounds:
         return bool(self.arrays["bound_track"][_JUMPED] and (moved[own] <= near[own]).all())
 
     def _rests(self, value: Array, moved: Array) -> Bools:
-        """Coordinates and velocities that rest, (n,): both stand, and the velocity is zero."""
+        """Inputs of joints at rest, (n,): position and velocity do not change; velocity is zero."""
         found, first = np.zeros(len(value), bool), self.coordinates - self.dof
         q = slice(first, self.coordinates)
         v = slice(self.coordinates, self.coordinates + self.dof)

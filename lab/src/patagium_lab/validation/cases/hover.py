@@ -481,7 +481,7 @@ def _rows(places: np.ndarray, chords: np.ndarray) -> str:
 
 
 def insect_gait(insect: Insect, robot: Robot) -> Any:
-    """Motion of the wings of an insect.
+    """Gait in which the robot of an insect moves its wings as the insect does.
 
     Args:
         insect: The insect.

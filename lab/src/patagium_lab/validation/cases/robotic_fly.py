@@ -1,4 +1,4 @@
-"""Measured force of a robotic wing with the motion of a hovering fruit fly, over a wingbeat.
+"""Measured force over a wingbeat on a robotic wing that moves as a hovering fruit fly's does.
 
 Size, motion and force are those of a fruit fly to which the robot, in oil, was scaled by its
 Reynolds number. Assumed: the wing is a flat plate whose chord follows a beta distribution, as in
