@@ -349,14 +349,12 @@ def prepared(plan: Plan) -> Prepared:
         PatagiumError: If there is no such orbit; it says what is lacking.
     """
     robot, given = load_robot(plan.robot), plan.trim
-    if given.turn_rate:
-        expected = "0 rad/s, as controllers follow orbits that go straight on"
-        raise ParameterError("trim: turn_rate", expected, given.turn_rate)
     aero = air_class(given.air)(robot, Air(density=given.density))
     gait = gaits.cruise(robot)
     free = given.free or free_parameters(robot, gait)
     climb = 0.0 if given.climb is None and gait.period else given.climb  # a glide's is free
-    orbit = trim(robot, aero, gait, free=free, speed=given.speed, climb=climb)
+    asked = {"speed": given.speed, "climb": climb, "turn_rate": given.turn_rate}
+    orbit = trim(robot, aero, gait, free=free, **asked)
     if not isinstance(orbit, Orbit):
         raise PatagiumError(repr(orbit))
     named = plan.controller.commands or tuple(robot.actuators)

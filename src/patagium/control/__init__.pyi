@@ -31,6 +31,7 @@ from patagium.control.predictive import PredictiveController as PredictiveContro
 from patagium.control.predictive import RealTimeIteration as RealTimeIteration
 from patagium.control.quadratic_program import ProgramStatus as ProgramStatus
 from patagium.control.quadratic_program import QuadraticProgram as QuadraticProgram
+from patagium.control.route import Route as Route
 from patagium.control.trimming import free_parameters as free_parameters
 from patagium.control.trimming import trim as trim
 from patagium.control.wingbeat import FlightMap as FlightMap

@@ -400,6 +400,7 @@ class AdaptiveController:
             free=self._free,
             speed=design.speed,
             climb=design.climb,
+            turn_rate=design.turn_rate,
             start=design,
             added_mass=self._added_mass(self._air),
             tolerable=STIFFNESS,
@@ -504,8 +505,8 @@ class AdaptiveController:
         """Square of the mean departure from the orbit in the beat before an interval [1]."""
         model, samples = self.controller.model, self._samples
         beat = range(first - model.parts, first)
-        apart = np.mean([samples[k] - model.along(k) for k in beat if k in samples], axis=0)
-        kept = apart[model.kept]
+        apart = [model.course.apart(k, samples[k]) for k in beat if k in samples]
+        kept = np.mean(apart, axis=0)[model.kept]
         return float(self.controller.weights[: len(kept)] @ kept**2)
 
     def _missed(self, beat: _Beat) -> Array:
@@ -533,14 +534,17 @@ class AdaptiveController:
         """Intervals of the beat before an interval whose ends were measured; None without any."""
         model, samples = self.controller.model, self._samples
         places = range(first - model.parts, first)
-        begin = np.array([samples.get(k, model.along(k)) for k in places])
-        end = np.array([samples.get(k + 1, model.along(k + 1)) for k in places])
+        course = model.course
+        begin = np.array([samples.get(k, course.along(k)) for k in places])
+        end = np.array([samples.get(k + 1, course.along(k + 1)) for k in places])
         steps = model.parts * -(-self.orbit.steps // model.parts)
         learned = LearnedAir(air, self.weights)
         flight = FlightMap(air.robot, learned, self._added_mass(air), learned.weight_names)
         flown = flight.fly(begin, self._rows(places[0] * self.period, steps))
         moving = [k for k, name in enumerate(model.names) if name.startswith("velocity of ")]
-        slopes, missed = flown.by_parameter[:, moving], (end - flown.ends)[:, moving]
+        missed = course.seen(places[0], end - flown.ends)[:, moving]
+        slopes = course.seen(places[0], flown.by_parameter.transpose(0, 2, 1))
+        slopes = slopes.transpose(0, 2, 1)[:, moving]
         known = np.array([k in samples and k + 1 in samples for k in places])
         known &= np.isfinite(missed).all(axis=1) & np.isfinite(slopes).all(axis=(1, 2))
         if not known.any():

@@ -235,7 +235,7 @@ class _Loop:
         commands = self.controller(time, None if estimate is None else estimate.state)
         of_kind("commands", commands, Mapping | None)
         if isinstance(model := getattr(self.controller, "model", None), OrbitModel):
-            along = model.along(round(time / self.controller.period))
+            along = model.course.along(round(time / self.controller.period))
             self.followed.append(dict(zip(model.names, map(float, along), strict=True)))
         given, stuck, places = (commands or {}).items(), self.gait.stuck, self.gait.places
         taken = {name: value for name, value in given if not stuck.issuperset(places(name))}

@@ -39,6 +39,9 @@ class Frame:
 
     Args:
         names: Names of the entries of the state.
+
+    Attributes:
+        vectors: Places of the entries along and across, of each horizontal vector but positions.
     """
 
     def __init__(self, names: tuple[str, ...]) -> None:
@@ -46,7 +49,7 @@ class Frame:
         self.neutral = [names.index(name) for name in NEUTRAL if name in names]
         self.kept = [k for k in range(self.size) if k not in self.neutral]
         self.names = tuple(names[k] for k in self.kept)
-        self._vectors = [
+        self.vectors = [
             [names.index(name), names.index(name.replace(_ALONG, "velocity of y"))]
             for name in names
             if _ALONG in name and "yaw" in names
@@ -59,7 +62,7 @@ class Frame:
         sine = np.sin(state[self._yaw])
         turn = np.array([[cosine, sine], [-sine, cosine]])
         found, slope = state.copy(), np.eye(self.size)
-        for places in self._vectors:
+        for places in self.vectors:
             found[places] = turn @ state[places]
             slope[np.ix_(places, places)] = turn
             along, across = found[places]
@@ -70,7 +73,7 @@ class Frame:
         """Jacobian of the rate of what is kept, as seen along the heading, (n - 4, n - 4) [1/s]."""
         _, turned = self.seen(state)
         found = turned @ slope @ np.linalg.inv(turned)
-        for along, across in self._vectors:
+        for along, across in self.vectors:
             found[along, across] += rate[self._yaw]
             found[across, along] -= rate[self._yaw]
         return np.asarray(found[np.ix_(self.kept, self.kept)])
@@ -78,7 +81,7 @@ class Frame:
     def generators(self, state: Array) -> Array:
         """Change of a state with position and heading, (n, 4) or without yaw (n, 3) [SI]."""
         found = np.eye(self.size)[:, self.neutral]
-        for places in self._vectors:
+        for places in self.vectors:
             along, across = state[places]
             found[places, 3] = -across, along
         return found

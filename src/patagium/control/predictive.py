@@ -27,6 +27,7 @@ import numpy as np
 
 from patagium.arguments import checked
 from patagium.arrays import Array
+from patagium.control.course import Course
 from patagium.control.gait_family import fourier_series, gait_family
 from patagium.control.orbit import check_attitude
 from patagium.control.quadratic_program import ProgramStatus, QuadraticProgram
@@ -196,27 +197,6 @@ def lagged(sharpness: float, time: Array, integrated: bool) -> tuple[Array, Arra
     return np.concatenate([own, found[:, :, :3]], axis=2), found[:, :, 3]
 
 
-def turned(orbit: Reference, names: Sequence[str], heading: float | None) -> Array:
-    """State at the beginning of an orbit that is turned about the vertical, (n,) [SI].
-
-    Args:
-        orbit: The orbit.
-        names: Names of the entries of its state, Euler angles among them.
-        heading: Mean heading that it is turned to [rad]; None: its own.
-    """
-    state = np.array(orbit.states[0])
-    if heading is None:
-        return state
-    yaw = names.index("yaw")
-    angle = heading - float(orbit.states[:, yaw].mean())
-    state[yaw] += angle
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    for pair in (("x", "y"), ("velocity of x", "velocity of y")):
-        places = [names.index(name) for name in pair]
-        state[places] = turn @ state[places]
-    return state
-
-
 class OrbitModel:
     """Flight near a periodic orbit, its commands as they are answered: linear, periodic in time.
 
@@ -224,27 +204,24 @@ class OrbitModel:
     from the orbit, then of each command the departure of value, rate and second rate, of the
     frequency before them that of the gait's own time [s]. The input is the departure of the
     commands, in the units of `SteeredGait`'s responses. Derivatives are exact (`FlightMap`) at
-    every phase. Neglected: second order in departures, rate limits inside an interval; the way
-    along x, on which nothing depends.
+    every phase, and seen as `Course` sees departures. Neglected: second order in departures, rate
+    limits inside an interval; the way along the course, on which nothing depends.
 
     Args:
-        orbit: The orbit; it goes straight on.
+        orbit: The orbit.
         commands: Names of the commands, as `SteeredGait` takes them.
         parts: Intervals of a beat.
         steered: Gait that is flown and that the orbit's is reached from by `parameters`; by
             default one that begins as the orbit's.
         parameters: Values of the commands on the orbit, where the steered gait's own are others.
-        heading: Mean heading of the orbit, which is turned to it [rad]; by default its own.
 
     Raises:
-        ParameterError: If a command is none of the gait, or the orbit turns or is none.
+        ParameterError: If a command is none of the gait, or the orbit is none.
 
     Attributes:
         neutral: Response to the commands on the orbit, (n_u,) [unit of a response].
-        origin: Where the orbit begins, (n,) [SI]; zero but for an orbit that is changed to.
         period: Length of an interval [s].
-        states: Orbit at the beginning of each interval of a beat, (parts, n) [SI].
-        travel: What a beat adds to the state, (n,) [SI].
+        course: Where the orbit is at the beginning of each interval.
         by_state: Derivative of each interval of a beat by its state, (parts, n_x, n_x).
         by_input: Derivative by the commands, (parts, n_x, n_u).
     """
@@ -256,7 +233,6 @@ class OrbitModel:
         parts: int = 10,
         steered: SteeredGait | None = None,
         parameters: Mapping[str, float] = MappingProxyType({}),
-        heading: float | None = None,
     ) -> None:
         flight = orbit.map
         robot = flight.robot
@@ -280,24 +256,21 @@ class OrbitModel:
         rows = self._rows(flight, parts * steps, parameters)
         self.kept = np.array([k for k, name in enumerate(self.names) if name != "x"])
         self.size = len(self.kept) + sum(self.chains)
-        self.states = np.zeros((parts + 1, flight.size))
-        self.origin = np.zeros(flight.size)
-        self.states[0] = turned(orbit, self.names, heading)
+        states = np.zeros((parts + 1, flight.size))
+        states[0] = orbit.states[0]
         self.by_state = np.zeros((parts, self.size, self.size))
         self.by_input = np.zeros((parts, self.size, len(commands)))
+        slopes = []
         for part in range(parts):
-            self._fly(flight, rows, part, steps)
-        self.travel = self.states[parts] - self.states[0]
-        self.states = self.states[:parts]
-        self._check()
-
-    def _check(self) -> None:
-        names, moved = list(self.names), np.abs(self.travel)
-        moved[[names.index(name) for name in ("x", "y", "z")]] = 0.0
-        if not moved.max() <= CLOSED:
-            worst = self.names[int(np.argmax(moved))]
-            expected = f"an orbit whose state returns after a beat (turn_rate 0), to {CLOSED:g}"
-            raise ParameterError("orbit", expected, f"{worst} changes by {moved.max():.3g}")
+            states[part + 1], found = self._fly(flight, states[part], rows, part, steps)
+            slopes.append(found)
+        self.course = Course(self.names, states)
+        n, total = len(self.kept), sum(self.chains)
+        known = np.r_[self.kept, flight.size : flight.size + total]
+        for part, found in enumerate(slopes):
+            after = self.course.after(part, found)[self.kept]
+            self.by_state[part, :n] = after[:, known]
+            self.by_input[part, :n] = after[:, flight.size + total :]
 
     def _rows(
         self, flight: FlightMap, steps: int, parameters: Mapping[str, float]
@@ -327,8 +300,10 @@ class OrbitModel:
                 slopes[k] = slopes[k] * 2 * np.pi * base.frequency
         return PrescribedRows(found.table, np.stack(slopes, 1), found.time_step, np.zeros(0))
 
-    def _fly(self, flight: FlightMap, rows: PrescribedRows, part: int, steps: int) -> None:
-        """Ends and derivatives of an interval of the beat."""
+    def _fly(
+        self, flight: FlightMap, begin: Array, rows: PrescribedRows, part: int, steps: int
+    ) -> tuple[Array, Array]:
+        """End of an interval of the beat, and its derivatives by state, lags and inputs."""
         inside = slice(2 * steps * part, 2 * steps * (part + 1) + 1)
         given = rows.slopes[inside].reshape(2 * steps + 1, len(self.commands), 3, -1)
         times: Array = 0.5 * rows.time_step * np.arange(2.0 * steps + 1)
@@ -355,11 +330,8 @@ class OrbitModel:
         whole = np.concatenate([*slopes, *forced], axis=1)
         none = np.zeros(total + len(self.commands))
         task = PrescribedRows(rows.table[inside], whole, rows.time_step, none)
-        found = flight.fly(self.states[part : part + 1], task)
-        self.states[part + 1] = found.ends[0]
-        matrix[:n, :n] = found.by_state[0][np.ix_(self.kept, self.kept)]
-        matrix[:n, n:] = found.by_parameter[0][self.kept, :total]
-        self.by_input[part, :n] = found.by_parameter[0][self.kept, total:]
+        found = flight.fly(begin[None], task)
+        return found.ends[0], np.hstack([found.by_state[0], found.by_parameter[0]])
 
     def departure(self, first: int, state: Array, time: float) -> Array:
         """Departure of the flight from the orbit, (n_x,).
@@ -369,18 +341,13 @@ class OrbitModel:
             state: State of the flight, (n,) [SI].
             time: The time, for what the gait answered so far [s].
         """
-        parts = [(state - self.along(first))[self.kept]]
+        parts = [self.course.apart(first, state)[self.kept]]
         own, responses = self.steered.responses_at(time)
         for place, neutral, size in zip(self.places, self.neutral, self.chains, strict=True):
             if size == 4:
                 parts.append(np.array([own - time]))
             parts.append(responses[:, place] - np.array([neutral, 0.0, 0.0]))
         return np.concatenate(parts)
-
-    def along(self, first: int) -> Array:
-        """State of the orbit at the beginning of an interval by its number, (n,) [SI]."""
-        beat, part = divmod(first, self.parts)
-        return np.asarray(self.origin + self.states[part] + beat * self.travel)
 
     def predict(self, first: int, states: Array, inputs: Array) -> Intervals:
         """Intervals of the linear model, whatever the prediction.
@@ -470,8 +437,6 @@ def closed_beat(by_state: Array, by_input: Array, gains: Array) -> Array:
     return beat
 
 
-CLOSED = 1e-4
-"""Largest change of a state, but for positions, over the beat of an orbit [m/s, rad, rad/s]."""
 _DOUBLINGS, _SETTLED_GAINS = 20, 1e-9
 _HELD = 1e12  # a cost over the largest of Q; beyond, only rounding moves a mode
 UNEVEN = 0.1
@@ -558,6 +523,8 @@ class OrbitController:
         steered = SteeredGait(self.model.robot, self.model.steered.gait)
         self.model = copy(self.model)
         self.model.steered = steered
+        self.model.course = copy(self.model.course)
+        self.model.course.lead = 0.0
         self.before = np.zeros(len(self.ends))
         self.held = Counter()
 
@@ -599,13 +566,15 @@ class OrbitController:
         """
         last = self.model
         beat = range(first, first + last.parts)
-        former = np.mean([last.along(k) for k in beat], axis=0)
-        heading = float(former[last.names.index("yaw")])
-        model = OrbitModel(orbit, last.commands, last.parts, last.steered, parameters, heading)
+        model = OrbitModel(orbit, last.commands, last.parts, last.steered, parameters)
         costs, gains = self._law(model)
-        gap = former - np.mean([model.along(k) for k in beat], axis=0)
-        places = [model.names.index(name) for name in ("x", "y", "z")]
-        model.origin[places] = gap[places]
+        course = model.course
+        former, own = (np.mean([one.along(k) for k in beat], axis=0)
+                       for one in (last.course, course))  # fmt: skip
+        if course.yaw is not None:
+            course.heading = float(former[course.yaw] - own[course.yaw])
+            own = np.mean([course.along(k) for k in beat], axis=0)
+        course.origin = (former - own)[course.places]
         self._followed = True
         self.before = self.before + last.neutral - model.neutral
         self.model, self.costs, self.gains = model, costs, gains
@@ -655,7 +624,9 @@ class OrbitController:
         if not abs(time - state.time) <= 0.5 * period:
             return self._hold("late")
         first = round(time / period)
-        start = model.departure(first, self.measured(state, first), time)
+        measured = self.measured(state, first)
+        model.course.catch_up(first, measured)
+        start = model.departure(first, measured, time)
         if not np.isfinite(start).all():
             return self._hold("not finite")
         inputs = self.answer(first, start, self.before)
@@ -702,7 +673,7 @@ class OrbitController:
 
     def measured(self, state: FlightState, first: int) -> Array:
         """State of the model, its unmeasured lags as on the orbit at an interval, (n,) [SI]."""
-        found = self.model.along(first)
+        found = self.model.course.along(first)
         robot = self.model.robot
         for k, name in enumerate(self.model.names):
             moving = name.removeprefix("velocity of ")
@@ -724,7 +695,8 @@ class PredictiveController(OrbitController):
         parts: Intervals of a beat; one command each.
         tolerable: Departures by name of a state, such as `z` or `velocity of x`, that cost as much
             as a command over half its range [SI].
-        limits: Soft limits by name of a state, least and most [SI]; None where there is none.
+        limits: Soft limits by name of a state, least and most [SI]; None where there is none. Of
+            horizontal velocities along and across the heading of the orbit.
 
     Raises:
         ParameterError: If a name is none, a command has no range, or the commands cannot hold
@@ -751,6 +723,9 @@ class PredictiveController(OrbitController):
             low, high = -np.inf if least is None else least, np.inf if most is None else most
             if low >= high:
                 raise ParameterError(f"limits: {name}", "the least first", (low, high))
+            if self.model.course.turn and name in ("y", "yaw"):
+                expected = "a state that a turn brings back, such as z or velocity of y"
+                raise ParameterError("limits", expected, name)
             self._limits[self._state(name)] = low, high
         self._horizon = horizon
         self._begin()
@@ -804,7 +779,8 @@ class PredictiveController(OrbitController):
     def _place_limits(self, first: int) -> None:
         """Soft limits about the orbit, at each interval of the horizon."""
         program, model = self.iteration.program, self.model
-        ahead = np.array([model.along(first + k) for k in range(len(program["x"]))])
+        course, intervals = model.course, range(first, first + len(program["x"]))
+        ahead = np.array([course.seen(k, course.along(k)) for k in intervals])
         for place, (low, high) in self._limits.items():
             along = ahead[:, model.kept[place]]
             program["least"][:, place], program["most"][:, place] = low - along, high - along

@@ -179,6 +179,7 @@ class Autopilot:
     def _of(self, regulator: LinearRegulator) -> Any:
         """Structure of a regulator, and of the gait that it steers."""
         model, names = regulator.model, regulator.model.robot.dof_names
+        course = model.course
         gait, count = model.steered, len(model.commands)
         moving = [name.removeprefix("velocity of ") for name in model.names]
         sources = [
@@ -195,8 +196,9 @@ class Autopilot:
         start = [last.time + end[0], last.own(end)[0]]
         pieces = np.zeros((len(gait.neutral) + 3, 2 + 5 * len(gait.neutral)))
         pieces[0] = np.concatenate([start, goes.target, goes.slope, *goes.c])
-        arrays = {
-            "along": model.states, "travel": model.travel, "origin": model.origin,
+        arrays: dict[str, ArrayLike] = {
+            "along": course.states, "ahead": course.ahead, "travel": course.travel,
+            "origin": course.origin,
             "moves": moves, "neutral": model.neutral, "low": regulator.low,
             "high": regulator.high, "fastest": regulator.fastest, "gains": regulator.gains,
             "scale": [gait.scale(name) for name in model.commands], "before": regulator.before,
@@ -204,8 +206,8 @@ class Autopilot:
             "largest": gait.largest_amplitudes, "room": gait.room, "reach": gait.reach,
             "target": gait.target, "pieces": pieces,
         }  # fmt: skip
-        places = {
-            "places": model.kept, "sources": np.array(sources)[model.kept],
+        places: dict[str, ArrayLike] = {
+            "pairs": course.pairs, "places": model.kept, "sources": sources,
             "answers": model.places, "chains": model.chains,
         }  # fmt: skip
         return REGULATOR.type(
@@ -218,6 +220,14 @@ class Autopilot:
             joints=len(gait.joints),
             period=model.period,
             next=0.0,
+            turn=course.turn,
+            heading=course.heading,
+            lead=course.lead,
+            center_x=course.center.real,
+            center_y=course.center.imag,
+            vectors=len(course.pairs),
+            z=course.places[2],
+            yaw=-1 if course.yaw is None else course.yaw,
             count=1,
             **{name: self._address(values) for name, values in arrays.items()},
             **{name: self._address(values, np.int32) for name, values in places.items()},

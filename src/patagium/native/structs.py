@@ -409,11 +409,21 @@ REGULATOR = struct(
     int32_t joints: of the gait
     double period: of an interval
     double next: time of the next commands
+    double turn: of the heading in a beat
+    double heading: of the course
+    double lead: on the circle of a turn, ahead of the time
+    double center_x: of that circle
+    double center_y: of that circle
+    int32_t vectors: horizontal vectors of a state
+    int32_t z: place of z
+    int32_t yaw: place of yaw; -1 where there is none
+    const int32_t *pairs: vectors x 2: places, first of x and y
     const double *along: parts x states: orbit
-    const double *travel: states: in a beat
-    const double *origin: states
+    const double *ahead: parts x states: change with the way ahead
+    const double *travel: 3: in a beat
+    const double *origin: 3
     const int32_t *places: kept: of each in a state
-    const int32_t *sources: kept: place of each in [q, v]; -1 where it is not measured
+    const int32_t *sources: states: place of each in [q, v]; -1 where it is not measured
     const int32_t *answers: commands: first response of each
     const int32_t *chains: commands: numbers of its lags
     const double *moves: commands x responses: whether it moves a response

@@ -61,7 +61,7 @@ def test_the_reference_is_that_of_the_orbit_that_is_followed(ornithopter_orbit):
     """A controller that follows another orbit on its way, as one does that learns."""
     orbit = ornithopter_orbit
     law = control.LinearRegulator(orbit, COMMANDS)
-    law.model.origin[law.model.names.index("z")] = -1.0
+    law.model.course.origin[2] = -1.0
     flight = pt.fly(
         orbit.robot, pt.QuasiSteady(orbit.robot), law, orbit=orbit, duration=0.2, time_step=1e-3
     )

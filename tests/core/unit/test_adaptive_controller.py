@@ -245,7 +245,7 @@ def test_noise_that_surprises_is_no_cut(orbit, seed):
     controller, draw = AdaptiveController(law, orbit), np.random.default_rng(seed)
     robot, model = orbit.robot, law.model
     for k in range(61):
-        state = dict(zip(model.names, model.along(k), strict=True))
+        state = dict(zip(model.names, model.course.along(k), strict=True))
         state["velocity of roll"] += draw.standard_normal(2) @ [0.3 * (k > 40), 0.02]
         moving = {n.rpartition(" ")[2]: x for n, x in state.items() if n.startswith("vel")}
         still = {name: x for name, x in state.items() if not name.startswith("vel")}
@@ -289,7 +289,7 @@ def test_heading_goes_on_on_another_orbit(orbit):
     model, beat = law.model, range(10, 10 + before.parts)
     yaw = model.names.index("yaw")
     own = np.mean([state[yaw] for state in controller.orbit.states])
-    mean, former = (np.mean([one.along(k)[yaw] for k in beat]) for one in (model, before))
+    mean, former = (np.mean([one.course.along(k)[yaw] for k in beat]) for one in (model, before))
     assert abs(own) > 5e-3  # where the orbit was found
     assert mean == pytest.approx(former, abs=0.1 * abs(own))  # means of 40 and of 10 samples
 
@@ -299,7 +299,7 @@ def test_what_no_cut_explains_is_not_learned(orbit):
     controller, draw = AdaptiveController(law, orbit), np.random.default_rng(0)
     robot, model = orbit.robot, law.model
     for k in range(81):
-        state = dict(zip(model.names, model.along(k), strict=True))
+        state = dict(zip(model.names, model.course.along(k), strict=True))
         state["velocity of roll"] += 5.0 * draw.standard_normal() * (k > 40)
         moving = {n.rpartition(" ")[2]: x for n, x in state.items() if n.startswith("vel")}
         still = {name: x for name, x in state.items() if not name.startswith("vel")}

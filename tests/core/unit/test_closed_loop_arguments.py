@@ -350,12 +350,15 @@ def test_what_is_no_controller_and_what_is_no_orbit_is_said(ornithopter_orbit: A
         pt.control.LinearRegulator(none, list(ROBOT.actuators))
 
 
-def test_controllers_follow_no_turns_and_say_so() -> None:
+def test_a_plan_may_turn() -> None:
     from patagium.cli.plan import Plan, prepared
 
-    plan = Plan.model_validate({"robot": "ornithopter", "trim": {"turn_rate": 0.1}})
-    with pytest.raises(ParameterError, match="^trim: turn_rate: expected 0 rad/s, as controllers"):
-        prepared(plan)
+    given = {"robot": "ornithopter", "trim": {"turn_rate": 0.1, "speed": 6.0}, "events": []}
+    flight = prepared(Plan.model_validate(given)).fly()
+    assert flight.attrs["outcome"] == "COMPLETED"
+    turned = 0.1 * float(flight["time"][-1])
+    # air and masses of the truth are a percent or two off, and yaw moves within the beat
+    assert float(flight.q.sel(dof="yaw")[-1]) == pytest.approx(turned, abs=0.05)
 
 
 def test_an_error_of_an_event_names_the_event(ornithopter_orbit: Any) -> None:

@@ -23,7 +23,7 @@ def test_flights_side_by_side_are_those_of_the_loop(kind: str) -> None:
     """Commands that saturate, whose rates are limited, frequency among them."""
     case = ORNITHOPTER
     orbit, one = design(case), controller(case, kind)
-    states = np.tile(one.model.states[0], (3, 1))
+    states = np.tile(one.model.course.states[0], (3, 1))
     states[:, orbit.names.index("z")] += [0.0, 0.4, -0.4]
     states[:, orbit.names.index("velocity of roll")] += [0.1, 1.0, -1.0]
     parts = {"commands": case.commands}
@@ -41,7 +41,7 @@ def test_flights_side_by_side_are_those_of_the_loop(kind: str) -> None:
             time_step=one.period / STEPS * (1 + 1e-9),
         )  # fmt: skip
         end = np.r_[flown["q"].values[-1, :6], flown["v"].values[-1, :6]]
-        away = end - one.model.along(30)
+        away = one.model.course.apart(30, end)
         assert np.abs(away - many.departures[k]).max() < 1e-5  # own time: order seven
         assert np.abs(away).max() > 0.01
     assert many.alive.all()

@@ -402,9 +402,10 @@ def controller_results() -> Iterator[Result]:
 
         model = one.model
         std = np.r_[vector(design(case), NOISE, 0.0)[model.kept], np.zeros(sum(model.chains))]
+        begin = model.course.states[0]
         state, command = np.zeros(model.size), np.zeros(len(model.commands))
         sizes, starts = starts_of(case, 0, 1)
-        state[: len(model.kept)] = PUSHED / sizes[0] * (starts[0] - model.states[0])[model.kept]
+        state[: len(model.kept)] = PUSHED / sizes[0] * (starts[0] - begin)[model.kept]
         others: dict[str, list[int]] = {name: [] for name in RIVALS}
         gaps: dict[str, list[float]] = {name: [] for name in RIVALS}
         for k in range(model.parts):  # what comes again is made beforehand

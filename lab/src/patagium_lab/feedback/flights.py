@@ -277,7 +277,7 @@ class Flights:
     def _look(self, first: int, moving: Numbers) -> None:
         """Find which flights are over at the beginning of an interval."""
         size = self.departures.shape[1]
-        away = self._whole[moving, :size] - self.controller.model.along(first)
+        away = self.controller.model.course.apart(first, self._whole[moving, :size])
         self.departures[moving] = away
         with np.errstate(invalid="ignore"):
             self.alive[moving] = (np.abs(away) <= self.region).all(axis=1)
@@ -287,7 +287,7 @@ class Flights:
         model = self.controller.model
         size = self.departures.shape[1]
         noise = self.std * self._rng.standard_normal((len(self.states), size))
-        away = self._whole[:, :size] + noise - model.along(first)
+        away = model.course.apart(first, self._whole[:, :size] + noise)
         parts, known = [away[flights][:, model.kept]], self._known
         for name, own, neutral in zip(model.commands, known.places, model.neutral, strict=True):
             if name == "frequency":

@@ -176,7 +176,7 @@ def in_flight(
     pushes = vector(orbit, PUSHED, 0.0) * draw.standard_normal((count, size))
     flights = Flights(
         [truth(case, seed) for seed in seeds], one, law_of(one, count * len(delays)),
-        one.model.states[0] + np.tile(pushes, (len(delays), 1)), STEPS // parts,
+        one.model.course.states[0] + np.tile(pushes, (len(delays), 1)), STEPS // parts,
         np.repeat(delays, count), wait, vector(orbit, NOISE, 0.0), seeds[0],
         vector(orbit, IN_FLIGHT, np.inf),
     )  # fmt: skip
@@ -237,7 +237,7 @@ def starts_of(case: Case, seed: int, count: int) -> tuple[Array, Array]:
     ways, sizes = draws[:, 1:], 0.5 * (1 + draws[:, 0])
     scale = vector(orbit, STARTS, 0.0)
     ways /= np.abs(ways[:, scale > 0]).max(axis=1)[:, None]
-    return sizes, controller(case, PERIODIC).model.states[0] + sizes[:, None] * ways * scale
+    return sizes, controller(case, PERIODIC).model.course.states[0] + sizes[:, None] * ways * scale
 
 
 def region(case: Case, kind: str, seed: int, count: int, beats: int) -> dict[str, Any]:

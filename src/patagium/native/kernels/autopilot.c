@@ -228,18 +228,55 @@ static void command(regulator *r, double time) {
   }
 }
 
+/* Turn horizontal vectors of a state by an angle. */
+static void turn(const regulator *r, double angle, double *state) {
+  const double c = cos(angle), s = sin(angle);
+  for (int i = 0; i < r->vectors; i++) {
+    double *x = state + r->pairs[2 * i], *y = state + r->pairs[2 * i + 1], was = *x;
+    *x = c * was - s * *y;
+    *y = s * was + c * *y;
+  }
+}
+
+/* Departure from the orbit at the beginning of an interval; see Course.catch_up and apart. */
+static void depart(regulator *r, int64_t first, const double *now, double *away) {
+  const int64_t part = first % r->parts;
+  const double beat = (double)(first / r->parts), *own = r->along + part * r->states;
+  const int x = r->pairs[0], y = r->pairs[1], bends = r->turn != 0;
+  const double radius[2] = {own[x] - r->center_x, own[y] - r->center_y};
+  double along[r->states], turned;
+  for (int again = 0; again <= bends; again++) {
+    turned = beat * r->turn + r->lead;
+    memcpy(along, own, sizeof along);
+    along[x] = radius[0], along[y] = radius[1];
+    turn(r, turned, along);
+    along[x] += r->center_x + (bends ? 0 : beat * r->travel[0]);
+    along[y] += r->center_y + (bends ? 0 : beat * r->travel[1]);
+    turn(r, r->heading, along);
+    along[x] += r->origin[0], along[y] += r->origin[1];
+    along[r->z] += beat * r->travel[2] + r->origin[2];
+    if (r->yaw >= 0) along[r->yaw] += r->heading + turned;
+    for (int k = 0; k < r->states; k++)
+      away[k] = r->sources[k] < 0 ? 0 : now[r->sources[k]] - along[k];
+    turn(r, -r->heading - turned, away);
+    if (again == bends) break;
+    const double way = atan2(radius[0] * away[y] - radius[1] * away[x],
+                             radius[0] * (radius[0] + away[x]) + radius[1] * (radius[1] + away[y]));
+    if (isfinite(way)) r->lead += way;
+  }
+  if (bends) away[r->yaw] = remainder(away[r->yaw], 6.283185307179586);
+  const double way = away[x];
+  for (int k = 0; k < r->states; k++) away[k] -= way * r->ahead[part * r->states + k];
+}
+
 /* Commands for the interval that begins now; 0 where the last ones are held. */
-static int regulate(regulator *r, double time, int dof, const double *now) {
+static int regulate(regulator *r, double time, const double *now) {
   const int nu = r->commands, m = r->responses, size = r->kept + r->lags + nu;
   const int64_t first = llround(time / r->period), part = first % r->parts;
-  const double beat = (double)(first / r->parts);
-  double whole[size], state[3 * m], own, next[nu];
+  double whole[size], away[r->states], state[3 * m], own, next[nu];
   int at = 0;
-  for (int i = 0; i < r->kept; i++) {
-    const int k = r->places[i], source = r->sources[i];
-    const double along = r->origin[k] + r->along[part * r->states + k] + beat * r->travel[k];
-    whole[at++] = source < 0 ? 0 : now[source] - along;
-  }
+  depart(r, first, now, away);
+  for (int i = 0; i < r->kept; i++) whole[at++] = away[r->places[i]];
   respond(r, piece_at(r, time), time, &own, state);
   for (int i = 0; i < nu; i++) {
     const int k = r->answers[i];
@@ -323,7 +360,7 @@ static void tick(autopilot *p, const double *row, double *record) {
   double *given = commanded + r->commands;
   *given = 0;
   if (time >= r->next - 1e-9) {
-    *given = regulate(r, time, n, record);
+    *given = regulate(r, time, record);
     r->held += *given == 0;
     r->next = (double)(llround(time / r->period) + 1) * r->period;
   }

@@ -1,0 +1,114 @@
+"""Route of a flight along several orbits, such as straight on, through a turn, and straight on."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from copy import copy
+
+import numpy as np
+
+from patagium.arguments import checked
+from patagium.control.orbit import Orbit
+from patagium.control.predictive import OrbitController, OrbitModel, begins
+from patagium.errors import ParameterError
+from patagium.robot import Robot
+from patagium.simulation.gait_models import Gait
+from patagium.simulation.mounts import Mount
+from patagium.simulation.simulator import FlightState
+
+NEAR = 1e-3
+"""Difference of joints below which two gaits are one, less than that of a table [rad, m]."""
+
+
+class Route:
+    """Controller that goes over from one orbit to the next.
+
+    At its time the orbit of each leg goes on from where the one before is, in its direction.
+    Commands go there as fast as actuators do.
+
+    Args:
+        controller: Controller along the first orbit.
+        legs: Orbit of each leg by the time at which it begins, rounded up to an interval of the
+            controller [s]. It is found with the gait of the first orbit (`trim(gait=orbit.gait)`),
+            and commands of the controller but the frequency as free parameters.
+
+    Raises:
+        ParameterError: If a leg begins before the one before, or has another robot, another gait
+            or a free parameter that is no command.
+    """
+
+    @checked
+    def __init__(self, controller: OrbitController, legs: Mapping[float, Orbit]) -> None:
+        self._first, model = controller, controller.model
+        self._legs: dict[int, tuple[Orbit, Mapping[str, float]]] = {}
+        for time, orbit in legs.items():
+            first = int(np.ceil(min(time / model.period, 1e15) - 1e-6))
+            if not first > max(self._legs, default=0):
+                expected = f"rising times, an interval of {model.period:.3g} s apart at least"
+                raise ParameterError("legs", expected, list(legs))
+            self._legs[first] = orbit, self._parameters(f"legs: {time:g} s", orbit)
+        self.restart()
+
+    def _parameters(self, name: str, orbit: Orbit) -> Mapping[str, float]:
+        """Values of the commands on the orbit of a leg; none where they stay neutral."""
+        model = self._first.model
+        beat = np.arange(16) / 16 * model.parts * model.period
+        own = model.steered.gait.motion(beat).position
+
+        def differs(gait: Gait) -> bool:
+            found = gait.motion(beat).position
+            return found.shape != own.shape or bool(np.abs(found - own).max() > NEAR)
+
+        if orbit.robot.dof_names != model.robot.dof_names:
+            raise ParameterError(name, f"an orbit of {model.robot.name}", orbit.robot.name)
+        if not differs(orbit.gait):
+            return {}
+        if differs(orbit.family.base):
+            expected = "an orbit found with the gait of the first one (trim(gait=orbit.gait))"
+            raise ParameterError(name, expected, orbit)
+        possible = [one for one in model.commands if one != "frequency"]
+        for free in orbit.parameters:
+            if free not in possible:
+                raise ParameterError(f"{name}: free", f"of {', '.join(possible)}", free)
+        return orbit.parameters
+
+    def restart(self) -> None:
+        """Start anew on the first orbit."""
+        self.controller = copy(self._first)
+        self.controller.restart()
+        self._left, self._time = sorted(self._legs), -np.inf
+
+    @property
+    def model(self) -> OrbitModel:
+        """Model of the orbit that is followed."""
+        return self.controller.model
+
+    @property
+    def period(self) -> float:
+        """Length of an interval: the `control_period` of a flight [s]."""
+        return self.controller.period
+
+    @property
+    def held(self) -> Counter[str]:
+        """Number of samples at which the last command was held, by cause."""
+        return self.controller.held
+
+    def check_flight(self, robot: Robot, gait: Gait, mount: Mount) -> None:
+        """Refuse a flight of another robot or gait, or one that is held; see `OrbitController`."""
+        self._first.check_flight(robot, gait, mount)
+
+    def report(self) -> str:
+        """Sentences about the samples that were held and the legs that were begun."""
+        begun = len(self._legs) - len(self._left)
+        return f"{self.controller.report()} Legs begun: {begun} of {len(self._legs)}."
+
+    def __call__(self, time: float, state: FlightState | None) -> dict[str, float]:
+        """Commands for the interval that begins now; see `OrbitController`."""
+        if begins(time, self._time):
+            self.restart()
+        self._time = time
+        now = round(time / self.period)
+        while self._left and self._left[0] <= now:
+            self.controller.follow(*self._legs[self._left.pop(0)], now)
+        return self.controller(time, state)
