@@ -21,7 +21,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from patagium.errors import OutputError, PatagiumError
+from patagium.errors import OutputError, ParameterError, PatagiumError
 
 _ABANDONED = 600.0  # s without a byte written: nobody is at work on such a draft
 _MOST_LINKS = 40  # as many as Linux follows
@@ -126,9 +126,16 @@ def write_whole(path: str | Path, content: str | bytes) -> Path:
 
     Raises:
         OutputError: If it cannot be written; the file is then as it was.
+        ParameterError: If a character is none that UTF-8 has.
     """
+    try:
+        whole = content.encode() if isinstance(content, str) else content
+    except UnicodeEncodeError as problem:
+        found = problem.object[max(0, problem.start - 20) : problem.end]
+        expected = "characters that UTF-8 has (no lone surrogates)"
+        raise ParameterError(f"text of {path}", expected, found) from None
     with whole_file(path) as draft:
-        draft.write_bytes(content.encode() if isinstance(content, str) else content)
+        draft.write_bytes(whole)
     return Path(path)
 
 

@@ -16,7 +16,7 @@ import pytest
 import xarray as xr
 from matplotlib.figure import Figure
 
-from patagium.errors import OutputError
+from patagium.errors import OutputError, ParameterError
 from patagium.netcdf_file import NetcdfDraft
 from patagium.report.figures import save_figure
 from patagium.whole_file import make_folder, whole_file, write_whole
@@ -35,6 +35,15 @@ def longest_file(size: int) -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_text_that_is_none_is_refused_and_the_file_stays(tmp_path: Path) -> None:
+    """A lone half of a character, as a name of a strange file system gives."""
+    path = tmp_path / "page.md"
+    path.write_text("before")
+    with pytest.raises(ParameterError, match="^text of .*page.md: expected characters that UTF-8"):
+        write_whole(path, "a name: wing\ud800")
+    assert path.read_text() == "before" and not drafts(tmp_path)
 
 
 def test_a_link_stays_and_its_file_is_replaced(tmp_path: Path) -> None:
