@@ -32,8 +32,9 @@ from patagium.control.events import (
 from patagium.control.gait_family import gait_family
 from patagium.control.loop import fly
 from patagium.control.lqr import LinearRegulator
-from patagium.control.orbit import Orbit
+from patagium.control.orbit import NoOrbit, Orbit
 from patagium.control.predictive import OrbitController, PredictiveController
+from patagium.control.route import Route
 from patagium.control.trimming import free_parameters, trim
 from patagium.errors import LogError, ParameterError, PatagiumError, positive, refuse_removed
 from patagium.limits import ROBOT_FILE
@@ -138,6 +139,15 @@ class ControllerPart(_Part):
             positive(f"tolerable.{name}", size)
 
 
+class LegPart(_Part):
+    """Orbit that is gone over to at a time; conditions that are not given stay as they are."""
+
+    time: Annotated[Duration, Field(gt=0)]
+    speed: Speed | None = None
+    climb: Speed | None = None
+    turn_rate: TurnRate | None = None
+
+
 class SensorPart(_Part):
     """Sensor with the noise of its data sheet, from `patagium.sensing.sensors.presets`."""
 
@@ -235,6 +245,7 @@ class Plan(_Part):
     trim: TrimPart = TrimPart()
     truth: TruthPart = TruthPart()
     controller: ControllerPart = ControllerPart()
+    legs: tuple[LegPart, ...] = ()
     sensors: SensorsPart = SensorsPart()
     events: tuple[EventPart, ...] | None = None
     duration: Annotated[Duration, Field(gt=0)] | None = None
@@ -287,7 +298,7 @@ class Prepared:
 
     plan: Plan
     orbit: Orbit
-    controller: OrbitController | AdaptiveController
+    controller: OrbitController | AdaptiveController | Route
     duration: float
     events: tuple[Event, ...]
     sensors: NoisyState | TrackedState
@@ -306,11 +317,13 @@ class Prepared:
         climb = round(orbit.climb, 9) + 0.0
         commands = ", ".join(self.controller.model.commands)
         learns = "; its model relearns in flight"
+        turns = f", turn {orbit.turn_rate:.3g} rad/s" * bool(plan.trim.turn_rate)
         happen = [f"at {one.time:.3g} s {one.words}" for one in self.events]
         events = "; ".join(happen) or "none"
         return (
             f"Orbit of {orbit.robot.name}: {orbit.speed:.3g} m/s, "
-            f"climb {climb:.3g} m/s, {1 / orbit.period:.3g} Hz",
+            f"climb {climb:.3g} m/s{turns}, {1 / orbit.period:.3g} Hz",
+            *self._legs(),
             f"Controller: {plan.controller.type}, commands {commands}"
             + learns * plan.controller.learn,
             f"Truth: masses and inertias off by {100 * truth.masses:g} % "
@@ -319,6 +332,14 @@ class Prepared:
             f"Known: {told}",
             f"Flight of {self.duration:.3g} s; events: {events}",
         )
+
+    def _legs(self) -> list[str]:
+        found = self.controller.legs if isinstance(self.controller, Route) else {}
+        return [
+            f"From {time:.3g} s on: {one.speed:.3g} m/s, climb {round(one.climb, 9) + 0.0:.3g} m/s,"
+            f" turn {round(one.turn_rate, 9) + 0.0:.3g} rad/s"
+            for time, one in found.items()
+        ]
 
     def fly(self, progress: Progress | None = None) -> xr.Dataset:
         """Flight of the plan, up to where it breaks.
@@ -354,14 +375,13 @@ def prepared(plan: Plan) -> Prepared:
     free = given.free or free_parameters(robot, gait)
     climb = 0.0 if given.climb is None and gait.period else given.climb  # a glide's is free
     asked = {"speed": given.speed, "climb": climb, "turn_rate": given.turn_rate}
-    orbit = trim(robot, aero, gait, free=free, **asked)
-    if not isinstance(orbit, Orbit):
-        raise PatagiumError(repr(orbit))
+    orbit = _found(trim(robot, aero, gait, free=free, **asked))
     named = plan.controller.commands or tuple(robot.actuators)
     if not named:
         expected = "`actuators` in the robot's file, such as {frequency: {range: [2 Hz, 5 Hz]}}"
         raise ParameterError("controller: commands", expected, None)
-    controller = _controller(plan.controller, orbit, named)
+    law = _controller(plan.controller, orbit, named)
+    controller = _route(plan.legs, law, orbit) if plan.legs else law
     duration = BEATS * orbit.period if plan.duration is None else plan.duration
     positive("duration", duration, "a positive number of seconds")
     events: tuple[Event, ...] = (_default_gust(orbit, duration),)
@@ -369,6 +389,29 @@ def prepared(plan: Plan) -> Prepared:
         events = tuple(event_of(one) for one in plan.events)
     known = plan.sensors.known(robot)
     return Prepared(plan, orbit, controller, duration, events, known)
+
+
+def _found(orbit: Orbit | NoOrbit, of: str = "") -> Orbit:
+    if isinstance(orbit, NoOrbit):
+        raise PatagiumError(f"{of}{orbit!r}")
+    return orbit
+
+
+def _route(
+    legs: tuple[LegPart, ...], controller: OrbitController | AdaptiveController, orbit: Orbit
+) -> Route:
+    """Route along the orbits of legs, each found from the first with all commands but its pace."""
+    if isinstance(controller, AdaptiveController):
+        raise ParameterError("legs", "a controller that does not learn", "learn: true")
+    conditions = {name: getattr(orbit, name) for name in ("speed", "climb", "turn_rate")}
+    free = [name for name in controller.model.commands if name != "frequency"]
+    route: dict[float, Orbit] = {}
+    for leg in legs:
+        conditions |= {k: x for k in conditions if (x := getattr(leg, k)) is not None}
+        known = {"gait": orbit.gait, "free": free, "start": orbit, **conditions}
+        found = trim(orbit.robot, orbit.aero, **known)
+        route[leg.time] = _found(found, f"the leg at {leg.time:g} s: ")
+    return Route(controller, route)
 
 
 def _controller(

@@ -36,11 +36,15 @@ class Route:
     Raises:
         ParameterError: If a leg begins before the one before, or has another robot, another gait
             or a free parameter that is no command.
+
+    Attributes:
+        legs: Orbit of each leg by its time [s].
     """
 
     @checked
     def __init__(self, controller: OrbitController, legs: Mapping[float, Orbit]) -> None:
         self._first, model = controller, controller.model
+        self.legs = dict(legs)
         self._legs: dict[int, tuple[Orbit, Mapping[str, float]]] = {}
         for time, orbit in legs.items():
             first = int(np.ceil(min(time / model.period, 1e15) - 1e-6))

@@ -228,3 +228,30 @@ def test_what_is_no_course_is_refused(turn):
     told = re.escape("limits: expected a state that a turn brings back, such as z")
     with pytest.raises(ParameterError, match=told):
         control.PredictiveController(turn, ("frequency", *STEERING), limits={"yaw": (-1.0, 1.0)})
+
+
+def test_a_plan_has_legs(aerobat):
+    from patagium.cli.plan import Plan, prepared
+
+    legs = [
+        {"time": 0.6, "turn_rate": 0.6},
+        {"time": 1.2, "speed": 4.5},
+        {"time": 1.8, "turn_rate": 0},
+    ]
+    given = {
+        "robot": "aerobat",
+        "controller": {"type": "regulator", "commands": ["frequency", *STEERING]},
+        "legs": legs, "events": [], "duration": 2.4, "time_step": 4e-4,
+    }  # fmt: skip
+    ready = prepared(Plan.model_validate(given))
+    orbits = list(ready.controller.legs.values())
+    assert [round(one.turn_rate, 9) for one in orbits] == [0.6, 0.6, 0.0]
+    assert orbits[0].speed == pytest.approx(ready.orbit.speed, abs=1e-9)
+    assert [one.speed for one in orbits[1:]] == pytest.approx([4.5, 4.5], abs=1e-9)
+    assert "From 1.2 s on: 4.5 m/s, climb 0 m/s, turn 0.6 rad/s" in ready.words
+    flight = ready.fly()
+    assert "Legs begun: 3 of 3." in flight.attrs["controller"]
+    assert float(flight.q.sel(dof="yaw")[-1]) == pytest.approx(0.72, abs=0.08)  # as above
+    learning = given | {"controller": {**given["controller"], "learn": True}}
+    with pytest.raises(ParameterError, match="^legs: expected a controller that does not learn"):
+        prepared(Plan.model_validate(learning))
