@@ -10,7 +10,7 @@ import typer
 
 from patagium.cli.options import OUTPUT, FlightArgument, JsonOption, PredictedOption
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import FLIGHT, answer, existing, flight_file, say_next
+from patagium.cli.words import FLIGHT, answer, existing, flight_file, progress_bar, say_next
 from patagium.errors import command
 
 EXAMPLES = (
@@ -46,13 +46,15 @@ def figures(
     from patagium.whole_file import make_folder
 
     learned = None if model is None else load_model(existing(model))
-    drawn = flight_figures(load_flight(flight_file(flight)), look, learned)
-    folder = make_folder(flight.with_suffix("") if place is None else place)
     outputs, files = Outputs(), {}
-    for name, figure in drawn.items():
-        file = folder / f"{name}.{form}"
-        if outputs.attempt(file.name, partial(save_figure, figure, file)):
-            files[name] = str(file)
+    with progress_bar(f"Drawing {flight.name}") as progress:
+        drawn = flight_figures(load_flight(flight_file(flight)), look, learned)
+        folder = make_folder(flight.with_suffix("") if place is None else place)
+        for done, (name, figure) in enumerate(drawn.items(), 1):
+            file = folder / f"{name}.{form}"
+            if outputs.attempt(file.name, partial(save_figure, figure, file)):
+                files[name] = str(file)
+            progress(done, len(drawn))
     title = f"Figures for {look}"
     outputs.attempt("names on stdout", lambda: answer(files, as_json=as_json, title=title))
     outputs.check()

@@ -83,18 +83,21 @@ def view(
     page = page_path(flight.with_suffix(".html") if out is None else out, name="--out")
     if at is not None and still is None:
         raise ParameterError("--at", "--still, the picture it is for, as well", "none")
-    shown, predicted = _flight(flight), _predicted(model, predictions)
+    with progress_bar(f"Reading {flight.name}"):
+        shown, predicted = _flight(flight), _predicted(model, predictions)
     if still is not None:
-        save_figure(draw_still(shown, at, predicted=predicted), still)
+        with progress_bar("Drawing"):
+            save_figure(draw_still(shown, at, predicted=predicted), still)
         typer.echo(f"The picture is in {still}", err=True)
     elif film is not None:
         with progress_bar("Filming") as progress:
             write_film(shown, film, predicted=predicted, start=start, end=end, progress=progress)
         typer.echo(f"The film is in {film}", err=True)
     else:
-        beside = {other.stem: _flight(other) for other in others}
-        options: dict[str, Any] = {"title": title, "start": start, "end": end, "beside": beside}
-        replay(shown, page, predicted=predicted, **options)
+        with progress_bar(f"Drawing {flight.name}"):
+            beside = {other.stem: _flight(other) for other in others}
+            options: dict[str, Any] = {"title": title, "start": start, "end": end, "beside": beside}
+            replay(shown, page, predicted=predicted, **options)
         typer.echo(f"The page is in {page}", err=True)
         cycles = () if "air" in shown.attrs else (command("patagium cycles {}", flight),)  # of logs
         say_next(f"open {page} in a browser", *cycles)

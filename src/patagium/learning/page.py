@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sized
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -250,7 +250,13 @@ def _calibration(scores: Mapping[str, Any]) -> list[Any]:
 def _prediction_picture(scores: Mapping[str, Any], record: xr.Dataset) -> Any:
     loud = [name for name in record["output"].values if name not in scores["silent"]]
     figure = _compared(record.sel(output=loud[:DRAWN]))
-    return picture(figure, f"Measured, and {_sample_words(scores)[1]}.", "png")
+    return picture(figure, f"Measured, and {_sample_words(scores)[1]}.{_not_drawn(loud)}", "png")
+
+
+def _not_drawn(outputs: Sized) -> str:
+    """Sentence on the outputs that a figure leaves out; empty where it has all."""
+    rest = len(outputs) - DRAWN
+    return f" Scores of the other {rest} outputs are in the table." if rest > 0 else ""
 
 
 def _compared(record: xr.Dataset) -> Figure:
@@ -283,4 +289,5 @@ def _innovation_picture(scores: Mapping[str, Any], record: xr.Dataset) -> Any:
         names=[str(name) for name in chosen["output"].values],
         units=[str(unit) for unit in chosen["unit"].values],
     )
-    return picture(figure, "Innovation at the updates, and the largest variance of a weight.")
+    words = "Innovation at the updates, and the largest variance of a weight."
+    return picture(figure, words + _not_drawn(loud))

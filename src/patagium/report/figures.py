@@ -378,7 +378,8 @@ def flight_overview(flight: Any) -> Figure:
 
     Args:
         flight: Dataset [SI] with `q`, `v`, `aero_force` (time, dof; with a quaternion q is (time,
-            coordinate)), `kinetic_energy`, `potential_energy` and `energy_residual` (time).
+            coordinate)), `kinetic_energy`, `potential_energy`, `energy_residual` (time), and the
+            unit of each coordinate, `dof_unit` (dof).
 
     Raises:
         FlightError: If one of them is missing.
@@ -431,11 +432,14 @@ def _overview_groups(flight: Any) -> list[_Group]:
     quaternion = [n for n in _QUATERNION if n in coordinates]
     angles = [] if quaternion else attitude
     energy = ("kinetic_energy", "potential_energy", "energy_residual")
+    moving, unit = _moving(q, others), dict(zip(names, flight["dof_unit"].values, strict=True))
+    turning = {n: np.degrees(q.sel(dof=n).values) for n in moving if unit[n] != "m"}
     groups: list[_Group] = [
         ("Position", "m", {n: q.sel(dof=n).values for n in position}),
         ("Attitude", "deg", {n: unwound(q.sel(dof=n).values) for n in angles}),
         ("Attitude", "1", {n: q.sel(dof=n).values for n in quaternion}),
-        ("Joints", "deg", {n: np.degrees(q.sel(dof=n).values) for n in _moving(q, others)}),
+        ("Joints", "deg", turning),
+        ("Joints", "m", {n: q.sel(dof=n).values for n in moving if n not in turning}),
         ("Force of the air", "N", {n: force.sel(dof=n).values for n in position}),
         ("Moment of the air", "N m", {n: force.sel(dof=n).values for n in attitude}),
         ("Energy", "J", {n.replace("_", " "): flight[n].values for n in energy}),

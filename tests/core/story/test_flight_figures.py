@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 import patagium as pt
+from patagium.cli import words
 from patagium.cli.main import run
 from patagium.errors import ParameterError
 from patagium.learning.model_file import save_model
@@ -65,6 +66,46 @@ def test_the_verb_writes_them_with_the_learned_forces(
     for file in files.values():
         assert Path(file).parent == tmp_path / "flight"
         assert Path(file).read_bytes().startswith(b"%PDF")
+
+
+def test_a_joint_that_slides_is_drawn_in_meters(flight: xr.Dataset) -> None:
+    slid = flight.copy()
+    slid["dof_unit"] = flight["dof_unit"].copy()
+    slid["dof_unit"].loc["left_plunge"] = "m"
+    panels = {
+        (one.get_title(loc="left"), one.get_ylabel()): [line.get_ydata() for line in one.lines]
+        for one in flight_figures(slid)["flight"].axes
+    }
+    (way,) = panels["Joints", "[m]"]
+    assert way.max() == pytest.approx(0.5, rel=1e-3)
+    assert ("Joints", "[deg]") not in panels  # nothing turns
+    turned = [one.get_ylabel() for one in flight_figures(flight)["flight"].axes]
+    assert turned.count("[m]") == 1
+
+
+def test_a_report_says_which_outputs_it_does_not_draw(flight: xr.Dataset, tmp_path: Path) -> None:
+    network = pt.StripNetwork(pt.load_robot("aerobat"), hidden=(4,))
+    learner = pt.ExtendedLearner(network, prior_std=0.3, measurement_std=3e-4)
+    result = pt.identify(flight, learner, every=10)
+    loud = 14 - len(result.scores["silent"])
+    result.report(tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text("utf-8")
+    assert loud == 11 and page.count("Scores of the other 5 outputs are in the table.</fig") == 2
+
+
+def test_figures_tell_how_far_they_are(
+    flight: xr.Dataset,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(words, "BETWEEN_LINES", 0.0)
+    path = tmp_path / "flight.nc"
+    pt.save_flight(flight, path)
+    with pytest.raises(SystemExit) as left:
+        run(["figures", str(path), "--format", "png"])
+    assert left.value.code == 0
+    assert "Drawing flight.nc: 100% after" in capsys.readouterr().err
 
 
 def test_a_figure_that_fails_costs_no_other(

@@ -136,6 +136,26 @@ def test_at_rest_the_robot_is_drawn_with_all_dots(
     assert browser.complaints == []
 
 
+@pytest.mark.parametrize("size", [(500, 360), (390, 700)])
+@pytest.mark.parametrize("fall", [0.0, 40.0])  # m, through a path of 1.2 m along x
+def test_the_view_of_the_path_shows_all_of_it(
+    fall: float, size: tuple[int, int], flight: xr.Dataset, browser: Chromium, tmp_path: Path
+) -> None:
+    falling = flight.copy(deep=True)
+    falling["q"].loc[{"dof": "z"}] -= fall * (flight["time"] / flight["time"][-1]) ** 2
+    browser.size(*size)
+    browser.go(f"{pt.replay(falling, tmp_path / 'flight.html').as_uri()}#play=0")
+    browser.press("5")
+    for t in (0.0, 0.2, 0.4):
+        browser.ask(f"replay.seek({t})")
+        browser.ask(
+            "new Promise((f) => requestAnimationFrame(() => requestAnimationFrame(() => f(0))))"
+        )
+        tips = browser.ask("replay.marks.map((_, k) => replay.seen(k))")
+        assert tips and np.abs(tips).max() < 1.0  # of half the picture
+    browser.size(500, 360)
+
+
 @pytest.mark.parametrize("kind", ["gif", "mp4"])
 def test_a_film_has_its_pictures_and_the_robot_stays_in_them(
     flight: xr.Dataset, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

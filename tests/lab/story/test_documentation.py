@@ -23,6 +23,8 @@ from patagium.cli.main import run
 from patagium.cli.plan import load_plan
 from patagium.sensing.logs.files import opening
 
+from ...chromium import Chromium, found
+
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"
 BLOCK = re.compile(r"^```(python|sh)\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -346,6 +348,18 @@ def test_the_site_has_every_page_and_its_equations(site: Path) -> None:
     }
     physics = (site / "physics.html").read_text("utf-8")
     assert "<math" in physics and physics.count('class="eqno"') == physics.count('display="block"')
+
+
+def test_equations_on_a_phone_end_before_their_numbers(site: Path, tmp_path: Path) -> None:
+    if found() is None:
+        pytest.skip("no Chromium on this machine")
+    with Chromium(tmp_path, 390, 844) as browser:
+        browser.go((site / "physics.html").as_uri())
+        room = browser.ask("""[...document.querySelectorAll("div.math")].map((one) => {
+          const [drawn, number] = [...one.children].map((k) => k.getBoundingClientRect());
+          return number ? number.left - drawn.right : 0;
+        })""")
+    assert len(room) > 10 and min(room) > -1.0  # pixel
 
 
 def test_no_link_inside_the_site_is_dead(site: Path) -> None:

@@ -310,6 +310,11 @@ window.replay = {
   pause: () => player.pause(),
   seek: (t) => player.seek(t),
   mark: (index) => player.view.markAt(index),
+  // Where a mark is in the picture, across and up: from -1 to 1 if it is in there.
+  seen: (index) => {
+    const { camera, anchor } = player.view, place = player.view.markAt(index).map((value, k) => value - anchor[k]);
+    return new THREE.Vector3(...place).project(camera).toArray().slice(0, 2);
+  },
   // Height of the robot over the ground, and the origin of the other flight, as they are drawn.
   get height() { return player.view.robot.position.z + player.view.anchor[2] - player.view.ground; },
   get other() { return player.view.ghost.position.toArray().map((value, k) => value + player.view.anchor[k]); },

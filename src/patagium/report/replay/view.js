@@ -37,6 +37,7 @@ class View {
     this.controls = new THREE.OrbitControls(this.camera, canvas);
     this.controls.enableDamping = false;
     this.controls.minDistance = 0.6 * this.reach;
+    this.resize();
     if (flight.ground === null) this.look("oblique"); else this.lookAtAll();
   }
 
@@ -229,19 +230,29 @@ class View {
 
   // All of the path, and the arm where there is one, from a fixed place.
   lookAtAll() {
-    const { origin, frames, ground } = this.flight, carried = ground !== null;
-    const low = carried ? [0, 0, ground] : [1e99, 1e99, 1e99], high = carried ? [0, 0, ground] : [-1e99, -1e99, -1e99];
-    for (let i = 0; i < 3 * frames; i++) {
-      low[i % 3] = Math.min(low[i % 3], origin[i]);
-      high[i % 3] = Math.max(high[i % 3], origin[i]);
+    const { ground } = this.flight, carried = ground !== null, points = carried ? [[0, 0, ground]] : [];
+    for (const { origin } of [this.flight, this.other ?? this.flight]) {
+      for (let i = 0; i < origin.length; i += 3) points.push([...origin.slice(i, i + 3)]);
     }
     this.following = false;
-    this.anchor = low.map((value, k) => (value + high[k]) / 2);
-    const radius = Math.hypot(...low.map((value, k) => (high[k] - value) / 2)) + this.reach;
-    this.controls.target.set(0, 0, 0);
-    const [from, far] = carried ? [[0.8, -1, 0.4], 3.1] : [[-0.25, -1, 0.3], 2.1];
-    this.camera.position.set(...from).normalize().multiplyScalar((far * radius) / Math.min(1, this.camera.aspect));
-    this.controls.update();
+    this.anchor = [0, 1, 2].map((k) => {
+      const values = points.map((point) => point[k]);
+      return (values.reduce((a, b) => Math.min(a, b)) + values.reduce((a, b) => Math.max(a, b))) / 2;
+    });
+    const { camera, controls, reach } = this;
+    controls.target.set(0, 0, 0);
+    camera.position.set(...(carried ? [0.8, -1, 0.4] : [-0.25, -1, 0.3])).normalize();
+    // so far that the robot is in the picture wherever on its path it is
+    const away = camera.position.clone(), across = new THREE.Vector3(0, 0, 1).cross(away).normalize();
+    const up = away.clone().cross(across), high = Math.tan((camera.fov / 360) * Math.PI), wide = high * camera.aspect;
+    let distance = 0;
+    for (const point of points) {
+      const at = new THREE.Vector3(...point.map((value, k) => value - this.anchor[k]));
+      const needed = Math.max((Math.abs(at.dot(across)) + reach) / wide, (Math.abs(at.dot(up)) + reach) / high);
+      distance = Math.max(distance, at.dot(away) + needed);
+    }
+    camera.position.multiplyScalar(1.05 * distance);
+    controls.update();
   }
 
   // Where a mark of the drawn robot is in the world.
