@@ -19,7 +19,7 @@ from patagium.cli.options import (
     output_file,
 )
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import Numbers, answer, numbers, say_json, show_table
+from patagium.cli.words import Numbers, answer, numbers, progress_bar, say_json, show_table
 from patagium.errors import ParameterError, PatagiumError
 
 if TYPE_CHECKING:
@@ -111,15 +111,17 @@ def optimize(
         typer.echo(
             "Searching a trimmed flight, then its best gait; many joints take minutes.", err=True
         )
-    found = control.optimize(
-        machine,
-        model,
-        speed=speed,
-        climb=climb,
-        harmonics=harmonics,
-        goal=goal,
-        **options,
-    )
+    with progress_bar("Iterations, of 200 at most") as progress:
+        found = control.optimize(
+            machine,
+            model,
+            speed=speed,
+            climb=climb,
+            harmonics=harmonics,
+            goal=goal,
+            progress=progress,
+            **options,
+        )
     if not isinstance(found, control.OptimalGait):
         if as_json:
             answer(found.summary(), as_json=True)
