@@ -89,12 +89,14 @@ def optimize(
     from patagium.aerodynamics import Air
     from patagium.robot import load_robot
     from patagium.simulation import gaits, save_flight
-    from patagium.simulation.flight_summary import NO_INFLOW
+    from patagium.simulation.flight_summary import HINGED, NO_INFLOW, hinged_strips
 
     if front is None and figure is not None:
         raise ParameterError("--figure", "--front with the speeds of the picture", None)
     machine = load_robot(robot)
     model = air_model(aero, machine, Air(density=density), polar, inflow)
+    if aero == "quasi-steady" and (turned := hinged_strips(machine)):
+        typer.echo(f"patagium: {HINGED.format(machine.strips[turned[0]].wing)}", err=True)
     if front is not None:
         if speed is not None or output is not None or gait is not None or goal != "power":
             raise ParameterError("--front", "no --speed, --goal, --output or --gait with it", front)
