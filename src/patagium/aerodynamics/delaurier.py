@@ -10,9 +10,10 @@ does not halve it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from math import pi, radians
-from typing import Any
+from typing import Any, TypeAlias
 
 import casadi as ca
 
@@ -21,13 +22,17 @@ from patagium.aerodynamics.ground import strip_ground_shares
 from patagium.aerodynamics.indicial import Relaxation
 from patagium.aerodynamics.local_flow import StripMotion, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
+from patagium.aerodynamics.of_wings import wings_of
 from patagium.aerodynamics.polars import section_flow
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign, smooth_step
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.trailing_vortices import spans_and_areas
 from patagium.arguments import check_fields
-from patagium.errors import ParameterError, not_negative
+from patagium.errors import ParameterError
 from patagium.robot.model import Robot
+
+_Number: TypeAlias = float | Mapping[str, float]
+"""Number of the section: of all wings, or of each by the name of the wing."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +58,10 @@ class DeLaurier(Aerodynamics):
     share s of the downwash makes A an aspect ratio of A/(1 - s). Each strip's memory loses
     energy in any plunging motion: 0 < |C|^2 <= Re C for C = 1 - C1 i k/(i k + C2).
 
+    Each number below is that of all wings, or a mapping by the name of the wing, such as
+    zero_lift_angle={"left_wing": -.05, "fin": 0}; a mirror image has that of its original where it
+    is not named.
+
     Args:
         robot: The machine.
         air: Density, wind and gusts.
@@ -65,7 +74,8 @@ class DeLaurier(Aerodynamics):
         crossflow_drag: C_c.
 
     Raises:
-        ParameterError: If a number is not finite or not possible.
+        ParameterError: If a number is not finite or not possible, or numbers are given by wing,
+            and a wing has none or a name is that of none.
 
     References:
         DeLaurier (1993), An aerodynamic model for flapping-wing flight, Aeronautical
@@ -75,24 +85,29 @@ class DeLaurier(Aerodynamics):
 
     robot: Robot
     air: Air = field(default_factory=Air)
-    lift_slope: float = 2 * pi
-    zero_lift_angle: float = 0.0
-    suction_efficiency: float = 0.98
-    friction_drag: float = 0.0186
-    stall_angle: float = radians(13.0)
-    stall_width: float = radians(2.0)
-    crossflow_drag: float = 1.98
+    lift_slope: _Number = 2 * pi
+    zero_lift_angle: _Number = 0.0
+    suction_efficiency: _Number = 0.98
+    friction_drag: _Number = 0.0186
+    stall_angle: _Number = radians(13.0)
+    stall_width: _Number = radians(2.0)
+    crossflow_drag: _Number = 1.98
 
     name = "delaurier"
 
     def __post_init__(self) -> None:
         check_fields(self)
-        not_negative(self, *(name for name in NUMBERS if name != "zero_lift_angle"))
-        if self.suction_efficiency > 1:
-            raise ParameterError("suction_efficiency", "0 to 1", self.suction_efficiency)
-        if not 0 < self.stall_width < min(self.stall_angle, pi / 2 - self.stall_angle):
-            stall = (self.stall_angle, self.stall_width)
-            raise ParameterError("stall", "0 < stall_angle -+ stall_width < pi/2", stall)
+        for wing in {strip.wing: None for strip in self.robot.strips} or [""]:
+            _check(self._of(wing, self.numbers))
+
+    def _of(self, wing: str, numbers: Mapping[str, Any]) -> dict[str, Any]:
+        """Numbers of the section of a wing by name, of those of the model."""
+        found = {}
+        for name in NUMBERS:
+            given = getattr(self, name)
+            own = isinstance(given, Mapping) and wings_of(name, given, self.robot)[wing]
+            found[name] = numbers[f"{name}.{own}" if own else name]
+        return found
 
     @property
     def state_size(self) -> int:
@@ -102,13 +117,18 @@ class DeLaurier(Aerodynamics):
     @property
     def structure(self) -> str:
         """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
-        return f"{self.name} ground" if self.air.ground_parameters else self.name
+        own = [name for name in self.numbers if "." in name]
+        return " ".join([self.name, *own, *["ground"] * bool(self.air.ground_parameters)])
 
     @property
     def numbers(self) -> dict[str, float]:
         """Parameters of the model by name, in their order [SI]."""
-        own = {name: getattr(self, name) for name in NUMBERS}
-        return {"density": self.air.density, **own, **self.air.ground_parameters}
+        found = {"density": self.air.density}
+        for name in NUMBERS:
+            given = getattr(self, name)
+            own = given if isinstance(given, Mapping) else {"": given}
+            found |= {f"{name}.{wing}".rstrip("."): value for wing, value in own.items()}
+        return found | self.air.ground_parameters
 
     def expressions(
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
@@ -117,7 +137,7 @@ class DeLaurier(Aerodynamics):
         p = {name: parameters[k] for k, name in enumerate(self.parameter_names)}
         loads, rates, targets = [], [ca.SX(0, 1)], [ca.SX(0, 1)]
         sizes = spans_and_areas(self.robot, robot)
-        ground = parameters[1 + len(NUMBERS) :]
+        ground = parameters[len(p) - len(self.air.ground_parameters) :]
         shares = strip_ground_shares(robot, q, [span for span, _ in sizes], ground)
         ratios = [
             span * span / area / (1.0 - share)
@@ -125,7 +145,8 @@ class DeLaurier(Aerodynamics):
         ]
         motions = strip_motions(robot, q, v, wind)
         for i, (motion, ratio) in enumerate(zip(motions, ratios, strict=True)):
-            load, rate, target = _strip(motion, ratio, state[i], p)
+            section = self._of(motion.strip.wing, p) | {"density": p["density"]}
+            load, rate, target = _strip(motion, ratio, state[i], section)
             loads.append(load)
             rates.append(rate)
             targets.append(target)
@@ -135,6 +156,19 @@ class DeLaurier(Aerodynamics):
 
 NUMBERS = tuple(field.name for field in fields(DeLaurier))[2:]
 """Parameters in addition to the density, in their order."""
+
+
+def _check(section: dict[str, float]) -> None:
+    """Refuse numbers of a section that are not possible."""
+    for name, value in section.items():
+        if not (value >= 0 or name == "zero_lift_angle"):
+            raise ParameterError(name, "zero or more", value)
+    if section["suction_efficiency"] > 1:
+        raise ParameterError("suction_efficiency", "0 to 1", section["suction_efficiency"])
+    width, angle = section["stall_width"], section["stall_angle"]
+    if not 0 < width < min(angle, pi / 2 - angle):
+        stall = (angle, width)
+        raise ParameterError("stall", "0 < stall_angle -+ stall_width < pi/2", stall)
 
 
 def _strip(

@@ -40,7 +40,7 @@ class OfWings(Generic[_Kind]):
         self.numbers: dict[str, float] = {}
         if isinstance(given, Mapping):
             self._kinds.update(given)
-            self._wing_of = _wings_of(name, given, robot)
+            self._wing_of = wings_of(name, given, robot)
             self.structure = str({wing: kind.structure for wing, kind in given.items()})
         else:
             self._kinds[""] = given
@@ -63,7 +63,7 @@ class OfWings(Generic[_Kind]):
         return self._kinds[own], numbers[self._places[own]]
 
 
-def _wings_of(name: str, given: Mapping[str, Any], robot: Robot) -> dict[str, str]:
+def wings_of(name: str, given: Mapping[str, Any], robot: Robot) -> dict[str, str]:
     """Name that is given for each wing of a robot."""
     wings = list(dict.fromkeys(strip.wing for strip in robot.strips))
     originals = {image: wing for wing, image in robot.mirrored_wings}

@@ -63,8 +63,8 @@ def mount_from(
     kind: MountKind | None,
     words: PathWords,
     *,
-    arm: str,
-    at: str,
+    arm: str | None,
+    at: str | None,
     turn: Vector | None,
     shift: Vector | None,
 ) -> Mount | None:
@@ -73,8 +73,8 @@ def mount_from(
     Args:
         kind: Kind of the mount.
         words: Path.
-        arm: Preset or file of the arm.
-        at: Body of the arm that holds the robot.
+        arm: Preset or file of the arm; by default "ur5e".
+        at: Body of the arm that holds the robot; by default "tool".
         turn: Roll, pitch, yaw of the robot on that body [rad].
         shift: Position of the robot on that body [m].
 
@@ -85,6 +85,9 @@ def mount_from(
     from patagium.robot import load_robot
     from patagium.simulation import mounts
 
+    given = {"--arm": arm, "--arm-at": at, "--arm-turn": turn, "--arm-shift": shift}
+    for name in (name for name, value in given.items() if value is not None and kind != "arm"):
+        raise ParameterError(name, "--mount arm with it", kind)
     if kind not in ("carried", "arm"):
         if words.kind is not None:
             raise ParameterError("--path", "--mount arm or carried with it", kind)
@@ -92,8 +95,9 @@ def mount_from(
     path = _path(words)
     if kind == "carried":
         return mounts.carried(path)
-    machine = load_robot(arm)
-    return mounts.on_arm(machine, path, at=at, position=shift or _ZERO, orientation=turn or _ZERO)
+    machine, place = load_robot(arm or "ur5e"), {"position": shift, "orientation": turn}
+    held_at = {name: value or _ZERO for name, value in place.items()}
+    return mounts.on_arm(machine, path, at=at or "tool", **held_at)
 
 
 def _path(words: PathWords) -> Any:

@@ -19,7 +19,7 @@ from patagium.cli.options import (
     output_file,
 )
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import Numbers, answer, numbers, say_json, show_table
+from patagium.cli.words import Numbers, answer, numbers, progress_bar, say_json, show_table
 from patagium.errors import ParameterError, PatagiumError
 
 if TYPE_CHECKING:
@@ -89,12 +89,14 @@ def optimize(
     from patagium.aerodynamics import Air
     from patagium.robot import load_robot
     from patagium.simulation import gaits, save_flight
-    from patagium.simulation.flight_summary import NO_INFLOW
+    from patagium.simulation.flight_summary import HINGED, NO_INFLOW, hinged_strips
 
     if front is None and figure is not None:
         raise ParameterError("--figure", "--front with the speeds of the picture", None)
     machine = load_robot(robot)
     model = air_model(aero, machine, Air(density=density), polar, inflow)
+    if aero == "quasi-steady" and (turned := hinged_strips(machine)):
+        typer.echo(f"patagium: {HINGED.format(machine.strips[turned[0]].wing)}", err=True)
     if front is not None:
         if speed is not None or output is not None or gait is not None or goal != "power":
             raise ParameterError("--front", "no --speed, --goal, --output or --gait with it", front)
@@ -111,15 +113,17 @@ def optimize(
         typer.echo(
             "Searching a trimmed flight, then its best gait; many joints take minutes.", err=True
         )
-    found = control.optimize(
-        machine,
-        model,
-        speed=speed,
-        climb=climb,
-        harmonics=harmonics,
-        goal=goal,
-        **options,
-    )
+    with progress_bar("Iterations, of 200 at most") as progress:
+        found = control.optimize(
+            machine,
+            model,
+            speed=speed,
+            climb=climb,
+            harmonics=harmonics,
+            goal=goal,
+            progress=progress,
+            **options,
+        )
     if not isinstance(found, control.OptimalGait):
         if as_json:
             answer(found.summary(), as_json=True)

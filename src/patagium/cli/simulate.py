@@ -186,8 +186,12 @@ def simulate(
         list[str] | None,
         typer.Option(help="Amplitude of a sinusoid: z='5 cm', pitch='10 deg'. Repeat it."),
     ] = None,
-    arm: Annotated[str, typer.Option(help="Arm of --mount arm: a preset or a file.")] = "ur5e",
-    arm_at: Annotated[str, typer.Option(help="Body of the arm that holds the robot.")] = "tool",
+    arm: Annotated[
+        str | None, typer.Option(help="Arm of --mount arm: a preset (ur5e by default) or a file.")
+    ] = None,
+    arm_at: Annotated[
+        str | None, typer.Option(help="Body of the arm that holds the robot; by default tool.")
+    ] = None,
     arm_turn: Annotated[
         Vector | None, typer.Option(**_TURN, help="Roll,pitch,yaw of the robot on the arm, in rad.")
     ] = None,

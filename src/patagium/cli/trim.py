@@ -101,7 +101,7 @@ def trim(
     from patagium.report.page import Table
     from patagium.robot import load_robot
     from patagium.simulation import gaits, save_flight
-    from patagium.simulation.flight_summary import NO_INFLOW
+    from patagium.simulation.flight_summary import HINGED, NO_INFLOW, hinged_strips
 
     if along is None and figure is not None:
         raise ParameterError("--figure", "a branch to draw, such as --along speed=2:6", None)
@@ -115,6 +115,8 @@ def trim(
         kind = "Wingbeat" if gait.period else "Glide"
         typer.echo(f"{kind} of the file's cruise, {aero} air; free: {', '.join(chosen)}", err=True)
     model = air_model(aero, machine, Air(density=density), polar, inflow)
+    if aero == "quasi-steady" and (turned := hinged_strips(machine)):
+        typer.echo(f"patagium: {HINGED.format(machine.strips[turned[0]].wing)}", err=True)
     orbit = control.trim(
         machine,
         model,

@@ -15,6 +15,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
+from patagium.arguments import Progress
 from patagium.arrays import Array, Bools, Indices
 from patagium.control.gait_family import GaitFamily
 from patagium.control.orbit import Frame
@@ -339,6 +340,7 @@ class GaitProgram:
         self._outer = np.r_[np.arange(n), np.arange(at[1] - n, at[3])]
         self.begin = np.concatenate(parts) / self.scale
         self.iterations = 0
+        self._progress: Progress | None = None
         self._known: tuple[bytes, PrescribedRows, Segments] | None = None
         lateral = lateral_states(self.names)
         apart = np.abs(nodes[:, lateral]).max()
@@ -522,8 +524,13 @@ class GaitProgram:
         both = np.outer(self.scale, self.scale)
         return np.asarray(0.5 * (found + found.T) * both)
 
-    def solve(self) -> Optimum:
-        """Solution of the program, its limits kept between the samples too."""
+    def solve(self, progress: Progress | None = None) -> Optimum:
+        """Solution of the program, its limits kept between the samples too.
+
+        Args:
+            progress: Function that takes the iterations done, and those at most.
+        """
+        self._progress = progress
         begin: dict[str, Any] = {"x0": self.begin}
         for _ in range(_AGAIN):
             begin, found = self._solved(begin)
@@ -616,6 +623,7 @@ class GaitProgram:
         own = ca.Sparsity.dense(len(self.scale))
         rows = ca.Sparsity.dense(len(self._row_scale))
         none, one = ca.Sparsity.dense(0, 1), ca.Sparsity.dense(1)
+        done = self.iterations
 
         def values(z: Array, _: Array | None = None) -> list[Any]:
             return [self.cost(z), self.constraints(z)]
@@ -627,6 +635,10 @@ class GaitProgram:
             return [self.constraints(z), ca.DM(slopes, self.slopes(z)[of_slopes])]
 
         def hessian(z: Array, _: Array, weight: Array, multipliers: Array) -> list[Any]:
+            nonlocal done
+            done += 1  # one an iteration
+            if self._progress is not None:
+                self._progress(min(done, _ITERATIONS), _ITERATIONS)
             found = self.bends(z, float(weight[0]), multipliers)
             return [ca.DM(bends, found[of_bends])]
 

@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
-from patagium.arguments import checked
+from patagium.arguments import Progress, checked
 from patagium.control.gait_family import GaitFamily, fourier_series, gait_family
 from patagium.control.gait_program import (
     IN_PLANE,
@@ -130,6 +130,7 @@ def optimize(
     start: Orbit | None = None,
     steps: int | None = None,
     tolerable: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
 ) -> OptimalGait | NoOrbit:
     """Optimal gait of a periodic flight: of least power, least energy a meter, greatest speed.
 
@@ -150,6 +151,7 @@ def optimize(
         added_mass: Inertia of the air that moves with the wings, in the same air as the model.
         steps: Time steps of a beat, a multiple of 40.
         tolerable: Sizes of changes of states by name [SI], as of `trim`.
+        progress: Function that takes the iterations of a search done, and those at most.
 
     Returns:
         The gait with its orbit; or a `NoOrbit` that says what stood in the way. `found` tells them
@@ -182,12 +184,15 @@ def optimize(
             raise ParameterError(
                 name, f"that of start (pt.trim(..., {name}=..., start=start))", one
             )
+    if given is not None and (steps or given.steps, tolerable) != (given.steps, None):
+        expected = "those of start (pt.trim(..., steps=..., tolerable=..., start=start))"
+        raise ParameterError("steps, tolerable", expected, (steps, tolerable))
     if free is not None or given is not None or harmonics == 1:
-        return _optimal(start, conditions, goal, harmonics, free)
-    sinusoid = _optimal(start, conditions, goal, 1, None)
+        return _optimal(start, conditions, goal, harmonics, free, progress)
+    sinusoid = _optimal(start, conditions, goal, 1, None, progress)
     if not isinstance(sinusoid, OptimalGait):  # limits that no sinusoid keeps, harmonics may
-        return _optimal(start, conditions, goal, harmonics, None)
-    best = _optimal(sinusoid.orbit, conditions, goal, harmonics, None)
+        return _optimal(start, conditions, goal, harmonics, None, progress)
+    best = _optimal(sinusoid.orbit, conditions, goal, harmonics, None, progress)
     if not isinstance(best, OptimalGait):
         return best
     return replace(best, power_before=sinusoid.power_before, sinusoid=sinusoid)
@@ -202,6 +207,7 @@ def power_front(
     *,
     climb: float = 0.0,
     harmonics: int = 3,
+    added_mass: AddedMass | None = None,
 ) -> list[tuple[float, OptimalGait | NoOrbit]]:
     """Least mean power over speed, each gait sought from the one before, with its best sinusoid.
 
@@ -212,6 +218,7 @@ def power_front(
         gait: Gait to begin from; by default that of the robot's section `cruise`.
         climb: Mean speed upward [m/s].
         harmonics: Order of the Fourier series of the joints, at least 2.
+        added_mass: Inertia of the air that moves with the wings, in the same air as the model.
 
     Returns:
         Each speed with its gait, or with a `NoOrbit`.
@@ -228,7 +235,7 @@ def power_front(
     for speed in speeds:
         given: dict[str, Any] = {"speed": speed, "climb": climb}
         if last is None or last.sinusoid is None:
-            one = optimize(robot, aero, gait, harmonics=harmonics, **given)
+            one = optimize(robot, aero, gait, harmonics=harmonics, added_mass=added_mass, **given)
         else:
             sine = last.sinusoid.orbit
             own = optimize(robot, sine.aero, harmonics=1, start=sine, **given)
@@ -266,7 +273,12 @@ def coefficients(robot: Robot, gait: Gait, harmonics: int) -> tuple[str, ...]:
 
 
 def _optimal(
-    start: Orbit, conditions: Conditions, goal: Goal, harmonics: int, free: Sequence[str] | None
+    start: Orbit,
+    conditions: Conditions,
+    goal: Goal,
+    harmonics: int,
+    free: Sequence[str] | None,
+    progress: Progress | None,
 ) -> OptimalGait | NoOrbit:
     """Optimal gait from an orbit nearby, within one family of gaits."""
     robot, added_mass = start.robot, start.added_mass
@@ -279,7 +291,7 @@ def _optimal(
     flight = FlightMap(robot, start.aero, added_mass, work=True)
     nodes = np.vstack([start.states, start.segments.ends[-1]])
     program = GaitProgram(flight, family, start.steps, goal, conditions, nodes)
-    found = program.solve()
+    found = program.solve(progress)
     if not found.solved:
         return _not_found(family.names, found, program.overloads)
     at, trouble = search.newton(

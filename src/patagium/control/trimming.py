@@ -565,7 +565,13 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
     reason = f"Newton's method stalled at a misfit of {at.residual:.2g}"
     if trouble != "stalled":
         reason, remedy = trouble, f"widen that limit, {remedy}"
-    if not np.isfinite(at.residual):
+    pitch = at.states[:, [name == "pitch" for name in search.map.names]]
+    steep = np.abs(pitch).max(initial=0.0)
+    if trouble == "stalled" and steep > _STEEPEST - 0.1:
+        reason += f"; pitch came to {np.degrees(steep):.0f} degrees from level, and Euler angles "
+        reason += "are singular at 90"
+        remedy = f"ask for a speed or a climb at which it flies flatter, {NEARBY}"
+    elif not np.isfinite(at.residual):
         remedy = "begin nearer to a flight that goes on (gait=, start=, or the file's cruise)"
     elif trouble == "stalled" and np.isfinite((system := search.system(at))[0]).all():
         left, sizes, _ = np.linalg.svd(system[0])

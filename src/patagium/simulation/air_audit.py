@@ -9,19 +9,26 @@ Neglected: power in air that changes with time, and coefficients within fast rev
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import xarray as xr
 
 from patagium.aerodynamics.description import innermost
+from patagium.aerodynamics.inflow import Inflow
 from patagium.aerodynamics.smooth_functions import SWITCH_SPEED
 from patagium.aerodynamics.wind_shear import WindShear
 from patagium.robot import Robot
+from patagium.simulation.cycles import air_velocity
+from patagium.simulation.flight import aero_of
 
 LARGEST_COEFFICIENT = 4.0
 """Force on a strip over area and dynamic pressure that no section reaches [1]."""
 NO_POWER = 1e-3
 """Mean power over the mean of its size that a wake of long memory may leave [1]."""
+VORTEX_RING = (0.4, 2.0)
+"""Descent over the induced velocity at which momentum theory does not hold [1]: at half of the
+induced velocity of hover, V, the latter is 1.28 V; as a windmill at twice V it is V."""
 
 
 def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[str]:
@@ -41,6 +48,8 @@ def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[
     ground = described["air"].get("ground")
     if ground is None and f'"{WindShear.name}"' in told:
         ground = 0.0
+    if f'"{Inflow.name}"' in told:
+        found += _descent(robot, flight if beats is None else flight.isel(time=beats))
     return found + _slow(flight) + _ground(flight, ground)
 
 
@@ -100,6 +109,25 @@ def _downwash(flight: xr.Dataset) -> list[str]:
         f"The downwash at {flight['strip'].values[strip]} is {wash[at, strip]:.3g} m/s at "
         f"{float(flight['time'][at]):.3g} s: no strip moves faster than {fastest:.3g} m/s."
     ]
+
+
+def _descent(robot: Robot, flight: xr.Dataset) -> list[str]:
+    """Sentence about wings that sink into the air that they throw down, against its inflow."""
+    states, moving = flight["aero_state"].to_numpy().mean(axis=0), air_velocity(flight, robot)
+    for k, name in enumerate(aero_of(flight).state_names):
+        if not re.fullmatch(r"induced (\d+ )?velocity of x", name):
+            continue
+        induced = states[k : k + 3]
+        size = float(np.linalg.norm(induced))
+        sinking = float(moving @ induced) / max(size, SWITCH_SPEED)
+        least, most = (share * size for share in VORTEX_RING)
+        if least < sinking < most and moving @ moving - sinking**2 < size**2:
+            return [
+                f"It sinks at {sinking:.2g} m/s into air that its wings drive down at {size:.2g} "
+                f"m/s: from {least:.2g} to {most:.2g} m/s they work in a vortex ring, where the "
+                "momentum theory of Inflow does not hold."
+            ]
+    return []
 
 
 def _slow(flight: xr.Dataset) -> list[str]:

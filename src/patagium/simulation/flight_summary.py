@@ -12,11 +12,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from patagium.aerodynamics import Inflow
+from patagium.aerodynamics import Inflow, QuasiSteady
+from patagium.aerodynamics.description import innermost
 from patagium.arrays import Array
 from patagium.dynamics.dynamics import poses_at
 from patagium.robot import Robot
 from patagium.robot.model import CAPACITIES, capacity_units
+from patagium.robot.planform import poses
 from patagium.simulation.air_audit import air_findings
 from patagium.simulation.cycles import air_force, air_velocity
 from patagium.simulation.flight import WINGBEATS, air_of, gait_period, robot_of
@@ -32,6 +34,14 @@ NO_INFLOW = (
     "up to twice too large (--inflow, or patagium.air.Inflow(model), adds it)."
 )
 """Said of wings that hover in air that stays as it was."""
+HINGED = (
+    "A spring hinge lets {} turn by itself, and its force acts at a quarter of the chord; where "
+    "flow is separated it lies further back, and wings turn more: "
+    'patagium.QuasiSteady(robot, force_point="moving") has it so (docs/air.md, Hover).'
+)
+"""Said of wings that turn on a passive hinge, in quasi-steady air with another force point."""
+SEPARATED = np.radians(30.0)
+"""Mean incidence from which on the force of a wing is far behind a quarter of its chord [rad]."""
 LIQUID = 2.0
 """Density above which a medium carries robots by buoyancy [kg/m^3]."""
 SLOWEST_FALL = 0.3
@@ -105,6 +115,7 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
                 "as heavy as its water."
             )
     warnings += _hover(robot, flight.isel(time=chosen))
+    warnings += _hinge(robot, flight.isel(time=chosen))
     audit = flight.attrs.get("energy_audit", 0.0)
     if audit > UNEXPLAINED:
         warnings.append(
@@ -187,6 +198,33 @@ def _hover(robot: Robot, flight: xr.Dataset) -> list[str]:
     if not driven or speed > HOVER * fastest:
         return []
     return [NO_INFLOW]
+
+
+def hinged_strips(robot: Robot) -> list[int]:
+    """Places of the strips that a passive joint with a spring turns about their span."""
+    bodies, found = poses(robot), []
+    springs = [i for i in robot.passive if robot.stiffness and robot.stiffness[i]]
+    for place, strip in enumerate(robot.strips):
+        span, body = bodies[strip.body][1] @ np.cross(strip.normal, strip.forward), strip.body
+        while body >= 0:
+            axes = [bodies[body][1] @ j.axis for j in robot.bodies[body].joints if j.dof in springs]
+            if any(abs(axis @ span) > np.cos(SEPARATED) for axis in axes):
+                found.append(place)
+                break
+            body = robot.bodies[body].parent
+    return found
+
+
+def _hinge(robot: Robot, flight: xr.Dataset) -> list[str]:
+    """Sentence about a wing that turns by itself far beyond attached flow."""
+    air = innermost(json.loads(flight.attrs.get("aero", "{}")))
+    if air.get("model") != QuasiSteady.name or air.get("force_point") == "moving":
+        return []
+    incidence = np.abs(flight["angle_of_attack"].to_numpy()).mean(axis=0)
+    for place in hinged_strips(robot):
+        if incidence[place] > SEPARATED:
+            return [HINGED.format(robot.strips[place].wing)]
+    return []
 
 
 def _overloads(robot: Robot, flight: xr.Dataset) -> list[str]:

@@ -12,6 +12,7 @@ from patagium.aerodynamics import Air, DeLaurier
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.model import aero_functions, compile_aero
 from patagium.errors import ParameterError
+from patagium.learning.models.physical import unit_of
 from patagium.robot import Robot, load_robot
 from patagium.simulation import gaits, load_flight, save_flight, simulate
 
@@ -93,3 +94,25 @@ def test_a_description_makes_the_same_model(aerobat: Robot) -> None:
 def test_what_cannot_be_is_refused(aerobat: Robot, name: str, value: float) -> None:
     with pytest.raises(ParameterError, match=name.split("_")[0]):
         DeLaurier(aerobat, **{name: value})
+
+
+def test_numbers_by_wing_are_those_of_each(aerobat: Robot) -> None:
+    q, v = aerobat.coordinates(), aerobat.velocities(x=4.0)
+    wings = {strip.wing for strip in aerobat.strips if strip.wing.startswith("left_")}
+    one = DeLaurier(aerobat, zero_lift_angle=-0.05, friction_drag=0.03)
+    each = DeLaurier(aerobat, zero_lift_angle=dict.fromkeys(wings, -0.05), friction_drag=0.03)
+    assert np.array_equal(each.generalized_force(q, v), one.generalized_force(q, v))
+    assert aero_from_description(aerobat, json.loads(json.dumps(each.describe()))) == each
+    assert {unit_of(name) for name in each.numbers if name.startswith("zero")} == {"rad"}
+    flat = DeLaurier(aerobat, friction_drag=0.03)
+    names = {strip.wing: None for strip in aerobat.strips}
+    mixed = DeLaurier(aerobat, zero_lift_angle={w: 0.05 * (w in wings) for w in names},
+                      friction_drag=0.03)  # fmt: skip
+    left = np.array([strip.wing in wings for strip in aerobat.strips])
+    forces = [model.strips(q, v)["strip_force"] for model in (mixed, flat)]
+    assert np.array_equal(forces[0][~left], forces[1][~left])
+    assert (forces[0][left, 2] < forces[1][left, 2]).all()
+    with pytest.raises(ParameterError, match="zero_lift_angle by wing"):
+        DeLaurier(aerobat, zero_lift_angle={"fin": 0.0})
+    with pytest.raises(ParameterError, match="friction_drag"):
+        DeLaurier(aerobat, friction_drag=dict.fromkeys(wings, -1.0))

@@ -9,6 +9,7 @@ import pytest
 
 import patagium as pt
 from patagium.cli.main import run
+from patagium.control import optimal_gait
 from patagium.control.gait_family import gait_family
 from patagium.control.gait_program import TOLERANCE, GaitProgram
 from patagium.control.optimal_gait import coefficients
@@ -194,6 +195,26 @@ def test_a_start_in_another_air_is_refused(ornithopter, best):
         pt.control.optimize(ornithopter, pt.QuasiSteady(ornithopter, thin), start=best.orbit)
     with pytest.raises(ParameterError, match="added_mass: expected that of start"):
         pt.control.optimize(ornithopter, start=best.orbit, added_mass=added)
+    with pytest.raises(ParameterError, match="steps, tolerable: expected those of start"):
+        pt.control.optimize(ornithopter, start=best.orbit, steps=40)
+
+
+def test_a_search_tells_its_iterations(ornithopter, best):
+    told = []
+    free = ("frequency", "plunge_sine_1", "elevation_offset")
+    given = dict(speed=4.0, start=best.orbit, free=free)
+    found = pt.control.optimize(ornithopter, progress=lambda *now: told.append(now), **given)
+    assert found.found and len(told) >= 1 and told[-1][0] <= told[-1][1]
+    assert [done for done, _ in told] == [*range(1, len(told) + 1)]
+
+
+def test_a_front_flies_with_added_mass(ornithopter, monkeypatch):
+    asked = []
+    stop = type("", (), {"found": False})()
+    monkeypatch.setattr(optimal_gait, "optimize", lambda *_, **given: asked.append(given) or stop)
+    added = pt.AddedMass(ornithopter)
+    pt.control.power_front(ornithopter, (4.0,), added_mass=added)
+    assert asked[0]["added_mass"] is added
 
 
 def limited(robot, torque=np.inf, power=np.inf):

@@ -15,7 +15,7 @@ import patagium as pt
 from patagium.cli.main import run
 from patagium.control import FlightMap, free_parameters, gait_family
 from patagium.control.orbit import Frame
-from patagium.control.trimming import OrbitSearch, state_sizes
+from patagium.control.trimming import Conditions, OrbitSearch, _not_found, state_sizes
 from patagium.errors import ParameterError
 from patagium.robot import load_robot_text
 from patagium.robot.model import Actuator
@@ -394,3 +394,14 @@ def test_a_parameter_at_its_limit_is_held_there_and_costs_no_flight(monkeypatch)
     k = robot.index("left_plunge")
     place = robot.actuated.index(k)
     assert motion[:, place].min() == pytest.approx(robot.lower[k], abs=1e-6)  # a joint's margin
+
+
+def test_a_search_that_comes_to_the_vertical_says_so(aerobat, orbit):
+    # Damping of Euler rates is stiff there: it said "hardly reach is 1.5e+70 N of force_z".
+    search = OrbitSearch(FlightMap(aerobat, orbit.aero), orbit.family, orbit.steps)
+    states = orbit.states.copy()
+    states[:, orbit.names.index("pitch")] = -1.45
+    at = search.point(orbit.states, orbit.values, Conditions())._replace(states=states)
+    failed = _not_found(search, at, "stalled")
+    assert "83 degrees from level" in failed.reason and " N of " not in failed.reason
+    assert "flatter" in failed.remedy

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from patagium.aerodynamics.added_mass import AddedMass
+from patagium.aerodynamics.delaurier import NUMBERS
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.arrays import Array
@@ -283,8 +284,9 @@ def _examples(robot: Robot) -> str:
 
 
 def _last(name: str) -> str:
-    """Last part of a parameter's name, without its index."""
-    return re.sub(r"\[\d+\]$", "", name.rpartition(".")[2])
+    """Last part of a parameter's name, without its index; the first of numbers by wing."""
+    first = name.partition(".")[0]
+    return first if first in NUMBERS else re.sub(r"\[\d+\]$", "", name.rpartition(".")[2])
 
 
 def inertial(names: Sequence[str], robot: Robot) -> bool:
