@@ -65,7 +65,7 @@ def test_simulate_on_an_arm(tmp_path: Path, speak: Speak) -> None:
     [
         (("--mount", "carried"), "--path"),
         (("--path", "circle"), "--mount arm or carried"),
-        (("--arm", "ur5e"), "^--arm: expected --mount arm with it"),
+        (("--arm", "ur5e"), "--arm: expected --mount arm with it"),
         (("--mount", "carried", "--path", "circle", "--path-size", "1,2 m"), "a circle's radius"),
         (("--mount", "carried", "--path", "line", "--path-frequency", "1"), "--path-frequency"),
         (("--mount", "carried", "--path", "gone.csv"), "gone.csv"),
