@@ -64,7 +64,16 @@ class OfWings(Generic[_Kind]):
 
 
 def wings_of(name: str, given: Mapping[str, Any], robot: Robot) -> dict[str, str]:
-    """Name that is given for each wing of a robot."""
+    """Name that is given for each wing of a robot.
+
+    Args:
+        name: Name of the argument.
+        given: What is given by the names of wings.
+        robot: Whose wings they are.
+
+    Raises:
+        ParameterError: If a wing has none, or a name is that of no wing.
+    """
     wings = list(dict.fromkeys(strip.wing for strip in robot.strips))
     originals = {image: wing for wing, image in robot.mirrored_wings}
     found = {wing: wing if wing in given else originals.get(wing, wing) for wing in wings}

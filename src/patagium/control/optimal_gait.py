@@ -176,17 +176,13 @@ def optimize(
         start = trimmed
     elif start.robot is not robot or gait is not None:
         raise ParameterError("start", "an orbit of this robot, and no gait in addition", start)
-    for name, one, own in (
-        ("aero", aero, start.aero),
-        ("added_mass", added_mass, start.added_mass),
-    ):
+    elif (steps or start.steps, tolerable) != (start.steps, None):
+        told = "those of start (pt.trim(..., steps=..., tolerable=..., start=start))"
+        raise ParameterError("steps, tolerable", told, (steps, tolerable))
+    for name, one in {"aero": aero, "added_mass": added_mass}.items():
+        own = getattr(start, name)
         if one is not None and (own is None or one.describe() != own.describe()):
-            raise ParameterError(
-                name, f"that of start (pt.trim(..., {name}=..., start=start))", one
-            )
-    if given is not None and (steps or given.steps, tolerable) != (given.steps, None):
-        expected = "those of start (pt.trim(..., steps=..., tolerable=..., start=start))"
-        raise ParameterError("steps, tolerable", expected, (steps, tolerable))
+            raise ParameterError(name, f"that of start (trim(..., {name}=..., start=start))", one)
     if free is not None or given is not None or harmonics == 1:
         return _optimal(start, conditions, goal, harmonics, free, progress)
     sinusoid = _optimal(start, conditions, goal, 1, None, progress)
