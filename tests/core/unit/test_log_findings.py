@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
+import patagium as pt
 from patagium.sensing.logs.axes import continuous
 from patagium.sensing.logs.importing.findings import (
     NO_STAMP,
@@ -58,6 +59,23 @@ def guess(unit: str, rms: list[float], largest: float) -> str:
 )
 def test_sizes_speak_for_units(unit: str, rms: list[float], largest: float, likely: str) -> None:
     assert guess(unit, rms, largest) == likely
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_joints_in_the_other_unit_of_angles_are_told(unit: str, tmp_path: Path) -> None:
+    """Strokes of 4.5 deg passed for 4.5 rad, and of 0.1 rad for 0.1 deg, without a word."""
+    t = 0.005 * np.arange(500)
+    robot = pt.load_robot("ornithopter")
+    joints = [name for k, name in enumerate(robot.dof_names) if k not in robot.floating_dofs]
+    for size, told in ((4.5, unit == "rad"), (0.1, unit == "deg"), (40.0, unit == "rad")):
+        stroke = size * np.sin(30 * t)
+        table = pd.DataFrame({"t": t} | dict.fromkeys(joints, stroke))
+        table.to_csv(tmp_path / "log.csv", index=False)
+        channels = [{"column": name, "unit": unit, "name": f"q.{name}"} for name in joints]
+        words = {"time": {"column": "t"}, "robot": "ornithopter", "channels": channels}
+        mapping = parse_mapping(words)
+        found = import_log(tmp_path / "log.csv", mapping, tmp_path / "log.nc").findings
+        assert any(one.kind == "unit" for one in found) == told, (size, found)
 
 
 def test_a_gyroscope_at_rest_is_asked_for_degrees_alone(tmp_path: Path) -> None:
