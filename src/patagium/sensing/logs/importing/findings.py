@@ -296,7 +296,9 @@ def stamp_findings(
             stamps.backwards,
             "backward stamps",
             f"stamped before an earlier one, by up to {stamps.furthest_back / SECOND:.4g} s; "
-            "left out",
+            "left out"
+            + f"; if the clock wraps or was set back, say `restamp: {1 / stamps.median:.4g} Hz`"
+            * (stamps.furthest_back / SECOND > 10 * stamps.median),
         ),
         (stamps.near_duplicates, "near-duplicate stamps", "less than a tenth of the median step "
          f"after the one before; kept; say {even}"),

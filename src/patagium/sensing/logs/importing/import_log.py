@@ -307,7 +307,7 @@ def _refuse_unusable(log: LogFile, spool: Spool, mapping: TableMapping) -> None:
                 f"{log.path}: {name}: expected time that advances, but {lost} of {stamps.rows} "
                 f"rows do not come after those before them ({stamps.duplicates} repeat a stamp, "
                 f"steps back are up to {stamps.furthest_back / SECOND:.4g} s); "
-                + ("cut the log, or check its stamps" if back else _duplicates_remedy(stamps))
+                + (_back_remedy(stamps) if back else _duplicates_remedy(stamps))
             )
     for item in spool.plan.items:
         asked = item.needed or item.role == "output"
@@ -316,6 +316,14 @@ def _refuse_unusable(log: LogFile, spool: Spool, mapping: TableMapping) -> None:
                 f"{log.path}: {item.column.label}: expected finite numbers, found none; leave it "
                 "out of the mapping if it was not measured"
             )
+
+
+def _back_remedy(stamps: StampSurvey) -> str:
+    """Remedy for a clock that jumps back, as a mapping states it."""
+    return (
+        f"say under time `restamp: {1 / stamps.median:.4g} Hz` if the rows were sampled evenly and "
+        "their clock wraps or was set back, or cut the log"
+    )
 
 
 def _duplicates_remedy(stamps: StampSurvey) -> str:
