@@ -84,7 +84,7 @@ def _set_back(late: Array, step: float) -> tuple[Array, int]:
         earlier = late[max(before, place - _WINDOW) : place]
         change = np.median(late[place : min(following, place + _WINDOW)]) - np.median(earlier)
         if change < -_BACK * step:  # else the rows before only waited to be written
-            back[place:] += np.rint(change / step) * step
+            back[place:] += change
             found += 1
     return back, found
 
