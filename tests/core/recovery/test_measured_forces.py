@@ -344,3 +344,19 @@ def test_a_load_cell_of_the_other_sign_is_asked_for(rng: np.random.Generator, si
     )
     notes = json.loads(motion.attrs["findings"])["notes"]
     assert any("`negated: true`" in one for one in notes) == (sign < 0), forces.force.mean(axis=0)
+
+
+def test_a_load_cell_by_which_air_drives_the_wings_is_asked_for() -> None:
+    """The lift over the weight alone did not tell the sign: it was 1 either way."""
+    robot = pt.load_robot("ornithopter")
+    aero = pt.QuasiSteady(robot, pt.Air(wind=(-5.0, 0.0, 0.0)))
+    gait = pt.gaits.sinusoidal(robot, frequency=3.0, plunge=0.5)
+    held = pt.mounts.fixed()
+    flight = pt.simulate(robot, aero, gait, duration=0.7, time_step=1e-3, mount=held)
+    parts = [S.Encoder(rate=250.0, std=1e-3), S.MotionCapture(body="body", rate=250.0)]
+    log = pt.sense(flight, [*parts, S.LoadCell(rate=250.0, force_std=1e-2)]).without_truth()
+    for sign in (1.0, -1.0):
+        wrench = log["loadcell"].assign(wrench=sign * log["loadcell"].wrench)
+        told = replace(log, readings={**log.readings, "loadcell": wrench})
+        notes = json.loads(motion_and_force(told)[0].attrs["findings"])["notes"]
+        assert any("`negated: true`" in one for one in notes) == (sign < 0), notes

@@ -142,6 +142,19 @@ def test_an_imported_log_gives_the_same_in_python(
     np.testing.assert_allclose(again["q"].values, motion["q"].values, atol=1e-9)
 
 
+def test_an_import_at_a_higher_rate_makes_no_new_measurements(folder: Path) -> None:
+    """Interpolated samples were taken as measured: deviations were up to 10 times too small."""
+    noise = {}
+    for rate in (200, 1000):
+        words = MAPPING.replace("unit: s}", f"unit: s, rate: {rate} Hz}}")
+        Path("map.yaml").write_text(words, "utf-8")
+        pt.import_log("flight.csv", "map.yaml", "log.nc")
+        measured = pt.sensor_log("log.nc", "brick.yaml")
+        assert measured.sensors["cameras of body"].rate == pytest.approx(200.0)
+        noise[rate] = json.loads(pt.estimate_motion(measured).attrs["findings"])["noise"]
+    assert noise[200][0]["std"] == pytest.approx(noise[1000][0]["std"], rel=1e-3)
+
+
 def test_quantities_find_their_sensor_by_unit_shape_and_name() -> None:
     robot = pt.load_robot("aerobat")
     count, axes = 20, ("time", "axis")

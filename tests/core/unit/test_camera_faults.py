@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 import patagium as pt
 from patagium.sensing.motion.camera_faults import consistent_frames, on_regular_clock, open_gaps
@@ -62,6 +62,24 @@ def test_held_frames_and_empty_quaternions_are_not_frames(rng: np.random.Generat
     used, found = consistent_frames(stream)
     assert not used[50:60].any() and not used[80:83].any() and used.sum() == 287
     assert found[0].reason == "frames that repeat the last one" and found[0].frames == 10
+
+
+@pytest.mark.parametrize("jitter", [0.0, 1e-3])
+def test_frames_that_were_filled_in_on_a_straight_line_are_not_frames(
+    jitter: float, rng: np.random.Generator
+) -> None:
+    """They were taken as measured: the stated deviations were up to 200 times too small."""
+    stream = camera(rng)
+    stream.time[:] += jitter * rng.standard_normal(300)
+    share = np.linspace(0, 1, 14)[1:-1]
+    turns = pt.sensors.from_quaternion(stream.rows[[100, 113], 3:])
+    stream.rows[101:113, :3] = np.outer(1 - share, stream.rows[100, :3])
+    stream.rows[101:113, :3] += np.outer(share, stream.rows[113, :3])
+    stream.rows[101:113, 3:] = as_quaternion(Slerp([0.0, 1.0], turns)(share))
+    stream.rows[:, :3] = np.round(stream.rows[:, :3], 6)
+    used, found = consistent_frames(stream)
+    assert used.sum() == 288 and not used[101:113].any()
+    assert "filled in" in found[0].reason and found[0].frames == 12
 
 
 def test_gaps_are_open_where_the_turn_over_them_is_not_known(rng: np.random.Generator) -> None:

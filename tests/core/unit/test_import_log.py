@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from patagium.cli.main import run
@@ -261,3 +262,21 @@ def test_stamps_of_a_header_may_begin_at_zero(tmp_path: Path) -> None:
     words = {"time": {"base": "header"}, "channels": [{"topic": "s", "field": "x", "unit": "1"}]}
     found = import_log(tmp_path / "log.mcap", mapping(words), tmp_path / "log.nc")
     assert found.duration == pytest.approx(0.99)
+
+
+def test_a_clock_that_wraps_is_said_and_restamped(tmp_path: Path) -> None:
+    """The rows after the wrap were left out, or refused without a remedy."""
+    rows = np.arange(400)
+    stamps = (5000 * rows + 2**32 - 900_000) % 2**32
+    table = {"t": stamps, "x": np.sin(0.1 * rows)}
+    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
+    words: dict[str, Any] = {
+        "time": {"column": "t", "unit": "us"},
+        "channels": [{"column": "x", "unit": "m"}],
+    }
+    with pytest.raises(LogError, match=r"say under time `restamp: 200 Hz` if .* wraps"):
+        import_log(tmp_path / "log.csv", parse_mapping(words), tmp_path / "log.nc")
+    words["time"]["restamp"] = "200 Hz"
+    found = import_log(tmp_path / "log.csv", parse_mapping(words), tmp_path / "log.nc")
+    assert found.samples == 400 and found.duration == pytest.approx(1.995)
+    assert any("1 time(s) their clock jumped back" in one.text for one in found.findings)

@@ -59,6 +59,10 @@ def test_orders_and_the_way_back_agree(rng: np.random.Generator) -> None:
     np.testing.assert_allclose(matrix(attitude_in_ours(q[:, [1, 2, 3, 0]], "xyzw", eye, eye)), one)
     back = attitude_in_ours(3.0 * q * [1, -1, -1, -1], "wxyz", eye, eye, inverted=True)
     np.testing.assert_allclose(matrix(back), one, atol=1e-14)
+    vectors = Rotation.from_matrix(one).as_rotvec()
+    np.testing.assert_allclose(
+        matrix(attitude_in_ours(vectors, "rotvec", eye, eye)), one, atol=1e-14
+    )
 
 
 def test_roll_pitch_yaw_turn_about_z_then_y_then_x(rng: np.random.Generator) -> None:

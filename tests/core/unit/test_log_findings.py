@@ -7,7 +7,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.spatial.transform import Rotation
 
+import patagium as pt
+from patagium.sensing.logs.axes import continuous
 from patagium.sensing.logs.importing.findings import (
     NO_STAMP,
     Sizes,
@@ -56,6 +59,23 @@ def guess(unit: str, rms: list[float], largest: float) -> str:
 )
 def test_sizes_speak_for_units(unit: str, rms: list[float], largest: float, likely: str) -> None:
     assert guess(unit, rms, largest) == likely
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_joints_in_the_other_unit_of_angles_are_told(unit: str, tmp_path: Path) -> None:
+    """Strokes of 4.5 deg passed for 4.5 rad, and of 0.1 rad for 0.1 deg, without a word."""
+    t = 0.005 * np.arange(500)
+    robot = pt.load_robot("ornithopter")
+    joints = [name for k, name in enumerate(robot.dof_names) if k not in robot.floating_dofs]
+    for size, told in ((4.5, unit == "rad"), (0.1, unit == "deg"), (40.0, unit == "rad")):
+        stroke = size * np.sin(30 * t)
+        table = pd.DataFrame({"t": t} | dict.fromkeys(joints, stroke))
+        table.to_csv(tmp_path / "log.csv", index=False)
+        channels = [{"column": name, "unit": unit, "name": f"q.{name}"} for name in joints]
+        words = {"time": {"column": "t"}, "robot": "ornithopter", "channels": channels}
+        mapping = parse_mapping(words)
+        found = import_log(tmp_path / "log.csv", mapping, tmp_path / "log.nc").findings
+        assert any(one.kind == "unit" for one in found) == told, (size, found)
 
 
 def test_a_gyroscope_at_rest_is_asked_for_degrees_alone(tmp_path: Path) -> None:
@@ -179,3 +199,64 @@ def test_sensors_on_turned_frames_of_a_robot_do_not_contradict_each_other(tmp_pa
     del words["robot"]
     found = import_log(path, parse_mapping(words), tmp_path / "log.nc").findings
     assert len([one for one in found if one.kind == "axes"]) == 2, found
+
+
+def _flown(heading: float, *, banked: float = 0.0) -> tuple[np.ndarray, Rotation, np.ndarray]:
+    """Position, attitude and time of a robot whose nose is on its course, with a wingbeat."""
+    t = np.arange(0.0, 3.0, 0.005)
+    turned = heading + banked * 9.80665 / 4.0 * t  # rad, at 4 m/s
+    course = np.column_stack([np.cos(turned), np.sin(turned), 0.0 * t])
+    place = np.cumsum(4.0 * 0.005 * course, axis=0)
+    pitch = -0.2 + 0.1 * np.sin(2 * np.pi * 6 * t)
+    level = Rotation.from_euler("ZX", np.column_stack([turned, 0 * t - np.arctan(banked)]))
+    return place, level * Rotation.from_euler("y", pitch[:, None]), t
+
+
+def _thrown(heading: float) -> tuple[np.ndarray, Rotation, np.ndarray]:
+    """Position, attitude and time of a body that tumbles freely, by Euler's equations."""
+    t, inertia = np.arange(0.0, 1.2, 0.005), np.array([1.0, 2.0, 2.8])
+    rate, turn, turns = np.array([1.0, 5.0, 3.0]), Rotation.from_euler("z", heading), []
+    for k in range(10 * len(t)):
+        if k % 10 == 0:
+            turns.append(turn)
+        rate = rate - 5e-4 * np.cross(rate, inertia * rate) / inertia
+        turn = turn * Rotation.from_rotvec(5e-4 * rate)
+    place = np.column_stack([2 * t, 0.5 * t, 5 * t - 0.5 * 9.80665 * t**2])
+    return place, Rotation.concatenate(turns), t
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.0, np.pi])
+@pytest.mark.parametrize("motion", ["level", "turning", "thrown"])
+def test_an_attitude_in_another_order_than_stated_is_told(
+    motion: str, heading: float, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    """Its error was 120 to 180 deg, or 10 to 60 deg of angles, without a word."""
+    place, turn, t = (
+        _thrown(heading) if motion == "thrown" else _flown(heading, banked=float(motion != "level"))
+    )
+    place = place + 2e-4 * rng.normal(size=place.shape)
+    turn = turn * Rotation.from_rotvec(2e-3 * rng.normal(size=(len(t), 3)))
+    quaternion = continuous(turn.as_quat())
+    written = {
+        "xyzw": quaternion,
+        "wxyz": quaternion[:, [3, 0, 1, 2]],
+        "rpy": np.degrees(turn.as_euler("ZYX")[:, ::-1]),
+        "rotvec": np.degrees(turn.as_rotvec()),
+    }
+    wrong = {"xyzw": "wxyz", "wxyz": "xyzw", "rpy": "rotvec", "rotvec": "rpy"}
+    for order, values in written.items():
+        names = [f"c{k}" for k in range(values.shape[1])]
+        table = pd.DataFrame(np.column_stack([t, place, values]), columns=["t", *"XYZ", *names])
+        table.to_csv(tmp_path / "log.csv", index=False)
+        for stated in (order, wrong[order]):
+            attitude = {"column": names, "order": stated, "frame": "nwu", "body": "flu"}
+            attitude |= {"name": "attitude"} | ({"unit": "deg"} if len(names) == 3 else {})
+            position = {"column": list("XYZ"), "frame": "nwu", "unit": "m", "name": "position"}
+            mapping = parse_mapping({"time": {"column": "t"}, "channels": [position, attitude]})
+            found = import_log(tmp_path / "log.csv", mapping, tmp_path / "log.nc").findings
+            told = [one.text for one in found if one.kind == "axes"]
+            alike = len(names) == 3 and motion == "level" and heading in (0.0, np.pi)
+            if stated == order:
+                assert not told, (order, told)
+            elif not alike:  # angles about one axis alone are a rotation vector
+                assert f"was it written as {order}?" in told[0], (order, told)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
+from patagium.arrays import Array
 from patagium.netcdf_file import write_netcdf
 from patagium.sensing.force.measured_force import (
     ForceSamples,
@@ -25,6 +27,10 @@ _WHITE = {"correlation": 0.0, "jitter": 0.0, "doubted": 0.0, "nis": 1.0, "shown"
 
 _HELD_DOWN = 1.5
 """Mean lift over weight from which the sign of a load cell is asked for."""
+
+_DRIVEN = 0.3
+"""Correlation of the force of the air with the momentum of the robot from which the sign is asked
+for: air brakes what moves in it."""
 
 
 def motion_and_force(
@@ -71,14 +77,40 @@ def motion_and_force(
     if mount is not None and base is not None and not unknown.all():
         weight = found.robot.mass * found.robot.gravity
         lift = float(np.nanmean(found.force[:, base.place[2]])) / weight
-        if lift > _HELD_DOWN:
+        turned = replace(mount.measured, values=-mount.measured.values)
+        other = inverse_dynamics_force(motion, joints=joints, mount=replace(mount, measured=turned))
+        along = _drag(motion["time"].values, found, other, list(base.place))
+        if lift > _HELD_DOWN or along > _DRIVEN:
             facts["notes"].append(
-                f"Warning: load cell: the air lifts {lift:.2g} times the weight, or, if the cell "
-                f"shows what the robot does to it, {2 - lift:.2g} times: then it lacks "
-                "`negated: true` in the mapping"
+                f"Warning: load cell: the air lifts {lift:.2g} times the weight and "
+                f"{'drives' if along > 0 else 'brakes'} the motion, or, if the cell shows what the "
+                f"robot does to it, lifts {2 - lift:.2g} times the weight and "
+                f"{'brakes' if along > 0 else 'drives'} it: then it lacks `negated: true` in the "
+                "mapping"
             )
     motion.attrs["findings"] = json.dumps(facts)
     return motion, found
+
+
+def _drag(time: Array, found: ForceSamples, other: ForceSamples, place: list[int]) -> float:
+    """Correlation of the force of the air with the momentum of the robot in the world [1].
+
+    Args:
+        time: Times of the samples, (N,) [s].
+        found: Force of the air.
+        other: Force of the air if the cell has the other sign; the mean of both is all force, which
+            changes the momentum.
+        place: Places of x, y, z in q.
+    """
+    known = np.isfinite(found.force[:, place]).all(axis=1)
+    line = np.polynomial.polynomial.polyvander(time[known] - time[known][0], 1)
+    whole = 0.5 * (found.force + other.force)[known][:, place]
+    pushed = np.cumsum((whole - whole.mean(axis=0)) * np.gradient(time[known])[:, None], axis=0)
+    force, momentum = (
+        one - line @ np.linalg.lstsq(line, one)[0] for one in (found.force[known][:, place], pushed)
+    )
+    size = float(np.linalg.norm(force) * np.linalg.norm(momentum))
+    return float((force * momentum).sum()) / size if size > 0 else 0.0
 
 
 def write_motion(motion: xr.Dataset, forces: ForceSamples, path: str | Path) -> Path:

@@ -52,9 +52,9 @@ def attitude_in_ours(
     """Attitude in other axes as a quaternion in ours, R = W R' B^T.
 
     Args:
-        components: Quaternion of any length, (N, 4) [-], or roll, pitch, yaw, (N, 3) [rad], or
-            rotation matrix row by row, (N, 9) [-].
-        order: "wxyz", "xyzw", "rpy" or "matrix".
+        components: Quaternion of any length, (N, 4) [-], or roll, pitch, yaw or rotation vector,
+            (N, 3) [rad], or rotation matrix row by row, (N, 9) [-].
+        order: "wxyz", "xyzw", "rpy", "rotvec" or "matrix".
         world: Rotation W of their world axes to ours, (3, 3) [-].
         body: Rotation B of their body axes to ours, (3, 3) [-].
         inverted: Whether the attitude turns components in the world into the body's.
@@ -66,7 +66,7 @@ def attitude_in_ours(
     found = np.full((len(components), 4), np.nan)
     with np.errstate(over="ignore", invalid="ignore"):
         length = np.linalg.norm(components, axis=1)
-    valid = np.isfinite(length) & ((length > 0) | (order == "rpy"))
+    valid = np.isfinite(length) & ((length > 0) | (order in ("rpy", "rotvec")))
     if order == "matrix":
         valid &= is_rotation(components)
     if not valid.any():
@@ -74,6 +74,8 @@ def attitude_in_ours(
     chosen = components[valid]
     if order == "rpy":
         theirs = Rotation.from_euler("ZYX", chosen[:, ::-1])
+    elif order == "rotvec":
+        theirs = Rotation.from_rotvec(chosen)
     elif order == "matrix":
         theirs = Rotation.from_matrix(chosen.reshape(-1, 3, 3))
     else:

@@ -94,8 +94,8 @@ class ValueColumn(_Words):
         frame: Axes of a vector, or world axes of an attitude: flu, nwu (ours), frd, ned, enu,
             rfu, or ours in terms of them such as "x, -y, -z".
         body: Body axes of an attitude.
-        order: Components of an attitude: wxyz, xyzw, rpy (roll, pitch, yaw), or matrix (nine
-            entries row by row).
+        order: Components of an attitude: wxyz, xyzw, rpy (roll, pitch, yaw), rotvec (axis times
+            angle), or matrix (nine entries row by row).
         inverted: Whether the attitude is that of the world in the body.
     """
 
@@ -111,7 +111,7 @@ class ValueColumn(_Words):
     range: tuple[float, float] | None = None
     frame: str | None = None
     body: str | None = None
-    order: Literal["wxyz", "xyzw", "rpy", "matrix"] | None = None
+    order: Literal["wxyz", "xyzw", "rpy", "rotvec", "matrix"] | None = None
     inverted: bool = False
 
     @model_validator(mode="before")
@@ -156,7 +156,7 @@ class ValueColumn(_Words):
     def size(self) -> int:
         """Number of components in the log: 1, 3, 4 or 9."""
         if self.order is not None:
-            return {"rpy": 3, "matrix": 9}.get(self.order, 4)
+            return {"rpy": 3, "rotvec": 3, "matrix": 9}.get(self.order, 4)
         return 1 if self.frame is None else 3
 
     @property

@@ -238,7 +238,8 @@ class LogRecord:
         variables: dict[str, Any] = {}
         for whole, names in parts.items():
             dims = {3: ("time", "axis"), 4: ("time", "quaternion")}.get(len(names))
-            facts = {"units": self.units[names[0]]}
+            step = getattr(self._columns[names[0]], "step_in_log", 0.0)
+            facts = {"units": self.units[names[0]], "step_in_log": step}
             if dims is None:
                 for name in names:
                     variables[name] = ("time", self.values((name,))[:, 0], facts)

@@ -9,7 +9,7 @@ space a load cell. The noise of the sensors is left to `estimate_motion`, which 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -86,6 +86,7 @@ def sensor_log(
     found = _Found(machine, np.asarray(table["time"].values, float))
     units = {column.name: column.unit for column in packet_columns(machine)[1:]}
     for name in map(str, table.data_vars):
+        found.steps[name] = float(table[name].attrs.get("step_in_log", 0.0))
         unit = str(table[name].attrs.get("units", ""))
         if unit != units.get(name, unit):
             raise LogError(f"{name}: expected a quantity in {units[name]}, found one in {unit!r}")
@@ -124,6 +125,7 @@ class _Found:
         bodies: Quantities of each body, by their kind.
         joints: Angles of joints by name.
         efforts: Forces of joints by name.
+        steps: Median step of each quantity in the log that was imported [s]; 0 if not known.
     """
 
     robot: Robot
@@ -131,20 +133,23 @@ class _Found:
     bodies: dict[str, dict[str, tuple[str, Array]]] = field(default_factory=dict)
     joints: dict[str, tuple[str, Array]] = field(default_factory=dict)
     efforts: dict[str, tuple[str, Array]] = field(default_factory=dict)
+    steps: dict[str, float] = field(default_factory=dict)
 
     def sensors(self) -> tuple[dict[str, xr.Dataset], dict[str, Sensor]]:
         """Readings and sensors by name."""
-        rate = 1.0 / float(np.median(np.diff(self.time)))
+        step = float(np.median(np.diff(self.time)))
         readings: dict[str, xr.Dataset] = {}
         sensors: dict[str, Sensor] = {}
 
         def add(sensor: Sensor, parts: Mapping[str, tuple[str, Array]], names: list[str]) -> None:
+            """Add a sensor, at its own rate: interpolated samples are no new measurements."""
+            every = max(1, round(max(self.steps[name] for name in names) / step))
             readings[sensor.name] = xr.Dataset(
-                {name: (("time", dim), values) for name, (dim, values) in parts.items()},
-                coords={"time": ("time", self.time, {"units": "s"})},
+                {name: (("time", dim), values[::every]) for name, (dim, values) in parts.items()},
+                coords={"time": ("time", self.time[::every], {"units": "s"})},
                 attrs={"quantities": names},
             )
-            sensors[sensor.name] = sensor
+            sensors[sensor.name] = replace(sensor, rate=1.0 / (every * step))
 
         self._take_base_pose()
         for one, other, word, kind, facts in _GROUPS:
@@ -157,7 +162,7 @@ class _Found:
                     parts = {"wrench": ("component", np.hstack([first, second]))}
                 elif kind is MotionCapture:
                     parts = {one: ("axis", first), "quaternion": ("part", second)}
-                sensor = kind(name=f"{word} of {body}", rate=rate, body=body, **facts)
+                sensor = kind(name=f"{word} of {body}", rate=1.0 / step, body=body, **facts)
                 add(sensor, parts, [name, also])
         motors = partial(MotorCurrent, torque_constant=1.0)
         for part, word, make, found in (
@@ -166,7 +171,7 @@ class _Found:
         ):
             if found:
                 labels, columns = zip(*found.values(), strict=True)
-                sensor = make(name=word, rate=rate, joints=tuple(found))
+                sensor = make(name=word, rate=1.0 / step, joints=tuple(found))
                 add(sensor, {part: ("joint", np.column_stack(columns))}, [*labels])
         return readings, sensors
 

@@ -1,4 +1,4 @@
-"""Frames of motion capture that contradict the others: swapped markers, outliers, held frames.
+"""Frames of motion capture that contradict the others, or are none: swapped markers, held frames.
 
 Frames that follow each other steadily are a stretch; a jump ends it. The longest chain of stretches
 that continue each other is taken as the body, all other frames are left out. Neglected: a swap that
@@ -33,6 +33,8 @@ _FEWEST = 3
 """Fewest frames of a stretch that counts."""
 _LONG = 0.75
 """Time over which a stretch is longer than most swaps [s]."""
+_STRAIGHT = 0.03
+"""Change of a step over that of others up to which it is none."""
 _NO_TURN = 1e-3
 """Length of a quaternion below which it is none."""
 _BACK = 40
@@ -111,16 +113,38 @@ def usable_frames(rows: Array) -> Bools:
     return np.asarray(finite & ~held if held[finite].mean() < 0.5 else finite)
 
 
+def _filled_frames(time: Array, rows: Array, finite: Bools) -> Bools:
+    """Whether each frame is interpolated between its neighbors, in place and attitude, (N,)."""
+    filled, known = np.zeros(len(rows), bool), np.flatnonzero(finite)
+    if len(known) < 2 * _NEAR:
+        return filled
+    at, turns = time[known], from_quaternion(rows[known, 3:])
+    moved = np.diff(rows[known, :3], axis=0), (turns[:-1].inv() * turns[1:]).as_rotvec()
+    straight = np.ones(len(known) - 2, bool)
+    for step in moved:
+        by_time = step / np.diff(at)[:, None] * np.median(np.diff(at))
+        off = [np.linalg.norm(np.diff(one, axis=0), axis=1) for one in (step, by_time)]
+        least = np.minimum(*off)
+        straight &= least <= _STRAIGHT * np.median(least)
+    filled[known[1:-1]] = straight
+    return filled if straight.mean() < 0.5 else np.zeros(len(rows), bool)
+
+
 def consistent_frames(camera: Stream) -> tuple[Bools, list[Stretch]]:
     """Whether each frame shows the body, (N,), and the stretches of frames that do not."""
     seen = usable_frames(camera.rows)
     turned = np.linalg.norm(np.nan_to_num(camera.rows[:, 3:]), axis=1) > _NO_TURN
     finite = np.isfinite(camera.rows).all(axis=1) & turned
     found: list[Stretch] = []
-    held = int((finite & ~seen).sum())
-    if held:
-        begin, end = camera.time[finite & ~seen][[0, -1]].tolist()
-        found.append(Stretch(begin, end, "frames that repeat the last one", held))
+    filled = seen & _filled_frames(camera.time, camera.rows, finite)
+    for gone, reason in (
+        (finite & ~seen, "frames that repeat the last one"),
+        (filled, "frames on a straight line between their neighbors: filled in, not seen"),
+    ):
+        if gone.any():
+            begin, end = camera.time[gone][[0, -1]].tolist()
+            found.append(Stretch(begin, end, reason, int(gone.sum())))
+    seen &= ~filled
     places = np.flatnonzero(seen)
     if len(places) < 2 * _NEAR:
         return seen, found

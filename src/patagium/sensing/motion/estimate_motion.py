@@ -469,10 +469,11 @@ def motion_findings(fitted: MotionFits) -> dict[str, Any]:
     ]
     floor = [
         f"{one['sensor']}, {one['part']}: the noise lies on its least value of "
-        f"{FLOOR[one['unit']]:g} {one['unit']}: if the sensor is not that exact, the log does not "
-        "tell its noise and the standard deviations are too small"
+        f"{FLOOR[one['unit']]:g} {one['unit']}, for the log does not tell it: the standard "
+        "deviations are too small for a sensor that is less exact, and too large for one that is "
+        "more exact"
         for one in noise
-        if one["std"] < 1.01 * FLOOR[one["unit"]]
+        if 0.99 < one["std"] / FLOOR[one["unit"]] < 1.01
     ]
     apart = [
         f"Warning: {one['sensor']}, {one['part']}: its samples scatter by {one['shown']:.2g} "

@@ -57,6 +57,10 @@ _FOLLOWED = 0.1
 """Share of the frequencies that the motion takes, at first."""
 _HASTE = 1.4
 """Power of the change of a density by which its slow approach is sped up."""
+_QUIET, _EXACT = 5.0, 0.025
+"""Noise of the spectrum over the least noise below which samples may be more exact than that, and
+how much: all where the motion follows less than 55 % of the noise, so that they tell it, and
+nothing from 80 %."""
 _FAR = 4.0
 """Standard deviations beyond which a sample loses weight."""
 
@@ -189,7 +193,11 @@ def _learn_part(
     factor = float(np.clip(factor, 0.05, 20.0))
     freedom = float(np.einsum("nc,nc->", weight, 1 - lost))
     one.nis[k] = float(np.einsum("nc,nc->", weight, square)) / max(freedom, 1e-9)
-    one.variance[place] = np.maximum(base * factor, FLOOR[part.unit] ** 2)
+    least = FLOOR[part.unit]
+    if one.first[k].slowest < _QUIET * least:
+        follows = float((weight * lost).sum() / max(weight.sum(), 1e-9))
+        least *= _EXACT ** np.clip(4.0 * (0.8 - follows), 0.0, 1.0)
+    one.variance[place] = np.maximum(base * factor, least**2)
     one.jitter[k] = jitter
     if robust:
         size = np.maximum(valid.sum(axis=1), 1)

@@ -9,7 +9,7 @@ means over about 50 ms. Neglected: delays between sensors, lever arms, the Earth
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from patagium.arrays import Array
 from patagium.robot import Robot
 from patagium.sensing.logs.axes import continuous, rotate, slerp, turning_rate
+from patagium.sensing.logs.importing.attitude_order import OTHER_ORDER, order_findings
 from patagium.sensing.logs.importing.findings import (
     GRAVITY,
     SECOND,
@@ -113,6 +114,9 @@ def consistency(
     def body_of(item: Quantity) -> str | None:
         return None if robot is None else body_in(item.column.label, robot)
 
+    def of_base(item: Quantity) -> bool:
+        return robot is None or body_of(item) == body_in("", robot)
+
     def beside(item: Quantity, others: Sequence[Quantity]) -> Quantity | None:
         return next((one for one in others if body_of(one) == body_of(item)), None)
 
@@ -126,10 +130,14 @@ def consistency(
             facts += fact
     if places and (speed := beside(places[0], speeds)) is not None:
         found += _compare(looked, places[0], speed, turning=False)
+    for attitude in attitudes:
+        place = beside(attitude, [item for item in vectors if item.si == "m"])
+        if place is not None and of_base(attitude) and attitude.order in OTHER_ORDER:
+            if not any(attitude.column.label in one.where for one in found):
+                found += _order_findings(looked, attitude, place)
     told = {one.where.partition(" and ")[0] for one in found if one.kind == "axes"}
     for force in forces:
-        upright = robot is None or body_of(force) == body_in("", robot)
-        if upright and force.column.label not in told:
+        if of_base(force) and force.column.label not in told:
             found += _down_findings(force, spool)
     return found, facts
 
@@ -222,6 +230,15 @@ _SLIPS = {
         (1e2, "position too large or velocity too small by 100: cm for m?"),
     ),
 }
+
+
+def _order_findings(looked: _Stretches, attitude: Quantity, place: Quantity) -> list[Finding]:
+    order, size = attitude.order or "", place.si_factor / place.factor
+    other = replace(attitude, order=OTHER_ORDER[order])
+    pieces = looked.of(place, attitude, other)
+    declared, instead = ([(t, part[0] * size, part[k]) for t, part in pieces] for k in (1, 2))
+    names = f"{attitude.column.label} and {place.column.label}"
+    return order_findings(names, order, declared, instead, looked.span)
 
 
 def _forces(

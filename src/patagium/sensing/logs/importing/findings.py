@@ -296,7 +296,9 @@ def stamp_findings(
             stamps.backwards,
             "backward stamps",
             f"stamped before an earlier one, by up to {stamps.furthest_back / SECOND:.4g} s; "
-            "left out",
+            "left out"
+            + f"; if the clock wraps or was set back, say `restamp: {1 / stamps.median:.4g} Hz`"
+            * (stamps.furthest_back / SECOND > 10 * stamps.median),
         ),
         (stamps.near_duplicates, "near-duplicate stamps", "less than a tenth of the median step "
          f"after the one before; kept; say {even}"),
@@ -395,7 +397,8 @@ def unit_findings(where: str, sizes: Sizes, *, still: bool = False) -> list[Find
         elif not still and _is(sizes, math.radians(1)) and 0.3 < written < 6.5:
             guess = "rad/s"
     elif sizes.si == "rad":
-        if _is(sizes, 1.0) and sizes.largest > 2 * math.pi * 1.01:
+        swings = bool((np.abs(sizes.mean) < 0.2 * sizes.largest).all())  # and does not turn on
+        if _is(sizes, 1.0) and sizes.largest > (1 if swings else 2) * math.pi * 1.01:
             guess = "deg"
         elif _is(sizes, math.radians(1)) and 0.2 < written < 3.3:
             guess = "rad"

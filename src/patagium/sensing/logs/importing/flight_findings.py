@@ -17,6 +17,8 @@ _DENSE = (
     "of inputs and outputs (`--network dense`)"
 )
 _SHOWN = 6
+_LITTLE = 0.7
+"""Motion of joints that is rather one in radians [deg]."""
 
 
 def flight_labels(robot: Robot | None) -> dict[str, str]:
@@ -49,6 +51,15 @@ def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...])
     if still:
         found.append(Finding("note", "flight", "constant", f"never change: {', '.join(still)}"))
     joints = [name for k, name in enumerate(robot.dof_names) if k not in robot.floating_dofs]
+    moved = []
+    for name in (name for name in joints if f"q.{name}" in held):
+        item = held[f"q.{name}"]
+        values, place = surveys[item.stream].values, item.places[0]
+        if item.column.unit in ("deg", "degree", "°"):
+            moved.append(float(values.high[place] - values.low[place]))
+    if 0 < max(moved, default=0.0) < _LITTLE:
+        text = f"no joint in deg moves by more than {max(moved):.2g} deg; are they in rad?"
+        found.append(Finding("warning", "flight", "unit", text))
     unmeasured = [name for name in joints if f"q.{name}" not in held]
     text = ""
     if unmeasured:

@@ -58,9 +58,17 @@ class NetcdfWriter:
         plan: Quantities of the log.
         rows: Largest number of samples to come.
         attributes: Attributes of the file.
+        steps: Median step of each stream [s].
     """
 
-    def __init__(self, file: Any, plan: Plan, rows: int, attributes: dict[str, Any]) -> None:
+    def __init__(
+        self,
+        file: Any,
+        plan: Plan,
+        rows: int,
+        attributes: dict[str, Any],
+        steps: Sequence[float],
+    ) -> None:
         self._chunk = min(_CHUNK, max(1, rows))
         self._file = file
         self._file.setncatts({**attributes, "format": FORMAT})
@@ -71,6 +79,7 @@ class NetcdfWriter:
             words = item.column
             for label, bounds in zip(words.labels, item.bounds(), strict=False):
                 facts: dict[str, Any] = {"role": item.role, "quantity": words.label}
+                facts["step_in_log"] = steps[item.stream]
                 if np.isfinite(bounds).all():
                     facts["expected_range"] = list(bounds)
                 if words.frame is not None:
@@ -256,7 +265,9 @@ def _written(
     if robot is not None:
         attributes |= {"robot": robot.source, "robot_name": robot.name}
     writer: Writer = (
-        NetcdfWriter(draft.file, plan, base.count, attributes)
+        NetcdfWriter(
+            draft.file, plan, base.count, attributes, [one.stamps.median for one in spool.surveys]
+        )
         if isinstance(draft, NetcdfDraft)
         else CsvWriter(draft.path, plan, mapping.air)
     )
@@ -296,7 +307,7 @@ def _refuse_unusable(log: LogFile, spool: Spool, mapping: TableMapping) -> None:
                 f"{log.path}: {name}: expected time that advances, but {lost} of {stamps.rows} "
                 f"rows do not come after those before them ({stamps.duplicates} repeat a stamp, "
                 f"steps back are up to {stamps.furthest_back / SECOND:.4g} s); "
-                + ("cut the log, or check its stamps" if back else _duplicates_remedy(stamps))
+                + (_back_remedy(stamps) if back else _duplicates_remedy(stamps))
             )
     for item in spool.plan.items:
         asked = item.needed or item.role == "output"
@@ -305,6 +316,14 @@ def _refuse_unusable(log: LogFile, spool: Spool, mapping: TableMapping) -> None:
                 f"{log.path}: {item.column.label}: expected finite numbers, found none; leave it "
                 "out of the mapping if it was not measured"
             )
+
+
+def _back_remedy(stamps: StampSurvey) -> str:
+    """Remedy for a clock that jumps back, as a mapping states it."""
+    return (
+        f"say under time `restamp: {1 / stamps.median:.4g} Hz` if the rows were sampled evenly and "
+        "their clock wraps or was set back, or cut the log"
+    )
 
 
 def _duplicates_remedy(stamps: StampSurvey) -> str:

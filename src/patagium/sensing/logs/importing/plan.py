@@ -85,7 +85,7 @@ class Quantity:
         """
         words = self.column
         if self.order is not None:
-            scaled = raw * self.si_factor if self.order == "rpy" else raw
+            scaled = raw * self.si_factor if self.order in ("rpy", "rotvec") else raw
             return attitude_in_ours(
                 scaled, self.order, _axes(words.frame), _axes(words.body), inverted=words.inverted
             )

@@ -3,7 +3,8 @@
 A mapping that says `restamp: 100 Hz` states that the sensor took the rows at this rate, and that
 their stamps tell when they were written. Row k is then at t_0 + (k + l) / rate. t_0 is the median
 difference to the stamps in the file, and l the number of rows that were lost before row k: after a
-gap, stamps go on later by whole steps. A rate that the stamps contradict is refused.
+gap, stamps go on later by whole steps. Where they jump back, as a counter that wraps or a clock
+that is set, they go on by one step. A rate that the stamps contradict is refused.
 Neglected: a sensor whose rate changes; single rows that were lost within the jitter.
 """
 
@@ -21,6 +22,8 @@ _SPREAD = (0.1, 0.9)
 """Quantiles between which most stamps beside a gap lie; rows lost move them by more."""
 _MOST_GAPS = 0.1
 """Share of the steps that may be gaps."""
+_BACK = 10.0
+"""Steps beyond which a stamp that is too early is of a clock that jumped back."""
 _ENDS = 10
 """Share of the rows, as 1 / 10, whose median stamps at both ends tell a drift."""
 
@@ -47,6 +50,8 @@ def restamped(stamps: Stamps, rate: float, gap: float, where: str) -> tuple[Stam
         return np.rint(rows * step).astype(np.int64), f"{words}; they have no stamps of their own"
     origin = int(stamps[known[0]])
     late = (stamps[known] - origin).astype(float) - known * step
+    back, wraps = _set_back(late, step)
+    late -= back
     lost, gaps = _lost(late, step, gap)
     if len(gaps) > _MOST_GAPS * len(late):
         lost, gaps = np.zeros(len(late)), gaps[:0]  # the rate is another one
@@ -62,11 +67,26 @@ def restamped(stamps: Stamps, rate: float, gap: float, where: str) -> tuple[Stam
         if len(gaps)
         else f"{words}, and none as lost"
     )
+    if wraps:
+        text += f"; {wraps} time(s) their clock jumped back, and no row was lost then"
     text += (
         f"; the stamps in the file differ from this by {np.sqrt(np.mean(off**2)) / 1e9:.3g} s "
         f"(rms), at most {np.abs(off).max() / 1e9:.3g} s"
     )
     return np.rint(grid * step + start).astype(np.int64) + origin, text
+
+
+def _set_back(late: Array, step: float) -> tuple[Array, int]:
+    """Time by which the clock was set back before each row, (k,) [ns], and how often."""
+    back, found = np.zeros(len(late)), 0
+    ends = [0, *(np.flatnonzero(np.diff(late) < -_BACK * step) + 1).tolist(), len(late)]
+    for before, place, following in zip(ends, ends[1:-1], ends[2:], strict=False):
+        earlier = late[max(before, place - _WINDOW) : place]
+        change = np.median(late[place : min(following, place + _WINDOW)]) - np.median(earlier)
+        if change < -_BACK * step:  # else the rows before only waited to be written
+            back[place:] += change
+            found += 1
+    return back, found
 
 
 def _lost(late: Array, step: float, gap: float) -> tuple[Array, Stamps]:
