@@ -573,21 +573,27 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
         remedy = f"ask for a speed or a climb at which it flies flatter, {NEARBY}"
     elif not np.isfinite(at.residual):
         remedy = "begin nearer to a flight that goes on (gait=, start=, or the file's cruise)"
-    elif trouble == "stalled" and np.isfinite((system := search.system(at))[0]).all():
+    if trouble == "stalled" and np.isfinite((system := search.system(at))[0]).all():
         left, sizes, _ = np.linalg.svd(system[0])
         asked = left.T @ system[1]
         least = np.r_[np.maximum(sizes, _RANK), np.full(len(asked), _RANK)]
         weak = np.abs(asked) / least[: len(asked)]
         worst = int(np.argmax(weak))
-        lacking = _mean_wrench(search, at, left[:, worst] * asked[worst])
-        most = max(lacking, key=lambda name: abs(lacking[name]) * _LEVER[name[0]])
-        unit = "N m" if most.startswith("moment") else "N"
-        reason += f"; what the free parameters hardly reach is {lacking[most]:.2g} {unit} of {most}"
+        wrench = _mean_wrench(search, at, left[:, worst] * asked[worst])
+        most = max(wrench, key=lambda name: abs(wrench[name]) * _LEVER[name[0]])
+        unit, robot = "N m" if most.startswith("moment") else "N", search.map.robot
+        if abs(wrench[most]) < _CREDIBLE * robot.mass * max(robot.gravity, 1.0):
+            lacking = wrench
+            reason += (
+                f"; what the free parameters hardly reach is {wrench[most]:.2g} {unit} of {most}"
+            )
     names = search.family.names
     nearest = dict(zip(names, map(float, at.values), strict=True))
     return NoOrbit(reason, remedy, lacking, at.residual, search.iterations, nearest)
 
 
+_CREDIBLE = 100.0
+"""Force over weight beyond which derivatives overflowed."""
 _LEVER = {"f": 0.1, "m": 1.0}
 """Length by which a force and a moment are compared [m]."""
 

@@ -151,7 +151,7 @@ def test_page_leaves_no_draft_beside_it(tmp_path: Path) -> None:
 
 def test_page_that_fails_leaves_the_old_one(tmp_path: Path) -> None:
     path = write_page(tmp_path / "r.html", "Old", [])
-    with pytest.raises(UnicodeEncodeError):
+    with pytest.raises(ParameterError, match="characters that UTF-8 has"):
         write_page(path, "New \ud800", [])
     assert "Old" in path.read_text("utf-8")
     assert [p.name for p in tmp_path.iterdir()] == ["r.html"]
