@@ -349,6 +349,12 @@ class OrbitModel:
             parts.append(responses[:, place] - np.array([neutral, 0.0, 0.0]))
         return np.concatenate(parts)
 
+    def flies(self, gait: Gait) -> bool:
+        """Whether a gait moves the joints as the steered one before any command."""
+        times = np.arange(16) / 16 * self.parts * self.period
+        own, other = (one.motion(times).position for one in (self.steered.gait, gait))
+        return own.shape == other.shape and bool(np.abs(own - other).max() <= NEAR)
+
     def predict(self, first: int, states: Array, inputs: Array) -> Intervals:
         """Intervals of the linear model, whatever the prediction.
 
@@ -439,6 +445,8 @@ def closed_beat(by_state: Array, by_input: Array, gains: Array) -> Array:
 
 _DOUBLINGS, _SETTLED_GAINS = 20, 1e-9
 _HELD = 1e12  # a cost over the largest of Q; beyond, only rounding moves a mode
+NEAR = 1e-3
+"""Difference of joints below which two gaits are one; less than that of a table [rad, m]."""
 UNEVEN = 0.1
 """Share of its period by which a controller may be called early or late."""
 GROWS = 1.001
@@ -540,9 +548,7 @@ class OrbitController:
         known, own = self.model.robot, self.model.steered.gait
         if robot.dof_names != known.dof_names:
             raise ParameterError("controller", f"one made for {robot.name}", known.name)
-        times = np.arange(16) / 16 * self.model.parts * self.model.period
-        moved = [one.motion(times).position for one in (gait, own)]
-        if np.abs(moved[0] - moved[1]).max() > 1e-3:  # rad or m; less of a table of the gait
+        if not self.model.flies(gait):
             expected = "one made for the orbit whose gait is flown"
             raise ParameterError("controller", expected, own.describe())
 

@@ -17,9 +17,6 @@ from patagium.simulation.gait_models import Gait
 from patagium.simulation.mounts import Mount
 from patagium.simulation.simulator import FlightState
 
-NEAR = 1e-3
-"""Difference of joints below which two gaits are one, less than that of a table [rad, m]."""
-
 
 class Route:
     """Controller that goes over from one orbit to the next.
@@ -57,18 +54,11 @@ class Route:
     def _parameters(self, name: str, orbit: Orbit) -> Mapping[str, float]:
         """Values of the commands on the orbit of a leg; none where they stay neutral."""
         model = self._first.model
-        beat = np.arange(16) / 16 * model.parts * model.period
-        own = model.steered.gait.motion(beat).position
-
-        def differs(gait: Gait) -> bool:
-            found = gait.motion(beat).position
-            return found.shape != own.shape or bool(np.abs(found - own).max() > NEAR)
-
         if orbit.robot.dof_names != model.robot.dof_names:
             raise ParameterError(name, f"an orbit of {model.robot.name}", orbit.robot.name)
-        if not differs(orbit.gait):
+        if model.flies(orbit.gait):
             return {}
-        if differs(orbit.family.base):
+        if not model.flies(orbit.family.base):
             expected = "an orbit found with the gait of the first one (trim(gait=orbit.gait))"
             raise ParameterError(name, expected, orbit)
         possible = [one for one in model.commands if one != "frequency"]
