@@ -101,7 +101,7 @@ class DeLaurier(Aerodynamics):
             _check(self._of(wing, self.numbers))
 
     def _of(self, wing: str, numbers: Mapping[str, Any]) -> dict[str, Any]:
-        """Numbers of the section of a wing by name, of those of the model."""
+        """Section parameters of one wing by name, picked from the parameters of the model."""
         found = {}
         for name in NUMBERS:
             given = getattr(self, name)
@@ -159,7 +159,7 @@ NUMBERS = tuple(field.name for field in fields(DeLaurier))[2:]
 
 
 def _check(section: dict[str, float]) -> None:
-    """Refuse numbers of a section that are not possible."""
+    """Refuse section parameters out of their range."""
     for name, value in section.items():
         if not (value >= 0 or name == "zero_lift_angle"):
             raise ParameterError(name, "zero or more", value)

@@ -29,13 +29,10 @@ from patagium.arguments import checked
 from patagium.arrays import Array, real_array
 from patagium.control.events import WingLossEvent
 from patagium.control.orbit import NoOrbit, Orbit
-from patagium.control.predictive import OrbitController, OrbitModel, begins
+from patagium.control.predictive import OrbitController, OuterController, begins
 from patagium.control.trimming import trim
 from patagium.control.wingbeat import FlightMap, PrescribedRows
 from patagium.errors import ParameterError
-from patagium.robot import Robot
-from patagium.simulation.gait_models import Gait
-from patagium.simulation.mounts import Mount
 from patagium.simulation.simulator import FlightState
 
 EFFECTIVENESS_STD, WRENCH_STD = 0.15, 0.3
@@ -257,7 +254,7 @@ class _Beat(NamedTuple):
     measured: Array
 
 
-class AdaptiveController:
+class AdaptiveController(OuterController):
     """Controller along an orbit that follows a model of the air, which relearns in flight.
 
     The model is used where it predicted better than the design model, within bounds: an
@@ -330,25 +327,6 @@ class AdaptiveController:
         """Start anew, with nothing learned; see `OrbitController.restart`."""
         self.controller.restart()
         self._begin()
-
-    @property
-    def held(self) -> Counter[str]:
-        """Number of samples at which the last command was held, by cause."""
-        return self.controller.held
-
-    @property
-    def model(self) -> OrbitModel:
-        """Model of the orbit that is followed."""
-        return self.controller.model
-
-    @property
-    def period(self) -> float:
-        """Length of an interval: the `control_period` of a flight [s]."""
-        return self.controller.period
-
-    def check_flight(self, robot: Robot, gait: Gait, mount: Mount) -> None:
-        """Refuse a flight of another robot or gait, or one that is held; see `OrbitController`."""
-        self.controller.check_flight(robot, gait, mount)
 
     def __call__(self, time: float, state: FlightState | None) -> dict[str, float]:
         """Commands for the interval that begins now; see `OrbitController`."""

@@ -66,7 +66,7 @@ class Course:
             raise ParameterError("orbit", expected, found)
 
     def _bend(self) -> None:
-        """Take the way ahead along the circle of a turn."""
+        """Find the center of a turn, and how states change along its circle."""
         vectors = self._vectors(self.states)
         begun = complex(*self.travel[:2]) * 1j * self.turn / (np.exp(1j * self.turn) - 1.0)
         self.center = vectors[0, 0] - begun / (1j * self.turn)
@@ -123,7 +123,7 @@ class Course:
         return found
 
     def apart(self, first: int, states: Array) -> Array:
-        """Departures of states, (..., n), at the beginning of an interval [SI], none along x."""
+        """Departures of states from the orbit at an interval, (..., n) [SI]; that of x is zero."""
         found = self.seen(first, states - self.along(first))
         if self.turn:  # headings are known but for whole turns
             found[..., self.yaw] = np.remainder(found[..., self.yaw] + np.pi, 2 * np.pi) - np.pi

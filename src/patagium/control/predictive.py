@@ -690,6 +690,35 @@ class OrbitController:
         return found
 
 
+class OuterController:
+    """Controller around one along an orbit, whose orbit it changes in flight.
+
+    Attributes:
+        controller: The controller along the orbit.
+    """
+
+    controller: OrbitController
+
+    @property
+    def held(self) -> Counter[str]:
+        """Number of samples at which the last command was held, by cause."""
+        return self.controller.held
+
+    @property
+    def model(self) -> OrbitModel:
+        """Model of the orbit that is followed."""
+        return self.controller.model
+
+    @property
+    def period(self) -> float:
+        """Length of an interval: the `control_period` of a flight [s]."""
+        return self.controller.period
+
+    def check_flight(self, robot: Robot, gait: Gait, mount: Mount) -> None:
+        """Refuse a flight of another robot or gait, or one that is held; see `OrbitController`."""
+        self.controller.check_flight(robot, gait, mount)
+
+
 class PredictiveController(OrbitController):
     """Model predictive controller that flies along a periodic orbit.
 

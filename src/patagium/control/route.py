@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 from copy import copy
 
@@ -10,16 +9,13 @@ import numpy as np
 
 from patagium.arguments import checked
 from patagium.control.orbit import Orbit
-from patagium.control.predictive import OrbitController, OrbitModel, begins
+from patagium.control.predictive import OrbitController, OuterController, begins
 from patagium.errors import ParameterError
-from patagium.robot import Robot
-from patagium.simulation.gait_models import Gait
-from patagium.simulation.mounts import Mount
 from patagium.simulation.simulator import FlightState
 
 
-class Route:
-    """Controller that goes over from one orbit to the next.
+class Route(OuterController):
+    """Controller that switches from one orbit to the next at given times.
 
     At its time the orbit of each leg goes on from where the one before is, in its direction.
     Commands go there as fast as actuators do.
@@ -72,25 +68,6 @@ class Route:
         self.controller = copy(self._first)
         self.controller.restart()
         self._left, self._time = sorted(self._legs), -np.inf
-
-    @property
-    def model(self) -> OrbitModel:
-        """Model of the orbit that is followed."""
-        return self.controller.model
-
-    @property
-    def period(self) -> float:
-        """Length of an interval: the `control_period` of a flight [s]."""
-        return self.controller.period
-
-    @property
-    def held(self) -> Counter[str]:
-        """Number of samples at which the last command was held, by cause."""
-        return self.controller.held
-
-    def check_flight(self, robot: Robot, gait: Gait, mount: Mount) -> None:
-        """Refuse a flight of another robot or gait, or one that is held; see `OrbitController`."""
-        self._first.check_flight(robot, gait, mount)
 
     def report(self) -> str:
         """Sentences about the samples that were held and the legs that were begun."""

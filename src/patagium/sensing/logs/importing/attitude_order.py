@@ -1,4 +1,4 @@
-"""Order of the components of an attitude, judged by the position beside it.
+"""Order of the components of an attitude, judged by the motion of the position.
 
 An attitude that is read in another order than it was written in contradicts the motion: the mean
 force on the robot and its course lie off the front and upper half of its plane of symmetry, its
@@ -142,7 +142,7 @@ def _off_plane(vectors: Array, ahead: Array) -> tuple[float, float]:
 
 
 def _wingbeat(time: Array, turns: Rotation) -> Array:
-    """Angular velocity in body axes without its mean over a quarter of a second, (k, 3) [rad/s]."""
+    """Angular velocity in body axes less its mean over a quarter of a second, (k, 3) [rad/s]."""
     fine = max(1, round(_FINE / float(np.median(np.diff(time)))))
     ends, at = turns[::fine], time[::fine]
     rate = (ends[:-1].inv() * ends[1:]).as_rotvec() / np.diff(at)[:, None]
