@@ -243,6 +243,8 @@ class Section(StripSection):
 _MEASURED_NUMBERS = ("lift_slope", "zero_lift_angle", "profile_drag")
 _LINEAR = (radians(2.0), radians(10.0))
 """Distance from the incidence of no lift where the lift slope is read off a polar [rad]."""
+_NEAREST = radians(0.5)
+"""Distance from the incidence of no lift within which lift over incidence tells no share [rad]."""
 _ATTACHED = radians(6.0)
 """Distance from the incidence of no lift that each side of a polar reaches, at least: sections do
 not stall before [rad]."""
@@ -380,9 +382,8 @@ def measured_section(
     if not linear.any():
         raise ParameterError("polar", "points 2 to 10 degrees from zero lift", polar.angle)
     slope = float((c_l[linear] / x[linear]).max())
-    ratio = np.ones(len(a))
-    told = away > _LINEAR[0]
-    ratio[told] = np.clip(c_l[told] / (slope * x[told]), 0.0, 1.0)
+    told = away > _NEAREST
+    ratio = np.interp(a, a[told], np.clip(c_l[told] / (slope * x[told]), 0.0, 1.0))
     root = np.clip(2.0 * np.sqrt(ratio) - 1.0, 0.0, 1.0)
     share = 1.0 - root**2
     separated_lift = np.where(root > 0, slope * x * (1 + 3 * root) / (4 * (1 + root)), c_l)

@@ -23,10 +23,10 @@ SUMMARY = (
 NOT_COMPARED = (
     "Only lift, the induced drag of steady wings, the thrust of moving ones in attached flow, the "
     "weight that hovering insects carry, the power of two of them, the force of a robotic wing "
-    "over a wingbeat and the modes of a hover are compared. There are no records here of the "
-    "measured moment of a moving wing, of a wing that folds, bends or rotates by itself, or of the "
-    "free flight of a real robot. The measured cases are wings or a section alone in a wind tunnel "
-    "or in oil."
+    "over a wingbeat, the modes of a hover, and the bend and the fold of wings at rest in the wind "
+    "are compared. There are no records here of the measured moment of a moving wing, of a beating "
+    "wing that folds, bends or rotates by itself, or of the free flight of a real robot. The "
+    "measured cases are wings or a section alone in a wind tunnel or in oil."
 )
 
 

@@ -15,6 +15,8 @@ CASES = (
     "thrust",
     "measured_wing",
     "pitching_section",
+    "bent_wing",
+    "folding_tip",
     "hover",
     "robotic_fly",
     "hover_modes",
