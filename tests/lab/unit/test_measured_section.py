@@ -100,14 +100,36 @@ def test_the_split_of_a_polar_gives_it_back(polar, section) -> None:
     share = np.array(section.separated)
     a0 = section.zero_lift_angle
     attached = section.lift_slope * (np.sin(angle) - a0 * np.cos(angle))
-    told = np.abs(angle - a0) > np.radians(2.0)
+    told = np.abs(angle - a0) > np.radians(0.5)
     again = (1 - share) * attached + share * section.stalled.lift
     assert np.allclose(again[told], lift[told], atol=1e-12)
-    again = (1 - share) * section.profile_drag + share * section.stalled.drag
-    assert np.allclose(again[share > 0.05], drag[share > 0.05], atol=1e-12)
+    attached = (1 - share) * section.profile_drag
+    again = attached + share * section.stalled.drag
+    told = (share > 0.05) & (drag >= attached)  # separated flow does not push forward
+    assert told.sum() > 20
+    assert np.allclose(again[told], drag[told], atol=1e-12)
     assert np.degrees(a0) == pytest.approx(-0.639, abs=0.01)  # as the polar's own file states
     assert 6.2 < section.lift_slope < 6.8  # it states 6.44, of the normal force
-    assert share[angle == 0] == 0 and (share[angle > 0.6] > 0.95).all()
+    assert (share[angle > 0.6] > 0.95).all()
+
+
+def test_a_thick_section_keeps_the_small_lift_of_its_polar() -> None:
+    # NACA 0018 at a Reynolds number of 270,000 by NeuralFoil 0.3.3: the slope grows from 3 degrees
+    degrees = np.arange(0.0, 11.0)
+    lift = [0.0, 0.092, 0.185, 0.284, 0.406, 0.543, 0.689, 0.822, 0.968, 1.020, 1.017]
+    angle, drag = np.radians([*-degrees[:0:-1], *degrees]), np.full(21, 0.0114)
+    section = measured_section(angle, [*(-np.array(lift[:0:-1])), *lift], drag)
+    model = LiftingLine(endless(), lags=NO_STATE, section=section)
+    for at, expected in zip(degrees[1:4], lift[1:4], strict=True):
+        v = SPEED * np.array([np.cos(np.radians(at)), 0, -np.sin(np.radians(at)), 0, 0, 0])
+        arguments = [np.zeros(6), v, [], np.zeros(3), model.robot.parameters, model.parameters]
+        x, _, up = np.array(aero_functions(model)[1](*arguments)[0])[:, 1]
+        found = up * np.cos(np.radians(at)) + x * np.sin(np.radians(at))
+        strip = model.robot.strips[1]
+        pressure = 0.5 * model.air.density * SPEED**2 * strip.chord * strip.width
+        assert found / pressure == pytest.approx(
+            expected, rel=0.01
+        )
 
 
 def test_a_flat_plate_without_stall_is_attached_throughout() -> None:

@@ -1,8 +1,8 @@
-"""Measured lift of the S809 section pitching through stall, reduced to one file.
+"""Measured coefficients of sections pitching through stall, each reduced to one file.
 
-The raw records are incidence and lift coefficient, sample by sample over three or four
+The raw records of the S809 are incidence and lift coefficient, sample by sample over three or four
 oscillations, without their times. The times come from the sine that fits the incidences
-best. Neglected: what the motion has beside that sine, drag and moment.
+best. Neglected: what the motion has beside that sine, and the S809's drag and moment.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ class PitchLoop:
         first_phase: Phase of the first sample, fitted [rad].
         incidence: Measured incidence, (N,) [rad].
         lift: Measured C_L, (N,) [1].
+        drag: Measured C_D, (N,) [1]; None where it is not at hand.
+        moment: Measured C_m about the quarter chord, (N,) [1]; None where it is not at hand.
     """
 
     name: str
@@ -43,6 +45,8 @@ class PitchLoop:
     first_phase: float
     incidence: Array
     lift: Array
+    drag: Array | None = None
+    moment: Array | None = None
 
     @property
     def phase(self) -> Array:
@@ -74,6 +78,8 @@ class PitchingCase:
         static_lift: C_L at each angle, (n,) [1].
         static_drag: C_D at each angle, (n,) [1].
         loops: The pitching records.
+        static_moment: C_m about the quarter chord at each angle, (n,) [1]; None where it is not
+            at hand.
     """
 
     source: str
@@ -84,18 +90,21 @@ class PitchingCase:
     static_lift: Array
     static_drag: Array
     loops: tuple[PitchLoop, ...]
+    static_moment: Array | None = None
 
 
-def load_pitching_case() -> PitchingCase:
-    """The reduced case from the file in this package."""
-    text = files("patagium_lab").joinpath("cases/osu_s809.yaml").read_text(encoding="utf-8")
+def load_pitching_case(name: str = "osu_s809") -> PitchingCase:
+    """A reduced case from the file in this package.
+
+    Args:
+        name: "osu_s809" or "glasgow_naca23012a".
+    """
+    text = files("patagium_lab").joinpath(f"cases/{name}.yaml").read_text(encoding="utf-8")
     words = yaml.safe_load(text)
-    for name in ("angle", "static_lift", "static_drag"):
-        words[name] = np.array(words[name], float)
     loops = words.pop("loops")
-    for loop in loops:
-        for name in ("incidence", "lift"):
-            loop[name] = np.array(loop[name], float)
+    for numbers in (words, *loops):
+        arrays = {key: np.array(x, float) for key, x in numbers.items() if isinstance(x, list)}
+        numbers |= arrays
     return PitchingCase(**words, loops=tuple(PitchLoop(**loop) for loop in loops))
 
 
