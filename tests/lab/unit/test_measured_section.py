@@ -127,9 +127,7 @@ def test_a_thick_section_keeps_the_small_lift_of_its_polar() -> None:
         found = up * np.cos(np.radians(at)) + x * np.sin(np.radians(at))
         strip = model.robot.strips[1]
         pressure = 0.5 * model.air.density * SPEED**2 * strip.chord * strip.width
-        assert found / pressure == pytest.approx(
-            expected, rel=0.01
-        )
+        assert found / pressure == pytest.approx(expected, rel=0.01)
 
 
 def test_a_flat_plate_without_stall_is_attached_throughout() -> None:
