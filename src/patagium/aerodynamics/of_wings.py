@@ -74,7 +74,7 @@ def wings_of(name: str, given: Mapping[str, Any], robot: Robot) -> dict[str, str
     Raises:
         ParameterError: If a wing has none, or a name is that of no wing.
     """
-    wings = list(dict.fromkeys(strip.wing for strip in robot.strips))
+    wings = robot.wing_names
     originals = {image: wing for wing, image in robot.mirrored_wings}
     found = {wing: wing if wing in given else originals.get(wing, wing) for wing in wings}
     for wing in given:

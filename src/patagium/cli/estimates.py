@@ -146,7 +146,7 @@ def air_model(
     from patagium import aerodynamics as models
 
     kind, key = air_class(word), {"quasi-steady": "polar", "lifting-line": "section"}.get(word, "")
-    wings = list(dict.fromkeys(strip.wing for strip in machine.strips))
+    wings = machine.wing_names
     given: dict[str, Any] = {}
     named = {one.name: one for one in (models.DickinsonPolar, models.ReynoldsPolar)}
     for text in polars or ():

@@ -454,7 +454,7 @@ class AdaptiveController(OuterController):
 
         found: list[tuple[float, Aerodynamics]] = []
         before = self._missed(whole)
-        for wing in dict.fromkeys(strip.wing for strip in self._air.robot.strips):
+        for wing in self._air.robot.wing_names:
 
             def without(share: float, wing: str = wing) -> float:
                 loss = WingLossEvent(time=0.0, wing=wing, share=share)

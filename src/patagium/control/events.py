@@ -287,7 +287,7 @@ def without_tip(robot: Robot, wing: str, share: float) -> Robot:
     Raises:
         ParameterError: If there is no such wing, or the share is not within its range.
     """
-    wings = sorted({strip.wing for strip in robot.strips})
+    wings = robot.wing_names
     if wing not in wings:
         raise ParameterError("wing", f"one of {', '.join(wings)}", wing, wings)
     if not 0 < finite("share", share) <= 1:

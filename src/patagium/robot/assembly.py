@@ -121,7 +121,7 @@ def assemble(file: RobotFile, source: str) -> Robot:
 
 def _joined(file: RobotFile, robot: Robot) -> Robot:
     """The robot with the pairs of wings that one lifting line runs through."""
-    wings = dict.fromkeys(strip.wing for strip in robot.strips)
+    wings = robot.wing_names
     said: list[tuple[str, str]] = []
     images: list[tuple[str, str]] = []
     for i, wing in enumerate(file.wings):

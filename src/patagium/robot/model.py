@@ -362,6 +362,11 @@ class Robot:
         )
 
     @property
+    def wing_names(self) -> tuple[str, ...]:
+        """Names of its wings, in the order of their strips."""
+        return tuple(dict.fromkeys(strip.wing for strip in self.strips))
+
+    @property
     def passive(self) -> tuple[int, ...]:
         """Indices of the degrees of freedom that no gait prescribes."""
         return tuple(i for i in range(self.dof) if i not in self.actuated)
@@ -419,8 +424,8 @@ class Robot:
         return f"Robot({', '.join(parts)})"
 
     def __repr__(self) -> str:
-        wings = len({strip.wing for strip in self.strips})
-        counts = f"{len(self.bodies)} bodies, {wings} wings, {len(self.strips)} strips"
+        wings, strips = len(self.wing_names), len(self.strips)
+        counts = f"{len(self.bodies)} bodies, {wings} wings, {strips} strips"
         return f"<Robot {self.name}: {self.dof} degrees of freedom, {counts}>"
 
     def _repr_html_(self) -> str | None:

@@ -126,7 +126,7 @@ def describe_robot(robot: Robot) -> dict[str, str | int | float]:
         "joints": len(joints),
         "passive joints": sum(robot.index(k) not in robot.actuated for k in joints),
         "bodies": len(robot.bodies),
-        "wings": len({s.wing for s in robot.strips}),
+        "wings": len(robot.wing_names),
         "strips": len(robot.strips),
         "mass [kg]": round(robot.mass, 9),
         "span [m]": round(wing_span(robot), 9),

@@ -117,7 +117,7 @@ def restriped(robot: Robot, count: int) -> Robot:
         count: Strips in all, a multiple of the number of wings.
     """
     strips: list[Strip] = []
-    wings = list(dict.fromkeys(strip.wing for strip in robot.strips))
+    wings = list(robot.wing_names)
     share = count // len(wings)
     for wing in wings:
         old = [strip for strip in robot.strips if strip.wing == wing]
