@@ -80,6 +80,7 @@ class PitchingCase:
         loops: The pitching records.
         static_moment: C_m about the quarter chord at each angle, (n,) [1]; None where it is not
             at hand.
+        remark: What the records show that models miss, in sentences.
     """
 
     source: str
@@ -91,6 +92,7 @@ class PitchingCase:
     static_drag: Array
     loops: tuple[PitchLoop, ...]
     static_moment: Array | None = None
+    remark: str = ""
 
 
 def load_pitching_case(name: str = "osu_s809") -> PitchingCase:

@@ -30,7 +30,7 @@ def _results(case: PitchingCase, loop: PitchLoop) -> list[CaseResult]:
         f"Reduced frequency {k:.3f}, {np.degrees(loop.mean):.1f} +- "
         f"{np.degrees(loop.amplitude):.1f} degrees. The section is made of its static polar; the "
         "lags of stall are Leishman and Beddoes' (1.7, 3.0 and 6.0 semichords), those of the "
-        "wake Jones'."
+        f"wake Jones'.{case.remark and ' '}{case.remark}"
     )
     results = []
     for quantity, expected in measured.items():
