@@ -20,13 +20,23 @@ from patagium.sensing.force.measured_force import (
 )
 from patagium.sensing.motion.estimate_motion import estimate_motion
 from patagium.sensing.motion.frame_model import floating_base
-from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog
+from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog, from_quaternion
 from patagium.sensing.sensors.joints import joint_names
 
 _WHITE = {"correlation": 0.0, "jitter": 0.0, "doubted": 0.0, "nis": 1.0, "shown": None}
 
 _HELD_DOWN = 1.5
 """Mean lift over weight from which the sign of a load cell is asked for."""
+
+_STILL = 0.05
+"""Share of its fastest velocity up to which a coordinate rests: air has a 400th of its force."""
+_REST = 0.3
+"""Least duration of a rest [s]."""
+_OFF = 0.05
+"""Force of the air at rest over the weight from which the zero of a load cell is doubted; more than
+a tilt of the cameras by 2 degrees or an error of the mass by 3 % makes."""
+_DRIFT = 0.02
+"""Change of it from one rest to another, over the weight, from which the zero moved."""
 
 _DRIVEN = 0.3
 """Correlation of the force of the air with the momentum of the robot from which the sign is asked
@@ -88,6 +98,8 @@ def motion_and_force(
                 f"{'brakes' if along > 0 else 'drives'} it: then it lacks `negated: true` in the "
                 "mapping"
             )
+        else:
+            facts["notes"] += _zero_notes(motion, found, list(base.place))
     motion.attrs["findings"] = json.dumps(facts)
     return motion, found
 
@@ -111,6 +123,60 @@ def _drag(time: Array, found: ForceSamples, other: ForceSamples, place: list[int
     )
     size = float(np.linalg.norm(force) * np.linalg.norm(momentum))
     return float((force * momentum).sum()) / size if size > 0 else 0.0
+
+
+def _zero_notes(motion: xr.Dataset, found: ForceSamples, place: list[int]) -> list[str]:
+    """Warnings that the force of the air at rest is not zero, or not the same in two rests.
+
+    Args:
+        motion: Motion of the robot.
+        found: Force of the air along it.
+        place: Places of x, y, z in q.
+    """
+    known = np.isfinite(found.force[:, place]).all(axis=1)
+    fastest = np.percentile(np.abs(found.v[known]), 99, axis=0)
+    noise = np.median(np.sqrt(np.einsum("tii->ti", motion["covariance"].values))[known], axis=0)
+    moves = fastest > 20 * noise[len(fastest) : 2 * len(fastest)]
+    still = known & (np.abs(found.v) < _STILL * fastest)[:, moves].all(axis=1)
+    ends = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2) - [0, 1]
+    rests = [slice(a, b + 1) for a, b in ends if found.time[b] - found.time[a] > _REST]
+    if not rests:
+        return []
+    weight = found.robot.mass * found.robot.gravity
+    turned = from_quaternion(motion["attitude"].values)
+    spread = 3 * np.median(found.std[:, place][known], axis=0)
+
+    def shown(rest: slice) -> Array:
+        """What the cell shows beyond weight and inertia, (3,) [N], axes of the body."""
+        return -turned[rest].inv().apply(found.force[rest, place]).mean(axis=0)
+
+    def large(force: Array, share: float) -> bool:
+        return bool((np.abs(force) > np.maximum(share * weight, spread)).any())
+
+    def words(force: Array) -> str:
+        return f"({', '.join(f'{one:.2g}' for one in force)}) N"
+
+    notes, (first, last) = [], (rests[0], rests[-1])
+    middle = [0.5 * (found.time[one.start] + found.time[one.stop - 1]) for one in (first, last)]
+    offset, moved = shown(first), shown(last) - shown(first)
+    if not np.any(found.air.wind) and found.air.gust is None and large(offset, _OFF):
+        notes.append(
+            f"Warning: load cell: while the robot rests at {middle[0]:.3g} s it shows "
+            f"{words(offset)}, axes of the body, that no weight explains, and the force of the air "
+            "is wrong by as much: subtract it by `offset` in the mapping (there in unit, axes and "
+            "sign of the log), check the mass of the robot, and state the wind under `air` if it "
+            "blew"
+        )
+    close = np.abs(found.q[first].mean(axis=0) - found.q[last].mean(axis=0)) < _STILL
+    close[place] = True
+    if first is not last and close.all() and large(moved, _DRIFT):
+        notes.append(
+            f"Warning: load cell: from the rest at {middle[0]:.3g} s to that at {middle[1]:.3g} s "
+            f"what it shows changes by {words(moved)}, axes of the body: its zero drifts, or the "
+            "wind changed; read the zero before and after, import shorter parts with `start` and "
+            "`end`, each with its own `offset`, or use a cell that has warmed up"
+        )
+    return notes
 
 
 def write_motion(motion: xr.Dataset, forces: ForceSamples, path: str | Path) -> Path:
