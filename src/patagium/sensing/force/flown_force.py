@@ -18,6 +18,7 @@ from patagium.sensing.force.measured_force import (
     inverse_dynamics_force,
     motor_forces,
 )
+from patagium.sensing.motion.clock_shifts import drift_notes
 from patagium.sensing.motion.estimate_motion import estimate_motion
 from patagium.sensing.motion.frame_model import floating_base
 from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog, from_quaternion
@@ -64,6 +65,7 @@ def motion_and_force(
     motion = estimate_motion(log, shifts=late)
     joints = mount = None
     facts = json.loads(motion.attrs["findings"])
+    facts["notes"] += drift_notes(log)
     for name, sensor in log.sensors.items():
         if isinstance(sensor, MotorCurrent):
             joints = motor_forces(log, motion, name, shift=late.get(name, 0.0), robot=log.robot)
@@ -148,7 +150,7 @@ def _zero_notes(motion: xr.Dataset, found: ForceSamples, place: list[int]) -> li
 
     def shown(rest: slice) -> Array:
         """What the cell shows beyond weight and inertia, (3,) [N], axes of the body."""
-        return -turned[rest].inv().apply(found.force[rest, place]).mean(axis=0)
+        return np.asarray(-turned[rest].inv().apply(found.force[rest, place]).mean(axis=0))
 
     def large(force: Array, share: float) -> bool:
         return bool((np.abs(force) > np.maximum(share * weight, spread)).any())
