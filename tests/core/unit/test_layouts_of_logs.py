@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import netCDF4
 import numpy as np
 import pandas as pd
 import pytest
@@ -630,3 +631,33 @@ def test_the_reason_is_in_the_refusal_of_what_is_no_number(tmp_path: Path) -> No
     pd.DataFrame({"t": np.arange(50) / 100, "f": "high"}).to_csv(tmp_path / "log.csv")
     with pytest.raises(LogError, match="'f' cannot be read as numbers: text such as 'high'"):
         import_log(tmp_path / "log.csv", parse_mapping(mapped(LIFT)), tmp_path / "out.nc")
+
+
+@pytest.mark.parametrize("matlab", [False, True])
+def test_arrays_in_groups_of_hdf5_are_columns(matlab: bool, tmp_path: Path) -> None:
+    """As h5py and MATLAB 7.3 write them, MATLAB with its axes reversed behind a head of its own."""
+    t = 0.01 * np.arange(300)
+    turned = np.stack([np.sin(t), np.cos(t), 0.5 * t], axis=1)
+    path = tmp_path / ("log.mat" if matlab else "log.h5")
+    with netCDF4.Dataset(path, "w") as file:
+        group = file.createGroup("imu")
+        for size in (1, 3, 300):
+            file.createDimension(f"d{size}", size)
+        dims = {"t": ("d1", "d300"), "gyro": ("d3", "d300")}
+        for name, values in {"t": t[:, None], "gyro": turned}.items():
+            held = dims[name] if matlab else dims[name][::-1]
+            column = group.createVariable(name, "f8", held)
+            column[:] = values.T if matlab else values
+            column.units = {"t": "s", "gyro": "rad/s"}[name]
+        file.createVariable("note", str, ("d1",))[:] = np.array(["wing 3"], object)
+    if matlab:
+        path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512, b"\0") + path.read_bytes())
+    words = parse_mapping(mapped({**RATE, "column": "imu.gyro"}, column="imu.t"))
+    log = load_log(import_log(path, words, tmp_path / "log.nc").path)
+    np.testing.assert_allclose(log["rate"].values, turned, atol=1e-9)  # ns of stamps
+    seen = inspect_log(path).topics[0]
+    assert "note" in seen.unplaced
+    assert {one.name: one.unit for one in seen.channels}["imu.gyro[0]"] == "rad/s"
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.raises(LogError, match=r"save\(" if matlab else "savemat"):
+        inspect_log(path)

@@ -1,10 +1,10 @@
-"""Readers of tables: CSV, Parquet, MATLAB and PX4 ULog files.
+"""Readers of tables: CSV, Parquet, MATLAB, HDF5 and PX4 ULog files.
 
 A table has columns with one unit each, one of which has the stamps. Where a file does not name its
 column of time, a guess is made for `inspect` alone, and the log notes say that it is a guess. Lists
 in a cell, "[a, b, c]", are columns `name[0]`, `name[1]`, ... What is not read is listed with the
 reason (`Topic.unplaced`). Neglected: in CSV files line ends within quotes, comments among the rows
-and thousands separators; MATLAB objects such as timetables, and version 7.3, which is HDF5.
+and thousands separators; MATLAB objects such as timetables; cells of MATLAB 7.3, which is HDF5.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import redirect_stdout
+from contextlib import closing, redirect_stdout
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -29,6 +29,8 @@ from numpy.typing import NDArray
 
 from patagium.arrays import Array
 from patagium.errors import LogError
+from patagium.netcdf_file import open_netcdf
+from patagium.reading import check_room
 from patagium.sensing.logs.files.channels import (
     BLOCK,
     Block,
@@ -284,6 +286,11 @@ _ALIKE = 0.9
 _BRACKETS = str.maketrans("[](){},;", " " * 8)
 _MOST_TEXT = 20
 """Most rows of text at the end that are left out; more are a column that turned to text."""
+_OLDER = "save it again in MATLAB with save('log.mat', ..., '-v7')"
+_AS_MAT = (
+    "save its arrays as MAT: f = h5py.File('log.h5'); scipy.io.savemat('log.mat', "
+    "{name: f[name][()] for name in ('t', 'fz')})"
+)
 _MOST_COLUMNS = 64
 """Most entries of an array or list that are read as columns."""
 
@@ -761,6 +768,24 @@ class _HeldFile(LogFile):
 
     _tables: dict[str, dict[str, Any]]
 
+    def _hold(
+        self, columns: dict[str, Any], unplaced: Mapping[str, str], units: Mapping[str, str]
+    ) -> None:
+        """Take columns of one table; of several lengths, each has its own."""
+        lengths = Counter(len(column) for column in columns.values())
+        if not lengths:
+            found = f"found none{_some_of(unplaced)}"
+            raise LogError(f"{self.path}: expected arrays of numbers, {found}")
+        if len(lengths) > 1:
+            described = ", ".join(f"{n} of {rows} rows" for rows, n in lengths.most_common(4))
+            self.notes.append(f"arrays of several lengths: {described}; each needs its own stamp")
+        types = {name: str(column.dtype) for name, column in columns.items()}
+        most = lengths.most_common(1)[0][0]
+        rows = {name: len(column) for name, column in columns.items()}
+        own = {name: count for name, count in rows.items() if len(lengths) > 1}
+        topic = table_topic(types, most, units, rows=own, unplaced=unplaced)
+        self.topics, self._tables = {"": topic}, {"": columns}
+
     def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
         """Requested rows, one request after the other."""
         for key, one in enumerate(wanted):
@@ -772,40 +797,96 @@ class _HeldFile(LogFile):
 
 
 class MatFile(_HeldFile):
-    """MATLAB file in memory."""
+    """MATLAB file in memory; of version 7.3, which is HDF5, the arrays of numbers."""
 
     format = "MAT"
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
+        columns: dict[str, Any] = {}
+        unplaced: dict[str, str] = {}
+        with path.open("rb") as file:
+            newer = b"7.3 MAT" in file.read(16)
+        if newer:
+            with reading(path, "MAT 7.3", otherwise=_OLDER):
+                units = _place_hdf5(path, columns, unplaced, reversed_axes=True)
+            return self._hold(columns, unplaced, units)
         with reading(path, "MAT"):
-            with path.open("rb") as file:
-                if b"7.3 MAT" in file.read(16):
-                    raise LogError(
-                        f"{path}: MATLAB 7.3 files are not read; save it again with "
-                        "save('log.mat', ..., '-v7')"
-                    )
             from scipy.io import loadmat
 
             check_elements(path)
             held = loadmat(path, squeeze_me=True, struct_as_record=False)
-            columns: dict[str, Any] = {}
-            unplaced: dict[str, str] = {}
             for name, value in held.items():
                 if not name.startswith("__"):
                     _place(name, value, columns, unplaced)
-        lengths = Counter(len(column) for column in columns.values())
-        if not lengths:
-            raise LogError(f"{path}: expected arrays of numbers, found none{_some_of(unplaced)}")
-        if len(lengths) > 1:
-            described = ", ".join(f"{n} of {rows} rows" for rows, n in lengths.most_common(4))
-            self.notes.append(f"arrays of several lengths: {described}; each needs its own stamp")
-        types = {name: str(column.dtype) for name, column in columns.items()}
-        most = lengths.most_common(1)[0][0]
-        rows = {name: len(column) for name, column in columns.items()}
-        own = {name: count for name, count in rows.items() if len(lengths) > 1}
-        topic = table_topic(types, most, rows=own, unplaced=unplaced)
-        self.topics, self._tables = {"": topic}, {"": columns}
+        self._hold(columns, unplaced, {})
+
+
+class Hdf5File(_HeldFile):
+    """HDF5 or netCDF4 file in memory, arrays of its groups by dotted path."""
+
+    format = "HDF5"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        columns: dict[str, Any] = {}
+        unplaced: dict[str, str] = {}
+        with reading(path, "HDF5", otherwise=_AS_MAT):
+            units = _place_hdf5(path, columns, unplaced)
+        self._hold(columns, unplaced, units)
+
+
+def _place_hdf5(
+    path: Path, columns: dict[str, Any], unplaced: dict[str, str], *, reversed_axes: bool = False
+) -> dict[str, str]:
+    """Add the arrays of an HDF5 file to columns; units by column.
+
+    Args:
+        path: The file.
+        columns: Columns by name, which are added to.
+        unplaced: Content that is not read, with the reason, likewise.
+        reversed_axes: Whether the axes are in the opposite order, as MATLAB stores them.
+
+    Raises:
+        Unreadable: If its arrays would take too much memory.
+    """
+    units: dict[str, str] = {}
+    with closing(open_netcdf(path)) as file:
+        groups = [("", file)]
+        for place, group in groups:  # which grows
+            held = group.groups.items()
+            groups += [(f"{place}{name}.", one) for name, one in held if not name.startswith("#")]
+        found = [
+            (f"{at}{name}", one) for at, group in groups for name, one in group.variables.items()
+        ]
+        check_room(path, sum(8 * one.size for _, one in found))
+        for name, one in found:
+            known = set(columns)
+            if _is_list(one.datatype) or getattr(one, "MATLAB_class", "") in ("char", "cell"):
+                unplaced[name] = "text, lists or half precision, no array of numbers"
+                continue
+            try:
+                values = one[...]
+            except RuntimeError as problem:  # such as a filter that the library lacks
+                remedy = "take the filter away: h5repack -f NONE log.h5 plain.h5"
+                unplaced[name] = f"{problem}; {remedy}"
+                continue
+            for part in values.dtype.names or ("",):
+                array = np.ma.getdata(values[part] if part else values)
+                if np.ma.is_masked(values):
+                    array = np.ma.filled(values.astype(float), np.nan)
+                array = np.squeeze(array.T if reversed_axes else array)
+                _place(f"{name}.{part}" if part else name, array, columns, unplaced)
+            unit = str(getattr(one, "units", getattr(one, "unit", "")))
+            units |= dict.fromkeys((column for column in columns if column not in known), unit)
+    return units
+
+
+def _is_list(kind: Any) -> bool:
+    """Whether a type of HDF5 has entries of any length, text included, which is not read."""
+    from netCDF4 import VLType
+
+    return isinstance(kind, VLType)
 
 
 def _place(name: str, value: Any, columns: dict[str, Any], unplaced: dict[str, str]) -> None:
