@@ -47,7 +47,7 @@ _MAGIC = {
     b"SQLite format 3": ".db3",
     b"\x89HDF\r\n": ".h5",
 }
-_TEXT = (".csv", ".txt", ".tsv", ".csv.gz", ".txt.gz", ".tsv.gz")
+_TEXT = (".csv", ".txt", ".tsv", ".lvm", ".csv.gz", ".txt.gz", ".tsv.gz")
 _SUMMED_UP = (
     "a CSV, Parquet, MAT, HDF5, ULog (.ulg), ArduPilot (.BIN), ROS bag (.bag, .db3, its folder) "
     "or MCAP file"

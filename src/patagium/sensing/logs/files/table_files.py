@@ -9,6 +9,7 @@ and thousands separators; MATLAB objects such as timetables; cells of MATLAB 7.3
 
 from __future__ import annotations
 
+import codecs
 import csv
 import gzip
 import io
@@ -48,10 +49,14 @@ from patagium.sensing.logs.mapping import conversion
 
 _HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 TIME_NAME = re.compile(
-    r"^(time|t|timestamp|stamp|tout|clock|elapsed|(?=sec|milli|micro))"
+    r"^(time|t|x_value|timestamp|stamp|tout|clock|elapsed|(?=sec|milli|micro))"
     r"(?:(?:[_ ]in[_ ]|[_ .(\[/]*)(s|secs?|seconds|ms|millis|us|usec|µs|micros|ns)\W?)?$"
 )
 _UNITS = {"millis": "ms", "us": "µs", "usec": "µs", "micros": "µs"}
+_OF_DAY = re.compile(
+    r"(?:^|\s)(?P<hour>\d{1,2}):(?P<minute>\d\d):(?P<second>\d\d(?:[.,]\d+)?)"
+    r"(?:\s*(?P<half>[AaPp])[Mm])?\s*$"
+)
 _SPAN = re.compile(r"(?i)(^|[^a-z])(delay|latency|lag|dt|period|duration|interval)([^a-z]|$)")
 _IN_GRAVITIES = re.compile(r"(^|[^a-z])a(cc[a-z]*)?[_. ]?[xyz]?_g$")
 _TIMED = re.compile(r"(^|_)(time[a-z]*|stamp|clock|delay|latency|dt|period)_(\w+_)?(ms|us|ns)$")
@@ -139,7 +144,7 @@ def guessed_base(
     for column, factor in stamped.items():
         return StampSource("column", column, factor), ""
     for column in channels:
-        stem = column.lower().lstrip("#%").strip().rpartition(".")[2]
+        stem = column.lower().lstrip("#%").strip(" '*").rpartition(".")[2].rpartition("'/'")[2]
         if match := TIME_NAME.match(stem):
             unit = (match[2] and unit_of_suffix(stem)) or channels[column].unit or "s"
             plain = not match[2] and unit == "s"
@@ -274,6 +279,9 @@ def distinct(names: Iterable[str]) -> list[str]:
     return names_in_order
 
 
+_DAY = pd.Timedelta(days=1)
+_BEGINNING = 1 << 16
+"""Bytes from which the encoding is found."""
 _LOOK = 200
 """Lines from which types are found."""
 _PACKED = 4.0
@@ -319,6 +327,28 @@ def header_place(lines: Sequence[str]) -> int:
             if numbers[0] or _units_below(below, len(names)) is not None:
                 return place
     return 0
+
+
+def _groups(lines: Sequence[str], separator: str, names: Sequence[str]) -> list[str]:
+    """What lines above names that repeat say of the columns, in words; none if no name repeats."""
+    plain = [name.strip() for name in names]
+    held, count = distinct(plain), Counter(plain)
+    repeated = {one for one, name in zip(held, plain, strict=True) if name and count[name] > 1}
+    said = [""] * len(names)
+    for line in lines:
+        cells = [cell.strip() for cell in _cells(line, separator)]
+        if len(cells) != len(names) or any(map(_is_number, cells)) or not any(cells):
+            continue
+        for k in range(1, len(cells)):  # the first cell of a group alone may name it
+            near = said[k] == said[k - 1] or not plain[k]
+            cells[k] = cells[k] or cells[k - 1] * near
+        said = [f"{one} {cell}".strip() for one, cell in zip(said, cells, strict=True)]
+    groups: dict[str, list[str]] = {}
+    for one, words in zip(held, said, strict=True):
+        groups.setdefault(words, []).append(one)
+    groups.pop("", None)
+    told = [(words, ones) for words, ones in groups.items() if repeated.intersection(ones)]
+    return [f"{', '.join(ones)}: {words!r}" for words, ones in told]
 
 
 def _separator(line: str) -> str:
@@ -409,6 +439,9 @@ class CsvFile(LogFile):
 
     def __init__(self, path: Path, skip_rows: int | None = None) -> None:
         super().__init__(path)
+        self._encoding = "utf-8-sig"
+        with reading(path, "CSV"), self._opened() as text:
+            self._encoding = _encoding(text.buffer.read(_BEGINNING))
         with reading(path, "CSV"), self._opened() as text:
             lines = list(islice(text, (skip_rows or 0) + _LOOK))
         head = header_place(lines) if skip_rows is None else skip_rows
@@ -431,6 +464,9 @@ class CsvFile(LogFile):
             raise LogError(f"{path}: cannot be read as CSV: expected names in the first line")
         units = _units_below(below, len(names))
         self._skip = head + 1 + (units is not None)
+        above = _groups(lines[:head], self._separator, names) if skip_rows is None else []
+        if above:
+            self.notes.append(f"the lines above the names say: {'; '.join(above)}")
         if units is not None:
             self.notes.append(f"line {head + 2} is taken for the units of the columns")
         if not self._is_gzip() and not _ends_with_line(path):
@@ -441,6 +477,7 @@ class CsvFile(LogFile):
         self._lists: dict[str, tuple[str, int]] = {}
         self._commas = list(self._names) if self._decimal == "," else []
         self._numbers: list[str] = []
+        self._days: dict[str, tuple[Any, int]] = {}
         stated = dict(zip(self._names, units or (), strict=False))
         try:
             topic = self._table(look, stated)
@@ -474,12 +511,24 @@ class CsvFile(LogFile):
                     parsed[source] = self._entries(frame[source], size, _parted(source)[0], row)
                 columns[name] = parsed[source][:, place]
             elif name in self._calendar:
-                columns[name] = _calendar(frame[name])
+                columns[name] = self._after_midnight(name, _calendar(frame[name]), row)
             elif name in self._commas and frame[name].dtype.kind not in "fiub":
                 columns[name] = frame[name].astype(str).str.replace(",", ".")
             else:
                 columns[name] = frame[name]
         return columns
+
+    def _after_midnight(self, name: str, stamps: Any, row: int) -> Any:
+        """Times of the day that go on over midnight; times with a date as they are."""
+        if not len(stamps):
+            return stamps
+        last, days = self._days[name] if row else (pd.NaT, 0)
+        known = stamps.ffill().fillna(last)
+        of_day = known.max() < pd.Timestamp(0) + _DAY
+        passed = known.shift(fill_value=last) - known > _DAY / 2
+        counted = days + (passed & of_day).cumsum()
+        self._days[name] = known.iloc[-1], int(counted.iloc[-1])
+        return stamps + pd.to_timedelta(counted, unit="D")
 
     def _entries(self, words: Any, size: int, name: str, first: int) -> Array:
         """Numbers of lists in cells, (k, size); NaN where a cell is empty."""
@@ -548,7 +597,7 @@ class CsvFile(LogFile):
         Raises:
             LogError: If there is no line of names, or a line has more entries than names.
         """
-        if any(_is_number(name) and not name.isdigit() for name in self._names):
+        if any(_is_number(name) and not re.fullmatch(r"\.?\d+", name) for name in self._names):
             raise LogError(
                 f"{self.path}: expected a line of names, found numbers in line {self._skip}; write "
                 "one above them, such as `t [s],gyro.x [rad/s],...`"
@@ -608,11 +657,22 @@ class CsvFile(LogFile):
 
     def _opened(self) -> io.TextIOWrapper:
         binary: Any = gzip.open(self.path) if self._is_gzip() else self.path.open("rb")
-        return io.TextIOWrapper(binary, encoding="utf-8-sig", newline="")
+        return io.TextIOWrapper(binary, encoding=self._encoding, newline="")
 
     def _is_gzip(self) -> bool:
         with self.path.open("rb") as file:
             return file.read(2) == b"\x1f\x8b"
+
+
+def _encoding(head: bytes) -> str:
+    """Encoding of a text by its first bytes: UTF-8, that of Windows, or UTF-16 with its mark."""
+    if head[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        return "utf-16"
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8-sig"
 
 
 def _ends_with_line(path: Path) -> bool:
@@ -637,8 +697,16 @@ def _numeric(column: Any) -> bool:
 
 
 def _calendar(column: Any) -> Any:
+    """Calendar times of a column of text: ISO 8601, else times of the day, on the first of 1970."""
     stamps = pd.to_datetime(column, format="ISO8601", errors="coerce", utc=True)
-    return stamps.dt.tz_localize(None)
+    if 2 * stamps.notna().sum() > len(stamps) or not len(stamps):
+        return stamps.dt.tz_localize(None)
+    part = column.astype(str).str.extract(_OF_DAY)
+    hour = pd.to_numeric(part["hour"]) % np.where(part["half"].isna(), 24, 12)
+    hour += 12 * part["half"].str.lower().eq("p")
+    second = pd.to_numeric(part["second"].str.replace(",", "."))
+    seconds = 3600 * hour + 60 * pd.to_numeric(part["minute"]) + second
+    return pd.to_datetime((1e9 * seconds).round().astype("Int64"), unit="ns")
 
 
 def _comma_decimal(rows: Sequence[Sequence[str]]) -> bool:
