@@ -441,7 +441,7 @@ class CsvFile(LogFile):
         super().__init__(path)
         self._encoding = "utf-8-sig"
         with reading(path, "CSV"), self._opened() as text:
-            self._encoding = _encoding(text.buffer.read(_BEGINNING))
+            self._encoding = _encoding(bytes(text.buffer.read(_BEGINNING)))
         with reading(path, "CSV"), self._opened() as text:
             lines = list(islice(text, (skip_rows or 0) + _LOOK))
         head = header_place(lines) if skip_rows is None else skip_rows
