@@ -401,3 +401,34 @@ def test_a_load_cell_that_shows_more_than_the_weight_at_rest_is_asked_for_its_ze
     told = [one for one in notes if one.startswith("Warning: load cell")]
     assert len(told) == bool(words), told
     assert all(word in told[0] for word in words), told
+
+
+@pytest.mark.parametrize("drift", [0.0, 1e-3])
+def test_a_load_cell_whose_clock_drifts_from_the_motion_is_told(
+    rng: np.random.Generator, drift: float
+) -> None:
+    """At 5 Hz the force was wrong by a tenth of the inertia after 4 s, without a word."""
+    body = "{floating: true, mass: 0.05, shape: {type: box, size: [0.1, 0.06, 0.04]}}"
+    brick = load_robot_text(f"{{name: brick, gravity: 9.81, bodies: {{body: {body}}}}}", "brick")
+    time, count, rate = 0.005 * np.arange(1000), 1000, 10 * np.pi
+    place = 1e-4 * rng.standard_normal((count, 3))
+    place[:, 0] += 0.02 * np.sin(rate * time)
+    turns = S.as_quaternion(Rotation.from_rotvec(1e-3 * rng.standard_normal((count, 3))))
+    wrench = 2e-3 * rng.standard_normal((count, 6)) + 0.05 * 9.81 * np.eye(6)[2]
+    wrench[:, 0] -= 0.05 * 0.02 * rate**2 * np.sin(rate * time * (1 - drift))
+    parts = {"cameras": {"position": place, "quaternion": turns}, "cell": {"wrench": wrench}}
+    readings = {
+        name: xr.Dataset({k: (("time", k), v) for k, v in held.items()}, {"time": time})
+        for name, held in parts.items()
+    }
+    sensors = {
+        "cameras": S.MotionCapture(name="cameras", body="body", rate=200.0),
+        "cell": S.LoadCell(name="cell", body="body", rate=200.0),
+    }
+    log = pt.sensing.SensorLog(readings, sensors, {}, brick, "load cell")
+    notes = json.loads(motion_and_force(log)[0].attrs["findings"])["notes"]
+    told = [one for one in notes if one.startswith("Warning: load cell")]
+    assert len(told) == bool(drift), told
+    if drift:
+        found = re.search(r"drifts by about (\d+) ppm", told[0])
+        assert found is not None and int(found[1]) == pytest.approx(1000, rel=0.1), told

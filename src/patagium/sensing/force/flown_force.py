@@ -39,6 +39,15 @@ a tilt of the cameras by 2 degrees or an error of the mass by 3 % makes."""
 _DRIFT = 0.02
 """Change of it from one rest to another, over the weight, from which the zero moved."""
 
+_WINDOWS = 10
+"""Parts of a log of which each has a phase of the load cell."""
+_STEADY = 0.95
+"""Least size of the beat in a part over the largest."""
+_ALIKE = 0.03
+"""Change of the ratio of the cell to the motion over it, in parts that are compared."""
+_EVENLY = 10.0
+"""Change of a delay over its scatter about a line from which a clock drifts."""
+
 _DRIVEN = 0.3
 """Correlation of the force of the air with the momentum of the robot from which the sign is asked
 for: air brakes what moves in it."""
@@ -102,6 +111,7 @@ def motion_and_force(
             )
         else:
             facts["notes"] += _zero_notes(motion, found, list(base.place))
+            facts["notes"] += _late_notes(found, other, list(base.place))
     motion.attrs["findings"] = json.dumps(facts)
     return motion, found
 
@@ -125,6 +135,64 @@ def _drag(time: Array, found: ForceSamples, other: ForceSamples, place: list[int
     )
     size = float(np.linalg.norm(force) * np.linalg.norm(momentum))
     return float((force * momentum).sum()) / size if size > 0 else 0.0
+
+
+def _late_notes(found: ForceSamples, other: ForceSamples, place: list[int]) -> list[str]:
+    """Warning that a load cell is later and later behind the motion, beat by beat of one gait.
+
+    Its phase to the force that changes the momentum moves evenly, and the ratio of both stays: what
+    a gait or wind that changes does not do.
+
+    Args:
+        found: Force of the air along the motion.
+        other: Force of the air if the cell has the other sign.
+        place: Places of x, y, z in q.
+    """
+    known = np.isfinite(found.force[:, place]).all(axis=1)
+    time = found.time[known]
+    if len(time) < 20 * _WINDOWS:
+        return []
+    whole, cell = (
+        0.5 * (other.force + sign * found.force)[known][:, place] for sign in (1.0, -1.0)
+    )
+    step = float(np.median(np.diff(time)))
+    power = (np.abs(np.fft.rfft(whole - whole.mean(axis=0), axis=0)) ** 2).sum(axis=1)
+    frequency = float(np.fft.rfftfreq(len(time), step)[int(np.argmax(power))])
+    for _ in range(2):  # the first time finds the frequency
+        length = int((time[-1] - time[0]) * frequency / _WINDOWS) / max(frequency, 1e-300)
+        if length * frequency < 2:
+            return []
+        middle = time[0] + length * (0.5 + np.arange(_WINDOWS))
+        apart = (time - middle[:, None]) / length
+        window = np.where(np.abs(apart) < 0.5, np.cos(np.pi * apart) ** 2, 0.0)
+        turned = window * np.exp(-2j * np.pi * frequency * time)
+        moved, shown = turned @ whole, turned @ cell
+        size = np.linalg.norm(moved, axis=1)
+        steady = size > _STEADY * size.max()
+        if steady.sum() < _WINDOWS // 2:
+            return []
+        phase = np.angle((moved[1:] * moved[:-1].conj()).sum(axis=1))[steady[1:] & steady[:-1]]
+        if not len(phase):
+            return []
+        frequency += float(np.median(phase)) / (2 * np.pi * length)
+    ratio = np.linalg.norm(shown, axis=1) / np.maximum(size, 1e-300)
+    steady &= np.abs(ratio / np.median(ratio[steady]) - 1.0) < _ALIKE
+    if steady.sum() < _WINDOWS // 2:
+        return []
+    middle = middle[steady]
+    cross = (shown * moved.conj()).sum(axis=1)[steady]
+    late = -np.unwrap(np.angle(cross)) / (2 * np.pi * frequency)
+    rate, start = np.polyfit(middle, late, 1)
+    change = float(rate * (middle[-1] - middle[0]))
+    if abs(change) < max(1e-3, _EVENLY * float(np.std(late - start - rate * middle))):
+        return []
+    return [
+        f"Warning: load cell: from {middle[0]:.3g} s to {middle[-1]:.3g} s its delay to the motion "
+        f"grows by {1e3 * change:.2f} ms: if the wind did not change, its clock drifts by about "
+        f"{1e6 * rate:.0f} ppm from that of the motion, which spoils the force: take {rate:.2g} "
+        "(t - t[0]) from its stamps t in the log and import it again, or import shorter parts "
+        "(`start` and `end`)"
+    ]
 
 
 def _zero_notes(motion: xr.Dataset, found: ForceSamples, place: list[int]) -> list[str]:
