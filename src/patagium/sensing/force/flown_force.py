@@ -217,7 +217,7 @@ def _zero_notes(motion: xr.Dataset, found: ForceSamples, place: list[int]) -> li
     spread = 3 * np.median(found.std[:, place][known], axis=0)
 
     def shown(rest: slice) -> Array:
-        """What the cell shows beyond weight and inertia, (3,) [N], axes of the body."""
+        """Force of the cell beyond weight and inertia, (3,) [N], axes of the body."""
         return np.asarray(-turned[rest].inv().apply(found.force[rest, place]).mean(axis=0))
 
     def large(force: Array, share: float) -> bool:

@@ -330,7 +330,7 @@ def header_place(lines: Sequence[str]) -> int:
 
 
 def _groups(lines: Sequence[str], separator: str, names: Sequence[str]) -> list[str]:
-    """What lines above names that repeat say of the columns, in words; none if no name repeats."""
+    """Columns whose names repeat, with the words in the lines above them; none if none repeats."""
     plain = [name.strip() for name in names]
     held, count = distinct(plain), Counter(plain)
     repeated = {one for one, name in zip(held, plain, strict=True) if name and count[name] > 1}
