@@ -40,7 +40,7 @@ def netcdf(path: Path) -> Path:
 
 
 FlightOutput = Annotated[Path, output_file("File for the flight (.nc).", *OUTPUT, callback=netcdf)]
-_FILES = "A CSV, Parquet, MAT, ULog, ArduPilot or MCAP file, a ROS bag, or parts of one."
+_FILES = "A CSV, Parquet, MAT, HDF5, ULog, ArduPilot or MCAP file, a ROS bag, or parts of one."
 FilesArgument = Annotated[list[Path], typer.Argument(help=_FILES)]
 MappingOption = Annotated[
     Path | None,

@@ -11,6 +11,7 @@ import xarray as xr
 import patagium as pt
 from patagium.errors import LogError, ParameterError
 from patagium.robot import load_robot_text
+from patagium.sensing.motion.clock_shifts import drift_notes, found_shifts
 
 S, P = pt.sensors, pt.sensors.presets
 ROD = """
@@ -91,6 +92,26 @@ def test_stated_deviations_are_those_of_the_errors(rod: xr.Dataset) -> None:
         error = found.seconds["encoder"] - 5e-3
         ratios.append(error / found.std["encoder"])
     assert 0.3 < np.sqrt(np.mean(np.square(ratios))) < 2.5  # six of them
+
+
+@pytest.mark.parametrize(("drift", "words"), [(0.0, None), (1e-3, " ppm from that of bmi270 (")])
+def test_a_clock_that_drifts_is_told(drift: float, words: str | None) -> None:
+    """One shift for the whole log left half of the drift on either side, without a word."""
+    encoder = S.Encoder(rate=500.0, std=1e-4, clock_drift=drift)
+    log = pt.sense(moved(load_robot_text(ROD, "rod"), 3.0), [encoder, P.bmi270("rod", rate=400.0)])
+    notes = drift_notes(log.without_truth())
+    assert len(notes) == (words is not None), notes
+    assert not words or words in notes[0], notes
+
+
+def test_a_shift_that_the_motion_does_not_tell_is_not_taken() -> None:
+    """A unit at rest gave its cameras a shift of up to a quarter of a second."""
+    rest = moved(load_robot_text(ROD, "rod"))
+    rest = rest.assign({name: 0.0 * rest[name] for name in "qva"})
+    encoder = S.Encoder(rate=500.0, std=1e-3)
+    log = pt.sense(rest, [encoder, P.bmi270("rod", rate=400.0)]).without_truth()
+    late, note = found_shifts(log)
+    assert late.keys() == {"bmi270"} and "does not tell them: encoder" in note
 
 
 def test_what_cannot_tell_is_named(rod: xr.Dataset) -> None:

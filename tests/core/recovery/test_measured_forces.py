@@ -360,3 +360,75 @@ def test_a_load_cell_by_which_air_drives_the_wings_is_asked_for() -> None:
         told = replace(log, readings={**log.readings, "loadcell": wrench})
         notes = json.loads(motion_and_force(told)[0].attrs["findings"])["notes"]
         assert any("`negated: true`" in one for one in notes) == (sign < 0), notes
+
+
+@pytest.mark.parametrize(
+    ("offset", "drift", "wind", "words"),
+    [
+        ((0.0, 0.0, 0.0), 0.0, 0.0, []),
+        ((0.02, 0.0, -0.06), 0.0, 0.0, ["it shows (0.0", "-0.06) N"]),
+        ((0.02, 0.0, -0.06), 0.0, -3.0, []),  # which the wind may do
+        ((0.0, 0.0, 0.0), 0.06, 0.0, ["from the rest at", "its zero drifts"]),
+    ],
+)
+def test_a_load_cell_that_shows_more_than_the_weight_at_rest_is_asked_for_its_zero(
+    rng: np.random.Generator, offset: tuple[float, ...], drift: float, wind: float, words: list[str]
+) -> None:
+    """The forces were wrong by as much without a word."""
+    body = "{floating: true, mass: 0.05, shape: {type: box, size: [0.1, 0.06, 0.04]}}"
+    brick = load_robot_text(f"{{name: brick, gravity: 9.81, bodies: {{body: {body}}}}}", "brick")
+    time, count = 0.005 * np.arange(401), 401
+    phase = np.clip((time - 0.6) / 0.8, 0.0, 1.0)
+    path = 0.1 * np.outer(np.sin(np.pi * phase) ** 4, [1.0, 0.0, 0.5])
+    pull = 0.05 * np.gradient(np.gradient(path, time, axis=0), time, axis=0) + [0, 0, 0.05 * 9.81]
+    place = path + 1e-4 * rng.standard_normal((count, 3))
+    turns = S.as_quaternion(Rotation.from_rotvec(1e-3 * rng.standard_normal((count, 3))))
+    wrench = 2e-3 * rng.standard_normal((count, 6))
+    wrench[:, :3] += pull + offset
+    wrench[:, 1] += drift * time / time[-1]
+    parts = {"cameras": {"position": place, "quaternion": turns}, "cell": {"wrench": wrench}}
+    readings = {
+        name: xr.Dataset({k: (("time", k), v) for k, v in held.items()}, {"time": time})
+        for name, held in parts.items()
+    }
+    sensors = {
+        "cameras": S.MotionCapture(name="cameras", body="body", rate=200.0),
+        "cell": S.LoadCell(name="cell", body="body", rate=200.0),
+    }
+    air = pt.Air(wind=(wind, 0.0, 0.0))
+    log = pt.sensing.SensorLog(readings, sensors, {}, brick, "load cell", air)
+    notes = json.loads(motion_and_force(log)[0].attrs["findings"])["notes"]
+    told = [one for one in notes if one.startswith("Warning: load cell")]
+    assert len(told) == bool(words), told
+    assert all(word in told[0] for word in words), told
+
+
+@pytest.mark.parametrize("drift", [0.0, 1e-3])
+def test_a_load_cell_whose_clock_drifts_from_the_motion_is_told(
+    rng: np.random.Generator, drift: float
+) -> None:
+    """At 5 Hz the force was wrong by a tenth of the inertia after 4 s, without a word."""
+    body = "{floating: true, mass: 0.05, shape: {type: box, size: [0.1, 0.06, 0.04]}}"
+    brick = load_robot_text(f"{{name: brick, gravity: 9.81, bodies: {{body: {body}}}}}", "brick")
+    time, count, rate = 0.005 * np.arange(1000), 1000, 10 * np.pi
+    place = 1e-4 * rng.standard_normal((count, 3))
+    place[:, 0] += 0.02 * np.sin(rate * time)
+    turns = S.as_quaternion(Rotation.from_rotvec(1e-3 * rng.standard_normal((count, 3))))
+    wrench = 2e-3 * rng.standard_normal((count, 6)) + 0.05 * 9.81 * np.eye(6)[2]
+    wrench[:, 0] -= 0.05 * 0.02 * rate**2 * np.sin(rate * time * (1 - drift))
+    parts = {"cameras": {"position": place, "quaternion": turns}, "cell": {"wrench": wrench}}
+    readings = {
+        name: xr.Dataset({k: (("time", k), v) for k, v in held.items()}, {"time": time})
+        for name, held in parts.items()
+    }
+    sensors = {
+        "cameras": S.MotionCapture(name="cameras", body="body", rate=200.0),
+        "cell": S.LoadCell(name="cell", body="body", rate=200.0),
+    }
+    log = pt.sensing.SensorLog(readings, sensors, {}, brick, "load cell")
+    notes = json.loads(motion_and_force(log)[0].attrs["findings"])["notes"]
+    told = [one for one in notes if one.startswith("Warning: load cell")]
+    assert len(told) == bool(drift), told
+    if drift:
+        found = re.search(r"drifts by about (\d+) ppm", told[0])
+        assert found is not None and int(found[1]) == pytest.approx(1000, rel=0.1), told

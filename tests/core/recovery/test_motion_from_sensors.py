@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import patagium as pt
 from patagium.errors import LogError, ParameterError, ShapeError
+from patagium.robot import load_robot_text
 from patagium.sensing.motion.estimate_motion import (
     SmoothedMotion,
     fit_motion,
@@ -26,6 +27,7 @@ from patagium.sensing.motion.sensor_streams import (
     EncoderModel,
     Observation,
     common_times,
+    count_noise,
     streams_of,
 )
 from patagium.sensing.motion.smoothers import merged_times
@@ -411,3 +413,23 @@ def test_samples_of_a_wrong_size_or_kind_are_refused() -> None:
         tracker.push("angles", "now", np.zeros(8))  # type: ignore[arg-type]
     with pytest.raises(ParameterError, match="name"):
         tracker.push(["angles"], 0.0, np.zeros(8))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("step", [0.01, 0.002])
+def test_an_encoder_in_coarse_counts_has_deviations_of_their_size(step: float) -> None:
+    """Errors were up to 180 times the stated deviation where the robot rests before it moves."""
+    text = "{name: arm, gravity: 0, bodies: {arm: {parent: world, joints: [{name: turn, axis: x}],"
+    arm = load_robot_text(
+        f"{text} mass: 1, shape: {{type: box, size: [0.1, 0.1, 0.1]}}}}}}}}", "arm"
+    )
+    time = 0.004 * np.arange(500)
+    angle = 0.03 * np.clip(time - 0.5, 0.0, 1.0) ** 2 * np.sin(2 * np.pi * (time - 0.5))
+    counts = step * np.round(angle[:, None] / step)
+    readings = {"encoder": xr.Dataset({"position": (("time", "joint"), counts)}, {"time": time})}
+    sensors: dict[str, S.Sensor] = {"encoder": S.Encoder(name="encoder", rate=250.0)}
+    found = pt.estimate_motion(pt.sensing.SensorLog(readings, sensors, {}, arm, ""))
+    error = found["q"].values[150:, 0] - angle[150:]
+    std = np.sqrt(found["covariance"].values[150:, 0, 0])
+    assert 0.2 < np.sqrt(np.mean((error / std) ** 2)) < 3.0  # errors of slow counts are not white
+    assert count_noise(counts[:, 0]) == pytest.approx(step / np.sqrt(12.0))
+    assert count_noise(angle) == 0.0

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import netCDF4
 import numpy as np
 import pandas as pd
 import pytest
@@ -16,6 +17,7 @@ from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
 from patagium.errors import LogError
+from patagium.sensing.logs.files import table_files
 from patagium.sensing.logs.importing.import_log import import_log, read_table
 from patagium.sensing.logs.importing.inspection import inspect_log
 from patagium.sensing.logs.mapping import parse_mapping
@@ -630,3 +632,90 @@ def test_the_reason_is_in_the_refusal_of_what_is_no_number(tmp_path: Path) -> No
     pd.DataFrame({"t": np.arange(50) / 100, "f": "high"}).to_csv(tmp_path / "log.csv")
     with pytest.raises(LogError, match="'f' cannot be read as numbers: text such as 'high'"):
         import_log(tmp_path / "log.csv", parse_mapping(mapped(LIFT)), tmp_path / "out.nc")
+
+
+@pytest.mark.parametrize("matlab", [False, True])
+def test_arrays_in_groups_of_hdf5_are_columns(matlab: bool, tmp_path: Path) -> None:
+    """As h5py and MATLAB 7.3 write them, MATLAB with its axes reversed behind a head of its own."""
+    t = 0.01 * np.arange(300)
+    turned = np.stack([np.sin(t), np.cos(t), 0.5 * t], axis=1)
+    path = tmp_path / ("log.mat" if matlab else "log.h5")
+    with netCDF4.Dataset(path, "w") as file:
+        group = file.createGroup("imu")
+        for size in (1, 3, 300):
+            file.createDimension(f"d{size}", size)
+        dims = {"t": ("d1", "d300"), "gyro": ("d3", "d300")}
+        for name, values in {"t": t[:, None], "gyro": turned}.items():
+            held = dims[name] if matlab else dims[name][::-1]
+            column = group.createVariable(name, "f8", held)
+            column[:] = values.T if matlab else values
+            column.units = {"t": "s", "gyro": "rad/s"}[name]
+        file.createVariable("note", str, ("d1",))[:] = np.array(["wing 3"], object)
+    if matlab:
+        path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512, b"\0") + path.read_bytes())
+    words = parse_mapping(mapped({**RATE, "column": "imu.gyro"}, column="imu.t"))
+    log = load_log(import_log(path, words, tmp_path / "log.nc").path)
+    np.testing.assert_allclose(log["rate"].values, turned, atol=1e-9)  # ns of stamps
+    seen = inspect_log(path).topics[0]
+    assert "note" in seen.unplaced
+    assert {one.name: one.unit for one in seen.channels}["imu.gyro[0]"] == "rad/s"
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.raises(LogError, match=r"save\(" if matlab else "savemat"):
+        inspect_log(path)
+
+
+@pytest.mark.parametrize(
+    "written", ["%H:%M:%S.%f", "%m/%d/%Y %I:%M:%S.%f %p", "%Y-%m-%dT%H:%M:%S.%f"]
+)
+def test_times_of_the_day_go_on_after_midnight(
+    written: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They were no time at all, and the rows had to be restamped."""
+    monkeypatch.setattr(table_files, "BLOCK", 40)
+    t = 0.01 * np.arange(300) + 1e-3 * np.arange(300) % 3e-3  # uneven, so that no rate will do
+    stamps = pd.Timestamp("2026-03-01 23:59:58.5") + pd.to_timedelta((1e6 * t).round(), unit="us")
+    table = pd.DataFrame({"Time": stamps.strftime(written), "f [N]": lift(t).ravel()})
+    table.to_csv(tmp_path / "log.csv", index=False)
+    words = parse_mapping({"time": {"column": "Time"}, "channels": [LIFT]})
+    log = load_log(import_log(tmp_path / "log.csv", words, tmp_path / "log.nc").path)
+    np.testing.assert_allclose(log["time"].values, t, atol=1e-6)  # digits of the stamps
+    np.testing.assert_allclose(log["lift"].values, lift(t).ravel(), rtol=1e-12)
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-16", "utf-8-sig"])
+def test_names_in_the_encodings_of_windows_are_read(encoding: str, tmp_path: Path) -> None:
+    """LabVIEW and Excel on Windows write degrees in their own code pages."""
+    rows = "".join(f"{k / 100:.2f};{k % 7},5\n".replace(".", ",") for k in range(100))
+    (tmp_path / "log.lvm").write_text(f"Zeit [s];Winkel [°]\n{rows}", encoding=encoding)
+    topic = inspect_log(tmp_path / "log.lvm").topics[0]
+    assert topic.stamps == "Zeit [s]" and topic.channels[1].unit == "°"
+    assert (topic.channels[1].low, topic.channels[1].high) == (0.5, 6.5)
+
+
+def test_an_export_of_motive_says_what_its_columns_are(tmp_path: Path) -> None:
+    """Two columns without a name were taken for a line of numbers, and the file was not read."""
+    head = [
+        "Format Version,1.23,Capture Frame Rate,100.0,Length Units,Meters",
+        "",
+        ",Type" + 8 * ",Rigid Body" + 4 * ",Marker",
+        ",Name" + 8 * ",bird" + 4 * ",bird:1",
+        ",ID" + 8 * ",A1" + 4 * ",B2",
+        "," + 4 * ",Rotation" + 3 * ",Position" + ",Error" + 3 * ",Position" + ",Quality",
+        "Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,,X,Y,Z,",
+    ]
+    rows = [f"{k},{k / 100},0,0,0,1,{k},2,3,0.1,{k},5,6,1" for k in range(100)]
+    (tmp_path / "log.csv").write_text("\n".join([*head, *rows]) + "\n")
+    seen = inspect_log(tmp_path / "log.csv")
+    assert seen.topics[0].rows == 100 and seen.topics[0].rate == pytest.approx(100.0)
+    (note,) = [one for one in seen.notes if one.startswith("the lines above")]
+    assert "X, Y, Z, W: 'Rigid Body bird A1 Rotation'" in note
+    assert "X.2, Y.2, Z.2: 'Marker bird:1 B2 Position'" in note
+
+
+def test_markers_above_an_export_of_vicon_are_told(tmp_path: Path) -> None:
+    head = ["Trajectories", "100", ",,wing:tip,,,wing:root,,", "Frame,Sub Frame,X,Y,Z,X,Y,Z"]
+    rows = [f"{k},0,{k},2,3,{k},5,6" for k in range(100)]
+    text = "\n".join([*head, ",,mm,mm,mm,mm,mm,mm", *rows]) + "\n"
+    (tmp_path / "log.csv").write_text(text)
+    notes = " ".join(inspect_log(tmp_path / "log.csv").notes)
+    assert "X, Y, Z: 'wing:tip'; X.1, Y.1, Z.1: 'wing:root'" in notes

@@ -78,6 +78,24 @@ def test_joints_in_the_other_unit_of_angles_are_told(unit: str, tmp_path: Path) 
         assert any(one.kind == "unit" for one in found) == told, (size, found)
 
 
+def test_little_motion_is_not_asked_for_its_unit(rng: np.random.Generator, tmp_path: Path) -> None:
+    """A joint that moves by a degree beside others in degrees, a robot at rest in millimeters."""
+    t = 0.005 * np.arange(500)
+    angles = {"left_plunge": 40 * np.sin(30 * t), "left_feather": 1.2 * np.sin(30 * t)}
+    place = np.array([3.1, -2.0, 8.4]) + 0.1 * rng.standard_normal((500, 3))
+    table = {f"{name} [deg]": values for name, values in angles.items()}
+    table |= {f"p.{axis} [mm]": place[:, k] for k, axis in enumerate("xyz")}
+    pd.DataFrame({"t [s]": t} | table).to_csv(tmp_path / "log.csv", index=False)
+    channels: list[dict[str, Any]] = [{"column": name, "unit": "deg"} for name in angles]
+    channels += [
+        {"column": [f"p.{axis}" for axis in "xyz"], "unit": "mm", "frame": "flu", "name": "p"}
+    ]
+    mapping = parse_mapping({"time": {"column": "t", "unit": "s"}, "channels": channels})
+    seen = import_log(tmp_path / "log.csv", mapping, tmp_path / "log.nc").findings
+    seen += pt.sensing.inspect_log(tmp_path / "log.csv").findings
+    assert not [one for one in seen if one.kind == "unit"]
+
+
 def test_a_gyroscope_at_rest_is_asked_for_degrees_alone(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     force = 0.2 * rng.standard_normal((500, 3)) + [0.0, 0.0, GRAVITY]

@@ -18,15 +18,35 @@ from patagium.sensing.force.measured_force import (
     inverse_dynamics_force,
     motor_forces,
 )
+from patagium.sensing.motion.clock_shifts import drift_notes
 from patagium.sensing.motion.estimate_motion import estimate_motion
 from patagium.sensing.motion.frame_model import floating_base
-from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog
+from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog, from_quaternion
 from patagium.sensing.sensors.joints import joint_names
 
 _WHITE = {"correlation": 0.0, "jitter": 0.0, "doubted": 0.0, "nis": 1.0, "shown": None}
 
 _HELD_DOWN = 1.5
 """Mean lift over weight from which the sign of a load cell is asked for."""
+
+_STILL = 0.05
+"""Share of its fastest velocity up to which a coordinate rests: air has a 400th of its force."""
+_REST = 0.3
+"""Least duration of a rest [s]."""
+_OFF = 0.05
+"""Force of the air at rest over the weight from which the zero of a load cell is doubted; more than
+a tilt of the cameras by 2 degrees or an error of the mass by 3 % makes."""
+_DRIFT = 0.02
+"""Change of it from one rest to another, over the weight, from which the zero moved."""
+
+_WINDOWS = 10
+"""Parts of a log of which each has a phase of the load cell."""
+_STEADY = 0.95
+"""Least size of the beat in a part over the largest."""
+_ALIKE = 0.03
+"""Change of the ratio of the cell to the motion over it, in parts that are compared."""
+_EVENLY = 10.0
+"""Change of a delay over its scatter about a line from which a clock drifts."""
 
 _DRIVEN = 0.3
 """Correlation of the force of the air with the momentum of the robot from which the sign is asked
@@ -54,6 +74,7 @@ def motion_and_force(
     motion = estimate_motion(log, shifts=late)
     joints = mount = None
     facts = json.loads(motion.attrs["findings"])
+    facts["notes"] += drift_notes(log)
     for name, sensor in log.sensors.items():
         if isinstance(sensor, MotorCurrent):
             joints = motor_forces(log, motion, name, shift=late.get(name, 0.0), robot=log.robot)
@@ -88,6 +109,9 @@ def motion_and_force(
                 f"{'brakes' if along > 0 else 'drives'} it: then it lacks `negated: true` in the "
                 "mapping"
             )
+        else:
+            facts["notes"] += _zero_notes(motion, found, list(base.place))
+            facts["notes"] += _late_notes(found, other, list(base.place))
     motion.attrs["findings"] = json.dumps(facts)
     return motion, found
 
@@ -111,6 +135,118 @@ def _drag(time: Array, found: ForceSamples, other: ForceSamples, place: list[int
     )
     size = float(np.linalg.norm(force) * np.linalg.norm(momentum))
     return float((force * momentum).sum()) / size if size > 0 else 0.0
+
+
+def _late_notes(found: ForceSamples, other: ForceSamples, place: list[int]) -> list[str]:
+    """Warning that a load cell is later and later behind the motion, beat by beat of one gait.
+
+    Its phase to the force that changes the momentum moves evenly, and the ratio of both stays: what
+    a gait or wind that changes does not do.
+
+    Args:
+        found: Force of the air along the motion.
+        other: Force of the air if the cell has the other sign.
+        place: Places of x, y, z in q.
+    """
+    known = np.isfinite(found.force[:, place]).all(axis=1)
+    time = found.time[known]
+    if len(time) < 20 * _WINDOWS:
+        return []
+    whole, cell = (
+        0.5 * (other.force + sign * found.force)[known][:, place] for sign in (1.0, -1.0)
+    )
+    step = float(np.median(np.diff(time)))
+    power = (np.abs(np.fft.rfft(whole - whole.mean(axis=0), axis=0)) ** 2).sum(axis=1)
+    frequency = float(np.fft.rfftfreq(len(time), step)[int(np.argmax(power))])
+    for _ in range(2):  # the first time finds the frequency
+        length = int((time[-1] - time[0]) * frequency / _WINDOWS) / max(frequency, 1e-300)
+        if length * frequency < 2:
+            return []
+        middle = time[0] + length * (0.5 + np.arange(_WINDOWS))
+        apart = (time - middle[:, None]) / length
+        window = np.where(np.abs(apart) < 0.5, np.cos(np.pi * apart) ** 2, 0.0)
+        turned = window * np.exp(-2j * np.pi * frequency * time)
+        moved, shown = turned @ whole, turned @ cell
+        size = np.linalg.norm(moved, axis=1)
+        steady = size > _STEADY * size.max()
+        if steady.sum() < _WINDOWS // 2:
+            return []
+        phase = np.angle((moved[1:] * moved[:-1].conj()).sum(axis=1))[steady[1:] & steady[:-1]]
+        if not len(phase):
+            return []
+        frequency += float(np.median(phase)) / (2 * np.pi * length)
+    ratio = np.linalg.norm(shown, axis=1) / np.maximum(size, 1e-300)
+    steady &= np.abs(ratio / np.median(ratio[steady]) - 1.0) < _ALIKE
+    if steady.sum() < _WINDOWS // 2:
+        return []
+    middle = middle[steady]
+    cross = (shown * moved.conj()).sum(axis=1)[steady]
+    late = -np.unwrap(np.angle(cross)) / (2 * np.pi * frequency)
+    rate, start = np.polyfit(middle, late, 1)
+    change = float(rate * (middle[-1] - middle[0]))
+    if abs(change) < max(1e-3, _EVENLY * float(np.std(late - start - rate * middle))):
+        return []
+    return [
+        f"Warning: load cell: from {middle[0]:.3g} s to {middle[-1]:.3g} s its delay to the motion "
+        f"grows by {1e3 * change:.2f} ms: if the wind did not change, its clock drifts by about "
+        f"{1e6 * rate:.0f} ppm from that of the motion, which spoils the force: take {rate:.2g} "
+        "(t - t[0]) from its stamps t in the log and import it again, or import shorter parts "
+        "(`start` and `end`)"
+    ]
+
+
+def _zero_notes(motion: xr.Dataset, found: ForceSamples, place: list[int]) -> list[str]:
+    """Warnings that the force of the air at rest is not zero, or not the same in two rests.
+
+    Args:
+        motion: Motion of the robot.
+        found: Force of the air along it.
+        place: Places of x, y, z in q.
+    """
+    known = np.isfinite(found.force[:, place]).all(axis=1)
+    fastest = np.percentile(np.abs(found.v[known]), 99, axis=0)
+    noise = np.median(np.sqrt(np.einsum("tii->ti", motion["covariance"].values))[known], axis=0)
+    moves = fastest > 20 * noise[len(fastest) : 2 * len(fastest)]
+    still = known & (np.abs(found.v) < _STILL * fastest)[:, moves].all(axis=1)
+    ends = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2) - [0, 1]
+    rests = [slice(a, b + 1) for a, b in ends if found.time[b] - found.time[a] > _REST]
+    if not rests:
+        return []
+    weight = found.robot.mass * found.robot.gravity
+    turned = from_quaternion(motion["attitude"].values)
+    spread = 3 * np.median(found.std[:, place][known], axis=0)
+
+    def shown(rest: slice) -> Array:
+        """Force of the cell beyond weight and inertia, (3,) [N], axes of the body."""
+        return np.asarray(-turned[rest].inv().apply(found.force[rest, place]).mean(axis=0))
+
+    def large(force: Array, share: float) -> bool:
+        return bool((np.abs(force) > np.maximum(share * weight, spread)).any())
+
+    def words(force: Array) -> str:
+        return f"({', '.join(f'{one:.2g}' for one in force)}) N"
+
+    notes, (first, last) = [], (rests[0], rests[-1])
+    middle = [0.5 * (found.time[one.start] + found.time[one.stop - 1]) for one in (first, last)]
+    offset, moved = shown(first), shown(last) - shown(first)
+    if not np.any(found.air.wind) and found.air.gust is None and large(offset, _OFF):
+        notes.append(
+            f"Warning: load cell: while the robot rests at {middle[0]:.3g} s it shows "
+            f"{words(offset)}, axes of the body, that no weight explains, and the force of the air "
+            "is wrong by as much: subtract it by `offset` in the mapping (there in unit, axes and "
+            "sign of the log), check the mass of the robot, and state the wind under `air` if it "
+            "blew"
+        )
+    close = np.abs(found.q[first].mean(axis=0) - found.q[last].mean(axis=0)) < _STILL
+    close[place] = True
+    if first is not last and close.all() and large(moved, _DRIFT):
+        notes.append(
+            f"Warning: load cell: from the rest at {middle[0]:.3g} s to that at {middle[1]:.3g} s "
+            f"what it shows changes by {words(moved)}, axes of the body: its zero drifts, or the "
+            "wind changed; read the zero before and after, import shorter parts with `start` and "
+            "`end`, each with its own `offset`, or use a cell that has warmed up"
+        )
+    return notes
 
 
 def write_motion(motion: xr.Dataset, forces: ForceSamples, path: str | Path) -> Path:

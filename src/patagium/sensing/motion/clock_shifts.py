@@ -3,13 +3,14 @@
 Inertial units are predicted from encoders and cameras that see the same bodies. Each sensor is
 shifted in time until the prediction is best, a maximum of the likelihood with noise and biases of
 every axis unknown. Only the sum of delay and clock offset can be seen. Load cells and motors are
-left out: where the motion is one sine, a delay and a drag look alike. Neglected: drift of clocks.
+left out: where the motion is one sine, a delay and a drag look alike. Drift of a clock is told by
+the shifts in two parts of a log, and not corrected.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,12 +33,18 @@ from patagium.sensing.motion.sensor_streams import (
     streams_of,
 )
 from patagium.sensing.motion.smoothers import smooth_series
-from patagium.sensing.sensors import SensorLog, from_quaternion
+from patagium.sensing.sensors import Imu, SensorLog, from_quaternion
 
 _MOST_SAMPLES = 2000
 _COARSE = 2e-3
 """Step of the first search over shifts [s]."""
 _SWEEPS = 3
+_LARGEST = 0.05
+"""Largest shift of the search [s]."""
+_TOLD = 0.1
+"""Standard deviation of a shift over the largest one from which the motion does not tell it."""
+_SURE, _DRIFTED = 8.0, 5e-4
+"""Change of a shift within a log, in standard deviations and [s], from which a clock drifts."""
 _SPARSE = 100.0
 """Span of a log over that of its samples from which its grid is not made."""
 
@@ -56,13 +63,22 @@ class Shifts:
     std: dict[str, float]
     unlinked: tuple[str, ...]
 
+    @property
+    def told(self) -> dict[str, float]:
+        """Shifts that the motion tells [s]."""
+        return {
+            name: late
+            for name, late in self.seconds.items()
+            if abs(late) <= _LARGEST and self.std[name] <= _TOLD * _LARGEST
+        }
+
 
 @checked
 def estimate_shifts(
     log: SensorLog,
     *,
     reference: str | None = None,
-    largest: float = 0.05,
+    largest: float = _LARGEST,
 ) -> Shifts:
     """Clock shifts of encoders, cameras and inertial units against each other.
 
@@ -107,8 +123,52 @@ def found_shifts(log: SensorLog) -> tuple[dict[str, float], str]:
         found = estimate_shifts(log)
     except LogError as problem:
         return {}, f"Clocks are taken as right: {problem}."
-    late = ", ".join(f"{name} {1e3 * value:.2f} ms" for name, value in found.seconds.items())
-    return found.seconds, f"Clocks, found from the motion that the sensors share: {late}."
+    told = found.told
+    late = ", ".join(f"{name} {1e3 * value:.2f} ms" for name, value in told.items())
+    rest = ", ".join(name for name in found.seconds if name not in told)
+    return told, f"Clocks, found from the motion that the sensors share: {late}." + (
+        f" Taken as right, for the motion does not tell them: {rest}." if rest else ""
+    )
+
+
+def drift_notes(log: SensorLog) -> list[str]:
+    """Warnings that the clock of a sensor drifts from that of the first inertial unit.
+
+    The shifts in the first third of the motion are compared with those in the last third.
+    """
+    unit = next((n for n, one in log.sensors.items() if isinstance(one, Imu)), None)
+    if unit is None:
+        return []
+    rows = np.hstack([log[unit][name].values for name in ("specific_force", "angular_rate")])
+    power = np.cumsum(np.nan_to_num((rows - np.nanmean(rows, axis=0)) ** 2), axis=0).sum(axis=1)
+    time, share = log[unit]["time"].values, power / max(power[-1], 1e-300)
+    early, cut, other, late = np.interp([1 / 6, 1 / 3, 2 / 3, 5 / 6], share, time)
+    parts = [(time[0], cut), (other, time[-1])]
+    try:
+        first, last = (estimate_shifts(_between(log, *part)) for part in parts)
+    except LogError:
+        return []
+    notes, apart = [], late - early
+    for name in first.told.keys() & last.told.keys() - {unit}:
+        moved = last.seconds[name] - first.seconds[name]
+        if abs(moved) > max(_DRIFTED, _SURE * np.hypot(first.std[name], last.std[name])):
+            notes.append(
+                f"Warning: {name}: its clock drifts by about {1e6 * moved / apart:.0f} ppm from "
+                f"that of {unit} ({1e3 * first.seconds[name]:.2f} ms late at first, "
+                f"{1e3 * last.seconds[name]:.2f} ms at last), which no shift mends: take "
+                f"{moved / apart:.2g} (t - t[0]) from its stamps t in the log and import it "
+                "again, or import shorter parts (`start` and `end`)"
+            )
+    return sorted(notes)
+
+
+def _between(log: SensorLog, begin: float, end: float) -> SensorLog:
+    """Log of a span of time [s]."""
+    inside = {
+        n: (r["time"].values >= begin) & (r["time"].values <= end) for n, r in log.readings.items()
+    }
+    parts = {n: r.isel(time=np.flatnonzero(inside[n])) for n, r in log.readings.items()}
+    return replace(log, readings=parts)
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from patagium.sensing.motion.banded import SEEN, Information, Knots
 from patagium.sensing.motion.first_motion import FirstMotion, Noise
 from patagium.sensing.motion.frame_model import floating_base
 from patagium.sensing.motion.motion_spline import MotionSpline, SplinePoint
-from patagium.sensing.motion.sensor_streams import FLOOR, Part, Stream
+from patagium.sensing.motion.sensor_streams import FLOOR, Part, Stream, count_noise
 
 _GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 """Places of two samples of a span whose mean square is that of a linear function."""
@@ -81,6 +81,7 @@ class Samples:
         jitter: Variance of the stamps as each part shows it, (parts,) [s^2].
         weight: Weight of each sample, (N, parts) [1].
         nis: Mean square of the residuals of each part over what is expected, (parts,) [1].
+        least: Least standard deviation of each part, (parts,) [its unit].
     """
 
     stream: Stream
@@ -91,6 +92,7 @@ class Samples:
     jitter: Array = field(init=False)
     weight: Array = field(init=False)
     nis: Array = field(init=False)
+    least: Array = field(init=False)
 
     def __post_init__(self) -> None:
         count = len(self.stream.model.parts)
@@ -99,9 +101,13 @@ class Samples:
         self.jitter = np.zeros(count)
         self.weight = np.ones((len(self.stream.time), count))
         self.nis = np.ones(count)
+        self.least = np.zeros(count)
         for k, part, place in self.parts():
+            told = () if part.name == "attitude" else self.stream.rows.T[place]
+            self.least[k] = max([FLOOR[part.unit], *map(count_noise, told)])
+            self.variance[place] = np.maximum(self.variance[place], self.least[k] ** 2)
             if np.isfinite(self.first[k].std):
-                self.variance[place] = max(self.first[k].std, FLOOR[part.unit]) ** 2
+                self.variance[place] = max(self.first[k].std, self.least[k]) ** 2
 
     def parts(self) -> list[tuple[int, Part, slice]]:
         """Number, part and place among the values of each part."""
@@ -193,8 +199,8 @@ def _learn_part(
     factor = float(np.clip(factor, 0.05, 20.0))
     freedom = float(np.einsum("nc,nc->", weight, 1 - lost))
     one.nis[k] = float(np.einsum("nc,nc->", weight, square)) / max(freedom, 1e-9)
-    least = FLOOR[part.unit]
-    if one.first[k].slowest < _QUIET * least:
+    least = one.least[k]
+    if one.first[k].slowest < _QUIET * least == _QUIET * FLOOR[part.unit]:
         follows = float((weight * lost).sum() / max(weight.sum(), 1e-9))
         least *= _EXACT ** np.clip(4.0 * (0.8 - follows), 0.0, 1.0)
     one.variance[place] = np.maximum(base * factor, least**2)

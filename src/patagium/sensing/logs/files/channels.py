@@ -183,7 +183,7 @@ def reading(path: Path, kind: str, extra: str = "logs", otherwise: str = "") -> 
         path: The file.
         kind: Format the file was taken for.
         extra: Extra of the package that installs the library.
-        otherwise: Remedy without the library.
+        otherwise: Remedy without the library, or where it cannot read the file.
 
     Raises:
         LogError: If the library is missing, or fails in any way on a damaged file.
@@ -199,7 +199,8 @@ def reading(path: Path, kind: str, extra: str = "logs", otherwise: str = "") -> 
         ) from problem
     except Exception as problem:  # libraries raise their own, struct's, zlib's and Python's
         reason = " ".join(str(problem).split())[:300] or type(problem).__name__
-        raise LogError(f"{path}: cannot be read as {kind}: {reason}") from problem
+        remedy = f"; {otherwise}" if otherwise else ""
+        raise LogError(f"{path}: cannot be read as {kind}: {reason}{remedy}") from problem
 
 
 def nanoseconds(raw: NDArray[Any], factor: float) -> Stamps:

@@ -7,17 +7,25 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from patagium.errors import LogError
+from patagium.netcdf_file import kind_of
 from patagium.reading import check_room, regular_file
 from patagium.sensing.logs.files.ardupilot_files import ArdupilotFile
 from patagium.sensing.logs.files.channels import LogFile
 from patagium.sensing.logs.files.message_files import BagFile, McapFile
-from patagium.sensing.logs.files.table_files import CsvFile, MatFile, ParquetFile, UlogFile
+from patagium.sensing.logs.files.table_files import (
+    CsvFile,
+    Hdf5File,
+    MatFile,
+    ParquetFile,
+    UlogFile,
+)
 
 _SINGLE: dict[str, Callable[[Path], LogFile]] = {
     ".csv": CsvFile,
     ".parquet": ParquetFile,
     ".ulg": UlogFile,
     ".mat": MatFile,
+    ".h5": Hdf5File,
     ".bin": ArdupilotFile,
 }
 _PARTED: dict[str, Callable[[list[Path]], LogFile]] = {
@@ -26,7 +34,7 @@ _PARTED: dict[str, Callable[[list[Path]], LogFile]] = {
     ".mcap": McapFile,
 }
 """Readers of formats whose recordings may have several parts."""
-_AT_ONCE = (".mat", ".ulg")
+_AT_ONCE = (".mat", ".h5", ".ulg")
 """Formats whose libraries read a whole file into memory."""
 _MAGIC = {
     b"#ROSBAG V": ".bag",
@@ -39,10 +47,10 @@ _MAGIC = {
     b"SQLite format 3": ".db3",
     b"\x89HDF\r\n": ".h5",
 }
-_TEXT = (".csv", ".txt", ".tsv", ".csv.gz", ".txt.gz", ".tsv.gz")
+_TEXT = (".csv", ".txt", ".tsv", ".lvm", ".csv.gz", ".txt.gz", ".tsv.gz")
 _SUMMED_UP = (
-    "a CSV, Parquet, MAT, ULog (.ulg), ArduPilot (.BIN), ROS bag (.bag, .db3, its folder) or MCAP "
-    "file"
+    "a CSV, Parquet, MAT, HDF5, ULog (.ulg), ArduPilot (.BIN), ROS bag (.bag, .db3, its folder) "
+    "or MCAP file"
 )
 
 
@@ -134,10 +142,8 @@ def _kind(path: Path) -> str:
 def _reader(kind: str, parts: list[Path]) -> LogFile:
     if kind in _PARTED:
         return _PARTED[kind](parts)
-    if kind not in _SINGLE:
-        raise LogError(
-            f"{parts[0]}: expected {_SUMMED_UP}, found HDF5, which patagium check describes"
-        )
+    if kind == ".h5" and (own := kind_of(parts[0])):
+        raise LogError(f"{parts[0]}: expected {_SUMMED_UP}, found {own}")
     if len(parts) > 1:
         raise LogError(f"{parts[0]}: expected one file, found {len(parts)}: only bags have parts")
     if kind in _AT_ONCE:

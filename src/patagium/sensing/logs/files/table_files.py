@@ -1,14 +1,15 @@
-"""Readers of tables: CSV, Parquet, MATLAB and PX4 ULog files.
+"""Readers of tables: CSV, Parquet, MATLAB, HDF5 and PX4 ULog files.
 
 A table has columns with one unit each, one of which has the stamps. Where a file does not name its
 column of time, a guess is made for `inspect` alone, and the log notes say that it is a guess. Lists
 in a cell, "[a, b, c]", are columns `name[0]`, `name[1]`, ... What is not read is listed with the
 reason (`Topic.unplaced`). Neglected: in CSV files line ends within quotes, comments among the rows
-and thousands separators; MATLAB objects such as timetables, and version 7.3, which is HDF5.
+and thousands separators; MATLAB objects such as timetables; cells of MATLAB 7.3, which is HDF5.
 """
 
 from __future__ import annotations
 
+import codecs
 import csv
 import gzip
 import io
@@ -17,7 +18,7 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import redirect_stdout
+from contextlib import closing, redirect_stdout
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -29,6 +30,8 @@ from numpy.typing import NDArray
 
 from patagium.arrays import Array
 from patagium.errors import LogError
+from patagium.netcdf_file import open_netcdf
+from patagium.reading import check_room
 from patagium.sensing.logs.files.channels import (
     BLOCK,
     Block,
@@ -46,10 +49,14 @@ from patagium.sensing.logs.mapping import conversion
 
 _HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 TIME_NAME = re.compile(
-    r"^(time|t|timestamp|stamp|tout|clock|elapsed|(?=sec|milli|micro))"
+    r"^(time|t|x_value|timestamp|stamp|tout|clock|elapsed|(?=sec|milli|micro))"
     r"(?:(?:[_ ]in[_ ]|[_ .(\[/]*)(s|secs?|seconds|ms|millis|us|usec|µs|micros|ns)\W?)?$"
 )
 _UNITS = {"millis": "ms", "us": "µs", "usec": "µs", "micros": "µs"}
+_OF_DAY = re.compile(
+    r"(?:^|\s)(?P<hour>\d{1,2}):(?P<minute>\d\d):(?P<second>\d\d(?:[.,]\d+)?)"
+    r"(?:\s*(?P<half>[AaPp])[Mm])?\s*$"
+)
 _SPAN = re.compile(r"(?i)(^|[^a-z])(delay|latency|lag|dt|period|duration|interval)([^a-z]|$)")
 _IN_GRAVITIES = re.compile(r"(^|[^a-z])a(cc[a-z]*)?[_. ]?[xyz]?_g$")
 _TIMED = re.compile(r"(^|_)(time[a-z]*|stamp|clock|delay|latency|dt|period)_(\w+_)?(ms|us|ns)$")
@@ -137,7 +144,7 @@ def guessed_base(
     for column, factor in stamped.items():
         return StampSource("column", column, factor), ""
     for column in channels:
-        stem = column.lower().lstrip("#%").strip().rpartition(".")[2]
+        stem = column.lower().lstrip("#%").strip(" '*").rpartition(".")[2].rpartition("'/'")[2]
         if match := TIME_NAME.match(stem):
             unit = (match[2] and unit_of_suffix(stem)) or channels[column].unit or "s"
             plain = not match[2] and unit == "s"
@@ -272,6 +279,9 @@ def distinct(names: Iterable[str]) -> list[str]:
     return names_in_order
 
 
+_DAY = pd.Timedelta(days=1)
+_BEGINNING = 1 << 16
+"""Bytes from which the encoding is found."""
 _LOOK = 200
 """Lines from which types are found."""
 _PACKED = 4.0
@@ -284,6 +294,11 @@ _ALIKE = 0.9
 _BRACKETS = str.maketrans("[](){},;", " " * 8)
 _MOST_TEXT = 20
 """Most rows of text at the end that are left out; more are a column that turned to text."""
+_OLDER = "save it again in MATLAB with save('log.mat', ..., '-v7')"
+_AS_MAT = (
+    "save its arrays as MAT: f = h5py.File('log.h5'); scipy.io.savemat('log.mat', "
+    "{name: f[name][()] for name in ('t', 'fz')})"
+)
 _MOST_COLUMNS = 64
 """Most entries of an array or list that are read as columns."""
 
@@ -312,6 +327,28 @@ def header_place(lines: Sequence[str]) -> int:
             if numbers[0] or _units_below(below, len(names)) is not None:
                 return place
     return 0
+
+
+def _groups(lines: Sequence[str], separator: str, names: Sequence[str]) -> list[str]:
+    """Columns whose names repeat, with the words in the lines above them; none if none repeats."""
+    plain = [name.strip() for name in names]
+    held, count = distinct(plain), Counter(plain)
+    repeated = {one for one, name in zip(held, plain, strict=True) if name and count[name] > 1}
+    said = [""] * len(names)
+    for line in lines:
+        cells = [cell.strip() for cell in _cells(line, separator)]
+        if len(cells) != len(names) or any(map(_is_number, cells)) or not any(cells):
+            continue
+        for k in range(1, len(cells)):  # the first cell of a group alone may name it
+            near = said[k] == said[k - 1] or not plain[k]
+            cells[k] = cells[k] or cells[k - 1] * near
+        said = [f"{one} {cell}".strip() for one, cell in zip(said, cells, strict=True)]
+    groups: dict[str, list[str]] = {}
+    for one, words in zip(held, said, strict=True):
+        groups.setdefault(words, []).append(one)
+    groups.pop("", None)
+    told = [(words, ones) for words, ones in groups.items() if repeated.intersection(ones)]
+    return [f"{', '.join(ones)}: {words!r}" for words, ones in told]
 
 
 def _separator(line: str) -> str:
@@ -402,6 +439,9 @@ class CsvFile(LogFile):
 
     def __init__(self, path: Path, skip_rows: int | None = None) -> None:
         super().__init__(path)
+        self._encoding = "utf-8-sig"
+        with reading(path, "CSV"), self._opened() as text:
+            self._encoding = _encoding(bytes(text.buffer.read(_BEGINNING)))
         with reading(path, "CSV"), self._opened() as text:
             lines = list(islice(text, (skip_rows or 0) + _LOOK))
         head = header_place(lines) if skip_rows is None else skip_rows
@@ -424,6 +464,9 @@ class CsvFile(LogFile):
             raise LogError(f"{path}: cannot be read as CSV: expected names in the first line")
         units = _units_below(below, len(names))
         self._skip = head + 1 + (units is not None)
+        above = _groups(lines[:head], self._separator, names) if skip_rows is None else []
+        if above:
+            self.notes.append(f"the lines above the names say: {'; '.join(above)}")
         if units is not None:
             self.notes.append(f"line {head + 2} is taken for the units of the columns")
         if not self._is_gzip() and not _ends_with_line(path):
@@ -434,6 +477,7 @@ class CsvFile(LogFile):
         self._lists: dict[str, tuple[str, int]] = {}
         self._commas = list(self._names) if self._decimal == "," else []
         self._numbers: list[str] = []
+        self._days: dict[str, tuple[Any, int]] = {}
         stated = dict(zip(self._names, units or (), strict=False))
         try:
             topic = self._table(look, stated)
@@ -467,12 +511,24 @@ class CsvFile(LogFile):
                     parsed[source] = self._entries(frame[source], size, _parted(source)[0], row)
                 columns[name] = parsed[source][:, place]
             elif name in self._calendar:
-                columns[name] = _calendar(frame[name])
+                columns[name] = self._after_midnight(name, _calendar(frame[name]), row)
             elif name in self._commas and frame[name].dtype.kind not in "fiub":
                 columns[name] = frame[name].astype(str).str.replace(",", ".")
             else:
                 columns[name] = frame[name]
         return columns
+
+    def _after_midnight(self, name: str, stamps: Any, row: int) -> Any:
+        """Times of the day that go on over midnight; times with a date as they are."""
+        if not len(stamps):
+            return stamps
+        last, days = self._days[name] if row else (pd.NaT, 0)
+        known = stamps.ffill().fillna(last)
+        of_day = known.max() < pd.Timestamp(0) + _DAY
+        passed = known.shift(fill_value=last) - known > _DAY / 2
+        counted = days + (passed & of_day).cumsum()
+        self._days[name] = known.iloc[-1], int(counted.iloc[-1])
+        return stamps + pd.to_timedelta(counted, unit="D")
 
     def _entries(self, words: Any, size: int, name: str, first: int) -> Array:
         """Numbers of lists in cells, (k, size); NaN where a cell is empty."""
@@ -541,7 +597,7 @@ class CsvFile(LogFile):
         Raises:
             LogError: If there is no line of names, or a line has more entries than names.
         """
-        if any(_is_number(name) and not name.isdigit() for name in self._names):
+        if any(_is_number(name) and not re.fullmatch(r"\.?\d+", name) for name in self._names):
             raise LogError(
                 f"{self.path}: expected a line of names, found numbers in line {self._skip}; write "
                 "one above them, such as `t [s],gyro.x [rad/s],...`"
@@ -601,11 +657,22 @@ class CsvFile(LogFile):
 
     def _opened(self) -> io.TextIOWrapper:
         binary: Any = gzip.open(self.path) if self._is_gzip() else self.path.open("rb")
-        return io.TextIOWrapper(binary, encoding="utf-8-sig", newline="")
+        return io.TextIOWrapper(binary, encoding=self._encoding, newline="")
 
     def _is_gzip(self) -> bool:
         with self.path.open("rb") as file:
             return file.read(2) == b"\x1f\x8b"
+
+
+def _encoding(head: bytes) -> str:
+    """Encoding of a text by its first bytes: UTF-8, that of Windows, or UTF-16 with its mark."""
+    if head[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        return "utf-16"
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8-sig"
 
 
 def _ends_with_line(path: Path) -> bool:
@@ -630,8 +697,16 @@ def _numeric(column: Any) -> bool:
 
 
 def _calendar(column: Any) -> Any:
+    """Calendar times of a column of text: ISO 8601, else times of the day, on the first of 1970."""
     stamps = pd.to_datetime(column, format="ISO8601", errors="coerce", utc=True)
-    return stamps.dt.tz_localize(None)
+    if 2 * stamps.notna().sum() > len(stamps) or not len(stamps):
+        return stamps.dt.tz_localize(None)
+    part = column.astype(str).str.extract(_OF_DAY)
+    hour = pd.to_numeric(part["hour"]) % np.where(part["half"].isna(), 24, 12)
+    hour += 12 * part["half"].str.lower().eq("p")
+    second = pd.to_numeric(part["second"].str.replace(",", "."))
+    seconds = 3600 * hour + 60 * pd.to_numeric(part["minute"]) + second
+    return pd.to_datetime((1e9 * seconds).round().astype("Int64"), unit="ns")
 
 
 def _comma_decimal(rows: Sequence[Sequence[str]]) -> bool:
@@ -761,6 +836,24 @@ class _HeldFile(LogFile):
 
     _tables: dict[str, dict[str, Any]]
 
+    def _hold(
+        self, columns: dict[str, Any], unplaced: Mapping[str, str], units: Mapping[str, str]
+    ) -> None:
+        """Take columns of one table; of several lengths, each has its own."""
+        lengths = Counter(len(column) for column in columns.values())
+        if not lengths:
+            found = f"found none{_some_of(unplaced)}"
+            raise LogError(f"{self.path}: expected arrays of numbers, {found}")
+        if len(lengths) > 1:
+            described = ", ".join(f"{n} of {rows} rows" for rows, n in lengths.most_common(4))
+            self.notes.append(f"arrays of several lengths: {described}; each needs its own stamp")
+        types = {name: str(column.dtype) for name, column in columns.items()}
+        most = lengths.most_common(1)[0][0]
+        rows = {name: len(column) for name, column in columns.items()}
+        own = {name: count for name, count in rows.items() if len(lengths) > 1}
+        topic = table_topic(types, most, units, rows=own, unplaced=unplaced)
+        self.topics, self._tables = {"": topic}, {"": columns}
+
     def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
         """Requested rows, one request after the other."""
         for key, one in enumerate(wanted):
@@ -772,40 +865,96 @@ class _HeldFile(LogFile):
 
 
 class MatFile(_HeldFile):
-    """MATLAB file in memory."""
+    """MATLAB file in memory; of version 7.3, which is HDF5, the arrays of numbers."""
 
     format = "MAT"
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
+        columns: dict[str, Any] = {}
+        unplaced: dict[str, str] = {}
+        with path.open("rb") as file:
+            newer = b"7.3 MAT" in file.read(16)
+        if newer:
+            with reading(path, "MAT 7.3", otherwise=_OLDER):
+                units = _place_hdf5(path, columns, unplaced, reversed_axes=True)
+            return self._hold(columns, unplaced, units)
         with reading(path, "MAT"):
-            with path.open("rb") as file:
-                if b"7.3 MAT" in file.read(16):
-                    raise LogError(
-                        f"{path}: MATLAB 7.3 files are not read; save it again with "
-                        "save('log.mat', ..., '-v7')"
-                    )
             from scipy.io import loadmat
 
             check_elements(path)
             held = loadmat(path, squeeze_me=True, struct_as_record=False)
-            columns: dict[str, Any] = {}
-            unplaced: dict[str, str] = {}
             for name, value in held.items():
                 if not name.startswith("__"):
                     _place(name, value, columns, unplaced)
-        lengths = Counter(len(column) for column in columns.values())
-        if not lengths:
-            raise LogError(f"{path}: expected arrays of numbers, found none{_some_of(unplaced)}")
-        if len(lengths) > 1:
-            described = ", ".join(f"{n} of {rows} rows" for rows, n in lengths.most_common(4))
-            self.notes.append(f"arrays of several lengths: {described}; each needs its own stamp")
-        types = {name: str(column.dtype) for name, column in columns.items()}
-        most = lengths.most_common(1)[0][0]
-        rows = {name: len(column) for name, column in columns.items()}
-        own = {name: count for name, count in rows.items() if len(lengths) > 1}
-        topic = table_topic(types, most, rows=own, unplaced=unplaced)
-        self.topics, self._tables = {"": topic}, {"": columns}
+        self._hold(columns, unplaced, {})
+
+
+class Hdf5File(_HeldFile):
+    """HDF5 or netCDF4 file in memory, arrays of its groups by dotted path."""
+
+    format = "HDF5"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        columns: dict[str, Any] = {}
+        unplaced: dict[str, str] = {}
+        with reading(path, "HDF5", otherwise=_AS_MAT):
+            units = _place_hdf5(path, columns, unplaced)
+        self._hold(columns, unplaced, units)
+
+
+def _place_hdf5(
+    path: Path, columns: dict[str, Any], unplaced: dict[str, str], *, reversed_axes: bool = False
+) -> dict[str, str]:
+    """Add the arrays of an HDF5 file to columns; units by column.
+
+    Args:
+        path: The file.
+        columns: Columns by name, which are added to.
+        unplaced: Content that is not read, with the reason, likewise.
+        reversed_axes: Whether the axes are in the opposite order, as MATLAB stores them.
+
+    Raises:
+        Unreadable: If its arrays would take too much memory.
+    """
+    units: dict[str, str] = {}
+    with closing(open_netcdf(path)) as file:
+        groups = [("", file)]
+        for place, group in groups:  # which grows
+            held = group.groups.items()
+            groups += [(f"{place}{name}.", one) for name, one in held if not name.startswith("#")]
+        found = [
+            (f"{at}{name}", one) for at, group in groups for name, one in group.variables.items()
+        ]
+        check_room(path, sum(8 * one.size for _, one in found))
+        for name, one in found:
+            known = set(columns)
+            if _is_list(one.datatype) or getattr(one, "MATLAB_class", "") in ("char", "cell"):
+                unplaced[name] = "text, lists or half precision, no array of numbers"
+                continue
+            try:
+                values = one[...]
+            except RuntimeError as problem:  # such as a filter that the library lacks
+                remedy = "take the filter away: h5repack -f NONE log.h5 plain.h5"
+                unplaced[name] = f"{problem}; {remedy}"
+                continue
+            for part in values.dtype.names or ("",):
+                array = np.ma.getdata(values[part] if part else values)
+                if np.ma.is_masked(values):
+                    array = np.ma.filled(values.astype(float), np.nan)
+                array = np.squeeze(array.T if reversed_axes else array)
+                _place(f"{name}.{part}" if part else name, array, columns, unplaced)
+            unit = str(getattr(one, "units", getattr(one, "unit", "")))
+            units |= dict.fromkeys((column for column in columns if column not in known), unit)
+    return units
+
+
+def _is_list(kind: Any) -> bool:
+    """Whether a type of HDF5 has entries of any length, text included, which is not read."""
+    from netCDF4 import VLType
+
+    return isinstance(kind, VLType)
 
 
 def _place(name: str, value: Any, columns: dict[str, Any], unplaced: dict[str, str]) -> None:

@@ -26,6 +26,9 @@ Keep = Callable[[Block, Bools], Array]
 
 _WIDTH = 0.005
 _BINS = 7600  # to 3e16 ns, a year
+_SCATTER = 0.7
+"""Mean square step over the variance from which numbers are noise: 2 of white noise, (w dt)^2 of
+a motion."""
 _NEAR = 0.1
 """Share of the median step below which a step is nearly a duplicate."""
 _SLOW = 0.2  # s: steps of a log of flight are shorter
@@ -159,6 +162,7 @@ class ValueSurvey:
         self.high = np.full(channels, -np.inf)
         self._sum = np.zeros(channels)
         self._square = np.zeros(channels)
+        self._steps = np.zeros(channels)
 
     def add(self, values: Array) -> None:
         """Add more rows, (k, n) in the unit of the file, to the statistics."""
@@ -173,6 +177,7 @@ class ValueSurvey:
         with np.errstate(over="ignore", invalid="ignore"):
             self._sum += plain.sum(axis=0)
             self._square += (plain**2).sum(axis=0)
+            self._steps += np.nansum(np.diff(values, axis=0) ** 2, axis=0)
 
     @property
     def mean(self) -> Array:
@@ -183,6 +188,12 @@ class ValueSurvey:
     def rms(self) -> Array:
         """Root mean square of each channel, (n,); NaN where nothing is finite."""
         return np.asarray(np.sqrt(self._square / np.where(self.count, self.count, np.nan)))
+
+    @property
+    def noise(self) -> Bools:
+        """Whether each channel scatters about its mean from row to row and does not move, (n,)."""
+        scatter = self._square - self.count * self.mean**2
+        return np.asarray((self._steps >= _SCATTER * scatter) | (self.low == self.high))
 
 
 @dataclass(frozen=True)
@@ -334,6 +345,8 @@ class Sizes:
         mean: Mean of each component, (n,) [si].
         rms: Root mean square of each component, (n,) [si].
         largest: Largest magnitude of any component [si].
+        still: Whether all components are noise about their means.
+        beside: Largest magnitude of the other numbers of its stream in the same unit [si].
     """
 
     unit: str
@@ -342,10 +355,17 @@ class Sizes:
     mean: Array
     rms: Array
     largest: float
+    still: bool = False
+    beside: float = 0.0
 
 
 def sizes_of(
-    values: ValueSurvey, places: Sequence[int], unit: str, offset: ArrayLike = 0.0
+    values: ValueSurvey,
+    places: Sequence[int],
+    unit: str,
+    offset: ArrayLike = 0.0,
+    *,
+    others: Sequence[int] = (),
 ) -> Sizes:
     """Size of a quantity.
 
@@ -354,6 +374,7 @@ def sizes_of(
         places: Its components among the numbers of the stream.
         unit: Unit of the numbers.
         offset: Zero of the sensor, a number or one for each component, (n,) [unit].
+        others: Numbers of the stream in the same unit.
 
     Raises:
         LogError: If the unit is unknown, or does not only scale.
@@ -362,6 +383,7 @@ def sizes_of(
     chosen = list(places)
     zero = np.asarray(offset, float)
     ends = np.array([values.low[chosen], values.high[chosen]]) - zero
+    beside = np.abs([values.low[list(others)], values.high[list(others)]])
     return Sizes(
         unit,
         si,
@@ -369,6 +391,8 @@ def sizes_of(
         (values.mean[chosen] - zero) * factor,
         values.rms[chosen] * abs(factor),
         float(np.abs(ends).max()) * abs(factor),
+        bool(values.noise[chosen].all()),
+        float(beside[np.isfinite(beside)].max(initial=0.0)) * abs(factor),
     )
 
 
@@ -395,17 +419,17 @@ def unit_findings(where: str, sizes: Sizes, *, still: bool = False) -> list[Find
         if sizes.largest > _FASTEST or (still and _is(sizes, 1.0) and sizes.rms.max() > _NOISY):
             guess = "deg/s"
         elif not still and _is(sizes, math.radians(1)) and 0.3 < written < 6.5:
-            guess = "rad/s"
+            guess = "rad/s" * _moves(sizes, _FASTEST)
     elif sizes.si == "rad":
         swings = bool((np.abs(sizes.mean) < 0.2 * sizes.largest).all())  # and does not turn on
         if _is(sizes, 1.0) and sizes.largest > (1 if swings else 2) * math.pi * 1.01:
             guess = "deg"
-        elif _is(sizes, math.radians(1)) and 0.2 < written < 3.3:
+        elif _is(sizes, math.radians(1)) and 0.2 < written < 3.3 and _moves(sizes, 6.5):
             guess = "rad"
     elif sizes.si == "m":
         if sizes.largest > _FARTHEST:
             guess = "mm"
-        elif _is(sizes, 1e-3) and 0.02 < written < 20.0:
+        elif _is(sizes, 1e-3) and 0.02 < written < 20.0 and _moves(sizes, 20.0):
             guess = "m"
     elif sizes.si == "m/s" and sizes.largest > _QUICKEST:
         guess = "mm/s"
@@ -414,6 +438,11 @@ def unit_findings(where: str, sizes: Sizes, *, still: bool = False) -> list[Find
     size = float(np.linalg.norm(sizes.rms)) / sizes.factor
     text = f"in {sizes.unit} it reaches {written:.4g} (rms {size:.4g}); is it in {guess}?"
     return [Finding("warning", where, "unit", text)]
+
+
+def _moves(sizes: Sizes, most: float) -> bool:
+    """Whether small numbers are a motion, and none beside them is beyond the larger unit."""
+    return not sizes.still and sizes.beside <= most * sizes.factor
 
 
 def _acceleration_guess(sizes: Sizes) -> str:

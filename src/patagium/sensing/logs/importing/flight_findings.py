@@ -55,7 +55,7 @@ def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...])
     for name in (name for name in joints if f"q.{name}" in held):
         item = held[f"q.{name}"]
         values, place = surveys[item.stream].values, item.places[0]
-        if item.column.unit in ("deg", "degree", "°"):
+        if item.column.unit in ("deg", "degree", "°") and not values.noise[place]:
             moved.append(float(values.high[place] - values.low[place]))
     if 0 < max(moved, default=0.0) < _LITTLE:
         text = f"no joint in deg moves by more than {max(moved):.2g} deg; are they in rad?"

@@ -189,7 +189,7 @@ def import_log(
     """Import of a log of another program, in SI units and our axes, on one time base.
 
     Args:
-        paths: A CSV, Parquet, MAT, ULog, ArduPilot or MCAP file, a ROS bag, or parts of one.
+        paths: A CSV, Parquet, MAT, HDF5, ULog, ArduPilot or MCAP file, a ROS bag, or parts of one.
         mapping: Meaning of its columns or fields, or the YAML file that states it.
         out: The log to write: `.nc`, or `.csv` for a stream.
         progress: Called now and then with the rows done and the rows in all.

@@ -36,6 +36,7 @@ from patagium.sensing.logs.importing.findings import (
     survey_streams,
     unit_findings,
 )
+from patagium.sensing.logs.mapping import conversion
 
 GAP = 3.0
 """Length from which a step is a gap, in median steps."""
@@ -329,9 +330,10 @@ def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
         if not unit:
             continue
         with suppress(LogError):  # a unit that the file states need not be one that we know
-            sizes = sizes_of(values, [k], unit)
-            places = _vector(fields, k) if sizes.si == "m/s^2" else [k]
-            guesses = unit_findings(own, sizes_of(values, places, unit)) if places else []
+            places = _vector(fields, k) if conversion(unit, None, own)[1] == "m/s^2" else [k]
+            others = [i for i, one in enumerate(fields) if topic.channels[one].unit == unit]
+            sizes = sizes_of(values, places, unit, others=others) if places else None
+            guesses = unit_findings(own, sizes) if sizes is not None else []
             for one in guesses:  # a message has its unit by custom alone
                 doubt = {"level": "note", "text": f"{one.text} Or is it an acceleration?"}
                 found.append(replace(one, **doubt) if "Twist" in topic.kind else one)

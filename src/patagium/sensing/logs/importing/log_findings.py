@@ -60,7 +60,13 @@ def log_findings(
     for item in plan.items:
         known = item.column.label in flown  # a coordinate of the robot, not of a sensor
         conversion(item.column.unit, flown.get(item.column.label), f"mapping: {item.column.label}")
-        found += _item_findings(item, spool.surveys[item.stream].values, known, still)
+        others = [
+            place
+            for one in plan.items
+            if one.stream == item.stream and one.column.unit == item.column.unit
+            for place in one.places
+        ]
+        found += _item_findings(item, spool.surveys[item.stream].values, known, still, others)
         found += _range_findings(item, spool)
         found += _matrix_findings(item, spool, log.path)
         found += _stated_unit(item, plan, log)
@@ -69,7 +75,9 @@ def log_findings(
     return found
 
 
-def _item_findings(item: Quantity, values: ValueSurvey, known: bool, still: bool) -> list[Finding]:
+def _item_findings(
+    item: Quantity, values: ValueSurvey, known: bool, still: bool, others: list[int]
+) -> list[Finding]:
     name, places = item.column.label, list(item.places)
     found = missing_findings(name, values, places)
     if not known:
@@ -77,7 +85,7 @@ def _item_findings(item: Quantity, values: ValueSurvey, known: bool, still: bool
     elif item.si == "m/s^2":  # of a coordinate, which need not show gravity
         return found
     if item.norm is None:
-        sizes = sizes_of(values, places, item.column.unit, item.column.offset)
+        sizes = sizes_of(values, places, item.column.unit, item.column.offset, others=others)
         return found + unit_findings(name, sizes, still=still)
     norm = float(np.sqrt((values.rms[places] ** 2).sum()))
     if item.order != "matrix" and abs(norm - 1.0) > 0.01:
