@@ -372,7 +372,7 @@ def prepared(plan: Plan) -> Prepared:
     robot, given = load_robot(plan.robot), plan.trim
     aero = air_class(given.air)(robot, Air(density=given.density))
     gait = gaits.cruise(robot)
-    free = given.free or free_parameters(robot, gait)
+    free = given.free or free_parameters(robot, gait, given.turn_rate)
     climb = 0.0 if given.climb is None and gait.period else given.climb  # a glide's is free
     asked = {"speed": given.speed, "climb": climb, "turn_rate": given.turn_rate}
     orbit = _found(trim(robot, aero, gait, free=free, **asked))
