@@ -8,8 +8,8 @@ import yaml
 from patagium.dynamics.kinematics import body_poses
 from patagium.errors import ShapeError
 from patagium.robot import load_robot, preset_names
-from patagium.robot.files import preset_text
 from patagium.robot.drawing import draw_robot
+from patagium.robot.files import preset_text
 from patagium.robot.planform import describe_robot, poses
 
 
