@@ -372,7 +372,7 @@ def prepared(plan: Plan) -> Prepared:
     robot, given = load_robot(plan.robot), plan.trim
     aero = air_class(given.air)(robot, Air(density=given.density))
     gait = gaits.cruise(robot)
-    free = given.free or free_parameters(robot, gait)
+    free = given.free or free_parameters(robot, gait, given.turn_rate)
     climb = 0.0 if given.climb is None and gait.period else given.climb  # a glide's is free
     asked = {"speed": given.speed, "climb": climb, "turn_rate": given.turn_rate}
     orbit = _found(trim(robot, aero, gait, free=free, **asked))
@@ -400,14 +400,14 @@ def _found(orbit: Orbit | NoOrbit, of: str = "") -> Orbit:
 def _route(
     legs: tuple[LegPart, ...], controller: OrbitController | AdaptiveController, orbit: Orbit
 ) -> Route:
-    """Route along the orbits of legs, each found from the first with all commands but its pace."""
+    """Route along the orbits of legs, each found from the first with all commands."""
     if isinstance(controller, AdaptiveController):
         raise ParameterError("legs", "a controller that does not learn", "learn: true")
     conditions = {name: getattr(orbit, name) for name in ("speed", "climb", "turn_rate")}
-    free = [name for name in controller.model.commands if name != "frequency"]
     route: dict[float, Orbit] = {}
     for leg in legs:
         conditions |= {k: x for k in conditions if (x := getattr(leg, k)) is not None}
+        free = controller.model.commands
         known = {"gait": orbit.gait, "free": free, "start": orbit, **conditions}
         found = trim(orbit.robot, orbit.aero, **known)
         route[leg.time] = _found(found, f"the leg at {leg.time:g} s: ")

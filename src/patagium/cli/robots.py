@@ -28,7 +28,7 @@ def robots(
         str | None, typer.Argument(help="Preset, robot file or URDF; all presets by default.")
     ] = None,
     draw: Annotated[
-        Path | None, output_file("Draw it from above and behind, as .png or .svg.")
+        Path | None, output_file("Draw it from above, behind and the left, as .png or .svg.")
     ] = None,
     new: Annotated[
         str | None,

@@ -107,7 +107,7 @@ def trim(
         raise ParameterError("--figure", "a branch to draw, such as --along speed=2:6", None)
     machine = load_robot(robot)
     gait = gaits.cruise(machine)
-    chosen = tuple(free) if free else control.free_parameters(machine, gait)
+    chosen = tuple(free) if free else control.free_parameters(machine, gait, turn_rate)
     level = 0.0 if gait.period else None
     if speed == 0 and gait.period and not inflow:
         typer.echo(f"patagium: {NO_INFLOW}", err=True)

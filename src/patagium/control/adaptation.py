@@ -217,6 +217,8 @@ class Departures:
     robot flies badly. Only the flight tells. Weights that do harm are left for some beats, for
     twice as many each time. Neglected: that gusts may be stronger while weights are followed.
 
+    On the way to a new orbit the departure falls, and nothing is judged.
+
     Attributes:
         pause: Beats for which weights are not followed.
     """
@@ -236,7 +238,8 @@ class Departures:
         mean[1] += 1
         mean[0] += (square - mean[0]) / min(mean[1], memory)
         known = min(self._with[1], self._without[1]) >= TRIAL
-        if not (known and self._with[0] > HARM * self._without[0]):
+        worse = self._with[0] > HARM * self._without[0] and square >= self._with[0]
+        if not (known and worse):
             return False
         self.pause, self._next = self._next, 2 * self._next
         return True
@@ -268,7 +271,7 @@ class AdaptiveController(OuterController):
 
     Args:
         controller: Controller along the orbit.
-        orbit: That orbit; its robot and air are the design model. Its frequency stays.
+        orbit: That orbit; its robot and air are the design model.
         memory: Beats that are remembered.
 
     Raises:
@@ -293,8 +296,7 @@ class AdaptiveController(OuterController):
             expected = "air without states of its own (quasi-steady)"
             raise ParameterError("orbit", expected, orbit.aero.name)
         model = controller.model
-        self._free = tuple(name for name in model.commands if name != "frequency")
-        if not self._free:
+        if model.commands == ("frequency",):
             raise ParameterError("commands", "one beside the frequency", model.commands)
         self.controller, self._design, self._memory = controller, orbit, memory
         robot, strips = orbit.robot, orbit.robot.strips
@@ -333,7 +335,7 @@ class AdaptiveController(OuterController):
         if begins(time, self._time):
             self.restart()
         self._time = time
-        first, parts = round(time / self.period), self.controller.model.parts
+        first, parts = self.model.number(time), self.model.parts
         if state is not None and abs(time - state.time) <= 0.5 * self.period:
             self._samples[first] = self.controller.measured(state, first)
         if first % parts == 0:
@@ -375,7 +377,7 @@ class AdaptiveController(OuterController):
             self._air.robot,
             LearnedAir(self._air, weights),
             design.gait,
-            free=self._free,
+            free=self.controller.model.commands,
             speed=design.speed,
             climb=design.climb,
             turn_rate=design.turn_rate,
@@ -518,7 +520,7 @@ class AdaptiveController(OuterController):
         steps = model.parts * -(-self.orbit.steps // model.parts)
         learned = LearnedAir(air, self.weights)
         flight = FlightMap(air.robot, learned, self._added_mass(air), learned.weight_names)
-        flown = flight.fly(begin, self._rows(places[0] * self.period, steps))
+        flown = flight.fly(begin, self._rows(model.time(places[0]), steps))
         moving = [k for k, name in enumerate(model.names) if name.startswith("velocity of ")]
         missed = course.seen(places[0], end - flown.ends)[:, moving]
         slopes = course.seen(places[0], flown.by_parameter.transpose(0, 2, 1))

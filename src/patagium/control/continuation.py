@@ -185,7 +185,7 @@ class _Curve:
             names = (*names, *(() if along in names else (along,)))
             self.place = names.index(along)
         try:
-            family = gait_family(orbit.robot, orbit.gait, names)
+            family = gait_family(orbit.robot, orbit.family.base, names)
         except ParameterError:
             known = ["speed", "climb", *orbit.family.names]
             raise ParameterError("along", f"one of {', '.join(known)}", along, known) from None
@@ -196,7 +196,9 @@ class _Curve:
         self.search = OrbitSearch(orbit.map, family, orbit.steps)
         self.family, self.count = family, len(self.search.frame.kept)
         self.added_mass = orbit.added_mass
-        at = self.fly(orbit.states, family.neutral)
+        own = zip(names, family.neutral, strict=True)
+        values = np.array([orbit.parameters.get(name, neutral) for name, neutral in own])
+        at = self.fly(orbit.states, values)
         self._choose(at, len(held))
         found = self.corrected(at)
         if found is None:
@@ -244,7 +246,7 @@ class _Curve:
             raise ParameterError("orbit", expected, ", ".join(self.family.names))
         steps = 1e-3 * np.diag(self.search.reach)
         for k, step in enumerate(steps):
-            sides = self.family.neutral + step, self.family.neutral - step
+            sides = at.values + step, at.values - step
             if any(map(self.search.excess, sides)):
                 effect[:, k] *= 1e-6  # it stands at a limit: the last to be taken
         if self.place is not None:

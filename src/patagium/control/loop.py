@@ -135,7 +135,7 @@ class _Loop:
         start: Where the flight begins: `q`, `v` and `aero_state`.
         gait: The gait as it is steered.
         simulator: The truth.
-        period: Steps of a period of the controller.
+        called: Times at which the controller was called [s].
         due: Events that have not happened, by their step.
         estimates: Estimate at each period, (n_q + n,); nan where there was none.
         followed: State of the orbit that the controller followed then, by name [SI].
@@ -152,8 +152,8 @@ class _Loop:
     time_step: float
     gait: SteeredGait = field(init=False)
     simulator: Simulator = field(init=False)
-    period: int = field(init=False)
     due: list[tuple[int, Event, Robot, Aerodynamics]] = field(init=False)
+    called: list[float] = field(default_factory=list)
     estimates: list[Array] = field(default_factory=list)
     followed: list[dict[str, float]] = field(default_factory=list)
 
@@ -163,8 +163,7 @@ class _Loop:
         if not period / longest <= MOST_STEPS:
             expected = f"at most {MOST_STEPS:.0e} time steps of {longest:g} s (shorten it)"
             raise ParameterError("period of the controller", expected, period)
-        self.period = ceil(period / longest * (1 - 1e-9))
-        self.time_step = step = period / self.period
+        self.time_step = step = period / ceil(period / longest * (1 - 1e-9))
         steps = max(1, round(min(positive("duration", self.duration) / step, 1e300)))
         self.duration = steps * step
         self.gait = SteeredGait(self.robot, self.orbit.gait)
@@ -188,20 +187,21 @@ class _Loop:
 
     def run(self, estimator: Estimator, learner: Learner | None, progress: Progress | None) -> None:
         """Fly to the end, or up to where the flight breaks."""
-        simulator, done = self.simulator, 0
+        simulator, done, call = self.simulator, 0, 0.0
         rate = getattr(learner, "period", self.controller.period)
         every = max(1, round(rate / simulator.time_step))
         while done < simulator.steps and simulator.outcome is Outcome.COMPLETED:
             while self.due and self.due[0][0] <= done:
                 self._happen(*self.due.pop(0)[1:])
-            learning, control = learner is not None and done % every == 0, done % self.period == 0
+            learning, control = learner is not None and done % every == 0, done == round(call)
             if learning or control:
                 estimate = self._estimate(estimator)
                 if learning and learner is not None and estimate is not None:
                     learner.learn(simulator.time, estimate.state, estimate.acceleration)
                 if control:
                     self._control(estimate)
-            ahead = [done - done % way + way for way in (self.period, every)]
+                    call += self.controller.period / simulator.time_step
+            ahead = [round(call), done - done % every + every]
             ahead += [first for first, *_ in self.due[:1]]
             last = min(*ahead, simulator.steps)
             simulator.advance(last - done, progress)
@@ -231,11 +231,11 @@ class _Loop:
         if estimate is not None:
             known = np.concatenate([estimate.state.q, estimate.state.v])
         self.estimates.append(known)
-        time = self.simulator.time
+        self.called.append(time := self.simulator.time)
         commands = self.controller(time, None if estimate is None else estimate.state)
         of_kind("commands", commands, Mapping | None)
         if isinstance(model := getattr(self.controller, "model", None), OrbitModel):
-            along = model.course.along(round(time / self.controller.period))
+            along = model.course.along(model.number(time))
             self.followed.append(dict(zip(model.names, map(float, along), strict=True)))
         given, stuck, places = (commands or {}).items(), self.gait.stuck, self.gait.places
         taken = {name: value for name, value in given if not stuck.issuperset(places(name))}
@@ -247,7 +247,7 @@ class _Loop:
         flight, orbit = self.simulator.flight(), self.orbit
         names = self.robot.dof_names
         states = [*self.robot.coordinate_names, *(f"velocity of {name}" for name in names)]
-        time: Array = float(self.controller.period) * np.arange(float(len(self.estimates)))
+        time = np.array(self.called)
         wanted = orbit.along(time)[:, : len(states)]
         for row, followed in zip(wanted, self.followed, strict=False):
             row[:] = [followed.get(name, own) for name, own in zip(states, row, strict=True)]

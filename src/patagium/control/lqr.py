@@ -80,7 +80,7 @@ class LinearRegulator(OrbitController):
         a, b = _with_commands(model)
         if self._averaged:
             a, b = (np.broadcast_to(part.mean(axis=0), part.shape) for part in (a, b))
-        share = self._change_cost * (self.half / self.fastest) ** 2
+        share = self._change_cost * (self.half / (self.rates * model.period)) ** 2
         costs = block_diag(self.state_cost, self.input_cost)
         return periodic_riccati(a, b, costs, share * self.input_cost)
 

@@ -221,6 +221,8 @@ class OrbitModel:
     Attributes:
         neutral: Response to the commands on the orbit, (n_u,) [unit of a response].
         period: Length of an interval [s].
+        pace: Rate of the gait's own time on the orbit; 1 where its frequency is the gait's own.
+        begun: Number of the interval from which it is followed, and when that begins [s].
         course: Where the orbit is at the beginning of each interval.
         by_state: Derivative of each interval of a beat by its state, (parts, n_x, n_x).
         by_input: Derivative by the commands, (parts, n_x, n_u).
@@ -254,6 +256,10 @@ class OrbitModel:
         self.chains = [4 if name == "frequency" else 3 for name in commands]
         steps = -(-orbit.steps // parts)
         rows = self._rows(flight, parts * steps, parameters)
+        self.pace, self.begun = 1.0, (0, 0.0)
+        if "frequency" in parameters:
+            self.pace = float(self.neutral[self.commands.index("frequency")])
+            self.period /= self.pace
         self.kept = np.array([k for k, name in enumerate(self.names) if name != "x"])
         self.size = len(self.kept) + sum(self.chains)
         states = np.zeros((parts + 1, flight.size))
@@ -279,8 +285,7 @@ class OrbitModel:
         robot, gait = self.robot, self.steered.gait
         base = fourier_series(gait)
         leads = [f"{name}_phase" for name in base.moving]
-        named = [name for name in self.commands if name != "frequency"]
-        family = gait_family(robot, gait, tuple(dict.fromkeys([*leads, *named])))
+        family = gait_family(robot, gait, tuple(dict.fromkeys([*leads, *self.commands])))
         values = family.neutral.copy()
         self.neutral = self.steered.neutral[self.places]
         for name, value in parameters.items():
@@ -345,9 +350,23 @@ class OrbitModel:
         own, responses = self.steered.responses_at(time)
         for place, neutral, size in zip(self.places, self.neutral, self.chains, strict=True):
             if size == 4:
-                parts.append(np.array([own - time]))
+                parts.append(np.array([own - self._own(first, time)]))
             parts.append(responses[:, place] - np.array([neutral, 0.0, 0.0]))
         return np.concatenate(parts)
+
+    def _own(self, first: int, time: float) -> float:
+        """Time in the gait on the orbit, at an interval that begins about now [s]."""
+        beat = self.steered.gait.period or 0.0
+        return first * beat / self.parts + self.pace * (time - self.time(first))
+
+    def number(self, time: float) -> int:
+        """Number of the interval that begins next to a time [s]."""
+        first, begun = self.begun
+        return first + round((time - begun) / self.period)
+
+    def time(self, first: int) -> float:
+        """Time at which an interval begins, by its number [s]."""
+        return self.begun[1] + (first - self.begun[0]) * self.period
 
     def flies(self, gait: Gait) -> bool:
         """Whether a gait moves the joints as the steered one before any command."""
@@ -480,7 +499,7 @@ class OrbitController:
         low: Least value of each command's response, (n_u,) [response's unit].
         high: Greatest, (n_u,) [response's unit].
         half: Half the range, (n_u,) [response's unit].
-        fastest: Change in an interval, at most, (n_u,) [response's unit].
+        rates: Fastest change, (n_u,) [response's unit over s].
         costs: Least cost to go without limits from each phase on, (parts, n, n).
         gains: Feedback gain of each interval of a beat that gives it, (parts, n_u, n)
             [unit over SI].
@@ -500,9 +519,8 @@ class OrbitController:
         for name, (low, high, _) in zip(commands, self.ends, strict=True):
             if not np.isfinite(high - low):
                 raise ParameterError(f"actuators.{name}", "a range of every command", "none")
-        self.low, self.high, rates = np.array(self.ends).T
+        self.low, self.high, self.rates = np.array(self.ends).T
         self.half = (self.high - self.low) / 2
-        self.fastest = rates * model.period
         costs = np.array([model.robot.actuators[k].cost if k in model.robot.actuators else 1.0
                           for k in commands])  # fmt: skip
         self.state_cost = np.diag(self.weights)
@@ -510,7 +528,7 @@ class OrbitController:
         self.before = np.zeros(len(commands))
         self.costs, self.gains = self._law(model)
         self.held: Counter[str] = Counter()
-        self._time = -np.inf
+        self._time = self._due = -np.inf
         self._followed = False
 
     def __repr__(self) -> str:
@@ -557,9 +575,10 @@ class OrbitController:
         return periodic_riccati(model.by_state, model.by_input, self.state_cost, self.input_cost)
 
     def follow(self, orbit: Reference, parameters: Mapping[str, float], first: int) -> None:
-        """Follow another orbit of the same frequency from an interval on.
+        """Follow another orbit from an interval on.
 
-        Its mean position and heading go on from those of the orbit before.
+        Its mean position and heading go on from those of the orbit before, and so does the phase;
+        an interval is a part of its beat, so that `period` changes with its frequency.
 
         Args:
             orbit: The orbit, and the model of robot and air that it was found with.
@@ -574,7 +593,7 @@ class OrbitController:
         beat = range(first, first + last.parts)
         model = OrbitModel(orbit, last.commands, last.parts, last.steered, parameters)
         costs, gains = self._law(model)
-        course = model.course
+        course, model.begun = model.course, (first, last.time(first))
         former, own = (np.mean([one.along(k) for k in beat], axis=0)
                        for one in (last.course, course))  # fmt: skip
         if course.yaw is not None:
@@ -589,6 +608,11 @@ class OrbitController:
     def period(self) -> float:
         """Length of an interval: the `control_period` of a flight [s]."""
         return self.model.period
+
+    @property
+    def fastest(self) -> Array:
+        """Change of the commands in an interval, at most, (n_u,) [response's unit]."""
+        return np.asarray(self.rates * self.model.period)
 
     def answer(self, first: int, start: Array, before: Array) -> Array | None:
         """Departures of the commands for the interval that begins now, (n_u,) [response's unit].
@@ -618,18 +642,20 @@ class OrbitController:
             ParameterError: If it cannot start anew (`restart`).
         """
         after, last = time - self._time, self._time
+        early = time - self._due
         if begins(time, last):
             self.restart()
-        elif last >= 0 and abs(after - self.period) > UNEVEN * self.period:
+        elif last >= 0 and abs(early) > UNEVEN * self.period:
             said = f"{type(self).__name__}: called after {after:.4g} s, not its period of"
-            warnings.warn(f"{said} {self.period:.4g} s (control_period of a flight)", stacklevel=3)
-        self._time = time
+            wanted = f"{after - early:.4g} s (control_period of a flight)"
+            warnings.warn(f"{said} {wanted}", stacklevel=3)
+        self._time, self._due = time, time + self.period
         model, period = self.model, self.period
         if state is None:
             return self._hold("missing")
         if not abs(time - state.time) <= 0.5 * period:
             return self._hold("late")
-        first = round(time / period)
+        first = model.number(time)
         measured = self.measured(state, first)
         model.course.catch_up(first, measured)
         start = model.departure(first, measured, time)
@@ -776,8 +802,6 @@ class PredictiveController(OrbitController):
         self.iteration = RealTimeIteration(model.predict, self._horizon, *costs)
         program = self.iteration.program
         self._place_ranges()
-        program["rise"][...] = self.fastest
-        program["fall"][...] = -self.fastest
         for place in self._limits:
             program["weight"][:, place] = SOFT * max(self.weights[place], 1.0)
         self._last: int | None = None
@@ -796,6 +820,7 @@ class PredictiveController(OrbitController):
         program = self.iteration.program
         program["lower"][...] = self.low - self.model.neutral
         program["upper"][...] = self.high - self.model.neutral
+        program["rise"][...], program["fall"][...] = self.fastest, -self.fastest
 
     def answer(self, first: int, start: Array, before: Array) -> Array | None:
         """Departures of the commands by one iteration; None where the program is not solved."""

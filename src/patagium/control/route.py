@@ -18,13 +18,14 @@ class Route(OuterController):
     """Controller that switches from one orbit to the next at given times.
 
     At its time the orbit of each leg goes on from where the one before is, in its direction.
-    Commands go there as fast as actuators do.
+    Commands go there as fast as actuators do, the frequency too: the beat of the leg goes on from
+    the phase of the one before, and `period`, which is a part of it, changes with it.
 
     Args:
         controller: Controller along the first orbit.
         legs: Orbit of each leg by the time at which it begins, rounded up to an interval of the
             controller [s]. It is found with the gait of the first orbit (`trim(gait=orbit.gait)`),
-            and commands of the controller but the frequency as free parameters.
+            and commands of the controller as free parameters.
 
     Raises:
         ParameterError: If a leg begins before the one before, or has another robot, another gait
@@ -36,15 +37,13 @@ class Route(OuterController):
 
     @checked
     def __init__(self, controller: OrbitController, legs: Mapping[float, Orbit]) -> None:
-        self._first, model = controller, controller.model
+        self._first = controller
         self.legs = dict(legs)
-        self._legs: dict[int, tuple[Orbit, Mapping[str, float]]] = {}
+        self._legs: dict[float, tuple[Orbit, Mapping[str, float]]] = {}
         for time, orbit in legs.items():
-            first = int(np.ceil(min(time / model.period, 1e15) - 1e-6))
-            if not first > max(self._legs, default=0):
-                expected = f"rising times, an interval of {model.period:.3g} s apart at least"
-                raise ParameterError("legs", expected, list(legs))
-            self._legs[first] = orbit, self._parameters(f"legs: {time:g} s", orbit)
+            if not time > max(self._legs, default=0.0):
+                raise ParameterError("legs", "rising times, in seconds above 0", list(legs))
+            self._legs[time] = orbit, self._parameters(f"legs: {time:g} s", orbit)
         self.restart()
 
     def _parameters(self, name: str, orbit: Orbit) -> Mapping[str, float]:
@@ -57,10 +56,9 @@ class Route(OuterController):
         if not model.flies(orbit.family.base):
             expected = "an orbit found with the gait of the first one (trim(gait=orbit.gait))"
             raise ParameterError(name, expected, orbit)
-        possible = [one for one in model.commands if one != "frequency"]
         for free in orbit.parameters:
-            if free not in possible:
-                raise ParameterError(f"{name}: free", f"of {', '.join(possible)}", free)
+            if free not in model.commands:
+                raise ParameterError(f"{name}: free", f"of {', '.join(model.commands)}", free)
         return orbit.parameters
 
     def restart(self) -> None:
@@ -79,7 +77,6 @@ class Route(OuterController):
         if begins(time, self._time):
             self.restart()
         self._time = time
-        now = round(time / self.period)
-        while self._left and self._left[0] <= now:
-            self.controller.follow(*self._legs[self._left.pop(0)], now)
+        while self._left and self._left[0] <= time + 1e-6 * self.period:
+            self.controller.follow(*self._legs[self._left.pop(0)], self.model.number(time))
         return self.controller(time, state)

@@ -21,7 +21,13 @@ import numpy as np
 from patagium.aerodynamics import AddedMass, Aerodynamics, QuasiSteady
 from patagium.arguments import checked
 from patagium.arrays import Array
-from patagium.control.gait_family import MOST_STEPS, GaitFamily, gait_family, symmetric_parameters
+from patagium.control.gait_family import (
+    DIFFERENCE,
+    MOST_STEPS,
+    GaitFamily,
+    gait_family,
+    symmetric_parameters,
+)
 from patagium.control.orbit import Frame, NoOrbit, Orbit, check_attitude
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.dynamics import Dynamics
@@ -389,9 +395,8 @@ def trim(
         aero: Model of the air around it, in air at rest; by default that of `start`, with its added
             mass, where that is an orbit of the same robot, else quasi-steady.
         gait: Gait to begin from; by default that of the robot's section `cruise`.
-        free: Gait parameters that may change, by the names of `gait_family`; by default the
-            commands of the robot's `actuators` that keep the gait mirrored, else all such
-            parameters.
+        free: Gait parameters that may change, by the names of `gait_family`; by default those of
+            `free_parameters`.
         speed: Mean speed forward [m/s]; None leaves it free, 0 hovers.
         climb: Mean speed upward [m/s]; None leaves it free.
         turn_rate: Mean rate of the heading, positive to the left [rad/s].
@@ -434,7 +439,7 @@ def trim(
 
 def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Conditions) -> GaitFamily:
     """Gaits that the free parameters reach; refused where conditions are more, or impossible."""
-    names = tuple(free) if free is not None else free_parameters(robot, gait)
+    names = tuple(free) if free is not None else free_parameters(robot, gait, wanted.turn_rate)
     given = wanted.speed, wanted.climb
     count = sum(value is not None for value in given) + (wanted.turn_rate != 0)
     if wanted.turn_rate and "yaw" not in robot.dof_names:
@@ -453,11 +458,24 @@ def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Condit
 
 
 @checked
-def free_parameters(robot: Robot, gait: Gait) -> tuple[str, ...]:
-    """Names of the gait parameters that a trim changes where none are given."""
+def free_parameters(robot: Robot, gait: Gait, turn_rate: float = 0.0) -> tuple[str, ...]:
+    """Names of the gait parameters that a trim changes where none are given.
+
+    They are the commands of the robot's `actuators`, else all parameters. Where the flight does not
+    turn they keep the gait mirrored.
+
+    Args:
+        robot: The machine.
+        gait: Gait to begin from.
+        turn_rate: Mean rate of the heading [rad/s].
+    """
     every = symmetric_parameters(robot, gait)
-    own = {name.removeprefix("left_").removeprefix("right_") for name in robot.actuators}
-    return tuple(name for name in every if name in own) or every
+    own = {name: name.removeprefix("left_").removeprefix("right_") for name in robot.actuators}
+    if not turn_rate:
+        return tuple(name for name in every if name in own.values()) or every
+    pairs = [name for name in every if f"left_{name.rpartition('_')[0]}" in robot.dof_names]
+    turning = tuple(name for name in own if own[name] in every)
+    return turning or (*every, *(name + DIFFERENCE for name in pairs))
 
 
 def _check(robot: Robot, aero: Aerodynamics) -> None:

@@ -313,6 +313,10 @@ def _check(
         if robot.coordinate_names != tracker.robot.dof_names:
             found = ", ".join(one.name for one in robots)
             raise ParameterError("robot", "one for all parts, with Euler angles", found)
+    model = regulator.model
+    if model.pace != 1 or abs(model.time(0)) > 1e-6 * model.period:
+        expected = "one whose frequency never was another than the gait's own"
+        raise ParameterError("regulator", expected, regulator)
     if pipeline is not None and pipeline.chain is None:
         raise ParameterError("pipeline", "one that is compiled", "one in Python")
     if any(tracker.shifts.values()):

@@ -286,7 +286,7 @@ def _columns(name: str, values: ArrayLike, rows: int, width: int) -> Array:
 
 _ATTITUDE = ("roll", "pitch", "yaw")
 _QUATERNION = ("qw", "qx", "qy", "qz")
-_ABOVE, _BEHIND = (1, 0), (1, 2)  # the two axes of a view, across then up the page
+_ABOVE, _BEHIND, _LEFT = (1, 0), (1, 2), (0, 2)  # the two axes of a view, across then up the page
 
 _Group: TypeAlias = tuple[str, str, dict[str, Array]]
 
@@ -317,7 +317,7 @@ def machine(
     outlines: Sequence[Array] = (),
     lines: Sequence[Array] = (),
 ) -> Figure:
-    """A robot from above and from behind: bodies, wings, joints with limits, centers of mass.
+    """A robot from above, behind and the left: bodies, wings, joints with limits, centers of mass.
 
     Args:
         title: Name of the machine.
@@ -343,14 +343,14 @@ def machine(
     low, high = seen.min(axis=0), seen.max(axis=0)
     room = 0.06 * (high - low).max()
     low, high = low - room, high + room * np.array([2.2, 1.0, 1.0])  # the nose's arrow
-    heights = (high - low)[[0, 2]]
+    heights = (high - low)[[0, 2, 2]]
     listed = [hinge.words for hinge in joints.values() if hinge.words]
     tall = 0.82 * width() * heights.sum() / (high - low)[1] + 1.2 + 0.16 * len(listed)
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width(), float(np.clip(tall, 3.0, 12.0))), layout="compressed")
-    above, behind = figure.subplots(2, 1, height_ratios=heights.tolist())
-    for panel, view in ((above, _ABOVE), (behind, _BEHIND)):
+    figure = Figure(figsize=(width(), float(np.clip(tall, 3.0, 15.0))), layout="compressed")
+    above, behind, left = figure.subplots(3, 1, height_ratios=heights.tolist())
+    for panel, view in ((above, _ABOVE), (behind, _BEHIND), (left, _LEFT)):
         for outline in outlines:
             _draw_hull(panel, outline[:, list(view)])
         _draw_wings(panel, view, corners, lines)
@@ -358,7 +358,7 @@ def machine(
         masses = np.concatenate([np.zeros((0, 3)), *spots])[:, list(view)]
         panel.plot(*masses.T, "P", color=color(3), markersize=6, label="center of mass")
         panel.set_aspect("equal")
-        panel.set_xlim(high[view[0]], low[view[0]])  # y, to the left
+        panel.set_xlim(high[view[0]], low[view[0]])  # y to the left, or x
         panel.set_ylim(low[view[1]], high[view[1]])
     _draw_nose(above, (*outlines, seen)[0] if corners else None, 2.0 * room)
     above.set_title(f"{title}, from above")
@@ -366,6 +366,11 @@ def machine(
     behind.set_title("from behind")
     behind.set_ylabel("z, up [m]")
     behind.set_xlabel("y, to the left [m]")
+    left.set_title("from the left")
+    left.set_ylabel("z, up [m]")
+    left.set_xlabel("x, forward [m]")
+    middle, half = (high + low)[0] / 2, (high - low)[:2].max() / 2  # the scale of the others
+    left.set_xlim(middle + half, middle - half)
     legend_above(figure, above)
     words = "\n".join(f"{i}  {line}" for i, line in enumerate(listed, 1))
     figure.supxlabel(words, x=0.02, ha="left", fontsize="small")

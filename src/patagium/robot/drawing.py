@@ -21,7 +21,7 @@ from patagium.robot.strip_chains import strip_chains
 
 
 def draw_robot(robot: Robot, q: ArrayLike | None = None) -> Figure:
-    """Figure of the robot from above and from behind.
+    """Figure of the robot from above, from behind and from the left.
 
     Args:
         robot: The machine.
@@ -64,7 +64,8 @@ def _hinges(robot: Robot, q: Array) -> dict[str, Hinge]:
         points = np.concatenate([[body.center_of_mass], *own]).astype(float)
         for joint in body.joints:
             axis = np.array(joint.axis)
-            far = points[np.linalg.norm(np.cross(points, axis), axis=1).argmax()]
+            away = np.linalg.norm(np.cross(points, axis), axis=1) + 1e-6 * np.abs(points @ axis)
+            far = points[away.argmax()]  # of a straight edge its outer end
             limits = (robot.lower[joint.dof], robot.upper[joint.dof])
             sweep, ways = np.zeros((0, 3)), "no limits"
             if np.isfinite(limits).all():

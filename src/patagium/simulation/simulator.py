@@ -440,8 +440,13 @@ class Simulator:
         period = period_of(controller, self._robot, self._gait, self._held, self._control_period)
         if period is not None:
             self._control_steps = _control_steps(self._gait, period, self._time_step)
+        call = float(self._integration.done)
         while self.outcome is Outcome.COMPLETED and self._integration.done < self.steps:
-            self._fly_period(controller(self.time, self.state), progress)
+            commands = controller(self.time, self.state)
+            if (own := getattr(controller, "period", None)) is not None:  # may change on the way
+                call += own / self._time_step
+                self._control_steps = max(1, round(call) - self._integration.done)
+            self._fly_period(commands, progress)
         return self.outcome
 
     def _fly_period(

@@ -157,7 +157,7 @@ class LivePlots:
         self._plots = [self._force_plot(gui, name) for name in self._shown]
         self._learned = subject.network is not None
         if self._learned:
-            self._error = _plot(gui, "Error: mean square over variance", ["NMSE"], log=True)
+            self._error = _plot(gui, "Error: log10 of mean square over variance", ["NMSE"])
             self._coverage = _plot(gui, "Measurements in the 95 % interval [%]", ["inside", "95 %"])
         with gui.add_folder("Forces shown", expand_by_default=False):
             for place, name in enumerate(self._shown):
@@ -185,7 +185,7 @@ class LivePlots:
         if self._learned:
             time, error, inside = self._scores.T
             sound = np.where(error > 0, error, np.nan)
-            self._error.data = (time, sound)
+            self._error.data = (time, np.log10(sound))
             self._coverage.data = (time, 100.0 * inside, np.full_like(time, 95.0))
 
     def _choose(self, place: int, name: str) -> None:
@@ -211,11 +211,13 @@ class LivePlots:
         truth, guess, std = (self._trace[:, 1 + part * m + k] for part in range(len(FORCES)))
         if self._subject.network is None:
             return time, truth
-        reach = INTERVAL * std
+        known = np.r_[truth, guess]
+        known = known[np.isfinite(known)]
+        reach = np.minimum(INTERVAL * std, np.ptp(known) if len(known) else np.inf)  # else too flat
         return time, truth, guess, guess - reach, guess + reach
 
 
-def _plot(gui: Any, title: str, names: Sequence[str], *, log: bool = False) -> Any:
+def _plot(gui: Any, title: str, names: Sequence[str]) -> Any:
     """An empty plot; of four series the last two are the edges of a band."""
     looks: dict[str, dict[str, Any]] = {
         "measured": {"stroke": TRUTH, "width": 1.6},
@@ -229,8 +231,6 @@ def _plot(gui: Any, title: str, names: Sequence[str], *, log: bool = False) -> A
     series: list[dict[str, Any]] = [{"label": "t [s]"}]
     series += [{"label": name, "points": {"show": False}, **looks[name]} for name in names]
     scales: dict[str, Any] = {"x": {"time": False}}
-    if log:
-        scales["y"] = {"distr": 3}
     high = _HIGH if names[0] == "measured" else _LOW
     axis = {"font": "11px sans-serif", "size": 26, "labelFont": "11px sans-serif"}
     axes = (

@@ -205,6 +205,10 @@ def test_parts_that_do_not_go_together_are_refused(orbit, log):
     slow = pt.Pipeline(OwnLearner(pt.StripNetwork(orbit.robot)), orbit.robot)
     with pytest.raises(ParameterError, match="pipeline: expected one that is compiled"):
         Autopilot(tracker, regulator, slow)
+    faster = LinearRegulator(orbit, COMMANDS)
+    faster.model.pace = 1.1
+    with pytest.raises(ParameterError, match="never was another than the gait's own"):
+        Autopilot(tracker, faster)
     tracker.shifts = {CAMERA.name: 0.1}
     with pytest.raises(ParameterError, match="one without shifts of clocks"):
         Autopilot(tracker, regulator)

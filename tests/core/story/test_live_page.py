@@ -8,6 +8,7 @@ import socket
 import threading
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -123,6 +124,20 @@ class Unserved:
 
     def problem(self) -> None:
         return None
+
+
+def test_an_interval_that_is_wide_at_first_does_not_flatten_the_force() -> None:
+    from patagium.viewer.live_page import LivePlots
+
+    robot = pt.load_robot("aerobat")
+    plots: Any = LivePlots.__new__(LivePlots)
+    plots._subject = SimpleNamespace(outputs=("z",), network=object(), robot=robot)
+    time, force, std = np.arange(50.0), np.sin(np.arange(50.0)), np.full(50, 0.01)
+    std[0] = 100.0
+    plots._trace = np.column_stack([time, force, force, std])
+    _, measured, _, low, high = plots._lines("z")
+    assert max(high.max(), -low.min()) < 4 * np.abs(measured).max()  # it was 196 N
+    np.testing.assert_allclose((high - low)[1:], 2 * 1.96 * 0.01, rtol=1e-3)
 
 
 def test_the_command_streams_beside_a_page(

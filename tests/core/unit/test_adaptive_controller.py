@@ -370,6 +370,18 @@ def test_a_ripple_that_repeats_does_not_set_the_weights(orbit):
     assert np.abs(controller.learner.weights - prior).max() < 0.03
 
 
+def test_a_bird_at_the_limit_of_its_amplitude_beats_faster_in_thin_air():
+    robot = pt.load_robot("ornithopter")
+    orbit = pt.trim(robot)
+    law = LinearRegulator(orbit, tuple(robot.actuators))
+    controller = AdaptiveController(law, orbit)
+    weights = np.array(controller.weights)
+    weights[: len(robot.strips)] = 0.94
+    assert controller.use(weights, 10)
+    assert controller.orbit.gait.frequency > 1.01 * orbit.gait.frequency
+    assert law.period == pytest.approx(controller.orbit.period / 10)
+
+
 def test_weights_that_are_not_followed_any_more_are_counted(orbit):
     controller = AdaptiveController(LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE), orbit)
     weights = np.array(controller.weights)
@@ -393,6 +405,11 @@ def test_weights_that_do_harm_are_left_for_longer_each_time() -> None:
             assert not tracking.take(1.0, followed=False)
         assert tracking.pause == 0
     assert pauses == [20, 40, 80]
+    coming = Departures()
+    for _ in range(20):
+        coming.take(1.0, followed=False)
+    away = [10.0 * 0.8**k for k in range(30)]  # the jump of the reference, on the way to it
+    assert not any(coming.take(one, followed=True) for one in away)
     better = Departures()
     flown = [better.take(1.9 if followed else 1.0, followed) for followed in [False, True] * 30]
     assert not any(flown)

@@ -52,6 +52,18 @@ def aerobat():
     return pt.trim(pt.load_robot("aerobat"), speed=2.95)
 
 
+def test_parameters_along_a_branch_count_from_the_same_gait(aerobat):
+    branch = continue_orbit(aerobat, "speed", (2.9, 3.0))
+    place = int(np.argmin(np.abs(branch.values - aerobat.speed)))
+    own = branch.orbits[place].parameters
+    assert own == pytest.approx(aerobat.parameters, abs=1e-6)
+    again = pt.trim(
+        aerobat.robot, free=branch.free, gait=aerobat.gait, speed=float(branch.values[-1])
+    )
+    joints = [one.gait.motion(np.zeros(1)).position for one in (branch.orbits[-1], again)]
+    np.testing.assert_allclose(*joints, atol=1e-6)
+
+
 def test_a_fold_is_passed_where_its_closed_form_is():
     robot = load_robot_text(GLIDER)
     aero = pt.QuasiSteady(robot, polar=pt.air.SmoothPolar())

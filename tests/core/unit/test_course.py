@@ -168,12 +168,46 @@ def test_a_route_goes_straight_turns_and_goes_straight(aerobat, straight):
     assert way / (1199 * straight.period / 240) == pytest.approx(straight.speed, rel=0.05)
 
 
+def test_a_leg_of_another_frequency_is_flown_at_its_own(ornithopter_orbit):
+    """A bird at the limit of its amplitude, which flies faster only with a higher frequency."""
+    first, robot = ornithopter_orbit, ornithopter_orbit.robot
+    commands = ("frequency", "plunge_amplitude", "elevation_offset", "rudder_offset")
+    begin = {"gait": first.gait, "speed": first.speed + 0.4, "start": first}
+    assert not pt.trim(robot, free=commands[1:], **begin).found
+    fast = pt.trim(robot, free=commands, **begin)
+    own, law = (control.LinearRegulator(orbit, commands) for orbit in (fast, first))
+    law.follow(fast, fast.parameters, 30)
+    expected, found = (np.sort(np.abs(one.multipliers)) for one in (own, law))
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    assert law.period == pytest.approx(fast.period / 10)
+    begun = 30 * first.period / 10
+    assert law.model.time(37) == pytest.approx(begun + 7 * law.period)
+    assert law.model.number(begun + 7.3 * law.period) == 37
+
+    route = control.Route(control.LinearRegulator(first, commands), {1.0: fast, 5.0: first})
+    flight = pt.fly(robot, pt.QuasiSteady(robot), route, orbit=first, duration=8.0)
+    off = (flight.estimate - flight.reference).sel(state=["z", "pitch", "velocity of z"])
+    time = flight.control_time
+    for begin, end, period in ((0.0, 1.0, first.period), (4.0, 5.0, fast.period)):
+        part = (time >= begin) & (time < end)
+        assert float(time[part].diff("control_time").mean()) == pytest.approx(period / 10, 1e-3)
+    # the way to the leg takes some seconds; as a lag of .2 beats it would be .2 off
+    late = ((time > 4.0) & (time < 5.0)) | (time > 7.0)
+    assert np.abs(off.values[late]).max() < 0.05
+    again = control.Route(control.LinearRegulator(first, commands), {1.0: fast, 5.0: first})
+    steps = round(8.0 / first.time_step) * first.time_step
+    other = first.flight(controller=again, duration=steps)
+    for name in ("z", "pitch"):  # instants of calls are rounded to longer steps
+        a, b = (float(one.q.sel(dof=name)[-1]) for one in (flight, other))
+        assert a == pytest.approx(b, abs=5e-3)
+
+
 def test_legs_that_cannot_be_flown_are_named(aerobat, straight, turn, ornithopter_orbit):
     law = control.LinearRegulator(straight, ("frequency", *STEERING))
     found = pt.trim(aerobat, gait=straight.gait, free=("frequency", "feather_offset"), speed=4.45)
     for legs, told in (
         ({2.0: turn}, r"^legs: 2 s: .* \(trim\(gait=orbit.gait\)\)"),
-        ({2.0: found}, "^legs: 2 s: free: expected of left_plunge_amplitude, .* 'frequency'"),
+        ({2.0: found}, "^legs: 2 s: free: expected of frequency, left_p.* 'feather_offset'"),
         ({2.0: ornithopter_orbit}, "^legs: 2 s: expected an orbit of aerobat, found 'ornithopter'"),
         ({2.0: straight, 1.0: straight}, "^legs: expected rising times"),
         ({0.0: straight}, "^legs: expected rising times"),

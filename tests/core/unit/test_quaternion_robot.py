@@ -252,7 +252,7 @@ def test_a_flight_and_a_robot_are_drawn(flight, pair):
     assert titles.count("Attitude") == 1 and "Joints" in titles
     assert describe_robot(pair[1])["coordinates"] == 9
     assert describe_robot(pair[1])["attitude"] == "quaternion"
-    assert len(draw_robot(pair[1], flight.q.values[-1]).axes) == 2
+    assert len(draw_robot(pair[1], flight.q.values[-1]).axes) == 3
 
 
 def test_networks_that_know_the_wings_see_the_same(flight, pair):

@@ -225,7 +225,7 @@ def test_figure_of_another_kind_is_refused(tmp_path: Path) -> None:
         figures.save_figure(figure, tmp_path / "figure.bmp")
 
 
-def test_machine_shows_every_strip_in_both_views() -> None:
+def test_machine_shows_every_strip_in_each_view() -> None:
     square = np.array([[0, 0, 0], [0, 1, 0], [-1, 1, 0], [-1, 0, 0]], float)
     figure = figures.machine(
         "wing",
@@ -239,12 +239,13 @@ def test_machine_shows_every_strip_in_both_views() -> None:
         outlines=[np.vstack([np.eye(3), -np.eye(3)])],
         lines=[square.mean(0) + np.array([[0.0, 0, 0], [0, 1, 0]])],
     )
-    above, behind = figure.axes
-    words = [[k.get_text() for k in panel.texts] for panel in (above, behind)]
-    assert words == [["1", "nose"], []]  # the axis points at who looks from behind
+    above, _, left = figure.axes
+    words = [[k.get_text() for k in panel.texts] for panel in figure.axes]
+    assert words == [["1", "nose"], [], ["1"]]  # the axis points at who looks from behind
     assert figure.get_supxlabel() == "1  plunge: about x, -45 to 60 deg"
     assert "path of the tip between its limits" in above.get_legend_handles_labels()[1]
-    assert [len(panel.collections[0].get_paths()) for panel in figure.axes] == [2, 2]
+    assert [len(panel.collections[0].get_paths()) for panel in figure.axes] == [2, 2, 2]
+    assert left.get_xlim()[0] > left.get_xlim()[1]  # forward is to the left
     with pytest.raises(ShapeError, match="left"):
         figures.machine("wing", strips={"left": [[0, 0, 0]]}, joints={}, centers={})
 

@@ -3,11 +3,13 @@
 import casadi as ca
 import numpy as np
 import pytest
+import yaml
 
 from patagium.dynamics.kinematics import body_poses
 from patagium.errors import ShapeError
 from patagium.robot import load_robot, preset_names
 from patagium.robot.drawing import draw_robot
+from patagium.robot.files import preset_text
 from patagium.robot.planform import describe_robot, poses
 
 
@@ -23,7 +25,7 @@ def test_drawn_poses_are_those_of_the_dynamics(name, rng):
 
 
 @pytest.mark.parametrize("name", preset_names())
-def test_a_figure_shows_every_strip_in_both_views(name):
+def test_a_figure_shows_every_strip_in_each_view(name):
     robot = load_robot(name)
     figure = draw_robot(robot)
     wings = [strip.wing for strip in robot.strips]
@@ -34,7 +36,7 @@ def test_a_figure_shows_every_strip_in_both_views(name):
 
 def test_a_figure_shows_nose_axes_limits_and_lifting_lines():
     figure = draw_robot(load_robot("ornithopter"))
-    above, behind = figure.axes
+    above, behind, left = figure.axes
     assert "nose" in [k.get_text() for k in above.texts]
     assert (
         figure.get_supxlabel().splitlines()[0].startswith("1  left_plunge: about x, -45 to 60 deg")
@@ -45,8 +47,30 @@ def test_a_figure_shows_nose_axes_limits_and_lifting_lines():
     (line,) = [k for k in above.lines if k.get_label() == "lifting line"]
     assert len(line.get_xdata()) == 16  # the strips of both wings
     plunge = [k for k in behind.lines if k.get_label() == "path of the tip between its limits"]
+    (fin,) = [k for k in left.collections if k.get_label() == "fin"]
+    assert np.ptp(fin.get_datalim(left.transData).intervalx) > 0.1  # a line in the other views
     heights = plunge[0].get_ydata()
     assert heights.max() > 0.6 and heights.min() < -0.4  # an arc, upwards and downwards
+
+
+def test_ways_of_a_tip_mirror_each_other(tmp_path):
+    """Of a tail whose trailing edges are along its axes, at one distance from them."""
+    described = yaml.safe_load(preset_text("ornithopter"))
+    described["bodies"]["left_tail"] = {
+        **{"parent": "body", "at": [-0.4, 0.01, 0], "orientation": [0.6, 0, 0], "mass": 0.01},
+        "center_of_mass": [-0.04, 0.055, 0],
+        "joints": [{"name": "left_tail", "axis": "y", "limits": [-0.5, 0.5]}],
+        "shape": {"type": "plate", "chord": 0.1, "span": 0.2, "thickness": 0.002},
+    }
+    edges = {"leading": 0, "trailing": -0.08}
+    ends = [{"span": 0, **edges}, {"span": 0.11, **edges}]
+    segment = {"body": "left_tail", "strips": 3, "stations": ends}
+    described["wings"].append({"name": "left_tail", "segments": [segment]})
+    (tmp_path / "v.yaml").write_text(yaml.safe_dump(described))
+    above = draw_robot(load_robot(tmp_path / "v.yaml")).axes[0]
+    ways = [k.get_xdata() for k in above.lines if len(k.get_xdata()) == 33]
+    left, right = (x for x in ways if 0.05 < abs(x.mean()) < 0.15 and np.ptp(x) > 0.03)
+    np.testing.assert_allclose(left, -right, atol=1e-12)
 
 
 def test_a_drawing_refuses_coordinates_of_another_robot():

@@ -330,8 +330,15 @@ def test_refusals(aerobat):
         pt.trim(aerobat, mass=3)
 
 
+def test_a_turn_needs_no_more_than_its_rate(aerobat):
+    for robot in (aerobat, pt.load_robot("dragonfly")):  # with actuators and without
+        orbit = pt.trim(robot, turn_rate=0.3)
+        assert orbit.found and orbit.turn_rate == pytest.approx(0.3, abs=1e-9)
+
+
 def test_free_parameters_are_the_actuators(aerobat):
     gait = pt.gaits.cruise(aerobat)
+    assert free_parameters(aerobat, gait, 0.3) == tuple(aerobat.actuators)
     assert set(free_parameters(aerobat, gait)) == {
         *("frequency", "plunge_amplitude", "feather_amplitude", "feather_offset")
     }
