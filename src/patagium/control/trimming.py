@@ -504,11 +504,12 @@ def _searched(
     loose = Conditions(turn)
     if not trouble or wanted == loose:
         return at, trouble
-    search.still[:] = True  # the gait's own free flight
+    stuck, search.still[:] = search.still.copy(), True  # the gait's own free flight
     begin, failed = search.newton(search.point(states, values, loose), loose)
-    search.still[:] = False
+    search.still[:] = stuck if failed else False
     if failed:
         return at, trouble
+    held = search.still.copy()
     x, _, z = search.frame.neutral[:3]
     away = begin.flown.ends[-1] / begin.period
     done, part = 0.0, 0.25
@@ -519,12 +520,12 @@ def _searched(
             None if wanted.climb is None else away[z] + share * (wanted.climb - away[z]),
             None if wanted.speed is None else away[x] + share * (wanted.speed - away[x]),
         )
-        held = search.still.copy()
+        search.still[:] = held
         at, trouble = search.within(search.point(begin.states, begin.values, now), now)
         if trouble:
-            search.still[:], part = held, part / 2
+            part /= 2
         else:
-            begin, done, part = at, share, 2 * part
+            held, begin, done, part = search.still.copy(), at, share, 2 * part
     return at, trouble
 
 
@@ -559,7 +560,10 @@ _COMPONENTS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_
 
 
 def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
-    """Failure of a search in words: a limit, authority that lacks, or a stall."""
+    """Failure of a search in words: a limit, authority that lacks, or a stall.
+
+    At a limit the wrench that lacks is that of the whole misfit, else of its weakest direction.
+    """
     lacking: dict[str, float] = {}
     remedy = NEARBY
     reason = f"Newton's method stalled at a misfit of {at.residual:.2g}"
@@ -573,20 +577,24 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
         remedy = f"ask for a speed or a climb at which it flies flatter, {NEARBY}"
     elif not np.isfinite(at.residual):
         remedy = "begin nearer to a flight that goes on (gait=, start=, or the file's cruise)"
-    if trouble == "stalled" and np.isfinite((system := search.system(at))[0]).all():
+    if at.residual > TOLERANCE and np.isfinite((system := search.system(at))[0]).all():
         left, sizes, _ = np.linalg.svd(system[0])
         asked = left.T @ system[1]
         least = np.r_[np.maximum(sizes, _RANK), np.full(len(asked), _RANK)]
         weak = np.abs(asked) / least[: len(asked)]
         worst = int(np.argmax(weak))
-        wrench = _mean_wrench(search, at, left[:, worst] * asked[worst])
-        most = max(wrench, key=lambda name: abs(wrench[name]) * _LEVER[name[0]])
-        unit, robot = "N m" if most.startswith("moment") else "N", search.map.robot
+        weakest = left[:, worst] * asked[worst]
+        wrench = _mean_wrench(search, at, weakest if trouble == "stalled" else system[1])
+        weights = {name: abs(value) * _LEVER[name[0]] for name, value in wrench.items()}
+        most, robot = max(weights, key=weights.__getitem__), search.map.robot
         if abs(wrench[most]) < _CREDIBLE * robot.mass * max(robot.gravity, 1.0):
             lacking = wrench
-            reason += (
-                f"; what the free parameters hardly reach is {wrench[most]:.2g} {unit} of {most}"
-            )
+            told = [
+                f"{wrench[name]:.2g} {'N m' if name.startswith('moment') else 'N'} of {name}"
+                for name, weight in weights.items()
+                if weight >= 0.5 * weights[most]
+            ]
+            reason += f"; what the free parameters hardly reach is {', '.join(told)}"
     names = search.family.names
     nearest = dict(zip(names, map(float, at.values), strict=True))
     return NoOrbit(reason, remedy, lacking, at.residual, search.iterations, nearest)

@@ -108,7 +108,7 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
         facts["held_samples"] = sum(held.values())
     if "speed" in facts:
         free = flight.attrs.get("mount") == "free"
-        warnings = _warnings(facts, free, judged=not beat or beats > 0)
+        warnings = _warnings(facts, free, judged=bool(weight) and (not beat or beats > 0))
         if free and weight and air_of(flight).density > LIQUID:
             warnings.append(
                 "Buoyancy is not modeled: gravity: 0 m/s^2 in the robot file stands for a robot "
