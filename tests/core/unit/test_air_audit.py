@@ -180,3 +180,12 @@ def test_a_flight_without_weight_is_not_judged_by_it() -> None:
     )  # fmt: skip
     # It said "the air carries nan% of the weight".
     assert not [w for w in flight_summary(glide)["warnings"] if "nan" in w]
+
+
+def test_a_hover_carries_its_weight_and_flies_no_way() -> None:
+    # It said 1.003 of the weight, as first and last sample are one, and "flies backwards, at
+    # 0.00012 m/s" of some.
+    orbit = pt.trim(pt.load_robot("dragonfly"), speed=0.0)
+    facts = flight_summary(orbit.flight(beats=2.0))
+    assert facts["force_over_weight"] == pytest.approx(1.0, abs=2e-5)
+    assert abs(facts["climb_rate"]) < 1e-6 and not [w for w in facts["warnings"] if "back" in w]
