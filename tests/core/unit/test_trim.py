@@ -275,6 +275,17 @@ def test_a_limit_is_told_in_digits_that_show_it_and_no_iterate_as_a_need():
     assert float(high) > float(limit) and unit == "deg" and float(low) < 0.0
 
 
+def test_a_stroke_held_at_its_limit_stays_there_whatever_its_phase():
+    # "would go from -45.0000001 to 44.9790765 deg": the greatest of 64 samples, and a hair beyond.
+    ornithopter = pt.load_robot("ornithopter")
+    strokes = ("plunge_amplitude", "plunge_phase", "plunge_offset")
+    orbit = pt.trim(ornithopter, free=("frequency", *strokes, "elevation_offset"), speed=4.5)
+    assert orbit.found
+    flown = orbit.gait.motion(np.linspace(0.0, orbit.period, 5001)).position[:, 0]
+    assert flown.min() == pytest.approx(np.radians(-45.0), abs=2e-7)
+    assert misfit(orbit, orbit.flight(beats=1)) <= 1e-11
+
+
 def test_no_phase_leaves_the_range_of_its_actuator(aerobat):
     # It came out at -0.22 rad, where the actuator gives 0.02 rad.
     actuators = {"feather_phase": Actuator("rad", (-0.02, 0.02), 5.0, 0.1, 1.0)}
