@@ -113,13 +113,13 @@ class GaitFamily:
         return FourierGait(self.base.joints, *own)
 
     def swings(self, values: ArrayLike) -> tuple[float, Array, Array, Array]:
-        """Frequency [Hz], means and leads (n_a,), and positions at 65 phases (65, n_a) [SI, rad].
+        """Frequency [Hz], means and leads (n_a,), and positions at 513 phases (513, n_a) [SI, rad].
 
         Args:
             values: (p,) [Hz, 1, rad or m, rad].
         """
         shape = self._shape(values)
-        wave = _waves(32, len(shape.added)) @ (shape.turned + shape.added)
+        wave = _waves(256, len(shape.added)) @ (shape.turned + shape.added)
         return shape.frequency, shape.mean, shape.lead, shape.mean + wave.real
 
     def _shape(self, values: ArrayLike) -> _Shape:

@@ -33,7 +33,6 @@ from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.dynamics import Dynamics
 from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
-from patagium.robot.assembly import MARGIN
 from patagium.robot.model import COMMANDS, FLOATING_COORDINATES
 from patagium.robot.units import as_read
 from patagium.simulation import gaits
@@ -48,6 +47,7 @@ STEPS = 240
 """Time steps of a beat, where none are given; of a beat beyond .6 s one every 2.5 ms."""
 _NEWTON = 40  # steps at most
 _POINTS = 250  # flights of a search, at most
+_BEYOND = 1e-7  # rad or m, that a joint may be beyond its limit: what its phase changes of peaks
 _SHORTEST = 1.0 / 256  # part of a Newton step
 _RANK = 1e-9  # of singular values that count
 _SURE = 0.05  # size of misfits from which on Newton steps no longer bring a gait back in its limits
@@ -305,16 +305,18 @@ class OrbitSearch:
             low, high = self.family.neutral[k], at.values[k]
             for _ in range(30):
                 values[k] = 0.5 * (low + high)
-                low, high = (low, values[k]) if self._same(excess, values) else (values[k], high)
+                low, high = (
+                    (low, values[k]) if self._same(excess, values, 0.0) else (values[k], high)
+                )
             held[k], self.still[k] = low, True
             at, trouble = self.newton(begin, conditions, held, limited=True)
             joint, limit = excess.partition(" ")[0], excess.rpartition(", and ")[2]
             trouble = f"none was found with {joint} at a limit: {limit}" if trouble else ""
         return at, trouble or self.excess(at.values)
 
-    def _same(self, excess: str, values: Array) -> bool:
+    def _same(self, excess: str, values: Array, beyond: float = _BEYOND) -> bool:
         """Whether a gait exceeds a limit of the same joint."""
-        return self.excess(values).partition(" ")[0] == excess.partition(" ")[0]
+        return self.excess(values, beyond).partition(" ")[0] == excess.partition(" ")[0]
 
     def _moved_by(self, excess: str, values: Array) -> int | None:
         """Free parameter that moved the joint of an excess most, or None."""
@@ -326,16 +328,16 @@ class OrbitSearch:
         moved[self.still | ~self.family.directions[:, places].any(axis=1)] = -1.0
         return int(np.argmax(moved)) if moved.max() >= 0.0 else None
 
-    def excess(self, values: Array) -> str:
+    def excess(self, values: Array, beyond: float = _BEYOND) -> str:
         """Limit that a gait exceeds, in words that begin with its joint; empty if there is none."""
         robot, moved = self.map.robot, self.family.base.joints
         frequency, mean, lead, position = self.family.swings(values)
         if not frequency > 0:
             return f"frequency would be {frequency:.3g} Hz"
-        least, most = position.min(axis=0).tolist(), position.max(axis=0).tolist()
+        least, most = (-_peaks(-position)).tolist(), _peaks(position).tolist()
         for joint, i, *motion in zip(moved, robot.actuated, least, most, strict=True):
             low, high = robot.lower[i], robot.upper[i]
-            if motion[0] < low - MARGIN or motion[1] > high + MARGIN:
+            if motion[0] < low - beyond or motion[1] > high + beyond:
                 seen = _apart(robot.dof_units[i], *motion, low, high)
                 way = f"{joint} would go from {seen[0]} to {seen[1]} {seen[4]}"
                 return f"{way}, and its limits are {seen[2]} to {seen[3]} {seen[4]}"
@@ -351,6 +353,21 @@ class OrbitSearch:
                 given = f"its actuator gives {seen[2]} to {seen[3]} {seen[4]}"
                 return f"{joint} would need {needed}, and {given}"
         return ""
+
+
+def _peaks(position: Array) -> Array:
+    """Greatest value of each joint in a period of samples, by a parabola there, (n_a,) [rad, m].
+
+    Among samples alone it would change with the phase, and a gait held at a limit exceed it.
+    """
+    wave, joints = position[:-1], np.arange(position.shape[1])
+    top = wave.argmax(axis=0)
+    before, peak, after = (wave[(top + k) % len(wave), joints] for k in (-1, 0, 1))
+    bend = 8 * (2 * peak - before - after)
+    found: Array = peak + np.divide(
+        (after - before) ** 2, bend, out=np.zeros(len(peak)), where=bend > 0
+    )
+    return found
 
 
 def _apart(unit: str, *values: float) -> list[str]:
@@ -522,11 +539,12 @@ def _searched(
     loose = Conditions(turn)
     if not trouble or wanted == loose:
         return at, trouble
-    search.still[:] = True  # the gait's own free flight
+    stuck, search.still[:] = search.still.copy(), True  # the gait's own free flight
     begin, failed = search.newton(search.point(states, values, loose), loose)
-    search.still[:] = False
+    search.still[:] = stuck if failed else False
     if failed:
         return at, trouble
+    held = search.still.copy()
     x, _, z = search.frame.neutral[:3]
     away = begin.flown.ends[-1] / begin.period
     done, part = 0.0, 0.25
@@ -537,12 +555,12 @@ def _searched(
             None if wanted.climb is None else away[z] + share * (wanted.climb - away[z]),
             None if wanted.speed is None else away[x] + share * (wanted.speed - away[x]),
         )
-        held = search.still.copy()
+        search.still[:] = held
         at, trouble = search.within(search.point(begin.states, begin.values, now), now)
         if trouble:
-            search.still[:], part = held, part / 2
+            part /= 2
         else:
-            begin, done, part = at, share, 2 * part
+            held, begin, done, part = search.still.copy(), at, share, 2 * part
     return at, trouble
 
 
@@ -577,7 +595,10 @@ _COMPONENTS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_
 
 
 def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
-    """Failure of a search in words: a limit, authority that lacks, or a stall."""
+    """Failure of a search in words: a limit, authority that lacks, or a stall.
+
+    At a limit the wrench that lacks is that of the whole misfit, else of its weakest direction.
+    """
     lacking: dict[str, float] = {}
     remedy = NEARBY
     reason = f"Newton's method stalled at a misfit of {at.residual:.2g}"
@@ -591,20 +612,24 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
         remedy = f"ask for a speed or a climb at which it flies flatter, {NEARBY}"
     elif not np.isfinite(at.residual):
         remedy = "begin nearer to a flight that goes on (gait=, start=, or the file's cruise)"
-    if trouble == "stalled" and np.isfinite((system := search.system(at))[0]).all():
+    if at.residual > TOLERANCE and np.isfinite((system := search.system(at))[0]).all():
         left, sizes, _ = np.linalg.svd(system[0])
         asked = left.T @ system[1]
         least = np.r_[np.maximum(sizes, _RANK), np.full(len(asked), _RANK)]
         weak = np.abs(asked) / least[: len(asked)]
         worst = int(np.argmax(weak))
-        wrench = _mean_wrench(search, at, left[:, worst] * asked[worst])
-        most = max(wrench, key=lambda name: abs(wrench[name]) * _LEVER[name[0]])
-        unit, robot = "N m" if most.startswith("moment") else "N", search.map.robot
+        weakest = left[:, worst] * asked[worst]
+        wrench = _mean_wrench(search, at, weakest if trouble == "stalled" else system[1])
+        weights = {name: abs(value) * _LEVER[name[0]] for name, value in wrench.items()}
+        most, robot = max(weights, key=weights.__getitem__), search.map.robot
         if abs(wrench[most]) < _CREDIBLE * robot.mass * max(robot.gravity, 1.0):
             lacking = wrench
-            reason += (
-                f"; what the free parameters hardly reach is {wrench[most]:.2g} {unit} of {most}"
-            )
+            told = [
+                f"{wrench[name]:.2g} {'N m' if name.startswith('moment') else 'N'} of {name}"
+                for name, weight in weights.items()
+                if weight >= 0.5 * weights[most]
+            ]
+            reason += f"; what the free parameters hardly reach is {', '.join(told)}"
     names = search.family.names
     nearest = dict(zip(names, map(float, at.values), strict=True))
     return NoOrbit(reason, remedy, lacking, at.residual, search.iterations, nearest)

@@ -174,5 +174,5 @@ def _overlaps(robot: Robot) -> Iterator[str]:
                 told.add(pair)
                 yield (
                     f"strips {other.name} and {strip.name} lie on each other, so that the air "
-                    "pushes twice there; move one wing or segment"
+                    "pushes twice there; move one wing or segment, unless joints part them"
                 )

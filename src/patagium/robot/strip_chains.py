@@ -114,7 +114,8 @@ def _order(robot: Robot, index: int) -> int:
 def _near(robot: Robot, places: list[Pose], first: StripChain, second: StripChain) -> bool:
     """Whether the last strip of one chain ends where the first strip of another begins."""
     chord = robot.strips[first.strips[-1]].chord + robot.strips[second.strips[0]].chord
-    return bool(_gap(robot, places, first, second) < JOINED * chord / 2)
+    least = JOINED * chord / 2 * (1 - 1e-9)  # at any scale alike
+    return bool(_gap(robot, places, first, second) < least)
 
 
 def _gap(robot: Robot, places: list[Pose], first: StripChain, second: StripChain) -> float:

@@ -3,7 +3,8 @@
 Still air can only take power from wings over whole wingbeats, no section has been measured whose
 force passes a few times its dynamic pressure, and wings do not drive air faster than they move.
 A flight beyond these limits is an error of a model or of its parameters, whatever its outcome.
-Neglected: power in air that changes with time, and coefficients within fast reversals.
+Wings that come too near to each other are beyond the models as well. Neglected: power in air that
+changes with time, and coefficients within fast reversals.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from patagium.aerodynamics.description import innermost
 from patagium.aerodynamics.inflow import Inflow
 from patagium.aerodynamics.smooth_functions import SWITCH_SPEED
 from patagium.aerodynamics.wind_shear import WindShear
+from patagium.dynamics.dynamics import poses_at
 from patagium.robot import Robot
 from patagium.simulation.cycles import air_velocity
 from patagium.simulation.flight import aero_of
@@ -29,6 +31,9 @@ NO_POWER = 1e-3
 VORTEX_RING = (0.4, 2.0)
 """Descent over the induced velocity at which momentum theory does not hold [1]: at half of the
 induced velocity of hover, V, the latter is 1.28 V; as a windmill at twice V it is V."""
+
+NEAREST, LOOKS = 0.5, 200
+"""Distance over the chord within which wings clap [1]; samples of a flight that are looked at."""
 
 
 def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[str]:
@@ -50,6 +55,7 @@ def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[
         ground = 0.0
     if f'"{Inflow.name}"' in told:
         found += _descent(robot, flight if beats is None else flight.isel(time=beats))
+    found += _clap(robot, flight if beats is None else flight.isel(time=beats))
     return found + _slow(flight) + _ground(flight, ground)
 
 
@@ -149,3 +155,36 @@ def _ground(flight: xr.Dataset, ground: float | None) -> list[str]:
     at = int((heights < ground).any(axis=1).argmax())
     strip = flight["strip"].values[int(heights[at].argmin())]
     return [f"{strip} goes into the ground at {float(flight['time'][at]):.3g} s: nothing holds it."]
+
+
+def _clap(robot: Robot, flight: xr.Dataset) -> list[str]:
+    """Sentence about the two wings that come nearest to each other, half of each at once."""
+    count = flight.sizes["time"]
+    flight = flight.isel(time=np.unique(np.linspace(0, count - 1, min(count, LOOKS)).astype(int)))
+    origin, axes = poses_at(robot, flight["q"].to_numpy())
+    bodies, wings = [s.body for s in robot.strips], np.array([s.wing for s in robot.strips])
+    axes = axes[:, bodies]
+    point = origin[:, bodies] + np.einsum(
+        "nsij,sj->nsi", axes, [s.quarter_chord for s in robot.strips]
+    )
+    spans = [np.cross(s.normal, s.forward) for s in robot.strips]
+    span = np.einsum("nsij,sj->nsi", axes, spans)
+    chord, width = np.array([[s.chord, s.width] for s in robot.strips], float).T
+    nearest, found = NEAREST, list[str]()
+    names = robot.wing_names
+    for first, second in ((a, b) for k, a in enumerate(names) for b in names[:k]):
+        i, j = np.flatnonzero(wings == first), np.flatnonzero(wings == second)
+        away = point[:, i, None] - point[:, None, j]
+        near = np.linalg.norm(away, axis=-1) / np.minimum(chord[i, None], chord[j])
+        beside = np.abs((away * span[:, i, None]).sum(-1)) > 0.45 * (width[i, None] + width[j])
+        across = np.abs((span[:, i, None] * span[:, None, j]).sum(-1)) < 0.7
+        near[beside | across] = np.inf
+        apart = np.maximum(np.median(near.min(2), axis=1), np.median(near.min(1), axis=1))
+        if apart.min() < nearest:
+            nearest = float(apart.min())
+            found = [
+                f"{second} and {first} come within {nearest:.2g} chords of each other at "
+                f"{float(flight['time'][int(apart.argmin())]):.3g} s: what wings that clap, or lie "
+                "so near, do to each other is not modeled."
+            ]
+    return found

@@ -235,9 +235,10 @@ def audits(flight: xr.Dataset, robot: Robot) -> dict[str, float]:
     """Largest residuals of a flight, stored among its attributes.
 
     Returns:
-        energy_exchanged [J]: integral of the absolute powers of joints, air, dampers, mount,
-        springs and weight. impulse_exchanged [N s]: integral of the absolute forces of air,
-        dampers, mount and weight. energy_audit, momentum_audit: largest residuals relative to them.
+        energy_exchanged [J]: integral of the absolute powers of joints, air (or relative to it
+        where that is more), dampers, mount, springs and weight. impulse_exchanged [N s]:
+        integral of the absolute forces of air, dampers, mount and weight. energy_audit,
+        momentum_audit: largest residuals relative to them.
         fluid_energy_audit: largest change of the carried air's energy that its work does not
         explain, relative likewise; a gust shows in it, its rate is not part of added mass.
         aero_power_largest [W]: not above zero if the air opposes motion relative to it.
@@ -270,6 +271,7 @@ def _exchanged(flight: xr.Dataset, robot: Robot) -> tuple[float, float]:
     names = ("u1", "aero_force", "damping_force", "mount_force", "added_mass_force")
     forces = [flight[name].to_numpy() for name in names]
     powers = [np.abs((force * velocity).sum(axis=1)) for force in forces]
+    powers[1] = np.maximum(powers[1], np.abs(flight["aero_power"].to_numpy()))  # held in a wind
     gravity = float(robot.gravity)
     lifting = gravity * flight["momentum"].to_numpy()[:, 2]
     pushes = [

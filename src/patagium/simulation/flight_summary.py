@@ -14,6 +14,7 @@ import xarray as xr
 
 from patagium.aerodynamics import Inflow, QuasiSteady
 from patagium.aerodynamics.description import innermost
+from patagium.aerodynamics.smooth_functions import SWITCH_SPEED
 from patagium.arrays import Array
 from patagium.dynamics.dynamics import poses_at
 from patagium.robot import Robot
@@ -93,7 +94,7 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
         beat = float(time[-1] - time[chosen][0]) / beats
     words = {0: "its second half", 1: "its last wingbeat"}.get(beats, f"its last {beats} wingbeats")
     weight = float(robot.gravity) * robot.mass
-    lift = air_force(flight, robot, time)[chosen, 2].mean()
+    lift = _mean(air_force(flight, robot, time)[:, 2], time, chosen)
     span = time[chosen][-1] - time[chosen][0]
     work = flight["joint_work"].to_numpy()[chosen]
     facts: dict[str, Any] = {
@@ -108,7 +109,7 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
         facts["held_samples"] = sum(held.values())
     if "speed" in facts:
         free = flight.attrs.get("mount") == "free"
-        warnings = _warnings(facts, free, judged=not beat or beats > 0)
+        warnings = _warnings(facts, free, judged=bool(weight) and (not beat or beats > 0))
         if free and weight and air_of(flight).density > LIQUID:
             warnings.append(
                 "Buoyancy is not modeled: gravity: 0 m/s^2 in the robot file stands for a robot "
@@ -143,11 +144,18 @@ def _averaged(time: Array, beat: float | None, steered: Array | None) -> tuple[s
     return slice(min(first, max(len(time) - 2, 0)), None), beats
 
 
+def _mean(values: Array, time: Array, chosen: slice) -> float:
+    """Mean over the time of the chosen samples, whose first and last are the same of a wingbeat."""
+    span = time[chosen][-1] - time[chosen][0]
+    return float(np.trapezoid(values[chosen], time[chosen]) / span if span else values[-1])
+
+
 def _of_body(robot: Robot, flight: xr.Dataset, chosen: slice) -> dict[str, Any]:
     """Speed, height and attitude of the floating body; empty where none floats."""
     if not robot.floating:
         return {}
     body, dofs = next(iter(robot.floating_bodies)), robot.floating_dofs
+    time = flight["time"].to_numpy()
     position, rotation = poses_at(robot, flight["q"].to_numpy())
     height, turned = position[:, body, 2], rotation[:, body]
     velocity = flight["v"].to_numpy()[:, dofs[:3]]
@@ -158,8 +166,8 @@ def _of_body(robot: Robot, flight: xr.Dataset, chosen: slice) -> dict[str, Any]:
         "yaw": np.unwrap(np.arctan2(turned[:, 1, 0], turned[:, 0, 0])),
     }
     return {
-        "speed": float(ahead[chosen].mean()),
-        "climb_rate": float(velocity[chosen, 2].mean()),
+        "speed": _mean(ahead, time, chosen),
+        "climb_rate": _mean(velocity[:, 2], time, chosen),
         "height_change": float(height[-1] - height[0]),
         **{name: (float(a.min()), float(a.max())) for name, a in angles.items()},
     }
@@ -173,7 +181,7 @@ def _warnings(facts: dict[str, Any], free: bool, judged: bool) -> list[str]:
         if most > TUMBLE:
             warnings.append(f"It tumbles: {name} reaches {np.degrees(most):.0f} degrees.")
     speed, sinking = facts["speed"], -facts["climb_rate"]
-    if speed < 0:
+    if speed < -SWITCH_SPEED:
         warnings.append(f"It flies backwards, at {-speed:.2g} m/s.")
     share = facts["force_over_weight"]
     if not judged:

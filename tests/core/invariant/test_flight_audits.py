@@ -45,6 +45,17 @@ def test_energy_of_free_flight_is_accounted_for(free_flight):
     assert free_flight.attrs["energy_audit"] < 1e-8
 
 
+def test_a_glider_that_stands_in_the_wind_is_accounted_for():
+    # Nothing moves in the world, so that its audit was a share of rounding by rounding: .4.
+    hawk = pt.load_robot("hawk")
+    orbit = pt.trim(hawk, climb=None, free=("elevation_offset",))
+    start, wind = orbit.start(), (-orbit.speed, 0.0, -orbit.climb)
+    start["v"][[hawk.index("x"), hawk.index("z")]] = 0.0
+    air = pt.QuasiSteady(hawk, pt.Air(wind=wind))
+    held = pt.simulate(hawk, air, orbit.gait, duration=0.5, time_step=2e-3, **start)
+    assert np.abs(held.q - held.q[0]).max() < 1e-9 and held.attrs["energy_audit"] < 1e-9
+
+
 def test_momentum_of_free_flight_is_accounted_for(free_flight):
     assert free_flight.attrs["impulse_exchanged"] > 0.05  # newton second
     assert free_flight.attrs["momentum_audit"] < 1e-9  # as above

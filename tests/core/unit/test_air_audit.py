@@ -144,3 +144,48 @@ def test_searches_tell_of_it_too(verb: str, tmp_path: Path, capsys: Any) -> None
         run([verb, str(tmp_path / "held.yaml")])  # nothing of it floats
     err = capsys.readouterr().err
     assert "floating body" in err and "force_point" in err
+
+
+@pytest.mark.parametrize("lowest, told", [(3.0, True), (30.0, False)])
+def test_wings_that_clap_are_told(lowest: float, told: bool) -> None:
+    # Four wings on one hinge a side, as of an X; both sides lie on one another at 0 degrees.
+    plate = "{type: plate, chord: 7 cm, span: 14 cm, thickness: 0.1 mm}"
+    text = "name: x\ngravity: 9.81 m/s^2\nbodies:\n  body: {mass: 12 g, shape: {type: point}}\n"
+    wings = "wings:\n"
+    for name in ("left_upper", "left_lower"):
+        text += f"  {name}: {{parent: body, at: [0, 5 mm, 0], joints: [{{name: {name}_flap, "
+        text += f"axis: x}}], mass: 1 g, center_of_mass: [-3 cm, 7 cm, 0], shape: {plate}}}\n"
+        wings += f"  - name: {name}\n    segments: [{{body: {name}, strips: 5, stations: ["
+        wings += "{span: 0 cm, leading: 1 cm, trailing: -6 cm}, "
+        wings += "{span: 14 cm, leading: 1 cm, trailing: -6 cm}]}]\n"
+    robot = load_robot_text(text + wings + "mirror: [{from: left, to: right}]\n", "x")
+    mean = np.radians(lowest) + 0.3
+    gait = pt.gaits.sinusoidal(
+        robot, frequency=10.0, upper_flap=0.3, lower_flap=-0.3,
+        offset={"upper_flap": mean, "lower_flap": -mean},
+    )  # fmt: skip
+    air = pt.QuasiSteady(robot, pt.Air(wind=(-3.0, 0.0, 0.0)))
+    claps = [w for w in sentences(pt.simulate(robot, air, gait, duration=0.2)) if "clap" in w]
+    assert len(claps) == told  # nothing was said
+    if told:
+        assert "upper and left_lower" in claps[0] or "upper and right_lower" in claps[0]
+        assert "come within 0.1" in claps[0] or "come within 0.09" in claps[0]
+
+
+def test_a_flight_without_weight_is_not_judged_by_it() -> None:
+    robot = pt.load_robot("hawk").with_parameters({"gravity": 0.0})
+    glide = pt.simulate(
+        robot, pt.QuasiSteady(robot), pt.gaits.still(robot), duration=0.05, time_step=1e-3,
+        v=robot.velocities(x=5.0, z=-2.0),
+    )  # fmt: skip
+    # It said "the air carries nan% of the weight".
+    assert not [w for w in flight_summary(glide)["warnings"] if "nan" in w]
+
+
+def test_a_hover_carries_its_weight_and_flies_no_way() -> None:
+    # It said 1.003 of the weight, as first and last sample are one, and "flies backwards, at
+    # 0.00012 m/s" of some.
+    orbit = pt.trim(pt.load_robot("dragonfly"), speed=0.0)
+    facts = flight_summary(orbit.flight(beats=2.0))
+    assert facts["force_over_weight"] == pytest.approx(1.0, abs=2e-5)
+    assert abs(facts["climb_rate"]) < 1e-6 and not [w for w in facts["warnings"] if "back" in w]

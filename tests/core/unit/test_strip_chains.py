@@ -48,6 +48,22 @@ def test_other_numbers_do_not_part_wings() -> None:
     assert strip_chains(damaged) == strip_chains(robot)
 
 
+def test_a_gap_of_half_a_chord_parts_wings_at_any_scale() -> None:
+    # Rounding decided: a robot of twice the size flew in one line, and 4 % otherwise.
+    found = set()
+    for k in (1.0, 1.7, 2.0, 3.0, 7.0):
+        arm = (
+            f"  left_arm: {{parent: body, at: [0, {0.025 * k}, 0], mass: 1, shape: {{type: point}}"
+        )
+        text = WHOLE.replace("wings:", f"{arm}, center_of_mass: [0, {k}, 0]}}\nwings:")
+        text += "  - name: left_arm\n    segments: [{body: left_arm, strips: 7, stations: ["
+        text += f"{{span: 0, leading: {0.02 * k}, trailing: {-0.08 * k}}}, "
+        text += f"{{span: {0.1 * k}, leading: {0.03 * k}, trailing: {-0.07 * k}}}, "
+        text += f"{{span: {0.19 * k}, leading: 0, trailing: {-0.04 * k}}}]}}]\n"
+        found.add(chain_words(load_robot_text(text + "mirror: [{from: left, to: right}]\n")))
+    assert found == {"left_arm; right_arm"}
+
+
 def test_a_wing_joins_no_wing_that_is_not_there() -> None:
     wrong = SAID.replace("[left_fore]", "[left_for]")
     with pytest.raises(RobotFileError, match=r"joins: .*did you mean left_fore\?"):
