@@ -21,7 +21,7 @@ from patagium.errors import ParameterError
 
 SHARED_SUFFIX = "parameters"
 
-KERNELS = {"horseshoes": "horseshoes", "fwd1_horseshoes": "horseshoes", "table": "table"}
+KERNELS = {f"{way}{name}": name for name in ("horseshoes", "table") for way in ("", "fwd1_")}
 """Inner calls and the header of `kernels/` that holds them: functions named
 `<kernel>_<size>_<size>...`, a first derivative `fwd1_<kernel>_<size>...` as CasADi names it."""
 

@@ -80,8 +80,8 @@ def test_slopes_are_those_of_a_memory_that_was_always_at_other_weights(grey: pt.
     assert (np.abs(found - exact).max(axis=(0, 1)) < 1e-6 * scale + 1e-9).all()  # step squared
 
 
-def test_the_derivative_of_an_inner_call_is_compiled_or_written_out() -> None:
-    """Horseshoes have a kernel for it, tables are written out; both as CasADi has them."""
+def test_the_derivative_of_an_inner_call_has_a_kernel() -> None:
+    """Horseshoes and tables have one, along all their inputs, as CasADi has them."""
     shoes, table = horseshoe_function((2, 1)), table_function(4, 1)
 
     def build() -> list[ca.Function]:

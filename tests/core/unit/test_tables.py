@@ -60,3 +60,22 @@ def test_the_kernel_is_the_symbolic_function(rng: np.random.Generator) -> None:
         assert np.allclose(compiled(value, KNOTS, values), expected, rtol=0, atol=1e-13)
         assert np.allclose(many[k], expected, rtol=0, atol=1e-13)
     assert np.isnan(compiled(np.nan, KNOTS, values)).all()
+
+
+def test_the_kernel_of_the_derivative_is_the_symbolic_one(rng: np.random.Generator) -> None:
+    function = table_function(len(KNOTS), 2)
+    inputs = [ca.SX.sym(n, *function.size_in(k)) for k, n in enumerate(function.name_in())]
+    along = [ca.SX.sym(f"d{n}", *function.size_in(k)) for k, n in enumerate(function.name_in())]
+    whole, way = (ca.vertcat(*map(ca.vec, parts)) for parts in (inputs, along))
+    slope = ca.jtimes(function(*inputs), whole, way)
+    outer = ca.Function("outer", [*inputs, *along], [ca.densify(slope)])
+    compiled = load_functions("test slope of a table", lambda: [outer], label="table")["outer"]
+    values, dvalues = rng.normal(size=(2, len(KNOTS), 2))
+    given = [KNOTS, values], [rng.normal(size=len(KNOTS)), dvalues]
+    x, dx = np.concatenate([rng.uniform(-2, 2, 200), KNOTS]), rng.normal(size=200 + len(KNOTS))
+    many = compiled.batch(x, *given[0], dx, *given[1])
+    for k, (value, change) in enumerate(zip(x, dx, strict=True)):
+        arguments = (value, *given[0], change, *given[1])
+        expected = np.array(outer(*arguments)).ravel()
+        assert np.allclose(compiled(*arguments), expected, rtol=0, atol=1e-11)  # of slopes of 30
+        assert np.allclose(many[k], expected, rtol=0, atol=1e-11)
