@@ -158,7 +158,7 @@ def test_the_mapping_to_begin_from_names_calendar_stamps(tmp_path: Path) -> None
 
 
 def test_the_mapping_to_begin_from_asks_for_the_rate_of_rows_without_time(tmp_path: Path) -> None:
-    rows = "".join(f"01.03.2026 12:00:00.{k:03d},{np.sin(k)},1\n" for k in range(300))
+    rows = "".join(f"01.03.2026 12h00m00.{k:03d}s,{np.sin(k)},1\n" for k in range(300))
     (tmp_path / "log.csv").write_text(f"Time,x,y\n{rows}")
     (warning,) = [
         one.text
