@@ -369,7 +369,7 @@ class OrbitModel:
         return self.begun[1] + (first - self.begun[0]) * self.period
 
     def flies(self, gait: Gait) -> bool:
-        """Whether a gait moves the joints as the steered one before any command."""
+        """Whether a gait moves the joints as the steered one does uncommanded."""
         times = np.arange(16) / 16 * self.parts * self.period
         own, other = (one.motion(times).position for one in (self.steered.gait, gait))
         return own.shape == other.shape and bool(np.abs(own - other).max() <= NEAR)
@@ -611,7 +611,7 @@ class OrbitController:
 
     @property
     def fastest(self) -> Array:
-        """Change of the commands in an interval, at most, (n_u,) [response's unit]."""
+        """Largest change of each command in an interval, (n_u,) [response's unit]."""
         return np.asarray(self.rates * self.model.period)
 
     def answer(self, first: int, start: Array, before: Array) -> Array | None:

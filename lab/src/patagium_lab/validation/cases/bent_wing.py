@@ -212,7 +212,7 @@ def _result(
     note: str,
     targets: dict[str, ErrorLimit],
 ) -> CaseResult:
-    """Case whose error is the root mean square of the difference over that of what is expected."""
+    """Case with a relative error: RMS of the difference over RMS of the measurement."""
 
     def error(values: Array) -> float:
         return float(np.sqrt(np.mean((values - data[1]) ** 2) / np.mean(data[1] ** 2)))
@@ -252,14 +252,15 @@ def tip(robot: Robot, q: Array, axis: int) -> tuple[float, float]:
 
 
 def forces_at_rest(robot: Robot, aero: Aerodynamics | None = None) -> ca.Function:
-    """Forces that keep the wing at rest, (n,) [N m], and their slopes, (n, n) [N m/rad].
+    """Generalized forces that hold the wing still, and their derivatives by the coordinates.
 
     Args:
         robot: The wing; another load is another value of its parameters.
         aero: Model of its air, without states; None for none.
 
     Returns:
-        Function of coordinates (n,) [rad], wind (3,) [m/s] and the robot's parameters.
+        Function of coordinates (n,) [rad], wind (3,) [m/s] and the robot's parameters, which
+        gives (n,) [N m] and (n, n) [N m/rad].
     """
     robot, parameters = robot.symbolic()
     q, wind, still = ca.SX.sym("q", robot.dof), ca.SX.sym("wind", 3), ca.SX.zeros(robot.dof)

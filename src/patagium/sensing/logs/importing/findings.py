@@ -441,7 +441,7 @@ def unit_findings(where: str, sizes: Sizes, *, still: bool = False) -> list[Find
 
 
 def _moves(sizes: Sizes, most: float) -> bool:
-    """Whether small numbers are a motion, and none beside them is beyond the larger unit."""
+    """Whether the values move, and the others beside them fit the larger unit too."""
     return not sizes.still and sizes.beside <= most * sizes.factor
 
 
