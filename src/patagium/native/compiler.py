@@ -85,7 +85,7 @@ def _works(command: Sequence[str]) -> bool:
         return True
     probe = {"probe.c": '#include "operations.h"\nint probe(void) { return LANES; }\n'}
     try:
-        record_library(known, keep_library(_compiled(command, probe, STRAIGHT_LINE)), None)
+        record_library(known, keep_library(_compiled(command, probe, STRAIGHT_LINE, {})), None)
     except (CompilerError, OutputError) as error:
         tell(f"{shlex.join(command)} does not work: {str(error).splitlines()[-1]}")
         return False
@@ -150,7 +150,11 @@ def _identity(compiler: tuple[str, ...]) -> str:
 
 
 def build(
-    compiler: Sequence[str], sources: Mapping[str, str], flags: Sequence[str], label: str
+    compiler: Sequence[str],
+    sources: Mapping[str, str],
+    flags: Sequence[str],
+    label: str,
+    own: Mapping[str, str] | None = None,
 ) -> Library:
     """Library of some sources, from the cache or compiled now; its fact is the time it took [s].
 
@@ -159,17 +163,19 @@ def build(
         sources: File name to text; `.c` files are compiled side by side, others can be included.
         flags: Compiler flags.
         label: What is being compiled, for the progress line.
+        own: One more flag of some of the sources, which prevails.
 
     Raises:
         CompilerError: With the compiler's own words.
         OutputError: If the disk does not take it.
     """
-    texts = [f"{name}\n{text}" for name, text in sources.items()]
+    own = own or {}
+    texts = [f"{name} {own.get(name, '')}\n{text}" for name, text in sources.items()]
     name = short_hash(header_digest(), machine_identity(compiler), *flags, *texts)
     library = load_library(name)
     if library is None:
         with build_lock(name):
-            library = load_library(name) or _built(name, compiler, sources, flags, label)
+            library = load_library(name) or _built(name, compiler, sources, flags, label, own)
     return library
 
 
@@ -179,13 +185,14 @@ def _built(
     sources: Mapping[str, str],
     flags: Sequence[str],
     label: str,
+    own: Mapping[str, str],
 ) -> Library:
     """Library that is compiled now, kept and recorded."""
     started = time.perf_counter()
     print(f"patagium: compiling {label}, kept for next time", end="", file=sys.stderr, flush=True)
     end = ""
     try:
-        digest = keep_library(_compiled(compiler, sources, flags))
+        digest = keep_library(_compiled(compiler, sources, flags, own))
         seconds = time.perf_counter() - started
         record_library(name, digest, seconds)
         end = f" ... {seconds:.1f} s"
@@ -197,7 +204,12 @@ def _built(
     return library
 
 
-def _compiled(compiler: Sequence[str], sources: Mapping[str, str], flags: Sequence[str]) -> bytes:
+def _compiled(
+    compiler: Sequence[str],
+    sources: Mapping[str, str],
+    flags: Sequence[str],
+    own: Mapping[str, str],
+) -> bytes:
     """Bytes of the shared library of some sources."""
     with building_folder() as work:
         for name, text in sources.items():
@@ -207,8 +219,8 @@ def _compiled(compiler: Sequence[str], sources: Mapping[str, str], flags: Sequen
 
         def compiled(unit: Path) -> str:
             target = str(unit.with_suffix(".o"))
-            include = (f"-I{KERNELS}", f"-I{work}")
-            _run([*compiler, *flags, *include, "-c", str(unit), "-o", target], running)
+            words = [*flags, *filter(None, [own.get(unit.name)]), f"-I{KERNELS}", f"-I{work}"]
+            _run([*compiler, *words, "-c", str(unit), "-o", target], running)
             return target
 
         library = work / "library.so"

@@ -33,6 +33,8 @@ SPARED = (
     "--param=lra-max-considered-reload-pseudos=100",  # to spill for one register
 )
 """What straight code lacks, and GCC seeks in a quarter of its time, of long texts in more."""
+BRIEF = "-Og"
+"""For long texts that take longer to compile than to run: half of GCC's time."""
 _SOURCES = (
     *("native", "robot", "dynamics", "aerodynamics"),
     *("simulation", "sensing", "learning", "live", "control"),
@@ -45,10 +47,12 @@ class Code(NamedTuple):
     Attributes:
         units: File name to text.
         signatures: Name, arguments and results of each function.
+        flags: Further flags of some of the files.
     """
 
     units: dict[str, str]
     signatures: list[Any]
+    flags: dict[str, str]
 
 
 def load_functions(
@@ -67,8 +71,8 @@ def load_functions(
             somebody asks for the expression behind a compiled function.
         label: What is being compiled, for the progress line.
         many_only: Functions that are called with many states: their code for many is
-            compiled at once beside the others, and that for one state not at all (such a
-            call runs on the virtual machine).
+            compiled at once beside the others, with less optimization, and that for one
+            state not at all (such a call runs on the virtual machine).
 
     Returns:
         Name of each function to the function to call with arrays.
@@ -94,7 +98,7 @@ def load_functions(
         ).handle
 
     many = " ".join(["many only", *sorted(many_only)]) if many_only else ""
-    library = _library(compiler, key + many, lambda: _code(expressions(), many_only), label)
+    library = _library(compiler, key + many, lambda: _code(expressions(), many_only, BRIEF), label)
     functions = {}
     for entry in library.facts:
         signature = Signature.from_list(entry)
@@ -119,7 +123,7 @@ def _library(compiler: tuple[str, ...], key: str, code: Callable[[], Code], labe
 def _built(name: str, compiler: tuple[str, ...], code: Code, label: str) -> Library:
     """Compiled library of some code, recorded under a name; compiled now if the cache lacks it."""
     spared = SPARED if compiler_accepts(compiler, SPARED) else ()
-    library = build(compiler, code.units, (*STRAIGHT_LINE, *spared), label)
+    library = build(compiler, code.units, (*STRAIGHT_LINE, *spared), label, code.flags)
     record_library(name, library.digest, code.signatures)
     return library._replace(facts=code.signatures)
 
@@ -150,12 +154,16 @@ def _expression(functions: Callable[[], dict[str, ca.Function]], name: str) -> c
     return functions()[name]
 
 
-def _code(functions: dict[str, ca.Function], many_only: Collection[str]) -> Code:
-    units = dict[str, str]()
+def _code(
+    functions: dict[str, ca.Function], many_only: Collection[str], flag: str | None = None
+) -> Code:
+    units, flags = dict[str, str](), dict[str, str]()
     for name, function in functions.items():
         if name not in many_only:
             units[f"{name}.c"] = emit(function)
             continue
         for k, text in enumerate(emit_batch(function)):
             units[f"{name}_batch{k or ''}.c"] = text
-    return Code(units, [astuple(_signature(function)) for function in functions.values()])
+            if flag and not function.find_functions():  # kernels are loops
+                flags[f"{name}_batch{k or ''}.c"] = flag
+    return Code(units, [astuple(_signature(function)) for function in functions.values()], flags)

@@ -354,7 +354,7 @@ def test_an_interruption_does_not_wait_for_compilers(tmp_path):
     with ThreadPoolExecutor(1) as pool:
         asked = pool.submit(interrupt)
         with pytest.raises(KeyboardInterrupt):
-            compiler._compiled(slow, {"a.c": ""}, [])
+            compiler._compiled(slow, {"a.c": ""}, [], {})
         asked.result()
     assert begun.exists() and not done.exists()
 
