@@ -348,8 +348,9 @@ class AdaptiveController(OuterController):
         """Sentences about the samples that were held and the orbits that were found."""
         found = ", ".join(f"{count} {what}" for what, count in sorted(self.counts.items()))
         told = f"{self.controller.report()} Orbits of the beats: {found or 'none yet'}."
-        if self._reason and not self.counts["moved"]:
-            told += f" The learned model was never followed; its first orbit: {self._reason}."
+        if not self.counts["moved"] and (self._reason or self.counts["kept"]):
+            why = f"its first orbit: {self._reason}" if self._reason else "what it saw may be gusts"
+            told += f" The learned model was never followed; {why}."
         return told
 
     def take(self, air: Aerodynamics) -> None:

@@ -463,6 +463,7 @@ def closed_beat(by_state: Array, by_input: Array, gains: Array) -> Array:
 
 
 _DOUBLINGS, _SETTLED_GAINS = 20, 1e-9
+_AT_END, _OFTEN = 1e-6, 0.1  # of half a range, and the share of the answers that is told
 _HELD = 1e12  # a cost over the largest of Q; beyond, only rounding moves a mode
 NEAR = 1e-3
 """Difference of joints below which two gaits are one; less than that of a table [rad, m]."""
@@ -504,6 +505,7 @@ class OrbitController:
         gains: Feedback gain of each interval of a beat that gives it, (parts, n_u, n)
             [unit over SI].
         held: Number of samples at which the last command was held, by cause.
+        limited: Number of answers in which a command stood at an end of its range, by command.
     """
 
     def __init__(
@@ -528,6 +530,8 @@ class OrbitController:
         self.before = np.zeros(len(commands))
         self.costs, self.gains = self._law(model)
         self.held: Counter[str] = Counter()
+        self.limited: Counter[str] = Counter()
+        self._answers = 0
         self._time = self._due = -np.inf
         self._followed = False
 
@@ -552,7 +556,7 @@ class OrbitController:
         self.model.course = copy(self.model.course)
         self.model.course.lead = 0.0
         self.before = np.zeros(len(self.ends))
-        self.held = Counter()
+        self.held, self.limited, self._answers = Counter(), Counter(), 0
 
     def check_flight(self, robot: Robot, gait: Gait, mount: Mount) -> None:
         """Refuse a flight of another robot or gait than the controller's orbit has, or a held one.
@@ -666,6 +670,9 @@ class OrbitController:
             return self._hold("not solved")
         self.before = inputs
         values = inputs + model.neutral
+        room = np.minimum(values - self.low, self.high - values) / self.half
+        self._answers += 1
+        self.limited.update(np.array(model.commands)[room < _AT_END].tolist())
         given = {
             name: float(value / model.steered.scale(name))
             for name, value in zip(model.commands, values, strict=True)
@@ -679,11 +686,16 @@ class OrbitController:
         return {}
 
     def report(self) -> str:
-        """Sentence about the samples at which the last command was held."""
-        if not self.held:
-            return "Every sample was answered."
-        causes = ", ".join(f"{count} {cause}" for cause, count in sorted(self.held.items()))
-        return f"The last command was held at {self.held.total()} samples: {causes}."
+        """Sentences about samples at which the last command was held, and commands at a limit."""
+        told = "Every sample was answered."
+        if self.held:
+            causes = ", ".join(f"{count} {cause}" for cause, count in sorted(self.held.items()))
+            told = f"The last command was held at {self.held.total()} samples: {causes}."
+        shares = {name: count / self._answers for name, count in self.limited.most_common()}
+        often = [f"{name} in {share:.0%}" for name, share in shares.items() if share >= _OFTEN]
+        if often:
+            told += f" At an end of its range: {', '.join(often)} of the answers."
+        return told
 
     def _state(self, name: str) -> int:
         names = [self.model.names[k] for k in self.model.kept]

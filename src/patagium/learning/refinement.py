@@ -87,7 +87,8 @@ def refine(
     used = used_samples(len(given.time), every, given.gaps)
     log = _Log(given.time, given.x, given.y, given.gaps, used, learner.measurement_std)
     first, prior = learner.prior
-    weights, cost = learner.weights, _cost(network, log, learner.weights, first, prior)
+    begins = [(_cost(network, log, one, first, prior), one) for one in (learner.weights, first)]
+    cost, weights = min(begins, key=lambda begin: begin[0])  # the filter may have diverged
     if not np.isfinite(cost):
         raise FilterDiverged("the weights to begin with give nothing finite", Outcome.NOT_FINITE)
     for _ in range(rounds):

@@ -198,6 +198,9 @@ def test_late_and_unknown_samples_hold_the_command_and_teach_nothing(orbit, law)
     assert controller.counts == {"without samples": 2}
     assert "10 late, 11 not finite" in controller.report()
     np.testing.assert_array_equal(controller.learner.weights, controller.learner.prior)
+    assert "never followed" not in controller.report()
+    controller.counts["kept"] += 3
+    assert controller.report().endswith("never followed; what it saw may be gusts.")
 
 
 def test_weights_without_an_orbit_leave_the_last_one(orbit):

@@ -11,6 +11,7 @@ import patagium as pt
 from patagium.control import LinearRegulator
 from patagium.control.predictive import periodic_riccati
 from patagium.errors import ParameterError
+from patagium.simulation import FlightState
 
 COMMANDS = ("frequency", "elevation_offset", "rudder_offset")
 
@@ -42,6 +43,20 @@ def test_a_periodic_regulator_keeps_an_unstable_orbit(orbit):
     without, with_feedback = flown(orbit, None, 40, 0.01), flown(orbit, regulator, 40, 0.01)
     assert with_feedback < 0.03 * without
     assert regulator.report() == "Every sample was answered."
+
+
+def test_commands_that_stand_at_an_end_of_their_range_are_told(orbit):
+    """A flight that sinks for good was reported with "Every sample was answered." alone."""
+    regulator, robot, start = LinearRegulator(orbit, COMMANDS), orbit.robot, orbit.start()
+    q = start["q"].copy()
+    q[robot.index("z")] -= 20.0
+    for k in range(40):
+        time = k * regulator.period
+        regulator(time, FlightState(robot, time, q, start["v"]))
+    share = regulator.limited["elevation_offset"] / 40
+    assert share > 0.5 and f"elevation_offset in {share:.0%}" in regulator.report()
+    regulator(0.0, FlightState(robot, 0.0, start["q"], start["v"]))
+    assert not regulator.limited and regulator.report() == "Every sample was answered."
 
 
 def test_changes_that_cost_leave_room_for_larger_departures(orbit):

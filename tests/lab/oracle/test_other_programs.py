@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -86,3 +88,16 @@ def test_mujoco_on_presets(preset: str, rng: np.random.Generator) -> None:
 def test_mujoco_on_random_trees(seed: int, random_machine, rng: np.random.Generator) -> None:
     pytest.importorskip("mujoco", reason="MuJoCo comes with the extra `bench`")
     _compare_with_mujoco(random_machine(seed), rng)
+
+
+def test_mujoco_with_a_massless_body(tmp_path: Path, rng: np.random.Generator) -> None:
+    """A canted frame, as of a V-tail, was refused for its inertia."""
+    pytest.importorskip("mujoco", reason="MuJoCo comes with the extra `bench`")
+    shape = "mass: 0.1, shape: {type: box, size: [0.3, 0.1, 0.1]}"
+    (tmp_path / "canted.yaml").write_text(
+        "name: canted\ngravity: 9.81\nbodies:\n"
+        f"  body: {{floating: true, {shape}}}\n"
+        "  cant: {parent: body, at: [-0.3, 0, 0], orientation: [0.6, 0, 0], massless: true}\n"
+        f"  tail: {{parent: cant, joints: [{{name: vane, axis: y}}], {shape}}}\n"
+    )
+    _compare_with_mujoco(load_robot(str(tmp_path / "canted.yaml")), rng)

@@ -34,6 +34,7 @@ SHORTER = {
     "duration=1.0, time_step=5e-4": "duration=0.5, time_step=5e-4",
     "600 * law.period": "120 * law.period",
     "200 * controller.period": "60 * controller.period",
+    "ticks=600": "ticks=30",
     "beats=20": "beats=5",
     '"2 s"': '"0.2 s"',
     "every=100": "every=10",
@@ -100,6 +101,8 @@ def _stage(page: str) -> dict[str, Any]:
     """What a page takes for granted: it tells what comes from the reader's own machine."""
     if page == "logs.md":
         _write_capture(Path("flight.bag"))
+    if page == "plant.md":
+        pytest.importorskip("mujoco", reason="MuJoCo comes with the extra `bench`")
     if page != "stream.md":
         return {}
     seconds = iter([0.0, 1e-3])

@@ -47,13 +47,14 @@ def mujoco_xml(robot: Robot) -> str:
             kind, name = "hinge" if step.turns else "slide", f"coordinate {step.dofs[0]}"
             axis = numbers_text(step.axes[0])
             ElementTree.SubElement(element, "joint", name=name, type=kind, axis=axis)
-        ElementTree.SubElement(
-            element,
-            "inertial",
-            pos=numbers_text(body.center_of_mass),
-            mass=repr(float(body.mass)),
-            fullinertia=numbers_text(body.inertia),
-        )
+        if float(body.mass):
+            ElementTree.SubElement(
+                element,
+                "inertial",
+                pos=numbers_text(body.center_of_mass),
+                mass=repr(float(body.mass)),
+                fullinertia=numbers_text(body.inertia),
+            )
     return ElementTree.tostring(root, encoding="unicode")
 
 
