@@ -23,7 +23,6 @@ from patagium.learning.settings import (
     Meaning,
     checked_structure,
     leaves,
-    settings_from,
     settings_of,
 )
 
@@ -86,11 +85,10 @@ class LearnerChoice:
         Raises:
             ParameterError: If a setting is missing, out of its range, or not of this learner.
         """
-        from patagium.learning.learners.registry import LEARNERS
+        from patagium.learning.learners.registry import make_learner
 
         try:
-            record = settings_from(self.kind, nested(self.settings or {}))
-            return LEARNERS[self.kind](network, record, seed=self.seed)
+            return make_learner(self.kind, network, nested(self.settings or {}), self.seed)
         except ParameterError as error:
             name = error.name
             words = {path.rpartition(".")[2]: f"--{word}" for word, path, _ in setting_options()}
