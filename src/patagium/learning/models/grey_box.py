@@ -41,7 +41,6 @@ from patagium.learning.models.physical import (
     inertial,
     numbers_of,
     physical_parameters,
-    process_stds,
 )
 from patagium.native import NativeFunction, load_functions, named_function
 from patagium.robot.files import load_robot_text
@@ -235,7 +234,11 @@ class GreyBox(Network):
         Raises:
             ParameterError: If a name is not learned.
         """
-        return process_stds(self.parameters, wandering)
+        names = [parameter.name for parameter in self.parameters]
+        for name in wandering:
+            if name not in names:
+                raise ParameterError("wandering", f"one of {', '.join(names)}", name)
+        return np.array([wandering.get(one.name, 0.0) / one.std for one in self.parameters])
 
     def air_at(self, weights: Array) -> tuple[Aerodynamics, AddedMass | None]:
         """Model of the air and added mass with what was learned, to fly with.
