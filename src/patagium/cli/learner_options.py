@@ -23,6 +23,7 @@ from patagium.learning.settings import (
     Meaning,
     checked_structure,
     leaves,
+    settings_from,
     settings_of,
 )
 
@@ -85,10 +86,11 @@ class LearnerChoice:
         Raises:
             ParameterError: If a setting is missing, out of its range, or not of this learner.
         """
-        from patagium.learning.learners.registry import make_learner
+        from patagium.learning.learners.registry import LEARNERS
 
         try:
-            return make_learner(self.kind, network, nested(self.settings or {}), self.seed)
+            record = settings_from(self.kind, nested(self.settings or {}))
+            return LEARNERS[self.kind](network, record, seed=self.seed)
         except ParameterError as error:
             name = error.name
             words = {path.rpartition(".")[2]: f"--{word}" for word, path, _ in setting_options()}
