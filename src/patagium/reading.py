@@ -10,8 +10,9 @@ import json
 import os
 import re
 import stat
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from math import isfinite
 from pathlib import Path
 from typing import Any, get_args
 
@@ -175,6 +176,17 @@ def json_object(text: str | bytes, name: str) -> dict[str, Any]:
     if not isinstance(words, dict):
         raise Unreadable(name, "", "a JSON object", shown(words))
     return words
+
+
+def json_ready(value: Any) -> Any:
+    """Values and arrays as JSON values; numbers that are not finite, which JSON lacks, are null."""
+    if isinstance(value, Mapping):
+        return {str(key): json_ready(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [json_ready(item) for item in value]
+    if hasattr(value, "tolist"):
+        return json_ready(value.tolist())
+    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 @contextmanager

@@ -10,14 +10,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning.learners.learner import Learner
 from patagium.learning.models.memory import ModelMemory
 from patagium.learning.scores import ErrorSums, span_scores
 from patagium.learning.stream import thin, used_samples
-
-Array = NDArray[np.float64]
 
 MOST_AHEAD = 40_000
 """A span is scored over windows of about this many samples in all, spread evenly."""

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import Air, LiftingLine
 from patagium.learning.learners.cubature import CubatureLearner
@@ -27,8 +26,6 @@ from patagium.learning.stream import stream
 from patagium.robot import Robot, load_robot, load_robot_text
 from patagium.sensing.force.air_force import training_data
 from patagium.simulation import gaits, mounts, simulate
-
-Array = NDArray[np.float64]
 
 PRIORS = {
     "lags.rate[0]": 0.015,

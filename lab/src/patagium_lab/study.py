@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from patagium.learning.scores import json_ready
+from patagium.reading import json_ready
 from patagium.report import Block, PageSection, Table, write_page
 from patagium.report.page import Cell
 from patagium.whole_file import make_folder, write_whole

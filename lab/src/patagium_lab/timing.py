@@ -14,12 +14,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.native import NativeFunction, load_kernel
 from patagium_lab.kernels import KERNELS
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

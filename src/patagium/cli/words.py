@@ -16,7 +16,7 @@ import typer
 
 from patagium.errors import LogError, ParameterError, PatagiumError
 from patagium.limits import TURN
-from patagium.reading import regular_file
+from patagium.reading import json_ready, regular_file
 
 if TYPE_CHECKING:
     from patagium.report import Table
@@ -220,7 +220,7 @@ def say_json(value: Any) -> None:
 
 def json_text(value: Any) -> str:
     """A value as JSON; numbers that are not finite become null."""
-    return json.dumps(_finite(value), indent=2, ensure_ascii=False)
+    return json.dumps(json_ready(value), indent=2, ensure_ascii=False)
 
 
 def show_table(table: Table, *, err: bool = False) -> None:
@@ -276,16 +276,4 @@ def no_robot(path: Path) -> Path:
 def _plain(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return ", ".join(str(_plain(one)) for one in value)
-    return value
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): _finite(one) for key, one in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(one) for one in value]
-    if hasattr(value, "tolist"):
-        return _finite(value.tolist())
-    if isinstance(value, float) and value - value != 0.0:
-        return None
     return value

@@ -177,12 +177,6 @@ def _setting(learner: Any, name: str, default: Any) -> Any:
     return getattr(getattr(learner, "settings", None), name, known)
 
 
-def _structure(learner: Any) -> Structure:
-    """Structure of a learner's covariance; full where it says none."""
-    found: Structure = _setting(learner, "covariance", "full")
-    return found
-
-
 def chosen_every(learner: Trained, step: float, period: float | None = None) -> int:
     """Default number of samples from one used sample to the next; step and period in [s].
 
@@ -192,7 +186,8 @@ def chosen_every(learner: Trained, step: float, period: float | None = None) -> 
     independent is too sure of itself.
     """
     wanted = UPDATE_RATE if period is None else max(UPDATE_RATE, PER_WINGBEAT / period)
-    rate = min(wanted, FASTEST, _LOAD / update_time(learner.network, _structure(learner)))
+    update = update_time(learner.network, _setting(learner, "covariance", "full"))
+    rate = min(wanted, FASTEST, _LOAD / update)
     return max(1, ceil((1 - 1e-4) / (rate * step)))
 
 
@@ -208,7 +203,7 @@ def table_every(learner: Trained, step: float) -> int:
     """
     if not _setting(learner, "prior_share", 0.0):
         return chosen_every(learner, step)
-    return _kept_up(learner.network, _structure(learner), step)
+    return _kept_up(learner.network, _setting(learner, "covariance", "full"), step)
 
 
 def _kept_up(network: Network, structure: Structure, step: float) -> int:

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,13 +36,6 @@ from patagium.version import __version__
 from patagium.whole_file import write_whole
 
 FORMAT = "patagium model 2"
-
-
-@runtime_checkable
-class _Structured(Protocol):
-    """A learner that gives its covariance as its structure keeps it."""
-
-    def kept_covariance(self) -> BlockCovariance: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,8 +219,9 @@ def _model(words: Mapping[str, Any]) -> Model:
 
 def _kept(learner: Learner) -> BlockCovariance | None:
     """Covariance as a learner keeps it; of a learner of another kind the whole matrix."""
-    if isinstance(learner, _Structured):
-        return learner.kept_covariance()
+    kept: Callable[[], BlockCovariance] | None = getattr(learner, "kept_covariance", None)
+    if kept is not None:
+        return kept()
     whole = learner.covariance
     if whole is None:
         return None

@@ -22,9 +22,8 @@ from patagium.errors import LogError, Outcome
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.model_file import Model, model_of
-from patagium.learning.scores import json_ready
 from patagium.netcdf_file import kind_of, loaded_dataset, write_netcdf
-from patagium.reading import json_object, made_again
+from patagium.reading import json_object, json_ready, made_again
 
 if TYPE_CHECKING:
     from patagium.report import Picture

@@ -472,21 +472,6 @@ def mean_heard(values: Array) -> float:
     return float(heard.mean()) if heard.size else math.nan
 
 
-def json_ready(value: Any) -> Any:
-    """Scores as JSON values; JSON knows no nan, which becomes null."""
-    if isinstance(value, Mapping):
-        return {str(key): json_ready(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [json_ready(item) for item in value]
-    if isinstance(value, (np.bool_, bool)):
-        return bool(value)
-    if isinstance(value, np.integer):
-        return int(value)
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    return value
-
-
 def _errors(measurement: ArrayLike, prediction: ArrayLike) -> ErrorSums:
     truth = _table("measurement", measurement)
     guess = _table("prediction", prediction)

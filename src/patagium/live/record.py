@@ -18,9 +18,9 @@ import numpy as np
 import xarray as xr
 
 from patagium.arrays import Array
-from patagium.learning.scores import json_ready
 from patagium.live.pipeline import Pipeline, Records
 from patagium.netcdf_file import NetcdfDraft
+from patagium.reading import json_ready
 from patagium.sensing.force.air_force import PARTS, packet_parts
 from patagium.simulation import quantities
 from patagium.version import __version__

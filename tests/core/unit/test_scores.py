@@ -7,6 +7,7 @@ import pytest
 from patagium.errors import ShapeError
 from patagium.learning import scores
 from patagium.learning.scores import Scorer
+from patagium.reading import json_ready
 
 
 def scored(truth: np.ndarray, guess: np.ndarray, names: tuple[str, ...]) -> dict[str, Any]:
@@ -87,5 +88,5 @@ def test_shapes_are_refused() -> None:
 
 
 def test_scores_for_json_have_no_nan() -> None:
-    ready = scores.json_ready({"a": math.nan, "b": [np.float64(1.0), np.int64(2)], "c": {"d": "e"}})
+    ready = json_ready({"a": math.nan, "b": [np.float64(1.0), np.int64(2)], "c": {"d": "e"}})
     assert ready == {"a": None, "b": [1.0, 2], "c": {"d": "e"}}

@@ -63,7 +63,7 @@ def test_flights_are_what_lies_between_take_off_and_motors_off(table: LogTable) 
 
 
 def test_the_study_sets_learners_beside_holding_a_sample() -> None:
-    study = crazyflie_study(LOG, every=(20,), samples=17_000)
+    study = crazyflie_study(LOG, every=(100,), samples=17_000)
     names = [row["learner"] for row in study.rows]
     assert names[0] == names[8] == "last used sample held" and len(names) == 16
     assert {row["part"] for row in study.rows} == {"whole log", "in flight"}

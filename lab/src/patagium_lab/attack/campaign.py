@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.registry import load_learner
 from patagium.learning.models.strip import StripNetwork
@@ -35,8 +35,6 @@ from patagium_lab.attack.faults import FAULTS, STUCK_SAMPLES, Fault, Faulted, Fe
 from patagium_lab.attack.network import dense_network, is_definite
 from patagium_lab.reproduction.cases import FLIGHT_CASES, SPREAD, lever_arms
 from patagium_lab.reproduction.flights import corrected_flight
-
-Array = NDArray[np.float64]
 
 SAMPLES = 1500
 TIME_STEP, EVERY = 1e-4, 4

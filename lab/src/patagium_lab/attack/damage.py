@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import Air, DickinsonPolar, QuasiSteady
 from patagium.aerodynamics.polars import Polar
+from patagium.arrays import Array
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
@@ -28,8 +28,6 @@ from patagium_lab.attack.network import dense_network
 from patagium_lab.reproduction.cases import FLIGHT_CASES, SPREAD, lever_arms
 from patagium_lab.reproduction.flights import LEARNED
 from patagium_lab.rivals.gradient_learner import GradientLearner
-
-Array = NDArray[np.float64]
 
 TIME_STEP = 1e-4
 """Every sample of it is learned [s]."""

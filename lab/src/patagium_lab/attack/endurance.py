@@ -7,16 +7,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.models.dense import DenseNetwork
 from patagium.native import load_kernel
 from patagium_lab.attack.network import is_definite
 from patagium_lab.kernels import KERNELS
 from patagium_lab.reproduction.cases import SPREAD
-
-Array = NDArray[np.float64]
 
 GLIDE = 1_000_000
 UPDATES = 10_000_000

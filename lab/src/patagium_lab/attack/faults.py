@@ -10,10 +10,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from patagium.arrays import Array, Indices
 
 LONGEST = 200
 """Samples of the longest fault."""

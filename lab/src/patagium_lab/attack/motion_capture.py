@@ -15,15 +15,13 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
+from patagium.arrays import Array
 from patagium.robot import Robot, load_robot_text
 from patagium.sensing import SensorLog, estimate_motion
 from patagium.sensing.sensors import MotionCapture, as_quaternion, from_quaternion
-
-Array = NDArray[np.float64]
 
 BODY = """
 name: brick

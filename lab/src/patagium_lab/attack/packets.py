@@ -12,15 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import LogError
 from patagium.live.packets import DatagramPackets, Intake, TextPackets, datagrams, flight_packets
 from patagium_lab.attack import seeds
 from patagium_lab.attack.mutation import Draw, mutated_table
 from patagium_lab.attack.oracle import Target, WrongNumber
-
-Array = NDArray[np.float64]
 
 AREA = "packets"
 

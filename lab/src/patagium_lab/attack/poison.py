@@ -16,8 +16,8 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import PatagiumError
 from patagium.learning.default_learner import default_network
 from patagium.learning.learners.cubature import CubatureLearner
@@ -29,8 +29,6 @@ from patagium.learning.models.physical import own_prior
 from patagium.learning.settings import Misfit, NoiseEstimation, Screening
 from patagium_lab.attack import seeds
 from patagium_lab.attack.campaign import STRUCTURES
-
-Array = NDArray[np.float64]
 
 JOINTS, OUTPUTS, STEP, NOISE = 3, 2, 1e-3, 0.02
 RECOVERY = 100

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.dynamics import Dynamics
 from patagium.errors import PatagiumError
 from patagium.robot.model import Robot
@@ -26,8 +27,6 @@ from patagium_lab.timing import (
     time_call,
     time_python,
 )
-
-Array = NDArray[np.float64]
 
 ARGUMENTS = {
     "mass_matrix": "q",

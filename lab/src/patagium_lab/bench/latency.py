@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import Air, QuasiSteady
+from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.learning.default_learner import default_learner
 from patagium.learning.learners.cubature import CubatureLearner
@@ -35,8 +36,6 @@ from patagium.simulation import gaits, simulate
 from patagium_lab.kernels import KERNELS
 from patagium_lab.study import Progress
 from patagium_lab.timing import one_core
-
-Array = NDArray[np.float64]
 
 TIME_STEP = 1e-4
 """Between packets where they are paced: 10 kHz [s]."""

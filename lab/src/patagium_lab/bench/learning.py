@@ -17,10 +17,10 @@ from itertools import cycle
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import Air, QuasiSteady
 from patagium.aerodynamics.model import compile_aero
+from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.learner import Learner
@@ -49,7 +49,6 @@ from patagium_lab.timing import (
     time_python,
 )
 
-Array = NDArray[np.float64]
 _BATCH = 4096
 PACKETS = 50_000
 """Number of packets of each case of the pipeline."""

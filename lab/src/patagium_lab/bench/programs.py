@@ -22,14 +22,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.control.quadratic_program import ProgramStatus, QuadraticProgram, condensed
 from patagium_lab.bench.result import Result, compared
 from patagium_lab.feedback.plan import AEROBAT, NOISE, ORNITHOPTER, PREDICTIVE, Case
 from patagium_lab.feedback.run import controller, design, starts_of, vector
-
-Array = NDArray[np.float64]
 
 STAGES, STATES, INPUTS = 20, 12, 6
 PROGRAMS = 60

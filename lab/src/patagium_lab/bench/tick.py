@@ -13,7 +13,6 @@ from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 import patagium as pt
 from patagium.control import LinearRegulator, Orbit, driving_noise
@@ -22,8 +21,6 @@ from patagium.live import Autopilot
 from patagium.sensing import MotionTracker
 from patagium.simulation.simulator import FlightState
 from patagium_lab.bench.result import Result, compared
-
-Array = NDArray[np.float64]
 
 TICKS = 20_000
 """Ticks that are timed in C; ..."""

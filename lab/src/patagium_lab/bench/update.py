@@ -14,8 +14,8 @@ from time import process_time_ns
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.numbers import filter_numbers
 from patagium.learning.filters.weight_filter import WeightFilter
@@ -36,7 +36,6 @@ from patagium_lab.bench.result import Result, compared
 from patagium_lab.kernels import KERNELS
 from patagium_lab.rivals.algorithm_1 import Algorithm1
 
-Array = NDArray[np.float64]
 Call = Callable[[], object]
 
 PRIOR, NOISE = 0.3, 0.003

@@ -11,11 +11,12 @@ from typing import Any, cast
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import patagium as pt
 from patagium import control
 from patagium.aerodynamics import Aerodynamics, Air, DrydenGust, QuasiSteady, SmoothPolar
+from patagium.arrays import Array
 from patagium.control import AdaptiveController, Orbit
 from patagium.control.adaptation import MEMORY, AirWeights
 from patagium.control.events import without_tip
@@ -45,8 +46,6 @@ from patagium_lab.damage.plan import (
 from patagium_lab.gallery import Gallery
 from patagium_lab.jobs import Job, run_jobs
 from patagium_lab.study import Results, Stages
-
-Array = NDArray[np.float64]
 
 STEPS = 300
 """Time steps of a beat of the truth."""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import Aerodynamics
+from patagium.arrays import Array
 from patagium.control.predictive import OrbitController
 from patagium.errors import ParameterError
 from patagium.native import load_functions
@@ -25,7 +26,6 @@ from patagium.simulation.mounts import mount_of
 from patagium.simulation.state_layout import state_layout
 from patagium.simulation.steered_gait import Responses, SteeredGait
 
-Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 _SAMPLES = 2000  # of a period, for the extremes of joints

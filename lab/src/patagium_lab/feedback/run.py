@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 import patagium as pt
 from patagium import control
 from patagium.aerodynamics import Aerodynamics, QuasiSteady, SmoothPolar
+from patagium.arrays import Array
 from patagium.control import LinearRegulator, Orbit, PredictiveController, RealTimeIteration
 from patagium.control.predictive import OrbitController
 from patagium.robot import Robot
@@ -42,8 +43,6 @@ from patagium_lab.feedback.plan import (
 from patagium_lab.gallery import Gallery
 from patagium_lab.jobs import Job, run_jobs
 from patagium_lab.study import Results, Stages
-
-Array = NDArray[np.float64]
 
 STEPS = 80
 """Time steps of a beat, at least."""

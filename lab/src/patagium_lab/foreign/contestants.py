@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, QuasiSteady
+from patagium.arrays import Array
 from patagium.learning import (
     DenseNetwork,
     ExtendedLearner,
@@ -29,8 +29,6 @@ from patagium.learning.learners.learner import Learner
 from patagium.sensing import training_data
 from patagium.simulation import air_of, gait_period, robot_of
 from patagium_lab.rivals.linear_learner import LinearLearner
-
-Array = NDArray[np.float64]
 
 FEATURES = 100
 """Number of random features of the recursive least squares."""

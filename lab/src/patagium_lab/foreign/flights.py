@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.simulation import load_flight, save_flight
 from patagium_lab.foreign.kinematics import Wingbeat, draw_wingbeats, near_wingbeat
 from patagium_lab.foreign.mujoco_air import free_flight, mounted_flight
@@ -29,7 +29,6 @@ DURATION = 2.0
 """Longest duration of a flight by MuJoCo [s]."""
 STORED = Path(__file__).with_name("stored") / "lattice.npz"
 """File of the forces of a few wings, for machines without PteraSoftware."""
-Array = NDArray[np.float64]
 GAITS = 12
 """Number of wingbeats that are drawn for each robot."""
 DISTANCES = (0.1, 0.2, 0.4)

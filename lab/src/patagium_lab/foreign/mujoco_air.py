@@ -12,9 +12,9 @@ from collections.abc import Callable
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import Air
+from patagium.arrays import Array
 from patagium.errors import FlightError
 from patagium.robot import Robot
 from patagium.simulation.gait_models import FourierGait
@@ -23,7 +23,6 @@ from patagium_lab.foreign.programs import MUJOCO, program
 from patagium_lab.foreign.record import ForeignOrigin
 from patagium_lab.rivals.mujoco_model import MujocoModel, mujoco_xml, numbers_text
 
-Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array]
 
 VISCOSITY = 1.8e-5

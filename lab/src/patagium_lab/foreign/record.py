@@ -14,15 +14,13 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import Air
+from patagium.arrays import Array
 from patagium.robot import Robot
 from patagium.sensing import training_data
 from patagium.simulation.flight import AXES, WRENCH, quantities
 from patagium.version import __version__
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,8 @@ from patagium.learning.identify import evaluate, identify
 from patagium.learning.learners.learner import Learner
 from patagium.learning.learners.registry import make_learner
 from patagium.learning.result import Identification
-from patagium.learning.scores import json_ready
 from patagium.learning.tuning.tune import tune
+from patagium.reading import json_ready
 from patagium.whole_file import write_whole
 from patagium_lab.foreign.contestants import CONTESTANTS, physics
 from patagium_lab.foreign.flights import Case, kept_flight

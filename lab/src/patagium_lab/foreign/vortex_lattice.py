@@ -12,10 +12,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from patagium.aerodynamics import Air
+from patagium.arrays import Array
 from patagium.dynamics.kinematics import body_poses, generalized_force
 from patagium.errors import ParameterError
 from patagium.robot import Robot
@@ -24,8 +24,6 @@ from patagium_lab.foreign.mujoco_air import Motion, carried_motion
 from patagium_lab.foreign.programs import LATTICE_PROGRAM, program
 from patagium_lab.foreign.record import ForeignOrigin
 from patagium_lab.foreign.wings import AXES, SingleWing
-
-Array = NDArray[np.float64]
 
 STEPS = 60
 """Number of time steps in a wingbeat."""

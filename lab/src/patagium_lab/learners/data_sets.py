@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning.models.network import Network
 from patagium.learning.models.registry import network_from_description
 from patagium.learning.table_network import network_for
@@ -31,8 +32,6 @@ from patagium_lab.reproduction.flights import (
     corrected_flight,
     published_flight,
 )
-
-Array = NDArray[np.float64]
 
 EVERY = 10
 """One sample in this many of a flight is used, which gives 1,000 updates a second."""

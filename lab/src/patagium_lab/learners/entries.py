@@ -16,8 +16,8 @@ from math import exp
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.learner import Learner
@@ -26,7 +26,6 @@ from patagium_lab.learners.data_sets import DataSet
 from patagium_lab.rivals.gradient_learner import GradientLearner
 from patagium_lab.rivals.linear_learner import LinearLearner
 
-Array = NDArray[np.float64]
 Settings = Mapping[str, float]
 
 RANK = 10

@@ -16,15 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from patagium.arrays import Indices
+from patagium.arrays import Array, Indices
 from patagium.errors import PatagiumError
 from patagium.learning.scores import INTERVAL, normalized_error
 from patagium.learning.stream import thin, used_samples
 from patagium_lab.learners.data_sets import DataSet
 from patagium_lab.learners.entries import SPANS, AnyLearner, Entry
 from patagium_lab.learners.plan import LearnersPlan
-
-Array = NDArray[np.float64]
 
 SHORT = 0.01
 """Short horizon of prediction [s]."""

@@ -9,20 +9,18 @@ Learned weights are for this study; model files do not know the network.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from patagium.arrays import Array, Indices
 from patagium.errors import ParameterError
 from patagium.learning.models.dense import DESCRIBED, DenseNetwork, described
 from patagium.learning.models.memory import LagEquations, MemoryState, memory_in, row_size
-from patagium.learning.models.network import Encoding, GroupedNetwork
-from patagium.learning.models.structure import stacked
+from patagium.learning.models.network import Encoding, Network
 from patagium.learning.table_network import network_for
 from patagium.sensing.logs.table import LogTable
-
-Array = NDArray[np.float64]
 
 ROTORS = 4
 PHYSICAL = 3  # weights of the physics: lag, k2, k1
@@ -84,7 +82,7 @@ def rotor_lag(weights: ArrayLike) -> float:
     return float(FIRST_LAG * np.exp(np.asarray(weights, float)[0]))
 
 
-class ThrustNetwork(GroupedNetwork):
+class ThrustNetwork(Network):
     """Specific force of four lagging rotors, and a dense residual network.
 
         dz_i/dt = (u_i - z_i) / tau,    tau = tau_0 exp(w),
@@ -111,7 +109,29 @@ class ThrustNetwork(GroupedNetwork):
             raise ParameterError("network", "4 commands, then rates, and one output", found)
         self._dense, self._scale = dense, float(dense.output_scale[0])
         self._perceptron = dense.perceptron
-        self._groups, self._lags = stacked(PHYSICAL, dense.perceptron), RotorLags(dense)
+        self._lags = RotorLags(dense)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ThrustNetwork, (self._dense,)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self
+
+    @property
+    def size(self) -> int:
+        """Number of weights, n."""
+        return PHYSICAL + self._perceptron.size
+
+    @property
+    def neurons(self) -> tuple[tuple[Indices, ...], ...]:
+        """Physical weights together, then those of each neuron of the residual network."""
+        layers = [tuple(one + PHYSICAL for one in layer) for layer in self._perceptron.neurons]
+        return ((np.arange(PHYSICAL),), *layers)
+
+    @property
+    def fan_in(self) -> Array:
+        """Fan-in of the neuron of each weight, 1 for a bias or a physical one, (n,)."""
+        return np.concatenate([np.ones(PHYSICAL), self._perceptron.fan_in])
 
     @property
     def inputs(self) -> int:

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import Air, QuasiSteady
+from patagium.arrays import Array
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.network import Network
@@ -30,8 +30,6 @@ from patagium.robot import Robot, load_robot
 from patagium.simulation import gaits
 from patagium_lab.comparisons import learning_curves
 from patagium_lab.measured.yeo_case import FourierSeries, YeoCase, load_yeo_case
-
-Array = NDArray[np.float64]
 
 CYCLES = 10
 TEACHING_CYCLES = 3

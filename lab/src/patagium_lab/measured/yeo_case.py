@@ -14,11 +14,10 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from patagium.arrays import Array
 from patagium.errors import LogError
-
-Array = NDArray[np.float64]
 
 INCH_OF_WATER = 248.84
 """Pressure of one inch of water at 20 degrees Celsius [Pa]."""

@@ -14,8 +14,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.dynamics.kinematics import point_jacobian
 from patagium.errors import ParameterError
 from patagium.learning.learners.cubature import CubatureLearner
@@ -28,7 +28,6 @@ from patagium.robot import Robot, load_robot
 from patagium_lab.rivals.gradient_learner import GradientLearner
 from patagium_lab.rivals.linear_learner import LinearLearner
 
-Array = NDArray[np.float64]
 Span = tuple[float, float]
 
 SPREAD = sqrt(3.0)

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import Aerodynamics
 from patagium.aerodynamics.model import aero_functions
@@ -25,8 +24,6 @@ from patagium.simulation import gaits, simulate
 from patagium_lab.published.aerodynamics import PUBLISHED_ERRORS, Published
 from patagium_lab.published.stepping import simulate_published
 from patagium_lab.reproduction.flights import PUBLISHED_GAIT, TIME_STEP, weight_of
-
-Array = NDArray[np.float64]
 
 GENTLE_GAIT = {"frequency": 5.0, "amplitude": 0.6, "speed": 3.0}
 """The corrected baseline: beats a second [Hz], plunge [rad], initial speed [m/s]."""

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from patagium.learning.result import Identification
 from patagium.report.figures import comparison, flight_overview, innovation_and_covariance
@@ -22,8 +21,6 @@ from patagium_lab.gallery import Gallery
 from patagium_lab.reproduction.cases import LEARNERS, NETWORKS, STRIPS
 from patagium_lab.reproduction.flights import beat_frequency
 from patagium_lab.reproduction.trials import TrialResult
-
-Array = NDArray[np.float64]
 
 BEATS = 3
 """Number of wingbeats in the figures of forces."""

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import QuasiSteady
+from patagium.arrays import Array
 from patagium.robot import Robot, load_robot
 from patagium.robot.linkage import Linkage
 from patagium.simulation import gaits, robot_of, simulate
@@ -25,7 +25,6 @@ from patagium.simulation.gaits import Gait
 from patagium_lab.published.aerodynamics import PUBLISHED_ERRORS, Published
 from patagium_lab.published.stepping import simulate_published
 
-Array = NDArray[np.float64]
 Flights = tuple[xr.Dataset, dict[str, xr.Dataset]]
 
 TIME_STEP = 1e-4

@@ -8,9 +8,9 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from patagium.arrays import Array
+
 Series = tuple[Array, Array, Array]
 """Time (N,) [s], states (N, n_x) [m, rad, m/s, rad/s] and forces (N, n) [N, N m]."""
 

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning.identify import compare
 from patagium.learning.model_file import Model
 from patagium.learning.result import Identification
@@ -31,8 +31,6 @@ from patagium_lab.reproduction.cases import (
     make_learner,
 )
 from patagium_lab.reproduction.samples import Samples, Series, load_samples, write_samples
-
-Array = NDArray[np.float64]
 
 THINNED = 10
 """One sample in this many is kept of a gait that is not learned."""

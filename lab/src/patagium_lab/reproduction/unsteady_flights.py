@@ -13,15 +13,13 @@ from dataclasses import replace
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Air, LiftingLine, OneMinusCosineGust
+from patagium.arrays import Array
 from patagium.robot import load_robot
 from patagium.sensing.force.air_force import training_data
 from patagium.simulation import mounts, simulate
 from patagium_lab.reproduction.flights import TIME_STEP, Wingbeat
-
-Array = NDArray[np.float64]
 
 MOUNTS = {"free": "free flight", "fixed": "fixed mount"}
 """Key of a way to hold the robot to its name in words."""

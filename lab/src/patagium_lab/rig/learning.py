@@ -15,6 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Air
+from patagium.arrays import Array
 from patagium.learning import ExtendedLearner, NoiseEstimation, identify
 from patagium.robot import Robot
 from patagium.sensing import (
@@ -30,8 +31,6 @@ from patagium.sensing.sensors import SensorLog, load_sensor_log
 from patagium_lab.reproduction.cases import lever_arms
 from patagium_lab.reproduction.unsteady_models import lifting_line_box
 from patagium_lab.rig.plan import CELL, MOTORS, UNIT, RigPlan
-
-Array = NDArray[np.float64]
 
 SOURCES = ("inverse dynamics", "load cell")
 """Sources of the force; the first uses motors and load cell, the second the cell alone."""

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning import load_learner
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.scores import coverage, normalized_error
@@ -21,8 +21,6 @@ from patagium.simulation import cycle_statistics
 from patagium_lab.rig.learning import LogResult, SourceResult
 from patagium_lab.rig.plan import UNIT, RigPlan
 from patagium_lab.targets import at_most, between
-
-Array = NDArray[np.float64]
 
 LEARNED_LIMIT, UNSEEN_LIMIT, COVERED = 0.02, 0.04, (0.90, 0.98)
 """Limits of the worst error, second half and unseen flights; share of the truth in the interval."""

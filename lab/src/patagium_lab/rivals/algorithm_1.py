@@ -13,11 +13,9 @@ References:
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning.models.dense import DenseNetwork
-
-Array = NDArray[np.float64]
 
 
 class Algorithm1:

@@ -10,12 +10,10 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium_lab.rivals.jax_network import jax_network
 from patagium_lab.rivals.weight_rival import WeightRival
-
-Array = NDArray[np.float64]
 
 
 class DynamaxExtended(WeightRival):

@@ -9,11 +9,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium_lab.rivals.weight_rival import WeightRival
-
-Array = NDArray[np.float64]
 
 
 class FilterpyCubature(WeightRival):

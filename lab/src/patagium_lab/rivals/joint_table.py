@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.robot.model import Axis, Body, Robot
 
 KINDS = ("PX", "PY", "PZ", "RX", "RY", "RZ", "translation", "zyx", "spherical")
-
-Array = NDArray[np.float64]
 
 
 @dataclass

@@ -12,12 +12,10 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.dynamics.chain import chain_of
 from patagium.robot.model import Robot
-
-Array = NDArray[np.float64]
 
 
 def mujoco_xml(robot: Robot) -> str:

@@ -10,16 +10,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.robot.model import Robot
 from patagium_lab.rivals.joint_table import (
     configuration_order,
     coordinate_order,
     joint_table,
 )
-
-Array = NDArray[np.float64]
 
 
 class PinocchioModel:

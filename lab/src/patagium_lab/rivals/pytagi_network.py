@@ -13,10 +13,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.learning.models.dense import DenseNetwork
-
-Array = NDArray[np.float64]
 
 
 class PytagiNetwork:

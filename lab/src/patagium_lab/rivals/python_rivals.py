@@ -7,8 +7,8 @@ from importlib.util import find_spec
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.robot.model import Robot
 from patagium_lab.rivals import energy_form as energy
 from patagium_lab.rivals.mujoco_model import MujocoModel
@@ -25,8 +25,6 @@ _RESULTS = {
         energy.energy_coriolis(robot, q, v) + energy.energy_gravity(robot, q)
     ),
 }
-
-Array = NDArray[np.float64]
 
 
 def python_rivals(robot: Robot, quantity: str) -> dict[str, Callable[..., object]]:

@@ -11,13 +11,11 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning.models.registry import network_from_description
 from patagium_lab.rivals.jax_network import jax_network
 from patagium_lab.rivals.weight_rival import WeightRival
-
-Array = NDArray[np.float64]
 
 
 class RebayesLowRank(WeightRival):

@@ -11,12 +11,11 @@ from datetime import datetime
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.learning.models.network import Encoding
 from patagium_lab.rivals.weight_rival import WeightRival
 
-Array = NDArray[np.float64]
 _WHEN = datetime(2000, 1, 1)
 
 

@@ -11,8 +11,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.native.compiler import compiler_command
 from patagium.robot.model import Robot
 from patagium_lab.rivals.compiled import (
@@ -30,8 +30,6 @@ from patagium_lab.rivals.symbolic_code import (
     stored_code,
     symbolic_code,
 )
-
-Array = NDArray[np.float64]
 
 
 def symbolic_rival(

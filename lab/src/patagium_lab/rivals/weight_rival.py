@@ -11,13 +11,12 @@ from abc import ABC, abstractmethod
 from importlib.util import find_spec
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.network import Encoding
-
-Array = NDArray[np.float64]
 
 
 class WeightRival(ABC):

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import i0e, i1e, j0, j1, k0e, k1e
 
 from patagium.aerodynamics.indicial import theodorsen_function
+from patagium.arrays import Array
 
-Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _LOGARITHM = np.linspace(-25.0, 6.0, 400)

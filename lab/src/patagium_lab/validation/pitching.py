@@ -13,11 +13,10 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from patagium.arrays import Array
 from patagium.errors import LogError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

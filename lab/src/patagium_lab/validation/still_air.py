@@ -14,15 +14,14 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import patagium as pt
 from patagium.aerodynamics import AddedMass, Aerodynamics
+from patagium.arrays import Array
 from patagium.errors import SimulationFailed
 from patagium.robot import Robot
 from patagium.robot.files import load_robot_text
 
-Array = NDArray[np.float64]
 Make = Callable[[Robot], Aerodynamics]
 
 BEATS = 6

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from patagium_lab.verbs.options import OutputOption
+
 EXAMPLES = (
     "patagium study attack --results attack.json -o docs/robustness.md",
     "patagium study attack --only files --only packets --cases 2000 --seed 3 -o page.html",
@@ -20,9 +22,6 @@ Updates = Annotated[
     int, typer.Option(help="Updates in float32 and in float64; the glide has a tenth.")
 ]
 Captures = Annotated[int, typer.Option(help="Number of made-up logs of motion capture.")]
-Output = Annotated[
-    Path, typer.Option("--output", "-o", writable=True, help="Page to write (.md or HTML).")
-]
 
 
 def attack(
@@ -45,7 +44,7 @@ def attack(
     poisoned: Annotated[
         int, typer.Option(help="Samples with bursts of poison through each learner.")
     ] = 100_000,
-    output: Output = Path("robustness.html"),
+    output: OutputOption = Path("robustness.html"),
     results: Annotated[
         Path | None,
         typer.Option(

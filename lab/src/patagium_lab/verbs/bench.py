@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from patagium_lab.verbs.options import JsonFileOption
+
 EXAMPLES = (
     "patagium study bench",
     "patagium study bench -o docs/benchmarks.md --json bench.json",
@@ -29,9 +31,7 @@ def bench(
     topic: Annotated[
         Topic, typer.Argument(help="Times of the compiled functions (speed), or learners.")
     ] = Topic.SPEED,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", writable=True, help="File for the figures as JSON.")
-    ] = None,
+    json_file: JsonFileOption = None,
     quick: Annotated[
         bool,
         typer.Option(

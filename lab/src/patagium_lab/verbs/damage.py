@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from patagium_lab.verbs.options import JobsOption, PageOption, write_reports
+
 EXAMPLES = (
     "patagium study damage --out damage --quick",
     "patagium study damage --out damage --page docs/damage.md",
@@ -30,13 +32,11 @@ def damage(
         float, typer.Option(min=0.01, max=0.6, help="Share of the span of one wing that is lost.")
     ] = 1 / 3,
     seed: Annotated[int, typer.Option(min=0, help="First seed.")] = 100,
-    jobs: Annotated[int, typer.Option(min=0, help="Number of processes.")] = 2,
+    jobs: JobsOption = 2,
     quick: Annotated[
         bool, typer.Option("--quick", help="Two flights of each kind, in some minutes.")
     ] = False,
-    page: Annotated[
-        Path | None, typer.Option(help="Further page, of the same content (.md or .html).")
-    ] = None,
+    page: PageOption = None,
 ) -> None:
     """Cut a wing of a flapping robot in flight, and see which controllers bring it back.
 
@@ -46,14 +46,8 @@ def damage(
     from patagium_lab.damage import page as pages
     from patagium_lab.damage.plan import DamagePlan
     from patagium_lab.damage.run import run
-    from patagium_lab.stage_bar import stage_bar
-    from patagium_lab.study import write_study
 
     plan = DamagePlan(share, seed, flights, pairs, ablations, few, workers=jobs)
     if quick:
         plan = replace(plan, flights=2, pairs=2, ablations=2, few=2, undamaged=100)
-    with stage_bar("Lost wing") as progress:
-        report, results = write_study(out, plan, run, pages.page, progress)
-        if page is not None:
-            results.write(page)
-    typer.echo(f"The report is in {report}")
+    write_reports("Lost wing", out, plan, run, pages.page, page)

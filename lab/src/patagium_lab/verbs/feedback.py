@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from patagium_lab.verbs.options import JobsOption, PageOption, write_reports
+
 EXAMPLES = (
     "patagium study feedback --out feedback --quick",
     "patagium study feedback --out feedback --starts 10000 --few 3000 --page docs/feedback.md",
@@ -25,13 +27,11 @@ def feedback(
     flights: Annotated[int, typer.Option(min=1, help="Flights of each delay and each rate.")] = 6,
     beats: Annotated[int, typer.Option(min=2, help="Beats of each flight.")] = 40,
     seed: Annotated[int, typer.Option(min=0, help="First seed.")] = 1000,
-    jobs: Annotated[int, typer.Option(min=0, help="Number of processes.")] = 2,
+    jobs: JobsOption = 2,
     quick: Annotated[
         bool, typer.Option("--quick", help="One robot, few starts and flights, in some minutes.")
     ] = False,
-    page: Annotated[
-        Path | None, typer.Option(help="Further page, of the same content (.md or .html).")
-    ] = None,
+    page: PageOption = None,
 ) -> None:
     """Find the largest delay, the slowest rate and the region of attraction of feedback.
 
@@ -41,15 +41,9 @@ def feedback(
     from patagium_lab.feedback import page as pages
     from patagium_lab.feedback.plan import ORNITHOPTER, FeedbackPlan
     from patagium_lab.feedback.run import run
-    from patagium_lab.stage_bar import stage_bar
-    from patagium_lab.study import write_study
 
     plan = FeedbackPlan(seed, flights, starts, few, beats, workers=jobs)
     if quick:
         bird = (ORNITHOPTER,)
         plan = replace(plan, flights=1, starts=100, beats=20, margins=bird, regions=bird)
-    with stage_bar("Feedback") as progress:
-        report, results = write_study(out, plan, run, pages.page, progress)
-        if page is not None:
-            results.write(page)
-    typer.echo(f"The report is in {report}")
+    write_reports("Feedback", out, plan, run, pages.page, page)

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from patagium_lab.verbs.options import JobsOption, PageOption, write_reports
+
 EXAMPLES = (
     "patagium study foreign --out foreign --quick",
     "patagium study foreign --out foreign --search 64 --log log16.csv.gz --page docs/foreign.md",
@@ -36,13 +38,11 @@ def foreign(
     log: Annotated[
         Path | None, typer.Option(help="Crazyflie log (log16.csv.gz) to learn too.")
     ] = None,
-    jobs: Annotated[int, typer.Option(min=0, help="Number of processes.")] = 2,
+    jobs: JobsOption = 2,
     quick: Annotated[
         bool, typer.Option("--quick", help="Two robots and four learners, in about a minute.")
     ] = False,
-    page: Annotated[
-        Path | None, typer.Option(help="Further page, of the same content (.md or .html).")
-    ] = None,
+    page: PageOption = None,
 ) -> None:
     """Learn air that other programs made: MuJoCo's fluid, PteraSoftware's vortex lattice.
 
@@ -54,15 +54,9 @@ def foreign(
     from patagium_lab.foreign import page as pages
     from patagium_lab.foreign.plan import QUICK, ForeignPlan
     from patagium_lab.foreign.run import run
-    from patagium_lab.stage_bar import stage_bar
-    from patagium_lab.study import write_study
 
     found = None if log is None else existing(log)
     full = ForeignPlan(learned=learned, unseen=unseen, near=near, log=found)
     plan = QUICK if quick else full
     plan = replace(plan, search=search, every=every, flights=flights, workers=jobs)
-    with stage_bar("Foreign air") as progress:
-        report, results = write_study(out, plan, run, pages.page, progress)
-        if page is not None:
-            results.write(page)
-    typer.echo(f"The report is in {report}")
+    write_reports("Foreign air", out, plan, run, pages.page, page)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from patagium_lab.verbs.options import JsonFileOption
 
 EXAMPLES = (
     "patagium study latency",
@@ -22,9 +23,7 @@ def latency(
         list[str] | None,
         typer.Option(help="Load: alone, other cores busy, or all cores busy; may be repeated."),
     ] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", writable=True, help="File for the figures as JSON.")
-    ] = None,
+    json_file: JsonFileOption = None,
 ) -> None:
     """Time the whole pipeline, packet by packet, as fast as it can and at 10 kHz.
 

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from patagium_lab.verbs.options import ResultsPageOption, write_reports
+
 EXAMPLES = (
     "patagium study reproduce --out demo",
     "patagium study reproduce --out quick --quick",
@@ -33,9 +35,7 @@ def reproduce(
     crazyflie: Annotated[
         Path | None, typer.Option(help="Log of a quadrotor, log16.csv.gz, for a section on it.")
     ] = None,
-    page: Annotated[
-        Path | None, typer.Option(help="Further page, of the results alone (.md or .html).")
-    ] = None,
+    page: ResultsPageOption = None,
 ) -> None:
     """Run the paper's whole experiment and write one HTML report.
 
@@ -50,12 +50,6 @@ def reproduce(
     from patagium_lab.reproduction import page as pages
     from patagium_lab.reproduction.plan import ReproductionPlan
     from patagium_lab.reproduction.run import run
-    from patagium_lab.stage_bar import stage_bar
-    from patagium_lab.study import write_study
 
     plan = ReproductionPlan.of(quick, full, None if crazyflie is None else existing(crazyflie))
-    with stage_bar("Reproducing the paper") as progress:
-        report, found = write_study(out, plan, run, pages.page, progress)
-        if page is not None:
-            found.only(pages.RESULTS).write(page)
-    typer.echo(f"The report is in {report}")
+    write_reports("Reproducing the paper", out, plan, run, pages.page, page, pages.RESULTS)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from patagium.cli.words import quantity
+from patagium_lab.verbs.options import ResultsPageOption, write_reports
 
 EXAMPLES = (
     "patagium study rig --out rig",
@@ -42,9 +43,7 @@ def rig(
             "--quick", help="One eight of the arm, without the study of what limits the forces."
         ),
     ] = False,
-    page: Annotated[
-        Path | None, typer.Option(help="Further page, of the results alone (.md or .html).")
-    ] = None,
+    page: ResultsPageOption = None,
 ) -> None:
     """Run the rig: fly on an arm, sense, learn the air from logs alone, compare with the truth.
 
@@ -53,8 +52,6 @@ def rig(
     from patagium_lab.rig import page as pages
     from patagium_lab.rig.plan import RigPlan
     from patagium_lab.rig.run import run
-    from patagium_lab.stage_bar import stage_bar
-    from patagium_lab.study import write_study
 
     plan = RigPlan(
         robot=robot,
@@ -65,11 +62,7 @@ def rig(
         seed=seed,
         **({"eights": 1.0, "limits": ()} if quick else {}),  # type: ignore[arg-type]
     )
-    with stage_bar("Rig") as progress:
-        report, found = write_study(out, plan, run, pages.page, progress)
-        if page is not None:
-            found.only(pages.RESULTS).write(page)
-    typer.echo(f"The report is in {report}")
+    write_reports("Rig", out, plan, run, pages.page, page, pages.RESULTS)
 
 
 def _factors(text: str) -> tuple[float, ...]:

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from patagium_lab.verbs.attack import Captures, Jobs, Log, Output, Runs, Seed, Updates
+from patagium_lab.verbs.attack import Captures, Jobs, Log, Runs, Seed, Updates
+from patagium_lab.verbs.options import OutputOption
 
 EXAMPLES = ("patagium study attack --only faults --only damage",)
 HIDDEN = True
@@ -21,7 +22,7 @@ def stress(
     log: Log = None,
     updates: Updates = 10_000_000,
     captures: Captures = 200,
-    output: Output = Path("stress.html"),
+    output: OutputOption = Path("stress.html"),
     as_json: Annotated[bool, typer.Option("--json", help="The figures as JSON on stdout.")] = False,
 ) -> None:
     """Former name of `patagium study attack` without its hostile cases."""

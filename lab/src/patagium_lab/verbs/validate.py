@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from patagium_lab.verbs.options import OutputOption
+
 EXAMPLES = (
     "patagium study validate",
     "patagium study validate --only wagner --only theodorsen -o page.html --json",
@@ -15,9 +17,7 @@ EXAMPLES = (
 
 
 def validate(
-    output: Annotated[
-        Path, typer.Option("--output", "-o", writable=True, help="Page to write (.md or HTML).")
-    ] = Path("validation.html"),
+    output: OutputOption = Path("validation.html"),
     only: Annotated[
         list[str] | None, typer.Option(help="Name of a case; the option may be repeated.")
     ] = None,

@@ -15,7 +15,7 @@ from patagium.arrays import Array, Indices
 from patagium.errors import ParameterError, ShapeError, refuse_removed
 from patagium.learning.filters.state import packed, symmetric, unpacked
 from patagium.learning.models.structure import Layered, blocks_of
-from patagium.learning.settings import BLOCKS, OWN_BLOCKS
+from patagium.learning.settings import checked_structure
 
 MOST_WEIGHTS = 5000
 """Of a structured covariance that is given as one matrix: 200 MB of it."""
@@ -129,9 +129,6 @@ def covariance_from(weights: Layered, kind: str, arrays: Mapping[str, Array]) ->
         ShapeError: If an array has another length.
     """
     refuse_removed("covariance", kind)
-    if kind not in {*BLOCKS, *OWN_BLOCKS}:
-        known = (*BLOCKS, *sorted(OWN_BLOCKS))
-        raise ParameterError("covariance", f"one of {', '.join(known)}", kind)
-    sizes = [len(block) for block in blocks_of(weights, kind)]
+    sizes = [len(block) for block in blocks_of(weights, checked_structure(kind))]
     parts = [symmetric(lower) for lower in unpacked(arrays["lower"], sizes)]
     return block_covariance(weights, kind, parts)

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, Self, get_args
 
 import casadi as ca
 import numpy as np
@@ -27,12 +27,12 @@ from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.indicial import Relaxation, lag_step
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.arguments import checked
-from patagium.arrays import Array
+from patagium.arrays import Array, Indices
 from patagium.dynamics.equations import inverse, kirchhoff_force
 from patagium.errors import ParameterError, refuse_removed
 from patagium.learning.models.dense import described
 from patagium.learning.models.memory import LagEquations, MemoryState, memory_in, row_size
-from patagium.learning.models.network import Encoding, FlightTerms, GroupedNetwork
+from patagium.learning.models.network import Encoding, FlightTerms, Network
 from patagium.learning.models.physical import (
     FACTOR,
     Estimate,
@@ -41,9 +41,7 @@ from patagium.learning.models.physical import (
     inertial,
     numbers_of,
     physical_parameters,
-    process_stds,
 )
-from patagium.learning.models.structure import stacked
 from patagium.native import NativeFunction, load_functions, named_function
 from patagium.robot.files import load_robot_text
 
@@ -51,7 +49,7 @@ Start = Literal["steady", "still"]
 _MOST_ROUNDS, _CLOSE = 20, 1e-11  # of Newton's method where a memory begins
 
 
-class GreyBox(GroupedNetwork):
+class GreyBox(Network):
     """Force of the air with unknown numbers, y = Q(x, z; p(W)).
 
     x is [q, v], or [q, v, a] where y depends on accelerations: with added mass, or with an
@@ -112,7 +110,6 @@ class GreyBox(GroupedNetwork):
         scales = [parameter.scale for parameter in self.parameters]
         self._numbers = np.array([*numbers.values(), *scales])
         self._count = len(self.parameters)
-        self._groups = stacked(self._count)
         self._functions = self.equations.compiled()
         sizes = self.measured_inputs, model.state_size, self._count
         self._lags = GreyLags(self._functions, self._numbers, start == "steady", *sizes)
@@ -121,6 +118,24 @@ class GreyBox(GroupedNetwork):
     def __reduce__(self) -> tuple[Any, ...]:
         arguments = self.model, self._estimate, self.added_mass
         return partial(GreyBox, *arguments, measured=self._names, start=self._start), ()
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self
+
+    @property
+    def size(self) -> int:
+        """Number of parameters that are learned, n."""
+        return self._count
+
+    @property
+    def neurons(self) -> tuple[tuple[Indices, ...], ...]:
+        """All weights together: a number of physics has no neuron."""
+        return ((np.arange(self._count),),)
+
+    @property
+    def fan_in(self) -> Array:
+        """1 for each weight, (n,)."""
+        return np.ones(self._count)
 
     @property
     def inputs(self) -> int:
@@ -219,7 +234,11 @@ class GreyBox(GroupedNetwork):
         Raises:
             ParameterError: If a name is not learned.
         """
-        return process_stds(self.parameters, wandering)
+        names = [parameter.name for parameter in self.parameters]
+        for name in wandering:
+            if name not in names:
+                raise ParameterError("wandering", f"one of {', '.join(names)}", name)
+        return np.array([wandering.get(one.name, 0.0) / one.std for one in self.parameters])
 
     def air_at(self, weights: Array) -> tuple[Aerodynamics, AddedMass | None]:
         """Model of the air and added mass with what was learned, to fly with.

@@ -8,14 +8,13 @@ memory in `memory`, physical parameters in `physical`, quantities of a flight in
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arrays import Array, Indices, real_array
 from patagium.errors import ParameterError, ShapeError
-from patagium.learning.models.structure import WeightGroups
 from patagium.limits import LARGEST
 from patagium.robot.model import Robot
 
@@ -191,36 +190,6 @@ class Network(Protocol):
             part = slice(start, start + _BLOCK)
             y[part] = self.decode(self.encode(samples[part]), w)
         return y
-
-
-class GroupedNetwork(Network):
-    """An immutable network with several groups of weights, rebuilt from its description.
-
-    Subclasses have `from_description`, the inverse of `describe`.
-    """
-
-    _groups: WeightGroups
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self).from_description, (self.describe(),)  # type: ignore[attr-defined]
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        return self
-
-    @property
-    def size(self) -> int:
-        """Number of weights of all groups, n."""
-        return self._groups.size
-
-    @property
-    def neurons(self) -> tuple[tuple[Indices, ...], ...]:
-        """Weights of each neuron, layer by layer, group by group."""
-        return self._groups.neurons
-
-    @property
-    def fan_in(self) -> Array:
-        """Fan-in of the neuron of each weight, 1 for a bias or a number, (n,)."""
-        return self._groups.fan_in
 
 
 def flight_terms(network: Network) -> FlightTerms:

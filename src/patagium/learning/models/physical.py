@@ -28,21 +28,21 @@ FACTOR = "added_mass.factor"
 WIND = ("wind.x", "wind.y", "wind.z")
 
 _POSITIVE = {
-    **dict.fromkeys(("density",), "kg/m^3"),
-    **dict.fromkeys(("lift_slope",), "1/rad"),
+    "density": "kg/m^3",
+    "lift_slope": "1/rad",
     **dict.fromkeys(("stall_begins", "stall_complete", "stall_angle"), "rad"),
     **dict.fromkeys(("stall_width", "memory"), "rad"),
-    **dict.fromkeys(("rate",), "1/semichord"),
+    "rate": "1/semichord",
     **dict.fromkeys(("pressure", "separation", "vortex"), "semichords"),
     **dict.fromkeys(("profile_drag", "friction_drag", "crossflow_drag", "induced_factor"), "1"),
     **dict.fromkeys(("suction_efficiency", "surface_constant", "factor", "exponent"), "1"),
     "apparent_mass": "1",
     **dict.fromkeys(("chord", "width", "reference_height", "roughness"), "m"),
-    **dict.fromkeys(("mass",), "kg"),
+    "mass": "kg",
     **dict.fromkeys(("xx", "yy", "zz"), "kg m^2"),
-    **dict.fromkeys(("gravity",), "m/s^2"),
+    "gravity": "m/s^2",
     "viscosity": "m^2/s",
-    **dict.fromkeys(("damping",), "N s/m or N m s"),
+    "damping": "N s/m or N m s",
     "stiffness": "N/m or N m/rad",
 }
 _SIGNED = {
@@ -205,23 +205,6 @@ def physical_parameters(
             raise ParameterError(name, "a value above zero to start from", parameter.prior)
         found.append(parameter)
     return tuple(found)
-
-
-def process_stds(parameters: Sequence[PhysicalParameter], wandering: Mapping[str, float]) -> Array:
-    """Deviations by which weights of parameters wander, from those in their own units.
-
-    Args:
-        parameters: What is learned.
-        wandering: By name; others stay.
-
-    Raises:
-        ParameterError: If a name is not learned.
-    """
-    names = [parameter.name for parameter in parameters]
-    for name in wandering:
-        if name not in names:
-            raise ParameterError("wandering", f"one of {', '.join(names)}", name)
-    return np.array([wandering.get(one.name, 0.0) / one.std for one in parameters])
 
 
 def changed_air(

@@ -8,7 +8,7 @@ structure is kept.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -35,40 +35,6 @@ class Layered(Protocol):
     def neurons(self) -> Sequence[Sequence[Indices]]:
         """Weights of each neuron in rising order, layer by layer."""
         ...
-
-
-class WeightGroups(NamedTuple):
-    """Weights of several groups one after another.
-
-    Attributes:
-        size: Number of weights, n.
-        fan_in: Fan-in of the neuron of each weight, 1 for a bias or a number, (n,) [1].
-        neurons: Weights of each neuron in rising order, layer by layer.
-    """
-
-    size: int
-    fan_in: Array
-    neurons: tuple[tuple[Indices, ...], ...]
-
-
-def stacked(*groups: int | Layered) -> WeightGroups:
-    """Groups of weights one after another.
-
-    Args:
-        groups: A count of numbers, which form one block, or a part with neurons.
-    """
-    start, fan_in = 0, [np.zeros(0)]
-    neurons: list[tuple[Indices, ...]] = []
-    layers: Sequence[Sequence[Indices]]
-    for group in groups:
-        if isinstance(group, int):
-            size, sums, layers = group, np.ones(group), [[np.arange(group)]]
-        else:
-            size, sums, layers = group.size, group.fan_in, group.neurons
-        neurons += [tuple(neuron + start for neuron in layer) for layer in layers]
-        fan_in.append(sums)
-        start += size
-    return WeightGroups(start, np.concatenate(fan_in), tuple(neurons))
 
 
 Blocks = Callable[[Layered], Sequence[Indices]]

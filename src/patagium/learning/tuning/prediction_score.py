@@ -37,8 +37,9 @@ from patagium.errors import FilterDiverged, Outcome
 from patagium.learning.filters.root import MatrixLost
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.models.memory import network_inputs
-from patagium.learning.scores import INTERVAL, SILENT_RATIO, json_ready
+from patagium.learning.scores import INTERVAL, SILENT_RATIO
 from patagium.learning.stream import Samples, prequential, thin
+from patagium.reading import json_ready
 
 SPANS = 50
 """Number of spans of the samples in which an output is looked at."""

@@ -14,11 +14,11 @@ from scipy.linalg import eigh
 from patagium.aerodynamics import Aerodynamics, Air, LiftingLine, QuasiSteady
 from patagium.aerodynamics.indicial import NO_STATE
 from patagium.aerodynamics.model import aero_functions
+from patagium.arrays import Array
 from patagium.dynamics import Dynamics
 from patagium.dynamics.equations import inverse
 from patagium.robot import Robot, load_robot_text
 from patagium_lab.validation.cases.case import (
-    Array,
     CaseResult,
     ErrorLimit,
     largest_relative_difference,

@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from patagium.arrays import Array
 from patagium.errors import ParameterError, ShapeError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

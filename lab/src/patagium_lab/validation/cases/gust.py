@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import (
     AddedMass,
@@ -19,13 +18,12 @@ from patagium.aerodynamics import (
 )
 from patagium.aerodynamics.gusts import gusts_at_strips
 from patagium.aerodynamics.indicial import FOUR_STATE, TWO_STATE
+from patagium.arrays import Array
 from patagium.simulation import gaits, mounts, simulate
 from patagium_lab.validation.cases.case import CaseResult, ErrorLimit, largest_difference
 from patagium_lab.validation.cases.theodorsen import section_transfer
 from patagium_lab.validation.cases.wings import AIRSPEED, INFINITE, rectangular_wing
 from patagium_lab.validation.exact_functions import kussner_function, sears_function
-
-Array = NDArray[np.float64]
 
 REDUCED_FREQUENCY = np.array([0.1, 0.2, 0.5, 1.0, 2.0])
 STEPS = 100

@@ -6,10 +6,11 @@ import numpy as np
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, Air, DeLaurier, LiftingLine, QuasiSteady
 from patagium.aerodynamics.indicial import FOUR_STATE, TWO_STATE
+from patagium.arrays import Array
 from patagium.robot import load_robot
 from patagium.simulation import gaits, simulate
 from patagium_lab.measured.yeo_case import YeoCase, load_yeo_case
-from patagium_lab.validation.cases.case import Array, CaseResult, ErrorLimit, mean_difference
+from patagium_lab.validation.cases.case import CaseResult, ErrorLimit, mean_difference
 
 STEPS = 1000
 """Time steps a cycle."""

@@ -17,11 +17,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import Air, QuasiSteady
 from patagium.aerodynamics.local_flow import strip_motions
 from patagium.aerodynamics.strip_loads import AeroExpressions, assemble
+from patagium.arrays import Array
 from patagium.control import NoOrbit, Orbit, floquet, trim
 from patagium.dynamics import Dynamics
 from patagium.dynamics.chain import cross, vector
@@ -30,8 +30,6 @@ from patagium.errors import ParameterError
 from patagium.robot import Robot, load_robot_text
 from patagium.simulation.gait_models import FourierGait
 from patagium_lab.validation.cases.case import CaseResult, ErrorLimit
-
-Array = NDArray[np.float64]
 
 STEPS = 480
 """Time steps a wingbeat."""

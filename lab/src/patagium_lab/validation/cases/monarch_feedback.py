@@ -11,9 +11,9 @@ Here starts lie on a spiral, and the orbit is the one that is flown here, its dr
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from patagium.aerodynamics import Air
+from patagium.arrays import Array
 from patagium.native import load_functions
 from patagium.simulation.flight_equations import flight_functions
 from patagium.simulation.gait_models import FourierGait
@@ -27,8 +27,6 @@ from patagium_lab.validation.cases.monarch import (
     hovers,
     published,
 )
-
-Array = NDArray[np.float64]
 
 STARTS, BEATS = 10_000, 100
 STEPS = 100

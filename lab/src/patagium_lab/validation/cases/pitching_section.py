@@ -6,7 +6,8 @@ import numpy as np
 
 from patagium.aerodynamics import LiftingLine, StallDelay, measured_section, section_history
 from patagium.aerodynamics.indicial import TWO_STATE
-from patagium_lab.validation.cases.case import Array, CaseResult, ErrorLimit, mean_difference
+from patagium.arrays import Array
+from patagium_lab.validation.cases.case import CaseResult, ErrorLimit, mean_difference
 from patagium_lab.validation.pitching import PitchingCase, PitchLoop, load_pitching_case
 
 STEPS = 180

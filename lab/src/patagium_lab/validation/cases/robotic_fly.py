@@ -11,9 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from patagium.aerodynamics import Aerodynamics, Air, Inflow, QuasiSteady, ReynoldsPolar
+from patagium.arrays import Array
 from patagium.robot import Robot
 from patagium.simulation import simulate
-from patagium_lab.validation.cases.case import Array, CaseResult, ErrorLimit
+from patagium_lab.validation.cases.case import CaseResult, ErrorLimit
 from patagium_lab.validation.cases.hover import (
     BEATS,
     MODELS,

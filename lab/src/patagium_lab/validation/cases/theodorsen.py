@@ -6,7 +6,8 @@ import numpy as np
 
 from patagium.aerodynamics import Indicial
 from patagium.aerodynamics.indicial import FOUR_STATE, ONE_STATE, TWO_STATE, theodorsen_function
-from patagium_lab.validation.cases.case import Array, CaseResult, ErrorLimit
+from patagium.arrays import Array
+from patagium_lab.validation.cases.case import CaseResult, ErrorLimit
 from patagium_lab.validation.cases.wings import (
     AIRSPEED,
     INFINITE,

@@ -9,9 +9,10 @@ import numpy as np
 from patagium.aerodynamics import AddedMass, Air, Indicial, LiftingLine, Section
 from patagium.aerodynamics.indicial import FOUR_STATE, TWO_STATE, theodorsen_function
 from patagium.aerodynamics.trailing_vortices import SURFACE_CONSTANT
+from patagium.arrays import Array
 from patagium.robot import load_robot_text
 from patagium.simulation import gaits, simulate
-from patagium_lab.validation.cases.case import Array, CaseResult, ErrorLimit, largest_difference
+from patagium_lab.validation.cases.case import CaseResult, ErrorLimit, largest_difference
 from patagium_lab.validation.cases.wings import AIRSPEED, INFINITE
 
 STEPS, BEATS = 200, 6

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import Indicial, LiftingLine, Section
 from patagium.aerodynamics.model import aero_functions
+from patagium.arrays import Array
 from patagium.robot import Body, Robot, Strip
-
-Array = NDArray[np.float64]
 
 AIRSPEED = 10.0
 SMALL_ANGLE = 1e-4
