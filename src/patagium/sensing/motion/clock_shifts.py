@@ -22,6 +22,7 @@ from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError, positive
 from patagium.robot import Robot
+from patagium.robot.attitude import without_flips
 from patagium.sensing.motion.first_motion import spectral_noise
 from patagium.sensing.motion.frame_model import Motion, floating_base, with_euler_angles
 from patagium.sensing.motion.motion_spline import conjugate, product
@@ -232,9 +233,7 @@ def _smooth_base(camera: Stream, model: CaptureModel, times: Array) -> tuple[Arr
     place = _smoothed(camera.time[seen], camera.rows[seen, :3], std[:3], times)
     mount = Rotation.from_matrix(model.frame.mount)
     shown = from_quaternion(camera.rows[seen, 3:]) * mount.inv()
-    parts = shown.as_quat()
-    flips = np.cumprod(np.sign(np.einsum("ij,ij->i", parts[1:], parts[:-1])))
-    parts[1:] *= flips[:, None]
+    parts = without_flips(shown.as_quat())
     turned = _smoothed(camera.time[seen], parts, std[3:].mean() / 2, times)
     four = turned / np.linalg.norm(turned[:, :, 0], axis=1)[:, None, None]
     attitude = Rotation.from_quat(np.array(four[:, :, 0]))
