@@ -229,7 +229,7 @@ def _smooth_base(camera: Stream, model: CaptureModel, times: Array) -> tuple[Arr
     if not model.frame.on_base:
         raise LogError(f"{camera.name}: expected cameras that see the floating body itself")
     seen = np.isfinite(camera.rows).all(axis=1)
-    std = np.sqrt(model.variance)
+    std = np.sqrt(model.variances)
     place = _smoothed(camera.time[seen], camera.rows[seen, :3], std[:3], times)
     mount = Rotation.from_matrix(model.frame.mount)
     shown = from_quaternion(camera.rows[seen, 3:]) * mount.inv()
@@ -361,7 +361,7 @@ class _Search:
             levels[:, :, list(track.columns)] = np.swapaxes(state, 1, 2)
             attitude = attitude if turn is None else turn
         expected, _ = unit.model.frame.inertials(levels, attitude)  # type: ignore[attr-defined]
-        variance = np.var(shown - expected, axis=0) + unit.model.variance  # type: ignore[attr-defined]
+        variance = np.var(shown - expected, axis=0) + unit.model.variances
         return float(np.log(variance).sum())
 
 
