@@ -124,3 +124,14 @@ def body_accelerations(angles: ArrayLike, rates: ArrayLike, accelerations: Array
         -of_roll * w_left - np.cos(roll) * sinking,
     ]
     return np.asarray(body_rates(angles, accelerations) + np.stack(change, axis=-1))
+
+
+def without_flips(quaternions: Array) -> Array:
+    """Quaternions of the same attitudes without jumps of sign, (N, ..., 4) [-].
+
+    Args:
+        quaternions: Attitudes in the order of time, (N, ..., 4) [-]; the scalar first or last.
+    """
+    along = (quaternions[1:] * quaternions[:-1]).sum(axis=-1)
+    signs = np.cumprod(np.where(along < 0, -1.0, 1.0), axis=0)
+    return np.concatenate([quaternions[:1], quaternions[1:] * signs[..., None]])

@@ -26,7 +26,7 @@ from patagium.report.page import page_path
 from patagium.report.replay_page import Arrows, Mark, Replay, Series, Surface, write_replay
 from patagium.report.still import OBLIQUE, draw_still
 from patagium.robot import Robot
-from patagium.robot.attitude import body_rates
+from patagium.robot.attitude import body_rates, without_flips
 from patagium.robot.model import Body
 from patagium.robot.planform import strip_corners
 from patagium.robot.solids import Solid, carried_body, solids, tube, wing_tips
@@ -312,10 +312,7 @@ def _with_force(flight: xr.Dataset, robot: Robot) -> xr.Dataset:
 def quaternions(rotation: Array) -> Array:
     """Unit quaternions x y z w of rotation matrices, (..., 4), one sign along the first axis."""
     found = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_quat()
-    turns = found.reshape(*rotation.shape[:-2], 4)
-    flips = np.where((turns[1:] * turns[:-1]).sum(axis=-1) < 0, -1.0, 1.0)
-    turns[1:] *= np.cumprod(flips, axis=0)[..., None]
-    return np.asarray(turns)
+    return without_flips(found.reshape(*rotation.shape[:-2], 4))
 
 
 def _span(time: Array, start: float | None, end: float | None) -> Frames:

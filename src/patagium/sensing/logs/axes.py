@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from patagium.arrays import Array, Bools
+from patagium.robot.attitude import without_flips
 
 NAMED = {
     "flu": "x, y, z",
@@ -115,11 +116,8 @@ def rotate(q: Array, vector: Array) -> Array:
 
 def continuous(q: Array) -> Array:
     """Quaternions of the same attitudes without jumps of sign, (N, 4) [-]."""
-    if not len(q):
-        return q
-    flips = np.where(np.einsum("nk,nk->n", q[1:], q[:-1]) < 0, -1.0, 1.0)
-    first = -1.0 if q[0, 0] < 0 else 1.0
-    return np.asarray(q * (first * np.concatenate([[1.0], np.cumprod(flips)]))[:, None])
+    found = without_flips(q)
+    return -found if len(q) and q[0, 0] < 0 else found
 
 
 def slerp(stamps: Array, q: Array, wanted: Array) -> Array:

@@ -14,6 +14,7 @@ from scipy.ndimage import median_filter
 from scipy.spatial.transform import Rotation
 
 from patagium.arrays import Array, Bools, Indices
+from patagium.robot.attitude import without_flips
 from patagium.sensing.motion.sensor_streams import Stream
 from patagium.sensing.sensors import from_quaternion
 
@@ -198,7 +199,7 @@ def on_regular_clock(stream: Stream) -> Stream | None:
     if values.shape[1] == 7:
         seen = usable_frames(values)
         values = np.where(seen[:, None], values, np.nan)
-        values[seen, 3:] *= _signs(values[seen, 3:])[:, None]
+        values[seen, 3:] = without_flips(values[seen, 3:])
     roughness = [_roughness(time, values) for time in (stream.time, regular)]
     return replace(stream, time=regular) if roughness[1] < 0.9 * roughness[0] else None
 
@@ -225,12 +226,6 @@ def _roughness(time: Array, values: Array) -> float:
     error = error[near]
     known = np.isfinite(error).all(axis=1)
     return float(np.median(np.linalg.norm(error[known], axis=1))) if known.any() else 0.0
-
-
-def _signs(quaternions: Array) -> Array:
-    """Signs that make neighboring quaternions alike, (N,)."""
-    along = np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1])
-    return np.concatenate([[1.0], np.cumprod(np.where(along < 0, -1.0, 1.0))])
 
 
 def _steps(time: Array, rows: Array) -> _Steps:

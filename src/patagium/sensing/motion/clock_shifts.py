@@ -22,6 +22,7 @@ from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError, positive
 from patagium.robot import Robot
+from patagium.robot.attitude import without_flips
 from patagium.sensing.motion.first_motion import spectral_noise
 from patagium.sensing.motion.frame_model import Motion, floating_base, with_euler_angles
 from patagium.sensing.motion.motion_spline import conjugate, product
@@ -228,13 +229,11 @@ def _smooth_base(camera: Stream, model: CaptureModel, times: Array) -> tuple[Arr
     if not model.frame.on_base:
         raise LogError(f"{camera.name}: expected cameras that see the floating body itself")
     seen = np.isfinite(camera.rows).all(axis=1)
-    std = np.sqrt(model.variance)
+    std = np.sqrt(model.variances)
     place = _smoothed(camera.time[seen], camera.rows[seen, :3], std[:3], times)
     mount = Rotation.from_matrix(model.frame.mount)
     shown = from_quaternion(camera.rows[seen, 3:]) * mount.inv()
-    parts = shown.as_quat()
-    flips = np.cumprod(np.sign(np.einsum("ij,ij->i", parts[1:], parts[:-1])))
-    parts[1:] *= flips[:, None]
+    parts = without_flips(shown.as_quat())
     turned = _smoothed(camera.time[seen], parts, std[3:].mean() / 2, times)
     four = turned / np.linalg.norm(turned[:, :, 0], axis=1)[:, None, None]
     attitude = Rotation.from_quat(np.array(four[:, :, 0]))
@@ -362,7 +361,7 @@ class _Search:
             levels[:, :, list(track.columns)] = np.swapaxes(state, 1, 2)
             attitude = attitude if turn is None else turn
         expected, _ = unit.model.frame.inertials(levels, attitude)  # type: ignore[attr-defined]
-        variance = np.var(shown - expected, axis=0) + unit.model.variance  # type: ignore[attr-defined]
+        variance = np.var(shown - expected, axis=0) + unit.model.variances
         return float(np.log(variance).sum())
 
 

@@ -24,6 +24,7 @@ from scipy.spatial.transform import Rotation
 
 from patagium.arrays import Array, Bools
 from patagium.robot import Robot
+from patagium.robot.attitude import without_flips
 from patagium.sensing.motion.banded import SEEN, Information, Knots
 from patagium.sensing.motion.first_motion import FirstMotion, Noise
 from patagium.sensing.motion.frame_model import floating_base
@@ -299,9 +300,7 @@ class MotionFit:
         turns = None
         if self.turn is not None and attitude is not None:
             points[:, self.turn] = 0.0
-            turns = attitude.as_quat()
-            sign = np.sign(np.einsum("ij,ij->i", turns[1:], turns[:-1]))
-            turns[1:] *= np.cumprod(np.where(sign == 0, 1.0, sign))[:, None]
+            turns = without_flips(attitude.as_quat())
         self.spline = MotionSpline(self.knots, points, self.turn, turns)
         middles = begin + self.knots.step * (np.arange(self.knots.spans) + 0.5)
         count = max(1, int((end - begin) / max(_SHORTEST_WINDOW, 8 * self.knots.step)))

@@ -156,12 +156,11 @@ class ImuModel:
         floors = np.repeat([FLOOR["m/s^2"], FLOOR["rad/s"]], 3)
         steps = np.repeat([sensor.accelerometer_step, sensor.gyroscope_step], 3)
         noise = np.concatenate([sensor.accelerometer_std, sensor.gyroscope_std])
-        self.variance = np.maximum(np.hypot(noise, steps / np.sqrt(12)), floors) ** 2
+        self.variances: Array = np.maximum(np.hypot(noise, steps / np.sqrt(12)), floors) ** 2
         self.bias_std: Array = np.maximum(
             np.repeat([sensor.accelerometer_bias, sensor.gyroscope_bias], 3), floors
         )
         self.bias_walk: Array = np.repeat([sensor.accelerometer_walk, sensor.gyroscope_walk], 3)
-        self.variances: Array = self.variance
         self.parts: tuple[Part, ...] = (
             Part("specific force", "m/s^2", 3),
             Part("angular rate", "rad/s", 3),
@@ -200,8 +199,7 @@ class CaptureModel(_NoBias):
         self.frame = FrameModel(robot, sensor.body, sensor.position, sensor.orientation)
         place = np.maximum(sensor.position_std, FLOOR["m"])
         turn = np.maximum(sensor.attitude_std, FLOOR["rad"])
-        self.variance = np.concatenate([place, turn]) ** 2
-        self.variances: Array = self.variance
+        self.variances: Array = np.concatenate([place, turn]) ** 2
         self.parts: tuple[Part, ...] = (Part("position", "m", 3), Part("attitude", "rad", 3))
 
     def rows(self, reading: xr.Dataset) -> Array:
