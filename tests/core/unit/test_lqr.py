@@ -46,7 +46,7 @@ def test_a_periodic_regulator_keeps_an_unstable_orbit(orbit):
 
 
 def test_commands_that_stand_at_an_end_of_their_range_are_told(orbit):
-    """A flight that sinks for good was reported with "Every sample was answered." alone."""
+    """The report of a flight 20 m below its orbit said only "Every sample was answered."."""
     regulator, robot, start = LinearRegulator(orbit, COMMANDS), orbit.robot, orbit.start()
     q = start["q"].copy()
     q[robot.index("z")] -= 20.0

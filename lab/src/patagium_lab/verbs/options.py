@@ -1,4 +1,4 @@
-"""Options that several studies have, and the end that they share."""
+"""Options that several studies share, and what each does when it ends."""
 
 from __future__ import annotations
 

@@ -129,12 +129,12 @@ class GreyBox(Network):
 
     @property
     def neurons(self) -> tuple[tuple[Indices, ...], ...]:
-        """All weights together: a number of physics has no neuron."""
+        """Indices of all weights as one group, since physical parameters belong to no neuron."""
         return ((np.arange(self._count),),)
 
     @property
     def fan_in(self) -> Array:
-        """1 for each weight, (n,)."""
+        """Number of inputs behind each weight, (n,): always 1."""
         return np.ones(self._count)
 
     @property
