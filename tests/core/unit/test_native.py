@@ -16,7 +16,7 @@ import pytest
 
 from patagium.errors import CompilerError, ParameterError, ShapeError
 from patagium.native import compiler as compiler_module
-from patagium.native import compiler_name, load_functions, load_kernel
+from patagium.native import compiler_name, library, load_functions, load_kernel
 from patagium.native import function as function_module
 from patagium.native.compiler import compiler_accepts, compiler_command
 from patagium.native.emit import emit
@@ -373,3 +373,25 @@ def test_a_number_of_threads_is_read_as_openmp_reads_it(said, cores, monkeypatch
     assert function_module._cores() == cores
     monkeypatch.setenv("OMP_NUM_THREADS", "many")
     assert function_module._cores() == (os.cpu_count() or 1)
+
+
+@needs_compiler
+def test_texts_for_many_states_alone_are_compiled_briefly_but_for_kernels():
+    x = ca.SX.sym("x", 3)
+    kernel = ca.Function("table_2_1", [x], [ca.sum1(x)], {"never_inline": True})
+    plain, calling = (
+        ca.Function(n, [x], [y]) for n, y in (("plain", x * x), ("calling", kernel(x)))
+    )
+    functions = {one.name(): one for one in (plain, calling)}
+    made = []
+
+    def build(compiler, sources, flags, label, own):
+        made.append((set(sources), own))
+        raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(library, "build", build)
+        patch.setattr(library, "emit_batch", lambda function: ["text"])
+        with pytest.raises(KeyboardInterrupt):
+            load_functions("brief", lambda: functions.values(), label="t", many_only=[*functions])
+    assert made == [({"plain_batch.c", "calling_batch.c"}, {"plain_batch.c": "-Og"})]

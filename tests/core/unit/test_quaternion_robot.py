@@ -23,6 +23,7 @@ from patagium.robot.attitude import (
     body_rates,
     quaternion_from_angles,
     rotation_from_quaternion,
+    without_flips,
 )
 from patagium.robot.drawing import draw_robot
 from patagium.robot.model import coordinate_names, places_in_q
@@ -392,3 +393,9 @@ def test_a_quaternion_of_zeros_is_refused_by_equations_points_and_air(pair):
             ask()
     with pytest.raises(ShapeError):
         dyn.mass_matrix(np.zeros(3))
+
+
+def test_signs_of_quaternions_are_made_alike_also_behind_a_right_angle():
+    turns = np.array([[1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, -1.0, 0, 0], [0, -0.6, 0.8, 0]])
+    expected = [turns[0], turns[1], -turns[2], -turns[3]]  # a product of zero is no flip
+    np.testing.assert_array_equal(without_flips(turns), expected)

@@ -124,13 +124,13 @@ class ThrustNetwork(Network):
 
     @property
     def neurons(self) -> tuple[tuple[Indices, ...], ...]:
-        """Physical weights together, then those of each neuron of the residual network."""
+        """Indices of the physical parameters as one group, then those of each neuron."""
         layers = [tuple(one + PHYSICAL for one in layer) for layer in self._perceptron.neurons]
         return ((np.arange(PHYSICAL),), *layers)
 
     @property
     def fan_in(self) -> Array:
-        """Fan-in of the neuron of each weight, 1 for a bias or a physical one, (n,)."""
+        """Number of inputs behind each weight, (n,); 1 for a bias or a physical parameter."""
         return np.concatenate([np.ones(PHYSICAL), self._perceptron.fan_in])
 
     @property

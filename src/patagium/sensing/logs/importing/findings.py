@@ -441,7 +441,7 @@ def unit_findings(where: str, sizes: Sizes, *, still: bool = False) -> list[Find
 
 
 def _moves(sizes: Sizes, most: float) -> bool:
-    """Whether the values move, and the others beside them fit the larger unit too."""
+    """Whether the channel varies, and the channels beside it would fit the larger unit too."""
     return not sizes.still and sizes.beside <= most * sizes.factor
 
 
