@@ -97,7 +97,7 @@ def test_mujoco_with_a_massless_body(tmp_path: Path, rng: np.random.Generator) -
     (tmp_path / "canted.yaml").write_text(
         "name: canted\ngravity: 9.81\nbodies:\n"
         f"  body: {{floating: true, {shape}}}\n"
-        "  cant: {parent: body, at: [-0.3, 0, 0], orientation: [0.6, 0, 0], massless: true}\n"
-        f"  tail: {{parent: cant, joints: [{{name: vane, axis: y}}], {shape}}}\n"
+        "  frame: {parent: body, at: [-0.3, 0, 0], orientation: [0.6, 0, 0], massless: true}\n"
+        f"  tail: {{parent: frame, joints: [{{name: vane, axis: y}}], {shape}}}\n"
     )
     _compare_with_mujoco(load_robot(str(tmp_path / "canted.yaml")), rng)
