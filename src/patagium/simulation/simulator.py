@@ -598,7 +598,7 @@ def _equations(
 ) -> Equations:
     """Compiled equations of a flight that starts at a state, (size,)."""
     kind = "free" if mount.kind == "free" else "fixed"  # whatever holds it, the row says where
-    kind += "" if added_mass is None else " with added mass"
+    kind += "" if added_mass is None else f" with {added_mass.structure}"
     kind += f" on {cells!r}" if cells else ""
     gust = aero.air.traveling if robot.strips else None
     kind += "" if gust is None else " in a gust that travels"
