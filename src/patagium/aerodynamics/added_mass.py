@@ -51,7 +51,8 @@ class AddedMass:
         robot: The machine.
         air: Its density; wind and gusts are those of the model it goes with.
         factor: Share of the air of an infinite wing: 1 for long wings, .85 at an aspect ratio of
-            3; one number, or one for each wing by its name, mirror images aside.
+            3; one number, or one for each wing by its name, mirror images aside. What was learned
+            may be below zero.
 
     Raises:
         ParameterError: If a factor is not finite, or a wing has none.

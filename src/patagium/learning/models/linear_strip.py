@@ -301,7 +301,7 @@ def _per_newton(robot: Robot) -> Array:
         add_wrench(wrenches, strip.body, forces[:, k], moment)
     q = ca.SX(ca.DM(robot.coordinates(**robot.resting)))
     slope = ca.jacobian(generalized_force(robot, q, wrenches), ca.vec(forces))
-    return np.sqrt((ca.evalf(slope).full() ** 2).sum(axis=1))
+    return np.asarray(np.sqrt((ca.evalf(slope).full() ** 2).sum(axis=1)))
 
 
 def _slots(terms: int) -> int:
