@@ -32,7 +32,7 @@ from patagium.dynamics.added_mass import BodyAddedMass
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.equations import kirchhoff_force
 from patagium.dynamics.kinematics import add_wrench, body_poses, generalized_force
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, not_negative
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot, Strip
 
@@ -51,11 +51,11 @@ class AddedMass:
         robot: The machine.
         air: Its density; wind and gusts are those of the model it goes with.
         factor: Share of the air of an infinite wing: 1 for long wings, .85 at an aspect ratio of
-            3; one number, or one for each wing by its name, mirror images aside. What was learned
-            may be below zero.
+            3; or one for each wing by its name, mirror images aside, which may be below zero as far
+            as the robot's own inertia outweighs it: a learned one stands for all that is off.
 
     Raises:
-        ParameterError: If a factor is not finite, or a wing has none.
+        ParameterError: If the one factor is negative, one is not finite, or a wing has none.
 
     References:
         Theodorsen (1935), NACA TR 496; Garrick (1936), NACA TR 567; Lamb (1932), section 124.
@@ -63,10 +63,12 @@ class AddedMass:
 
     robot: Robot
     air: Air = field(default_factory=Air)
-    factor: float | Mapping[str, float] = 1.0
+    factor: float | Mapping[str, float] = field(default=1.0, hash=False)
 
     def __post_init__(self) -> None:
         check_fields(self)
+        if not isinstance(self.factor, Mapping):
+            not_negative(self, "factor")
         for name, factor in self.factors.items():
             if not np.isfinite(factor):
                 raise ParameterError(name, "a finite number", factor)

@@ -186,15 +186,14 @@ class LinearStrips(Aerodynamics):
 
     @property
     def added_mass(self) -> AddedMass:
-        """Air that the wings carry along, with the factor of each kind of wing."""
+        """Air that the wings carry along, with the factor of each wing."""
         weights = ca.DM([*self.terms.values()])
         surfaces = surfaces_of(self.robot)
         factors = {
             strip.wing: float(_carried(weights, self.robot, surfaces, strip))
             for strip in self.robot.strips
         }
-        factor: Any = factors if surfaces else next(iter(factors.values()))
-        return AddedMass(self.robot, self.air, factor=factor)
+        return AddedMass(self.robot, self.air, factor=factors)
 
     @property
     def state_size(self) -> int:
@@ -226,9 +225,8 @@ class LinearStrips(Aerodynamics):
         sums = StripSums(machine, robot, motion, mean, density, self.attached, lags)
         seen, units, columns = sums.parts([*range(robot.dof)])
         added, surfaces = self.added_mass, surfaces_of(machine)
-        kinds = {strip.wing: strip for strip in machine.strips} if surfaces else machine.strips[:1]
-        strips = kinds.values() if isinstance(kinds, dict) else kinds
-        factors = [_carried(terms, machine, surfaces, strip) for strip in strips]
+        wings = {strip.wing: strip for strip in machine.strips}
+        factors = [_carried(terms, machine, surfaces, strip) for strip in wings.values()]
         carried = ca.vertcat(density, *factors)
         force = columns @ terms - added.circulation_force(robot, q, v, mean, carried)
         force -= kirchhoff_force(robot, *motion, added.inertia(robot, mean, carried))
