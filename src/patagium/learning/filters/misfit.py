@@ -11,7 +11,7 @@ what a sample leaves after it was learned, averaged over 100 spans of correlatio
 c = s / rms(change of y from sample to sample) samples, for a sine 1 / (2 pi f) s whatever the rate
 of the samples. The mean of y is no part of s, and a model that errs by more than s for long is
 worse than a constant. The measurement's own noise, where it is known, is added. No output is
-believed to a thousandth of what the strips' largest force would make of it: side forces of a
+believed to a three-thousandth of what the strips' largest force would make of it: side forces of a
 symmetric flight begin at rounding and may grow a billion times, and what they said when they were
 small would outweigh all that comes.
 

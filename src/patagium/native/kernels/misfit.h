@@ -16,7 +16,7 @@
 #define MOST 1e3        /* samples in a span of correlation, at most */
 #define STILL 1e-6      /* variance of a channel that does not move, over the largest */
 #define LEAST 1e-12     /* variance, at least, over the largest of a channel */
-#define SLIGHT 1e-6     /* and over that which the largest force of the strips would make of it */
+#define SLIGHT 1e-7     /* and over that which the largest force of the strips would make of it */
 #define START 0.02      /* of the variance of a channel: what is left, to begin with */
 #define LEFT 3.0        /* variance over the mean square of what a sample leaves */
 #define LONG 100.0      /* spans over which what is left is averaged, */
