@@ -28,6 +28,8 @@ from patagium.aerodynamics.linear_strips import (
 )
 from patagium.arguments import checked
 from patagium.arrays import Array
+from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.kinematics import add_wrench, generalized_force
 from patagium.errors import ParameterError
 from patagium.learning.models.memory import LagEquations, compiled_steps, row_size
 from patagium.learning.models.network import Encoding, FlightTerms
@@ -69,6 +71,8 @@ class LinearStripNetwork(WingNetwork):
         measured: Names of the coordinates whose force y is.
         surfaces: Kinds of wings that may; none where all are of one kind.
         attached: Whether flow is expected to stay attached.
+        per_newton: Root of the sum of squares of each output for one newton on each strip, along
+            each axis, joints at rest, (n_y,) [1, m].
         scaled_prior: True: a stated `prior_std` is a factor on `own_prior`.
 
     Raises:
@@ -107,6 +111,7 @@ class LinearStripNetwork(WingNetwork):
         self.items = len(robot.strips) + slots
         self.perceptron = Perceptron((_POLYNOMIALS + slots, OUTPUTS))
         self.offset = np.zeros(len(self._names))
+        self.per_newton = _per_newton(robot)[rows]
         self._parameters = np.array([*self.air.wind, self.air.density, *robot.parameters])
         chains = strip_chains(robot) if attached else ""
         made = load_functions(
@@ -285,6 +290,18 @@ def _functions(machine: Robot, rows: Sequence[int], attached: bool) -> list[ca.F
     if given.sums.line is None:
         return [encode]
     return [encode, *lag_functions(given.sums.line, given.measured, parameters)]
+
+
+def _per_newton(robot: Robot) -> Array:
+    """Root of the sum of squares of generalized forces of one newton on each strip, (n,) [1, m]."""
+    wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
+    forces = ca.SX.sym("forces", 3, len(robot.strips))
+    for k, strip in enumerate(robot.strips):
+        moment = cross(vector(strip.quarter_chord), forces[:, k])
+        add_wrench(wrenches, strip.body, forces[:, k], moment)
+    q = ca.SX(ca.DM(robot.coordinates(**robot.resting)))
+    slope = ca.jacobian(generalized_force(robot, q, wrenches), ca.vec(forces))
+    return np.asarray(np.sqrt((ca.evalf(slope).full() ** 2).sum(axis=1)))
 
 
 def _slots(terms: int) -> int:

@@ -16,6 +16,7 @@
 #define MOST 1e3        /* samples in a span of correlation, at most */
 #define STILL 1e-6      /* variance of a channel that does not move, over the largest */
 #define LEAST 1e-12     /* variance, at least, over the largest of a channel */
+#define SLIGHT 1e-7     /* and over that which the largest force of the strips would make of it */
 #define START 0.02      /* of the variance of a channel: what is left, to begin with */
 #define LEFT 3.0        /* variance over the mean square of what a sample leaves */
 #define LONG 100.0      /* spans over which what is left is averaged, */
@@ -61,7 +62,6 @@ static void follow(screening *s, const double *measured) {
     const double own = y - s->center[k], square = capped(own * own, s->level[k], n);
     s->center[k] += rooted(own, square) / (double)(n + 1);
     s->level[k] += (square * (double)n / (double)(n + 1) - s->level[k]) / (double)n;
-    s->late[k] += (n == 1 ? 1 : fmax(1 / (double)n, 1 / (SHORT * s->span))) * (square - s->late[k]);
     if (n == 1) s->residual[k] = START * s->level[k];
     else s->change[k] += (capped(apart * apart, s->change[k], n) - s->change[k]) / (double)(n - 1);
     s->before[k] = y;
@@ -82,15 +82,19 @@ static double span_of(const screening *s, double largest) {
 
 /* Variances that the filter assumes; load: of the channels, where nothing was measured yet. */
 static void assume(screening *s) {
-  double largest = 0;
-  for (int k = 0; k < s->channels; k++) largest = fmax(largest, s->level[k]);
+  double largest = 0, force = 0; /* mean square of a channel, and of a force on each strip */
+  for (int k = 0; k < s->channels; k++) {
+    const double square = s->per_newton[k] * s->per_newton[k];
+    largest = fmax(largest, s->level[k]);
+    if (square > 0) force = fmax(force, s->level[k] / square);
+  }
   s->span = span_of(s, largest);
   s->least = LEAST * largest;
   for (int k = 0; k < s->channels; k++) {
-    const double least = largest > 0 ? s->least : LEAST * (s->load[k] > 0 ? s->load[k] : 1);
-    const double level = fmax(s->level[k], s->late[k]);
-    const double left = fmin(LEFT * fmax(s->residual[k], s->remains[k]), level);
-    const double misfit = fmax(s->floor * s->floor * level, left);
+    const double own = largest > 0 ? s->least : LEAST * (s->load[k] > 0 ? s->load[k] : 1);
+    const double least = fmax(own, SLIGHT * force * s->per_newton[k] * s->per_newton[k]);
+    const double left = fmin(LEFT * s->residual[k], s->level[k]);
+    const double misfit = fmax(s->floor * s->floor * s->level[k], left);
     s->noise[k] = s->steady[k] + s->stated[k] + fmax(s->span * misfit, least);
   }
 }
@@ -129,7 +133,6 @@ static void learn_misfit(screening *s, const double *covariance, const double *i
     const int missed = e * e > QUANTILE * s->interval[k];
     if (missed || s->interval[k] > s->least) s->width[k] += TURN * (missed - OUTSIDE);
     s->residual[k] += slow * (remains - s->residual[k]);
-    s->remains[k] += fast * (remains - s->remains[k]);
     s->recent[k] += fast * (capped(e * e, s->recent[k], s->whole[LEARNED]) - s->recent[k]);
     s->alone[k] += fast * (square - s->alone[k]);
     s->usual[k] = s->usual[k] > 0 && weights > 0 ? s->usual[k] * pow(weights / s->usual[k], fast)
