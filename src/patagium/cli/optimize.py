@@ -107,7 +107,7 @@ def optimize(
         return
     if speed == 0 and not inflow:
         typer.echo(f"patagium: {NO_INFLOW}", err=True)
-    options: dict[str, Any] = {"free": free} if free else {}
+    options: dict[str, Any] = {"added_mass": added} | ({"free": free} if free else {})
     if not as_json:
         typer.echo(
             "Searching a trimmed flight, then its best gait; many joints take minutes.", err=True
@@ -121,7 +121,6 @@ def optimize(
             harmonics=harmonics,
             goal=goal,
             progress=progress,
-            added_mass=added,
             **options,
         )
     if not isinstance(found, control.OptimalGait):

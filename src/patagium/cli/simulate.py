@@ -230,7 +230,6 @@ def simulate(
     exit code is then 2 or 130.
     With --live it flies as the clock goes, shown and steered in a browser (see `docs/live.md`).
     """
-    from patagium.aerodynamics import AddedMass
     from patagium.robot import load_robot
     from patagium.simulation import gaits, mounts
     from patagium.simulation.simulator import DURATION
@@ -244,11 +243,7 @@ def simulate(
     standing = not machine.floating or mount == "fixed"
     blown = wind or ((-own.speed, 0.0, 0.0) if own and standing else None)
     around = {"density": density, "wind": blown, "ground": ground}
-    model, carried = _air_model(aero, machine, inflow, polar, around)
-    if added_mass is not None:
-        if carried is not None:
-            raise ParameterError("--added-mass", "nothing with a learned model, which has it", aero)
-        carried = AddedMass(machine, model.air, factor=added_mass)
+    model, carried = _air_model(aero, machine, inflow, polar, added_mass, around)
     if stepping == "published":
         if time_step is None or duration is None:
             raise ParameterError("--time-step, --duration", "both with --stepping published", None)
@@ -350,18 +345,30 @@ _LABELS = {
 
 
 def _air_model(
-    aero: str, machine: Robot, inflow: bool, polar: list[str] | None, given: dict[str, Any]
+    aero: str,
+    machine: Robot,
+    inflow: bool,
+    polar: list[str] | None,
+    factor: float | None,
+    around: dict[str, Any],
 ) -> tuple[Aerodynamics, AddedMass | None]:
-    from patagium.aerodynamics import Air
+    """Model of the air and what wings carry of it, by the words of the command line."""
+    from patagium.aerodynamics import AddedMass, Air
     from patagium.plugins import AIR_MODELS, plugin
 
+    carried: AddedMass | None = None
     if aero != "published":
-        return chosen_air(aero, machine, polar, inflow, **given)
-    if inflow or polar is not None:
+        model, carried = chosen_air(aero, machine, polar, inflow, **around)
+    elif inflow or polar is not None:
         raise ParameterError("--aero", "another with --inflow or --polar", aero)
-    air = Air(**{"density": DENSITY} | {k: x for k, x in given.items() if x is not None})
-    made: Aerodynamics = _of_laboratory(plugin(AIR_MODELS, aero), "--aero")(machine, air)
-    return made, None
+    else:
+        air = Air(**{"density": DENSITY} | {k: x for k, x in around.items() if x is not None})
+        model = _of_laboratory(plugin(AIR_MODELS, aero), "--aero")(machine, air)
+    if factor is not None:
+        if carried is not None:
+            raise ParameterError("--added-mass", "nothing with a learned model, which has it", aero)
+        carried = AddedMass(machine, model.air, factor=factor)
+    return model, carried
 
 
 def _of_laboratory(found: Any, option: str) -> Any:
