@@ -171,6 +171,7 @@ def test_a_swept_wing_without_end_is_a_straight_one_that_yaws(
 
 
 @pytest.mark.parametrize(("behind", "above"), [(1.5, 0.2), (1.2, 0.4), (1.0, 1.2), (10.0, 0.2)])
+@pytest.mark.usefixtures("interpreted")
 def test_tandem_wings_feel_each_other_as_on_a_vortex_lattice(behind: float, above: float) -> None:
     places = [(0.0, 0.0), (-behind, above)]
     wings = [
