@@ -110,7 +110,7 @@ def coefficients(robot: Robot) -> np.ndarray:
     return np.array([lift / ANGLE, drag / ANGLE**2]) / (0.5 * 1.225 * AIRSPEED**2 * area)
 
 
-@pytest.mark.parametrize("aspect_ratio", [4, 6, 20])
+@pytest.mark.parametrize("aspect_ratio", [4, 20])
 def test_elliptic_wing_converges_with_order_three_halves(aspect_ratio: float) -> None:
     lift = 2 * np.pi / (1 + 2 / aspect_ratio)
     exact = np.array([lift, lift**2 / (np.pi * aspect_ratio)])
