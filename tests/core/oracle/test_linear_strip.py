@@ -130,6 +130,7 @@ def test_side_edges_pull_the_ends_of_attached_wings_outwards(
     assert right == pytest.approx(-left)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_in_attached_flow_it_begins_with_a_lifting_line_and_added_mass() -> None:
     """The truth by Runge-Kutta, lags included; the network's by its second-order steps."""
     robot = load_robot_text(pt.load_robot("aerobat").source.replace("strips: 5", "strips: 3"))
