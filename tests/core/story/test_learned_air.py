@@ -122,7 +122,7 @@ def test_verbs_take_learned_air(
     assert float(np.abs(apart).max()) < 1e-3  # the controller knows this air
     for words, told in (
         (("--aero", "model.json", "--polar", "reynolds"), "nothing beside a learned model"),
-        (("--aero", "modle.jsn"), "or a model .* that patagium identify wrote"),
+        (("--aero", "model.jsn"), "or a model .* that patagium identify wrote"),
         (("--aero", "flight.json"), "flight.json"),
     ):
         code, out, err = said(capsys, "trim", "bird.yaml", *words)
