@@ -71,6 +71,16 @@ def no_network(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
+def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Equations run on CasADi's virtual machine: for few states, which take longer to compile.
+
+    Compiled and interpreted equations are compared in tests/core/oracle/test_flight_fallback.py.
+    """
+    monkeypatch.setenv("PATAGIUM_TOLD_WITHOUT_COMPILER", "none")
+    monkeypatch.setenv("PATAGIUM_COMPILER", "none")
+
+
+@pytest.fixture
 def rng() -> np.random.Generator:
     """A generator of random numbers with a fixed seed."""
     return np.random.default_rng(20240607)

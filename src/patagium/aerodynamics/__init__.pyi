@@ -12,6 +12,7 @@ from patagium.aerodynamics.inflow import Inflow as Inflow
 from patagium.aerodynamics.learned_air import LearnedAir as LearnedAir
 from patagium.aerodynamics.lifting_line import LiftingLine as LiftingLine
 from patagium.aerodynamics.lifting_line import StateSpace as StateSpace
+from patagium.aerodynamics.linear_strips import LinearStrips as LinearStrips
 from patagium.aerodynamics.model import Aerodynamics as Aerodynamics
 from patagium.aerodynamics.polar_files import PolarTable as PolarTable
 from patagium.aerodynamics.polar_files import read_polar as read_polar

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 from patagium.aerodynamics.air import Air, air_from_description
 from patagium.aerodynamics.local_flow import strip_motions
 from patagium.aerodynamics.named_descriptions import check_keys
+from patagium.aerodynamics.of_wings import wings_of
 from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.arguments import check_fields
 from patagium.arrays import Array, real_array
@@ -31,7 +32,7 @@ from patagium.dynamics.added_mass import BodyAddedMass
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.equations import kirchhoff_force
 from patagium.dynamics.kinematics import add_wrench, body_poses, generalized_force
-from patagium.errors import not_negative
+from patagium.errors import ParameterError, not_negative
 from patagium.native import NativeFunction, load_functions
 from patagium.robot.model import Robot, Strip
 
@@ -49,10 +50,12 @@ class AddedMass:
     Args:
         robot: The machine.
         air: Its density; wind and gusts are those of the model it goes with.
-        factor: Share of the air of an infinite wing: 1 for long wings, .85 at an aspect ratio of 3.
+        factor: Share of the air of an infinite wing: 1 for long wings, .85 at an aspect ratio of
+            3; or one for each wing by its name, mirror images aside, which may be below zero as far
+            as the robot's own inertia outweighs it: a learned one stands for all that is off.
 
     Raises:
-        ParameterError: If the factor is negative or not finite.
+        ParameterError: If the one factor is negative, one is not finite, or a wing has none.
 
     References:
         Theodorsen (1935), NACA TR 496; Garrick (1936), NACA TR 567; Lamb (1932), section 124.
@@ -60,21 +63,46 @@ class AddedMass:
 
     robot: Robot
     air: Air = field(default_factory=Air)
-    factor: float = 1.0
+    factor: float | Mapping[str, float] = field(default=1.0, hash=False)
 
     def __post_init__(self) -> None:
         check_fields(self)
-        not_negative(self, "factor")
+        if not isinstance(self.factor, Mapping):
+            not_negative(self, "factor")
+        for name, factor in self.factors.items():
+            if not np.isfinite(factor):
+                raise ParameterError(name, "a finite number", factor)
+        self._places()
+
+    @property
+    def factors(self) -> dict[str, float]:
+        """Factors by name, that of all wings or one for each that has its own [1]."""
+        if isinstance(self.factor, Mapping):
+            return {f"added_mass.{wing}.factor": one for wing, one in self.factor.items()}
+        return {"added_mass.factor": self.factor}
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters, in the order of `parameters`."""
-        return ("added_mass.density", "added_mass.factor")
+        return ("added_mass.density", *self.factors)
 
     @property
     def parameters(self) -> Array:
-        """Values of the parameters, (2,)."""
-        return np.array([self.air.density, self.factor])
+        """Values of the parameters, density [kg/m^3] and factors [1], (n_c,)."""
+        return np.array([self.air.density, *self.factors.values()])
+
+    @property
+    def structure(self) -> str:
+        """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
+        return " ".join(self.parameter_names)
+
+    def _places(self) -> dict[str, int]:
+        """Place of each wing's factor among the parameters."""
+        wings = self.robot.wing_names
+        if not isinstance(self.factor, Mapping):
+            return dict.fromkeys(wings, 1)
+        owner = wings_of("factor", self.factor, self.robot)
+        return {wing: 1 + [*self.factor].index(owner[wing]) for wing in wings}
 
     def describe(self) -> dict[str, Any]:
         """Description that makes the added mass again for a robot, as JSON-able values."""
@@ -87,11 +115,10 @@ class AddedMass:
             robot: The model's robot, its numbers floats or symbols.
             wind: Velocity of the air, world axes, (3,) or (3, n_strips) [m/s]; a body meets
                 the mean of its strips', weighted by what they carry.
-            parameters: Density [kg/m^3] and factor, (2,).
+            parameters: Density [kg/m^3] and factors, (n_c,).
         """
         matrices: dict[int, ca.SX] = {}
-        for strip in robot.strips:
-            density = parameters[0] * parameters[1]
+        for strip, density in self._densities(robot, parameters):
             mass, spin = _carried(strip, density)
             moving, turning = _directions(strip)
             matrix = matrices.get(strip.body, ca.SX(6, 6))
@@ -109,12 +136,12 @@ class AddedMass:
             robot: The model's robot, its numbers floats or symbols.
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             rate: Of the wind at each strip, world axes, (3, n_strips) [m/s^2].
-            parameters: Density [kg/m^3] and factor, (2,).
+            parameters: Density [kg/m^3] and factors, (n_c,).
         """
         poses = body_poses(robot, q)
         wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
-        for i, strip in enumerate(robot.strips):
-            mass, _ = _carried(strip, parameters[0] * parameters[1])
+        for i, (strip, density) in enumerate(self._densities(robot, parameters)):
+            mass, _ = _carried(strip, density)
             normal = vector(strip.normal)
             local = poses[strip.body].rotation.T @ rate[:, i]
             force = normal * (mass * ca.dot(normal, local))
@@ -131,12 +158,14 @@ class AddedMass:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
             v: Generalized velocities, (n,) [m/s, rad/s].
             wind: Velocity of the air, world axes, (3,) or (3, n_strips) [m/s].
-            parameters: Density [kg/m^3] and factor, (2,).
+            parameters: Density [kg/m^3] and factors, (n_c,).
         """
         wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
-        for motion in strip_motions(robot, q, v, wind):
-            strip = motion.strip
-            mass, _ = _carried(strip, parameters[0] * parameters[1])
+        densities = self._densities(robot, parameters)
+        for motion, (strip, density) in zip(
+            strip_motions(robot, q, v, wind), densities, strict=True
+        ):
+            mass, _ = _carried(strip, density)
             forward = vector(strip.forward)
             normal = vector(strip.normal)
             behind = (1.0 + smooth_sign(motion.forward)) * (strip.chord / 4)
@@ -147,6 +176,11 @@ class AddedMass:
             moment = moment + cross(vector(strip.quarter_chord), force)
             add_wrench(wrenches, strip.body, force, moment)
         return generalized_force(robot, q, wrenches)
+
+    def _densities(self, robot: Robot, parameters: ca.SX) -> list[tuple[Strip, ca.SX]]:
+        """Strips, with the density of the air that each carries, times its factor [kg/m^3]."""
+        places = self._places()
+        return [(one, parameters[0] * parameters[places[one.wing]]) for one in robot.strips]
 
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Generalized inertia of the air carried along, (n, n) [kg, kg m, kg m^2].
@@ -196,7 +230,7 @@ class AddedMass:
 
     @cached_property
     def _functions(self) -> dict[str, NativeFunction]:
-        key, label = f"added mass {self.robot.structure}", f"added mass of {self.robot.name}"
+        key, label = f"{self.structure} {self.robot.structure}", f"added mass of {self.robot.name}"
         return load_functions(key, lambda: added_mass_functions(self), label=label)
 
 
@@ -205,7 +239,7 @@ def added_mass_functions(model: AddedMass) -> list[ca.Function]:
     robot, robot_parameters = model.robot.symbolic()
     q = ca.SX.sym("q", robot.coordinate_count)
     v, a = ca.SX.sym("v", robot.dof), ca.SX.sym("a", robot.dof)
-    wind, parameters = ca.SX.sym("wind", 3), ca.SX.sym("c", 2)
+    wind, parameters = ca.SX.sym("wind", 3), ca.SX.sym("c", len(model.parameters))
     added = model.inertia(robot, wind, parameters)
     force = kirchhoff_force(robot, q, v, a, added)
     matrix = ca.densify(-ca.jacobian(force, a))

@@ -12,6 +12,7 @@ from patagium.aerodynamics.indicial import Indicial
 from patagium.aerodynamics.inflow import Inflow
 from patagium.aerodynamics.learned_air import LearnedAir
 from patagium.aerodynamics.lifting_line import LiftingLine
+from patagium.aerodynamics.linear_strips import LinearStrips
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.named_descriptions import check_keys, field_values, from_field_values
 from patagium.aerodynamics.on_model import OnModel
@@ -23,7 +24,9 @@ from patagium.errors import ParameterError
 from patagium.plugins import AIR_MODELS, plugin
 from patagium.robot.model import Robot
 
-_MODELS: dict[str, Any] = {kind.name: kind for kind in (QuasiSteady, DeLaurier, LiftingLine)}
+_MODELS: dict[str, Any] = {
+    kind.name: kind for kind in (QuasiSteady, DeLaurier, LiftingLine, LinearStrips)
+}
 _ON_MODEL: dict[str, type[OnModel]] = {kind.name: kind for kind in (Inflow, LearnedAir, WindShear)}
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
 
 import typer
 
@@ -16,15 +16,41 @@ from patagium.errors import ParameterError
 if TYPE_CHECKING:
     import xarray as xr
 
-    from patagium.aerodynamics import Aerodynamics, Air
+    from patagium.aerodynamics import AddedMass, Aerodynamics, Air
+    from patagium.control import Orbit
     from patagium.learning import Identification
     from patagium.robot import Robot
 
 
+DENSITY = 1.225
+"""Density of the air where none is given [kg/m^3]."""
+UNSEEN = 0.05
+"""Share of flow that was not learned, beyond which a learned model is a guess."""
 GreyModel: TypeAlias = Literal["quasi-steady", "lifting-line", "delaurier"]
 """Models of the air whose numbers can be learned."""
 
 
+def air_word(text: str) -> str:
+    """A model of the air as an option names it: by its word, or by the file of a learned one.
+
+    Raises:
+        ParameterError: If it is neither.
+    """
+    known = get_args(GreyModel)
+    if text not in known and not text.endswith(".json"):
+        expected = f"{', '.join(known)}, or a model (.json) that patagium identify wrote"
+        raise ParameterError("model of the air", expected, text, known)
+    return text
+
+
+AirOption: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        parser=air_word,
+        metavar="<quasi-steady|lifting-line|delaurier|FILE>",
+        help="Model of the air; FILE: a learned one (.json), that identify wrote.",
+    ),
+]
 EstimateOption: TypeAlias = Annotated[
     list[str] | None,
     typer.Option(
@@ -133,6 +159,60 @@ def air_class(word: str) -> Any:
     from patagium.aerodynamics import DeLaurier, LiftingLine, QuasiSteady
 
     return {one.name.replace("_", "-"): one for one in (QuasiSteady, LiftingLine, DeLaurier)}[word]
+
+
+def chosen_air(
+    word: str,
+    machine: Robot,
+    polars: Sequence[str] | None = None,
+    inflow: bool = False,
+    usual: float = DENSITY,
+    **given: Any,
+) -> tuple[Aerodynamics, AddedMass | None]:
+    """Model of the air around a robot, and what wings carry of it, where that was learned.
+
+    Args:
+        word: As `air_word` reads it.
+        machine: The robot.
+        polars: As `air_model` takes them.
+        inflow: Whether wings meet the air that they have thrown down.
+        usual: Density of a model that was not learned, where none is given [kg/m^3].
+        **given: Density, wind and ground [SI]; None: those of the model.
+
+    Raises:
+        LogError: If the file is no learned model.
+        ParameterError: If the learned model is none of the air around this robot, or has no such
+            options.
+    """
+    from patagium.aerodynamics import Air
+    from patagium.learning import load_model
+
+    known = {name: value for name, value in given.items() if value is not None}
+    if not word.endswith(".json"):
+        air = Air(**{"density": usual, **known})
+        return air_model(word, machine, air, polars, inflow), None
+    if polars or inflow:
+        raise ParameterError("--polar, --inflow", "nothing beside a learned model", word)
+    model = load_model(word)
+    learned, _ = model.air(machine)
+    air = replace(learned.air, **known)
+    told = f"Air of {word}, learned from {model.source or 'a log'}: {air.density:.4g} kg/m^3"
+    typer.echo(told + f", wind {air.wind} m/s" * any(air.wind), err=True)
+    return model.air(machine, air)
+
+
+def tell_unseen(word: str, orbit: Orbit) -> None:
+    """Say of an orbit in learned air how much of its flow the log did not have."""
+    if not word.endswith(".json"):
+        return
+    from patagium.learning import evaluate, load_model
+
+    share = evaluate(orbit.flight(beats=1.0), load_model(word)).scores.get("unseen_share")
+    if share is not None:
+        text = f"{100 * share:.0f} % of this flow was not learned"
+        if share > UNSEEN:
+            text += ": there the learned air is a guess"
+        typer.echo(f"{text}.", err=True)
 
 
 def air_model(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from patagium.cli.estimates import GreyModel, air_model
+from patagium.cli.estimates import AirOption, chosen_air, tell_unseen
 from patagium.cli.options import (
     OUTPUT,
     DensityOption,
@@ -62,10 +62,10 @@ def optimize(
         Numbers | None,
         typer.Option(parser=numbers, help="Speeds of a front of speed and power, in m/s."),
     ] = None,
-    aero: Annotated[GreyModel, typer.Option(help="Model of the air.")] = "quasi-steady",
+    aero: AirOption = "quasi-steady",
     polar: PolarOption = None,
     inflow: InflowOption = False,
-    density: DensityOption = 1.225,
+    density: DensityOption = None,
     output: Annotated[
         Path | None, output_file("File for a flight with the gait (.nc).", *OUTPUT)
     ] = None,
@@ -86,7 +86,6 @@ def optimize(
     least power at several speeds, compared with the best sinusoids.
     """
     from patagium import control
-    from patagium.aerodynamics import Air
     from patagium.robot import load_robot
     from patagium.simulation import gaits, save_flight
     from patagium.simulation.flight_summary import HINGED, NO_INFLOW, hinged_strips
@@ -94,7 +93,7 @@ def optimize(
     if front is None and figure is not None:
         raise ParameterError("--figure", "--front with the speeds of the picture", None)
     machine = load_robot(robot)
-    model = air_model(aero, machine, Air(density=density), polar, inflow)
+    model, added = chosen_air(aero, machine, polar, inflow, density=density)
     if aero == "quasi-steady" and (turned := hinged_strips(machine)):
         typer.echo(f"patagium: {HINGED.format(machine.strips[turned[0]].wing)}", err=True)
     if front is not None:
@@ -102,13 +101,13 @@ def optimize(
             raise ParameterError("--front", "no --speed, --goal, --output or --gait with it", front)
         if len(front) > MOST_SPEEDS:
             raise ParameterError("--front", f"at most {MOST_SPEEDS} speeds", len(front))
-        given: dict[str, Any] = {"climb": climb, "harmonics": harmonics}
+        given: dict[str, Any] = {"climb": climb, "harmonics": harmonics, "added_mass": added}
         least = control.power_front(machine, front, model, **given)
         _front(least, figure, as_json)
         return
     if speed == 0 and not inflow:
         typer.echo(f"patagium: {NO_INFLOW}", err=True)
-    options: dict[str, Any] = {"free": free} if free else {}
+    options: dict[str, Any] = {"added_mass": added} | ({"free": free} if free else {})
     if not as_json:
         typer.echo(
             "Searching a trimmed flight, then its best gait; many joints take minutes.", err=True
@@ -128,6 +127,7 @@ def optimize(
         if as_json:
             answer(found.summary(), as_json=True)
         raise PatagiumError(repr(found))
+    tell_unseen(aero, found.orbit)
     outputs, best = Outputs(), found.orbit
     if output is not None:
         outputs.attempt(str(output), lambda: save_flight(best.flight(beats), output))

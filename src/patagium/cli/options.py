@@ -47,7 +47,12 @@ MappingOption = Annotated[
     typer.Option("--mapping", "--map", help="Meaning of the columns or fields of a log (YAML)."),
 ]
 DurationOption = Annotated[float | None, option_in("s", "a time", "Duration of the flight, in s.")]
-DensityOption = Annotated[float, option_in("kg/m^3", "a density", "Density of the air, in kg/m^3.")]
+DensityOption = Annotated[
+    float | None,
+    option_in(
+        "kg/m^3", "a density", "Density of the air, in kg/m^3; 1.225, or that of a learned model."
+    ),
+]
 WindOption = Annotated[
     Vector | None,
     typer.Option(

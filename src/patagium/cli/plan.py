@@ -15,9 +15,9 @@ from pydantic import (  # isort: skip
     AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, ValidationInfo,
     create_model, model_validator,
 )  # fmt: skip
-from patagium.aerodynamics import AddedMass, Air, QuasiSteady
+from patagium.aerodynamics import AddedMass, QuasiSteady
 from patagium.arguments import Progress
-from patagium.cli.estimates import GreyModel, air_class
+from patagium.cli.estimates import DENSITY, air_word, chosen_air, tell_unseen
 from patagium.control.adaptation import AdaptiveController
 from patagium.control.estimators import NoisyState, TrackedState
 from patagium.control.events import (
@@ -54,6 +54,8 @@ TurnRate: TypeAlias = quantity_type("rad/s", "a rate of turning")  # type: ignor
 Velocity: TypeAlias = Annotated[tuple[Speed, Speed, Speed], Field(examples=["[0, 0, 1 m/s]"])]
 BEATS = 40
 """Duration of a flight in wingbeats where none is given."""
+TRUE_DENSITY = 1.2
+"""Density of a truth that was not learned, where none is given [kg/m^3]."""
 GUST_SHARE = 0.1
 """Gust over the speed where no event is given."""
 
@@ -86,6 +88,7 @@ def _parameters(names: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]
     return names
 
 
+AirWord: TypeAlias = Annotated[str, AfterValidator(air_word)]
 Parameters: TypeAlias = Annotated[tuple[str, ...], AfterValidator(_parameters)]
 States: TypeAlias = Annotated[dict[str, Any], AfterValidator(_in_si)]
 
@@ -110,17 +113,17 @@ class TrimPart(_Part):
     climb: Speed | None = None
     turn_rate: TurnRate = 0.0
     free: Parameters = ()
-    air: GreyModel = "quasi-steady"
-    density: Density = 1.225
+    air: AirWord = "quasi-steady"
+    density: Density | None = None
 
 
 class TruthPart(_Part):
     """Truth that flies: masses and inertias off the file's, other air."""
 
     masses: Annotated[PureNumber, Field(ge=0, lt=0.3, examples=["0.02"])] = 0.01
-    air: GreyModel = "quasi-steady"
-    density: Density = 1.2
-    wind: Velocity = (0.0, 0.0, 0.0)
+    air: AirWord = "quasi-steady"
+    density: Density | None = None
+    wind: Velocity | None = None
     added_mass: Annotated[PureNumber, Field(ge=0)] | None = None
     polar: dict[str, PureNumber] = {}
 
@@ -276,6 +279,9 @@ def load_plan(name_or_path: str | Path) -> Plan:
         plan = Plan.model_validate(described)
         robot = beside(path, plan.robot)
         told = {**described, "robot": robot}
+        for name, part in (("trim", plan.trim), ("truth", plan.truth)):
+            if part.air.endswith(".json"):
+                told[name] = {**described[name], "air": beside(path, part.air)}
         return Plan.model_validate(told, context=load_robot(robot))
     except ValidationError as problem:
         raise refused(str(path), problem.errors(), Plan, text) from None
@@ -327,8 +333,8 @@ class Prepared:
             f"Controller: {plan.controller.type}, commands {commands}"
             + learns * plan.controller.learn,
             f"Truth: masses and inertias off by {100 * truth.masses:g} % "
-            f"(std; seed {plan.seed}), {truth.air} air of {truth.density:g} kg/m^3, "
-            f"the model's {plan.trim.air} of {plan.trim.density:g}",
+            f"(std; seed {plan.seed}), {_air_words(truth, TRUE_DENSITY)}, "
+            f"the model's {_air_words(plan.trim, DENSITY)}",
             f"Known: {told}",
             f"Flight of {self.duration:.3g} s; events: {events}",
         )
@@ -349,16 +355,21 @@ class Prepared:
         """
         plan, truth = self.plan, self.plan.truth
         robot = off_nominal(self.orbit.robot, truth.masses, plan.seed)
-        air = Air(density=truth.density, wind=truth.wind)
-        aero = air_class(truth.air)(robot, air)
+        aero, carried = chosen_air(
+            truth.air, robot, usual=TRUE_DENSITY, density=truth.density, wind=truth.wind
+        )
         if truth.polar:
             _, aero = PolarEvent(time=0.0, factors=truth.polar).changed(robot, aero)
-        added = truth.added_mass
+        if truth.added_mass is not None:
+            if carried is not None:
+                expected = "nothing with a learned model, which has it"
+                raise ParameterError("truth: added_mass", expected, truth.added_mass)
+            carried = AddedMass(robot, aero.air, factor=truth.added_mass)
         return fly(
             robot, aero, self.controller, orbit=self.orbit, duration=self.duration,
             sensors=self.sensors, events=self.events,
-            added_mass=None if added is None else AddedMass(robot, air, factor=added),
-            seed=plan.seed, time_step=plan.time_step, throw=False, progress=progress,
+            added_mass=carried, seed=plan.seed, time_step=plan.time_step, throw=False,
+            progress=progress,
         )  # fmt: skip
 
 
@@ -370,12 +381,13 @@ def prepared(plan: Plan) -> Prepared:
         PatagiumError: If there is no such orbit; it says what is lacking.
     """
     robot, given = load_robot(plan.robot), plan.trim
-    aero = air_class(given.air)(robot, Air(density=given.density))
+    aero, added = chosen_air(given.air, robot, density=given.density)
     gait = gaits.cruise(robot)
     free = given.free or free_parameters(robot, gait, given.turn_rate)
     climb = 0.0 if given.climb is None and gait.period else given.climb  # a glide's is free
     asked = {"speed": given.speed, "climb": climb, "turn_rate": given.turn_rate}
-    orbit = _found(trim(robot, aero, gait, free=free, **asked))
+    orbit = _found(trim(robot, aero, gait, free=free, added_mass=added, **asked))
+    tell_unseen(given.air, orbit)
     named = plan.controller.commands or tuple(robot.actuators)
     if not named:
         expected = "`actuators` in the robot's file, such as {frequency: {range: [2 Hz, 5 Hz]}}"
@@ -389,6 +401,13 @@ def prepared(plan: Plan) -> Prepared:
         events = tuple(event_of(one) for one in plan.events)
     known = plan.sensors.known(robot)
     return Prepared(plan, orbit, controller, duration, events, known)
+
+
+def _air_words(part: TrimPart | TruthPart, usual: float) -> str:
+    """A model of the air and its density, in words."""
+    learned = part.air.endswith(".json")
+    density = None if learned and part.density is None else part.density or usual
+    return f"{part.air} air" + ("" if density is None else f" of {density:g} kg/m^3")
 
 
 def _found(orbit: Orbit | NoOrbit, of: str = "") -> Orbit:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from functools import partial
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from patagium.cli import live as live_options
-from patagium.cli.estimates import GreyModel, air_model
+from patagium.cli.estimates import DENSITY, air_word, chosen_air
 from patagium.cli.learner_options import LearnerChoice, with_learner_options
 from patagium.cli.mounting import MountKind, PathWords, Sizes, mount_from, sizes
 from patagium.cli.options import (
@@ -42,13 +42,14 @@ from patagium.limits import SWING, TILT
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from patagium.aerodynamics import Aerodynamics, Air
+    from patagium.aerodynamics import AddedMass, Aerodynamics
     from patagium.robot import Robot
     from patagium.simulation.gait_models import Gait
 
 
-AirModel: TypeAlias = Literal[GreyModel, "published"]
-"""Models of the air."""
+def _air_word(text: str) -> str:
+    """A model of the air; "published" is that of the laboratory."""
+    return text if text == "published" else air_word(text)
 
 
 _ANGLE = {"parser": quantity("rad", "an angle", SWING)}
@@ -121,14 +122,21 @@ def simulate(
     offset: Annotated[
         list[str] | None, typer.Option(help="Mean of a joint: elbow='-10 deg'. Repeat it.")
     ] = None,
-    aero: Annotated[AirModel, typer.Option(help="Model of the air.")] = "quasi-steady",
+    aero: Annotated[
+        str,
+        typer.Option(
+            parser=_air_word,
+            metavar="<quasi-steady|lifting-line|delaurier|FILE|published>",
+            help="Model of the air; FILE: a learned one (.json), that identify wrote.",
+        ),
+    ] = "quasi-steady",
     polar: PolarOption = None,
     inflow: InflowOption = False,
     added_mass: Annotated[
         float | None,
         typer.Option(help="Factor of the added mass: 1 for long wings, .85 at aspect ratio 3."),
     ] = None,
-    density: DensityOption = 1.225,
+    density: DensityOption = None,
     wind: WindOption = None,
     ground: Annotated[
         float | None,
@@ -222,7 +230,6 @@ def simulate(
     exit code is then 2 or 130.
     With --live it flies as the clock goes, shown and steered in a browser (see `docs/live.md`).
     """
-    from patagium.aerodynamics import AddedMass, Air
     from patagium.robot import load_robot
     from patagium.simulation import gaits, mounts
     from patagium.simulation.simulator import DURATION
@@ -234,9 +241,9 @@ def simulate(
     asked = (gait, plunge, elbow, feather, amplitude or None, phase or None, offset or None)
     own = None if any(one is not None for one in asked) else machine.cruise
     standing = not machine.floating or mount == "fixed"
-    air = Air(density, wind or (-own.speed if own and standing else 0.0, 0, 0), ground=ground)
-    model = _air_model(aero, machine, air, inflow, polar)
-    carried = None if added_mass is None else AddedMass(machine, air, factor=added_mass)
+    blown = wind or ((-own.speed, 0.0, 0.0) if own and standing else None)
+    around = {"density": density, "wind": blown, "ground": ground}
+    model, carried = _air_model(aero, machine, inflow, polar, added_mass, around)
     if stepping == "published":
         if time_step is None or duration is None:
             raise ParameterError("--time-step, --duration", "both with --stepping published", None)
@@ -338,16 +345,30 @@ _LABELS = {
 
 
 def _air_model(
-    aero: AirModel, machine: Robot, air: Air, inflow: bool, polar: list[str] | None
-) -> Aerodynamics:
+    aero: str,
+    machine: Robot,
+    inflow: bool,
+    polar: list[str] | None,
+    factor: float | None,
+    around: dict[str, Any],
+) -> tuple[Aerodynamics, AddedMass | None]:
+    """Model of the air and what wings carry of it, by the words of the command line."""
+    from patagium.aerodynamics import AddedMass, Air
     from patagium.plugins import AIR_MODELS, plugin
 
+    carried: AddedMass | None = None
     if aero != "published":
-        return air_model(aero, machine, air, polar, inflow)
-    if inflow or polar is not None:
+        model, carried = chosen_air(aero, machine, polar, inflow, **around)
+    elif inflow or polar is not None:
         raise ParameterError("--aero", "another with --inflow or --polar", aero)
-    made: Aerodynamics = _of_laboratory(plugin(AIR_MODELS, aero), "--aero")(machine, air)
-    return made
+    else:
+        air = Air(**{"density": DENSITY} | {k: x for k, x in around.items() if x is not None})
+        model = _of_laboratory(plugin(AIR_MODELS, aero), "--aero")(machine, air)
+    if factor is not None:
+        if carried is not None:
+            raise ParameterError("--added-mass", "nothing with a learned model, which has it", aero)
+        carried = AddedMass(machine, model.air, factor=factor)
+    return model, carried
 
 
 def _of_laboratory(found: Any, option: str) -> Any:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from patagium.cli.estimates import GreyModel, air_model
+from patagium.cli.estimates import AirOption, chosen_air, tell_unseen
 from patagium.cli.options import (
     OUTPUT,
     DensityOption,
@@ -73,10 +73,10 @@ def trim(
             "default the actuators of the robot's file, else all. Repeat it."
         ),
     ] = None,
-    aero: Annotated[GreyModel, typer.Option(help="Model of the air.")] = "quasi-steady",
+    aero: AirOption = "quasi-steady",
     polar: PolarOption = None,
     inflow: InflowOption = False,
-    density: DensityOption = 1.225,
+    density: DensityOption = None,
     beats: Annotated[
         float, typer.Option(min=1e-3, max=1e4, help="Wingbeats of the flight that -o writes.")
     ] = 10.0,
@@ -97,7 +97,6 @@ def trim(
 ) -> None:
     """Periodic flight of a robot: gait, attitude, stability; or what it lacks."""
     from patagium import control
-    from patagium.aerodynamics import Air
     from patagium.report.page import Table
     from patagium.robot import load_robot
     from patagium.simulation import gaits, save_flight
@@ -114,7 +113,7 @@ def trim(
     if not as_json:
         kind = "Wingbeat" if gait.period else "Glide"
         typer.echo(f"{kind} of the file's cruise, {aero} air; free: {', '.join(chosen)}", err=True)
-    model = air_model(aero, machine, Air(density=density), polar, inflow)
+    model, added = chosen_air(aero, machine, polar, inflow, density=density)
     if aero == "quasi-steady" and (turned := hinged_strips(machine)):
         typer.echo(f"patagium: {HINGED.format(machine.strips[turned[0]].wing)}", err=True)
     orbit = control.trim(
@@ -125,11 +124,13 @@ def trim(
         speed=speed,
         climb=level if climb is None else climb,
         turn_rate=turn_rate,
+        added_mass=added,
     )
     if not isinstance(orbit, control.Orbit):
         if as_json:
             answer(orbit.summary(), as_json=True)
         raise PatagiumError(repr(orbit))
+    tell_unseen(aero, orbit)
     if along is not None:
         units = dict(zip(orbit.family.names, orbit.family.units, strict=True))
         name, limits = _range(along, {**units, "speed": "m/s", "climb": "m/s"})

@@ -8,6 +8,7 @@ averaging, which takes the mean of the rate with the state held. Neglected: what
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,6 +24,7 @@ GONE = 1e-12
 """Size of a multiplier whose rate is rounding's: nothing is left of the mode after a beat."""
 FAILS = 0.2
 """Relative error of an averaged rate from which on averaging fails."""
+_Slopes = Callable[[Array], tuple[Array, Array]]
 _BALANCED = 1e-8  # mean rate of an equilibrium, rounding of some thousand operations [SI]
 
 
@@ -142,7 +144,8 @@ def floquet(orbit: Orbit) -> Floquet:
     frame, slope = Frame(orbit.names), orbit.return_slope
     values, vectors = np.linalg.eig(slope)
     period = orbit.period
-    averaged, first = _averaged_rates(orbit), _first_order_rates(orbit)
+    slopes = _beat_slopes(orbit)
+    averaged, first = _averaged_rates(orbit, slopes), _first_order_rates(orbit, slopes)
     order = np.argsort(-np.abs(values), kind="stable")
     kept = [k for k in order if values[k].imag >= 0]
     rates = np.array([_rate(values[k], period) for k in kept])
@@ -173,23 +176,24 @@ def _neutral(orbit: Orbit) -> NDArray[np.complex128]:
     return np.asarray(np.linalg.eigvals(np.triu(moved[frame.neutral])) + left, complex)
 
 
-def _beat_slopes(orbit: Orbit, states: Array) -> tuple[Array, Array]:
-    """Rate of the state and its Jacobian at the beginning of each segment, (m, n), (m, n, n)."""
+def _beat_slopes(orbit: Orbit) -> _Slopes:
+    """Rates of states at the beginnings of the segments, and their Jacobians."""
     flight_map: FlightMap = orbit.map
     rows = orbit.family.rows(orbit.values, orbit.steps, orbit.aero.air)
-    each = len(rows.table) // len(states)
-    return flight_map.slopes(states, rows.table[: each * len(states) : each])
+    each = len(rows.table) // len(orbit.states)
+    beginnings = rows.table[: each * len(orbit.states) : each]
+    return lambda states: flight_map.slopes(states, beginnings)
 
 
-def _averaged_rates(orbit: Orbit) -> NDArray[np.complex128]:
+def _averaged_rates(orbit: Orbit, slopes: _Slopes) -> NDArray[np.complex128]:
     """Rates of the mean of the beat's linearization, (n - 4,) [1/s]."""
     frame, states = Frame(orbit.names), orbit.states
-    beat = zip(states, *_beat_slopes(orbit, states), strict=True)
+    beat = zip(states, *slopes(states), strict=True)
     seen = [frame.seen_rate(state, rate, slope) for state, rate, slope in beat]
     return np.asarray(np.linalg.eigvals(np.mean(seen, axis=0)), complex)
 
 
-def _first_order_rates(orbit: Orbit) -> NDArray[np.complex128]:
+def _first_order_rates(orbit: Orbit, slopes: _Slopes) -> NDArray[np.complex128]:
     """Rates of averaging of first order about its own equilibrium, (n - 4,) [1/s].
 
     The mean rate of a held state vanishes at the equilibrium, which Levenberg and Marquardt's
@@ -203,7 +207,7 @@ def _first_order_rates(orbit: Orbit) -> NDArray[np.complex128]:
 
     def mean_rate(kept: Array) -> tuple[Array, Array]:
         state[frame.kept] = kept
-        rate, slope = (part.mean(axis=0) for part in _beat_slopes(orbit, np.tile(state, (m, 1))))
+        rate, slope = (part.mean(axis=0) for part in slopes(np.tile(state, (m, 1))))
         return (frame.seen(state)[1] @ rate)[frame.kept], frame.seen_rate(state, rate, slope)
 
     with np.errstate(all="ignore"):

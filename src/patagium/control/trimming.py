@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, QuasiSteady
@@ -30,7 +31,7 @@ from patagium.control.gait_family import (
 )
 from patagium.control.orbit import Frame, NoOrbit, Orbit, check_attitude
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
-from patagium.dynamics import Dynamics
+from patagium.dynamics.equations import mass_matrix
 from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.robot.model import COMMANDS, FLOATING_COORDINATES
@@ -656,7 +657,7 @@ def _mean_wrench(search: OrbitSearch, at: Point, left: Array) -> dict[str, float
         change[place] += value / at.period
     q, places = robot.coordinates(), [robot.index(name) for name in axes]
     q[places] = at.states[0][[names.index(name) for name in axes]]
-    mass = Dynamics(robot).mass_matrix(q)[np.ix_(places, places)]
+    mass = np.array(ca.DM(mass_matrix(robot, ca.SX(q))))[np.ix_(places, places)]
     wrench = dict(zip(axes, mass @ np.array([*change.values()]) / at.period, strict=True))
     words = zip(_COMPONENTS, FLOATING_COORDINATES, strict=True)
     return {name: float(wrench[axis]) for name, axis in words if axis in axes}

@@ -222,7 +222,8 @@ def _compiled_slopes(flight: FlightMap, loads: bool = False) -> _Slopes:
         if name not in known:
             raise ParameterError("parameters", "parameters of the robot or of its air", name)
     places = tuple(known.index(name) for name in flight.parameters)
-    kind = (" with added mass" if added_mass else "") + (" with work" if flight.work else "")
+    kind = f" with {added_mass.structure}" if added_mass else ""
+    kind += " with work" if flight.work else ""
     places, what = ((), "loads") if loads else (places, "slopes")
     functions = load_functions(
         f"{what}{kind} {aero.structure} {places} {robot.structure}",

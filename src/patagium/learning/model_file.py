@@ -10,13 +10,17 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from patagium.aerodynamics.added_mass import AddedMass
+from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.description import aero_from_description, innermost
+from patagium.aerodynamics.model import Aerodynamics
 from patagium.arguments import checked
 from patagium.arrays import Array, brief, real_array
 from patagium.errors import LogError, ParameterError, ShapeError, shown
@@ -32,6 +36,7 @@ from patagium.learning.models.registry import network_from_description
 from patagium.limits import free_memory
 from patagium.netcdf_file import kind_of
 from patagium.reading import json_object, made_again, text_of
+from patagium.robot.model import Robot
 from patagium.version import __version__
 from patagium.whole_file import write_whole
 
@@ -89,6 +94,44 @@ class Model:
             ParameterError: If it was kept by parts and would be a very large matrix.
         """
         return None if self.kept_covariance is None else self.kept_covariance.dense()
+
+    def air(
+        self, robot: Robot | None = None, air: Air | None = None
+    ) -> tuple[Aerodynamics, AddedMass | None]:
+        """Air that was learned, as a model to trim and fly with, and what wings carry of it.
+
+        Both belong to `trim`, `optimize`, `simulate` and `fly`: without its added mass the model
+        is another one. `evaluate` of a flight says whether its flow was learned (`unseen_share`).
+
+        Args:
+            robot: Robot to fly, of the same bodies and wings as that of the log, by default that
+                one; what was learned of its numbers is written into it.
+            air: Density and wind to fly in; by default those of the log.
+
+        Raises:
+            ParameterError: If the network is no model of the air, or the robot is another one.
+        """
+        found: Any = getattr(self.network, "air_at", None)
+        if found is None:
+            expected = "one whose weights are a model of the air: linear_strip, the default, or "
+            expected += "numbers that were estimated (--estimate, GreyBox)"
+            raise ParameterError("network", expected, self.network.describe().get("kind"))
+        model, added = found(self.weights)
+        machine: Robot = model.robot
+        if robot is not None:
+            if robot.structure != machine.structure:
+                expected = f"{machine.name} as in the log, of the same bodies, joints and wings"
+                raise ParameterError("robot", expected, robot.name)
+            before = self.network.robot.parameters  # type: ignore[attr-defined]
+            numbers = zip(machine.parameter_names, machine.parameters, before, strict=True)
+            learned = {name: float(value) for name, value, was in numbers if value != was}
+            machine = robot.with_parameters(learned) if learned else robot
+        description = model.describe()
+        if air is not None:
+            innermost(description)["air"] = air.describe()
+        model = aero_from_description(machine, description)
+        added = None if added is None else replace(added, robot=machine, air=model.air)
+        return model, added
 
     def predict(self, x: ArrayLike) -> tuple[Array, Array]:
         """Measurement at x before it is made, with the network linear around its weights.

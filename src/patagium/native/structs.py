@@ -187,6 +187,7 @@ SCREENING = struct(
     double *lagged: m: mean product of an innovation and of what the sample before left
     double *power: m: mean square of what the sample before left
     double *center: m: mean of the measurements
+    double *per_newton: m: size of an output for one newton on each strip; 0: unknown
     double *level: m: variance of the measurements
     double *change: m: mean square of their changes from sample to sample
     double *before: m: measured before, with or without screening

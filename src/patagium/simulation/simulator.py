@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from patagium.aerodynamics import AddedMass, Aerodynamics, Air, QuasiSteady
 from patagium.arguments import Progress, checked, of_kind
 from patagium.arrays import Array, brief, real_array
+from patagium.dynamics.dynamics import Dynamics
 from patagium.errors import Outcome, ParameterError, SimulationFailed, positive
 from patagium.limits import MOST_STEPS
 from patagium.native import load_functions
@@ -103,6 +104,12 @@ def check_added_mass(robot: Robot, aero: Aerodynamics, added_mass: AddedMass | N
         raise ParameterError("added_mass", f"that of {_named(robot)}", _named(added_mass.robot))
     if added_mass.air != aero.air:
         raise ParameterError("added_mass.air", f"the air of aero, {aero.air}", added_mass.air)
+    if min(added_mass.factors.values()) < 0:  # as learned: a little below zero, for all that is off
+        q = robot.coordinates(**robot.resting)
+        inertia = Dynamics(robot).mass_matrix(q) + added_mass.mass_matrix(q)
+        if np.linalg.eigvalsh(inertia).min() <= 0:
+            expected = "factors that leave the robot an inertia above zero"
+            raise ParameterError("added_mass", expected, added_mass.factors)
 
 
 def _shape(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...], int]:
@@ -598,7 +605,7 @@ def _equations(
 ) -> Equations:
     """Compiled equations of a flight that starts at a state, (size,)."""
     kind = "free" if mount.kind == "free" else "fixed"  # whatever holds it, the row says where
-    kind += "" if added_mass is None else " with added mass"
+    kind += "" if added_mass is None else f" with {added_mass.structure}"
     kind += f" on {cells!r}" if cells else ""
     gust = aero.air.traveling if robot.strips else None
     kind += "" if gust is None else " in a gust that travels"

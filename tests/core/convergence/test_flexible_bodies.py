@@ -13,6 +13,8 @@ from patagium.dynamics.equations import spring_force
 from patagium.errors import RobotFileError
 from patagium.robot import Robot, load_robot_text
 
+pytestmark = pytest.mark.usefixtures("interpreted")
+
 BEAM = """
 name: beam
 gravity: 0

@@ -16,6 +16,8 @@ from patagium.aerodynamics import (
 from patagium.aerodynamics.indicial import ONE_STATE
 from patagium.robot import Robot, load_robot
 
+pytestmark = pytest.mark.usefixtures("interpreted")
+
 FREQUENCY, STEPS, COUNT, CYCLES = 5.0, 100, 24, 3
 
 

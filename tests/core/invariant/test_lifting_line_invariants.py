@@ -124,18 +124,16 @@ def test_power_is_what_the_generalized_force_does(
     assert np.allclose(work, power, rtol=1e-10, atol=1e-12)
 
 
-def test_numbers_stay_finite_at_a_million_states_and_at_rest(
+def test_numbers_stay_finite_at_many_states_and_at_rest(
     aero: LiftingLine, rng: np.random.Generator
 ) -> None:
-    count = 1_000_000 if compiler_name() else 2_000
-    chunk = min(count, 100_000)
-    for _ in range(count // chunk):
-        v = rng.normal(size=(chunk, 14)) * 10.0 ** rng.integers(-300, 3, size=(chunk, 1))
-        v *= rng.random((chunk, 14)) < 0.5  # many components exactly zero, some states at rest
-        q = np.where(rng.random((chunk, 1)) < 0.5, 0.0, rng.normal(size=(chunk, 14)))
-        z = rng.normal(size=(chunk, 10)) * (rng.random((chunk, 1)) < 0.7)
-        assert np.isfinite(aero.batch.generalized_force(q, v, z)).all()
-        assert np.isfinite(aero.batch.state_derivative(q, v, z)).all()
+    count = 100_000 if compiler_name() else 2_000
+    v = rng.normal(size=(count, 14)) * 10.0 ** rng.integers(-300, 3, size=(count, 1))
+    v *= rng.random((count, 14)) < 0.5  # many components exactly zero, some states at rest
+    q = np.where(rng.random((count, 1)) < 0.5, 0.0, rng.normal(size=(count, 14)))
+    z = rng.normal(size=(count, 10)) * (rng.random((count, 1)) < 0.7)
+    assert np.isfinite(aero.batch.generalized_force(q, v, z)).all()
+    assert np.isfinite(aero.batch.state_derivative(q, v, z)).all()
     at_rest = aero.generalized_force(np.zeros(14), np.zeros(14))
     assert not at_rest.any()
 

@@ -13,6 +13,8 @@ from patagium.dynamics.dynamics import poses_at
 from patagium.simulation import robot_of
 from patagium.viewer.replay import total_force
 
+pytestmark = pytest.mark.usefixtures("interpreted")
+
 
 def _flown(attitude: Literal["euler", "quaternion"] = "euler") -> xr.Dataset:
     robot = pt.load_robot("aerobat").with_attitude(attitude)

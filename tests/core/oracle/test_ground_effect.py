@@ -152,6 +152,7 @@ def test_lift_grows_as_the_ground_comes_near(make: type[Aerodynamics]) -> None:
     assert (np.diff(lift) > 1e-7).all()
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_the_inflow_of_a_stroke_fades_near_the_ground() -> None:
     robot = pt.load_robot("dragonfly")
     q, v, speeds = robot.coordinates(), np.zeros(robot.dof), []

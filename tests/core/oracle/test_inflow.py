@@ -247,6 +247,7 @@ def test_a_large_wing_in_oil_hovers_as_a_small_one_in_air(hoverer: Robot) -> Non
     assert lifts[0] == pytest.approx(lifts[1], rel=0.02)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_lifting_line_is_not_counted_twice() -> None:
     """What momentum theory asks for is mostly there already: under a fifth is added."""
     text = HOVERER.replace("strips: 4", "strips: 8").replace("at: [0, 1 cm, 0]", "at: [0, 0, 0]")
@@ -319,6 +320,7 @@ def test_a_right_wing_written_out_is_the_mirror_image_of_the_left_one(
     assert rates[1] == pytest.approx(rates[0], rel=1e-9)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_the_stroke_of_a_robot_on_an_arm_is_its_own(rng: np.random.Generator) -> None:
     """Not that of an arm with a wing at its end, whose hinge would be the arm's shoulder."""
     free, arm = pt.load_robot("aerobat"), pt.load_robot("ur5e")
@@ -360,6 +362,7 @@ def test_refused(hoverer: Robot) -> None:
         pt.air.Inflow(pt.air.Inflow(pt.QuasiSteady(hoverer)))
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_traveling_gust_is_recorded_without_the_induced_velocity(hoverer: Robot) -> None:
     """The wind of each strip is the gust's; the induced velocity moves only what the model sees."""
     gust = pt.air.TravelingGust(pt.air.RampGust((0.0, 0.0, 1.0), 0.0, 1e-3), (1.0, 0.0, 0.0), 5.0)
@@ -375,6 +378,7 @@ def test_a_traveling_gust_is_recorded_without_the_induced_velocity(hoverer: Robo
     np.testing.assert_array_equal(*winds)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_wing_in_two_parts_is_one_wing_whatever_their_names_and_order():
     # An inner and an outer wing counted as two in tandem, which share the area that one sweeps.
     text = preset_text("hawk")

@@ -5,6 +5,7 @@ Tolerances of 1e-12 are rounding, relative to the largest force.
 
 from __future__ import annotations
 
+import json
 import pickle
 import re
 
@@ -13,19 +14,18 @@ import pytest
 from numpy.typing import NDArray
 
 import patagium as pt
-from patagium.aerodynamics import Section
+from patagium.aerodynamics import Section, linear_strips
+from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.indicial import ONE_STATE
-from patagium.errors import ParameterError
-from patagium.learning.models import linear_strip
-from patagium.learning.models.linear_strip import (
+from patagium.aerodynamics.linear_strips import (
     BODY_TERMS,
     EDGES,
     LIFTING_LINE,
     STRIP_TERMS,
     WHOLE_TERMS,
-    LinearStripNetwork,
-    strip_forces,
 )
+from patagium.errors import ParameterError
+from patagium.learning.models.linear_strip import LinearStripNetwork, strip_forces
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.registry import network_from_description
 from patagium.learning.samples import samples
@@ -97,6 +97,25 @@ def test_forces_of_strips_sum_to_the_force_without_added_mass_and_bodies(
     np.testing.assert_allclose(forces.sum(axis=1), expected, atol=atol)
 
 
+@pytest.mark.parametrize("name", ["network", "tailed", "attached"])
+def test_air_at_weights_with_its_added_mass_is_the_force_of_the_network(
+    name: str, request: pytest.FixtureRequest
+) -> None:
+    network: LinearStripNetwork = request.getfixturevalue(name)
+    robot, draw = network.robot, np.random.default_rng(5)
+    q, v, a = sample(robot, 5)
+    weights = network.initial(0) + 0.3 * draw.standard_normal(network.size)
+    weights[-4:] = 0.0  # stand for nothing
+    lags = draw.standard_normal(network.inputs - network.measured_inputs)
+    expected = network(np.concatenate([q, v, a, lags]), weights)
+    air, added = network.air_at(weights)
+    air = aero_from_description(robot, json.loads(json.dumps(air.describe())))
+    found = air.generalized_force(q, v, lags[: air.state_size])
+    found += added.generalized_force(q, v, a) + added.circulatory_force(q, v)
+    np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+    assert len({*added.factors.values()}) == (2 if name == "tailed" else 1)  # kinds of wings
+
+
 def test_side_edges_pull_the_ends_of_attached_wings_outwards(
     attached: LinearStripNetwork,
 ) -> None:
@@ -111,6 +130,7 @@ def test_side_edges_pull_the_ends_of_attached_wings_outwards(
     assert right == pytest.approx(-left)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_in_attached_flow_it_begins_with_a_lifting_line_and_added_mass() -> None:
     """The truth by Runge-Kutta, lags included; the network's by its second-order steps."""
     robot = load_robot_text(pt.load_robot("aerobat").source.replace("strips: 5", "strips: 3"))
@@ -262,7 +282,7 @@ def test_a_tail_of_another_section_is_told_from_the_wing(
     truth = tailed.initial(0) + tailed._placed(
         np.zeros(17), [float(name == "attached lift of tail") for name in names], 0.0
     )
-    monkeypatch.setattr(linear_strip, "SURFACE_SHARE", 1e-6)
+    monkeypatch.setattr(linear_strips, "SURFACE_SHARE", 1e-6)
     together = LinearStripNetwork(robot)
     learners = [pt.ExtendedLearner(net, misfit=pt.learning.Misfit()) for net in (tailed, together)]
     tail = robot.index("pitch")

@@ -87,6 +87,7 @@ def test_added_mass_may_be_computed_instead_of_carried(robot: pt.Robot) -> None:
     np.testing.assert_allclose(records.measurement, y, rtol=0, atol=SAME)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_measured_motion_without_errors_gives_the_force_of_the_flight(robot: pt.Robot) -> None:
     flight = flown(robot, "added mass on a mount")
     _, _, y = pt.training_data(flight)

@@ -223,6 +223,7 @@ class _Outputs:
 
 
 @pytest.mark.parametrize("name", TEXTS)
+@pytest.mark.usefixtures("interpreted")
 def test_every_number_of_the_file_moves_an_output(name):
     described = yaml.safe_load(TEXTS[name])
     robot = load_robot_text(TEXTS[name])

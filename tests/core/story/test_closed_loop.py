@@ -165,15 +165,18 @@ def test_a_controller_starts_anew_with_each_flight(orbit, kind):
     assert again.attrs["held"] == first.attrs["held"] != "{}"
 
 
-def test_a_controller_that_learns_begins_each_flight_without_what_it_learned(orbit):
-    controller = AdaptiveController(LinearRegulator(orbit, COMMANDS), orbit)
+def test_a_controller_that_learns_begins_each_flight_without_what_it_learned():
+    robot = pt.load_robot("aerobat")  # which is compiled for other tests too
+    orbit = pt.trim(robot, pt.QuasiSteady(robot, polar=pt.air.SmoothPolar()))
+    wings = ("left_plunge_amplitude", "right_plunge_amplitude", "feather_amplitude")
+    controller = AdaptiveController(LinearRegulator(orbit, wings), orbit)
     told = [
         (flown(orbit, controller, duration=0.6).attrs["controller"], controller.learner.weights)
         for _ in range(2)
     ]
     assert told[0][0] == told[1][0]
     assert np.array_equal(told[0][1], told[1][1]) and (told[0][1] != controller.learner.prior).any()
-    assert repr(controller).startswith("<AdaptiveController around <LinearRegulator of ornith")
+    assert repr(controller).startswith("<AdaptiveController around <LinearRegulator of aerobat")
 
 
 def test_a_flight_of_one_sample_is_the_same_again(orbit):

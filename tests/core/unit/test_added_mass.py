@@ -99,7 +99,33 @@ def test_description_makes_it_again(robot):
     assert len(model.parameter_names) == len(model.parameters)
 
 
+def test_factors_by_wing(robot):
+    rng = np.random.default_rng(0)
+    q, (v, a) = 0.2 * rng.standard_normal(14), rng.standard_normal((2, 14))
+    plain, ones = pt.AddedMass(robot), {"left_wing": 1.0, "right_wing": 1.0}
+    parts = []
+    for wing in ones:
+        one = pt.AddedMass(robot, factor={**dict.fromkeys(ones, 0.0), wing: 1.0})
+        parts.append(one.generalized_force(q, v, a) + one.circulatory_force(q, v))
+    whole = plain.generalized_force(q, v, a) + plain.circulatory_force(q, v)
+    np.testing.assert_allclose(sum(parts), whole, atol=1e-14)  # rounding
+    assert pt.AddedMass(robot, factor={"left_wing": 0.7}).factors == {
+        "added_mass.left_wing.factor": 0.7
+    }
+    half = pt.AddedMass(robot, factor=dict.fromkeys(ones, 0.5))
+    again = added_mass_from_description(robot, json.loads(json.dumps(half.describe())))
+    assert again == half
+    plain, own = fly(robot, pt.AddedMass(robot, factor=0.5)), fly(robot, half)
+    np.testing.assert_allclose(own.q, plain.q, atol=1e-12)  # rounding, over the flight
+
+
 def test_refusals(robot):
+    for factor in ({"left_wing": np.inf}, {"tail": 1.0}, {}):
+        with pytest.raises(ParameterError, match="factor"):
+            pt.AddedMass(robot, factor=factor)
+    with pytest.raises(ParameterError, match="an inertia above zero"):
+        fly(robot, pt.AddedMass(robot, factor={"left_wing": -50.0}))
+    fly(robot, pt.AddedMass(robot, factor={"left_wing": -0.01}))
     for factor in (-0.1, np.nan):
         with pytest.raises(ParameterError, match="factor"):
             pt.AddedMass(robot, factor=factor)

@@ -51,6 +51,7 @@ def sentences(flight: xr.Dataset) -> list[str]:
     return [w for w in flight_summary(flight)["warnings"] if "needs" not in w and "tumbl" not in w]
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_sound_flight_has_no_findings(flight: xr.Dataset) -> None:
     assert not [w for w in sentences(flight) if "Still air" in w or "coefficient" in w]
 
@@ -122,6 +123,7 @@ def test_a_vortex_ring_is_found(flight: xr.Dataset) -> None:
     assert not any("vortex ring" in w for w in sentences(forward))
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_wing_on_a_spring_is_told_of_the_force_point_that_moves() -> None:
     spring = "axis: -y, passive: true, stiffness: 1e-4 N m/rad, rest: 90 deg}"
     robot = load_robot_text(INSECT.replace("axis: -y}", spring))
@@ -147,6 +149,7 @@ def test_searches_tell_of_it_too(verb: str, tmp_path: Path, capsys: Any) -> None
 
 
 @pytest.mark.parametrize("lowest, told", [(3.0, True), (30.0, False)])
+@pytest.mark.usefixtures("interpreted")
 def test_wings_that_clap_are_told(lowest: float, told: bool) -> None:
     # Four wings on one hinge a side, as of an X; both sides lie on one another at 0 degrees.
     plate = "{type: plate, chord: 7 cm, span: 14 cm, thickness: 0.1 mm}"
@@ -172,6 +175,7 @@ def test_wings_that_clap_are_told(lowest: float, told: bool) -> None:
         assert "come within 0.1" in claps[0] or "come within 0.09" in claps[0]
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_flight_without_weight_is_not_judged_by_it() -> None:
     robot = pt.load_robot("hawk").with_parameters({"gravity": 0.0})
     glide = pt.simulate(

@@ -99,7 +99,7 @@ def test_a_robot_passes_a_fold_and_multipliers_vary_continuously(aerobat):
     sizes = np.abs(branch.multipliers)
     assert np.abs(np.diff(sizes[:, :4], axis=0)).max() < 0.1
     assert all(one.climb == pytest.approx(0.0, abs=1e-10) for one in branch.orbits)
-    for row, orbit in zip(branch.summary(), branch.orbits, strict=True):
+    for row, orbit in list(zip(branch.summary(), branch.orbits, strict=True))[::4]:
         assert row["stable"] == pt.control.floquet(orbit).stable
     assert f"fold at {fold.value:.5g} m/s" in repr(branch)
 

@@ -161,6 +161,7 @@ GROUND = pt.Air(wind=(-5.0, 0.0, 0.0), ground=-1.0)
         (lambda m: pt.air.WindShear(m, roughness=0.03), "wind_shear.roughness", "m"),
     ],
 )
+@pytest.mark.usefixtures("interpreted")
 def test_models_on_models_are_made_again_with_their_numbers(robot, wrapped, name, unit):
     """They were found in a log, and then refused as no argument of the outermost model."""
     start = wrapped(pt.QuasiSteady(robot, GROUND))
@@ -202,6 +203,7 @@ def test_added_mass_is_part_of_y_or_not(robot):
 
 
 @pytest.mark.parametrize("make", ["strips", "stall"])
+@pytest.mark.usefixtures("interpreted")
 def test_other_models_have_memory_too(make, robot, log):
     """DeLaurier's lags and those of stall settle where their derivatives vanish."""
     time, x = log
@@ -297,6 +299,7 @@ def test_units(name, unit, written, robot):
     assert (unit_of(name), written_unit(name, robot)) == (unit, written)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_robot_may_have_a_quaternion():
     """Its x is one longer, and forces are those of the same robot with angles."""
     source = pt.load_robot("aerobat").source.replace("strips: 5", "strips: 1")

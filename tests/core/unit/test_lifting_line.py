@@ -113,6 +113,7 @@ def test_methods_give_circulation_and_downwash_of_every_strip(aero: LiftingLine)
     assert (aero.strips(q, v, z)["circulation"] > settled).all()
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_memory_settles_on_the_line_without_memory(aerobat: Robot, aero: LiftingLine) -> None:
     q, v = np.zeros(14), np.zeros(14)
     v[2] = -0.3

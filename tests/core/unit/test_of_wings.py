@@ -15,6 +15,8 @@ from patagium.cli.estimates import air_model
 from patagium.errors import PatagiumError
 from patagium.robot import load_robot_text
 
+pytestmark = pytest.mark.usefixtures("interpreted")
+
 _GLIDER = """
 name: glider
 gravity: 9.81 m/s^2

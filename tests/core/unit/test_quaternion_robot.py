@@ -149,6 +149,7 @@ def test_what_carries_another_has_the_attitude(pair):
         load_robot_text(by_name).with_attitude("quaternion")
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_path_carries_a_robot_with_a_quaternion_as_one_with_angles(pair):
     """Through way-points in all six, with a load cell under the hub: the same wrenches."""
     flights = []
@@ -256,6 +257,7 @@ def test_a_flight_and_a_robot_are_drawn(flight, pair):
     assert len(draw_robot(pair[1], flight.q.values[-1]).axes) == 3
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_networks_that_know_the_wings_see_the_same(flight, pair):
     """In other coordinates the same networks say the same force, to rounding."""
     _, x, force = pt.training_data(flight)

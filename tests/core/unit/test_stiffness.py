@@ -94,6 +94,7 @@ def test_a_flight_with_a_stiff_damper_is_told_the_step_it_takes():
     pt.simulate(damped, aero, gait, duration=0.2, time_step=0.2 / steps, v=forward)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_flight_the_air_drives_out_of_range_is_not_called_so():
     robot = replace(pt.load_robot("aerobat"), damping=(0.0,) * 14)
     pushing = replace(pt.QuasiSteady(robot), air=pt.Air(wind=(0.0, 0.0, 3.0)))

@@ -14,6 +14,8 @@ from patagium.errors import RobotFileError
 from patagium.robot import Robot, load_robot_text, preset_text
 from patagium.robot.strip_chains import chain_words, strip_chains
 
+pytestmark = pytest.mark.usefixtures("interpreted")
+
 CLOSE = preset_text("dragonfly").replace("at: [-2 cm, 2 cm", "at: [5.3 cm, 2 cm")
 """A dragonfly whose hind roots are nearer to the fore roots than half a chord."""
 HIND = "  - name: left_hind\n"

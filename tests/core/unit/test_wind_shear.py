@@ -57,6 +57,7 @@ def test_numbers_are_parameters_and_it_is_made_again() -> None:
         assert {f"wind_shear.{name}", "wind_shear.reference_height"} <= set(names)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_shear_is_that_of_the_wind_and_not_of_what_wings_induce(rng: np.random.Generator) -> None:
     """The order in which inflow and shear are put on a model does not matter."""
     law, numbers = {"reference_height": 2.0, "exponent": 0.3}, {"induced_factor": 1.3}
@@ -72,6 +73,7 @@ def test_shear_is_that_of_the_wind_and_not_of_what_wings_induce(rng: np.random.G
         np.testing.assert_allclose(other, one, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_every_number_moves_the_lift() -> None:
     base = lift(WindShear(air(), reference_height=2.0, exponent=0.2), 5.0)
     assert lift(WindShear(air(), reference_height=2.1, exponent=0.2), 5.0) < base

@@ -66,6 +66,7 @@ def test_still_air_never_does_work_on_a_section(
 
 
 @pytest.mark.parametrize("options", QUASI_STEADY)
+@pytest.mark.usefixtures("interpreted")
 def test_power_is_what_the_generalized_force_does(
     aerobat: Robot, rng: np.random.Generator, options: dict
 ) -> None:
@@ -100,6 +101,7 @@ def test_left_and_right_are_mirror_images(
 
 
 @pytest.mark.parametrize("model", [QuasiSteady, Published])
+@pytest.mark.usefixtures("interpreted")
 def test_wind_is_the_same_as_flying_through_still_air(
     aerobat: Robot, rng: np.random.Generator, model: type
 ) -> None:

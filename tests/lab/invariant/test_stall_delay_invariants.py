@@ -37,6 +37,7 @@ def motions(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 
 @pytest.mark.parametrize("section", sections(), ids=["plate", "measured"])
+@pytest.mark.usefixtures("interpreted")
 def test_no_cycle_in_still_air_gains_energy_and_shares_stay_shares(
     aerobat: Robot, rng: np.random.Generator, section: StripSection
 ) -> None:

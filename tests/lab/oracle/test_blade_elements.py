@@ -175,6 +175,7 @@ def _pose(robot: Robot, index: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 @pytest.mark.skipif(not MEASURED.is_dir(), reason="the measured wing is not beside the repository")
 @pytest.mark.parametrize("polar", [None, SmoothPolar()])
+@pytest.mark.usefixtures("interpreted")
 def test_measured_wing_is_predicted_as_well_as_known(polar: SmoothPolar | None) -> None:
     measured, flap, rate = _measured_cycle()
     assert np.sqrt(np.mean(measured**2)) == pytest.approx(0.0717, abs=5e-4)  # as stated with it

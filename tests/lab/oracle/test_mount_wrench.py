@@ -101,6 +101,7 @@ def _assert_close(found, expected) -> None:
     assert np.abs(found - expected).max() <= CLOSE * np.abs(expected).max()
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_pinocchio_finds_the_wrench_between_arm_and_robot(flights) -> None:
     robot, arm, _, carried, in_tree = flights
     theirs = _Pinocchio(robot, arm)

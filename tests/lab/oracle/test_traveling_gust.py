@@ -178,6 +178,7 @@ def test_the_lift_of_a_gust_the_air_carries_acts_at_the_quarter_chord():
     assert np.abs(push).max() > 0.05 * np.abs(lift).max()
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_gust_that_comes_at_once_is_the_uniform_one():
     profile = OneMinusCosineGust((0.2, 0.0, 0.5), 0.01, 0.1)
     uniform, traveling = (

@@ -49,8 +49,8 @@ def test_flights_side_by_side_are_those_of_the_loop(kind: str) -> None:
 
 def test_a_delay_too_long_and_a_start_too_far_are_lost() -> None:
     delays = np.array([0, 200])  # time steps, of which a beat has 80
-    assert in_flight(ORNITHOPTER, PERIODIC, range(2), delays, 10, 1, 20) == [True, False]
-    found = region(ORNITHOPTER, PERIODIC, 5, 12, 20)
+    assert in_flight(ORNITHOPTER, PERIODIC, range(2), delays, 10, 1, 8) == [True, False]
+    found = region(ORNITHOPTER, PERIODIC, 5, 12, 10)
     sizes, recovered = np.array(found["sizes"]), np.array(found["recovered"])
     assert recovered.any() and not recovered[sizes > 0.6].all()
 

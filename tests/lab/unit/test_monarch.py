@@ -10,6 +10,7 @@ from patagium.control import floquet
 from patagium_lab.validation.cases.monarch import closed_orbits, compute
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_swings_are_the_programs_with_its_errors_and_not_without():
     (case,) = compute()
     apart = {name: np.abs(one / case.expected - 1.0) for name, one in case.models.items()}

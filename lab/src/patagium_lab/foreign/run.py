@@ -42,7 +42,7 @@ def run(plan: ForeignPlan, out: Path, stages: Stages) -> Results:
             cost = COSTS["trial"] + COSTS["searched"] * trial.search
             jobs.append(Job(run_trial, (trial, flights, out), cost, after))
         rows = run_jobs(jobs, tell, plan.workers)[len(used) :]
-    near = [trial.unseen[0].distance > 0 for trial in trials]
+    near = [any(one.distance > 0 for one in trial.unseen) for trial in trials]
     sections = []
     with stages.stage("measured sets", 0.9, 1.0):
         if plan.real:

@@ -10,7 +10,10 @@ s the standard deviation of y_k so far, its network's offset counted as one samp
 what a sample leaves after it was learned, averaged over 100 spans of correlation; a span has
 c = s / rms(change of y from sample to sample) samples, for a sine 1 / (2 pi f) s whatever the rate
 of the samples. The mean of y is no part of s, and a model that errs by more than s for long is
-worse than a constant. The measurement's own noise, where it is known, is added.
+worse than a constant. The measurement's own noise, where it is known, is added. No output is
+believed to a three-thousandth of what the strips' largest force would make of it: side forces of a
+symmetric flight begin at rounding and may grow a billion times, and what they said when they were
+small would outweigh all that comes.
 
 What a sample leaves is still there a moment later: the next sample is predicted with rho r on
 top, rho = <e_k r_(k-1)> / <r_(k-1)^2> over 20 spans, at most .99, to the power of the time since
@@ -51,7 +54,7 @@ _FAR = 10.0  # usual variances: new flow
 _LAST, _MEAN_STEP = range(2)
 PARTS = (
     *("level", "change", "before", "residual", "recent", "usual", "interval"),
-    *("left", "carried", "lagged", "power", "alone", "width", "center"),
+    *("left", "carried", "lagged", "power", "alone", "width", "center", "per_newton"),
 )
 
 
@@ -62,6 +65,7 @@ class Misfit:
         floor: Error that is assumed at least, over the deviation of each output; 0: no error.
         known: Variances of the measurement itself, (n_y,) [y^2].
         offset: Value of y that counts as one sample before the first, (n_y,) or () [y].
+        per_newton: Size of y for one newton on each strip, (n_y,) or () [y/N]; 0: unknown.
 
     Attributes:
         floor: As given.
@@ -72,10 +76,16 @@ class Misfit:
         scale: Standard deviation stated over that assumed, of the last sample, (n_y,) [1].
     """
 
-    def __init__(self, floor: float, known: Array, offset: ArrayLike = 0.0) -> None:
+    def __init__(
+        self,
+        floor: float,
+        known: Array,
+        offset: ArrayLike = 0.0,
+        per_newton: ArrayLike = 0.0,
+    ) -> None:
         self.floor, self._known = floor, known
         self.parts = {name: np.zeros(len(known)) for name in PARTS}
-        self.parts["center"][:] = offset
+        self.parts["center"][:], self.parts["per_newton"][:] = offset, per_newton
         self.clock = np.array([np.nan, 0.0])
         self.heard = np.zeros(len(known), np.int64)
         self.span = _C.UNSEEN
@@ -166,6 +176,9 @@ class Misfit:
             self.span = min(max(exp(sum(logs) / len(logs)), 1.0), _C.MOST)
         own = _C.LEAST * np.where(load > 0, load, 1.0)
         least = np.full_like(level, self.least) if largest > 0 else own
+        squares = self.parts["per_newton"] ** 2
+        force = np.divide(level, squares, out=np.zeros_like(level), where=squares > 0).max()
+        least = np.maximum(least, _C.SLIGHT * force * squares)
         left = np.minimum(_C.LEFT * self.parts["residual"], level)
         misfit = np.maximum(self.floor**2 * level, left)
         return np.asarray(self._known + np.maximum(self.span * misfit, least))

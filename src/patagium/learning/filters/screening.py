@@ -147,6 +147,8 @@ class Screen:
         network: Network that is fed.
         settings: Settings of a filter, of which its three groups are read.
         offset: Value of y that the scale of each output is about, scalar or (n_y,) [unit of y].
+        per_newton: Size of y for one newton on each strip, scalar or (n_y,) [unit of y / N]; 0:
+            unknown.
     """
 
     def __init__(
@@ -155,6 +157,7 @@ class Screen:
         network: Network,
         settings: FilterSettings | None = None,
         offset: ArrayLike = 0.0,
+        per_newton: ArrayLike = 0.0,
     ) -> None:
         chosen, channels = settings or FilterSettings(), len(noise)
         screening, noise_estimation = chosen.screening, chosen.noise_estimation
@@ -174,9 +177,8 @@ class Screen:
         self.parts["offset"][:] = offset
         self.relative = RELATIVE_NOISE if np.isnan(noise).any() else 0.0
         self.stated = np.zeros(channels)
-        self.misfit = Misfit(
-            0.0 if chosen.misfit is None else chosen.misfit.floor, noise.copy(), offset
-        )
+        floor = 0.0 if chosen.misfit is None else chosen.misfit.floor
+        self.misfit = Misfit(floor, noise.copy(), offset, per_newton)
         if self.misfit.floor:
             self.parts["steady"][:], self.parts["loaded"][:] = noise, 0.0
         self.bounds = Bounds(network)
@@ -470,8 +472,8 @@ class Screen:
 
 def new_screen(numbers: FilterNumbers) -> Screen:
     """Screening of a filter, before any sample."""
-    offset = getattr(numbers.network, "offset", 0.0)
-    return Screen(numbers.noise, numbers.network, numbers.settings, offset)
+    known = [getattr(numbers.network, name, 0.0) for name in ("offset", "per_newton")]
+    return Screen(numbers.noise, numbers.network, numbers.settings, *known)
 
 
 def _limit(detection: ChangeDetection, channels: int) -> float:

@@ -98,7 +98,7 @@ class GreyBox(Network):
             raise ParameterError("start", '"steady" or "still"', start)
         if FACTOR in estimate and added_mass is None:
             raise ParameterError(FACTOR, "an added mass to go with it", None)
-        robot = model.robot
+        robot = self.robot = model.robot
         numbers = numbers_of(model, added_mass)
         self.model = model
         self.added_mass = added_mass
@@ -422,7 +422,8 @@ class GreyEquations:
         numbers, then the scales of theta.
         """
         model = self.model
-        options = f"{self.names} {self.outputs} {self.added_mass is not None}"
+        added = None if self.added_mass is None else self.added_mass.structure
+        options = f"{self.names} {self.outputs} {added}"
         kinds = [parameter.positive for parameter in self.parameters]
         key = f"grey box {options} {kinds} {model.structure} {model.robot.structure}"
         return load_functions(key, self.functions, label=f"grey box of {model.robot.name}")
@@ -498,7 +499,8 @@ class GreyEquations:
         before, symbols_before = robot.symbolic()
         of_air = ca.SX.sym("c", len(model.parameter_names))
         wind = ca.SX.sym("wind", 3)
-        factor = ca.SX.sym("factor")
+        carries = () if self.added_mass is None else self.added_mass.factors
+        factors = ca.SX.sym("factors", len(carries))
         x = ca.SX.sym("x", self.measured_inputs)
         z = ca.SX.sym("z", model.state_size)
         q, v, a = x[:n_q], x[n_q : n_q + n], x[n_q + n :]
@@ -506,7 +508,7 @@ class GreyEquations:
         y = air.generalized_force
         if self.added_mass is not None:
             density = of_air[model.parameter_names.index("density")]
-            carried = ca.vertcat(density, factor)
+            carried = ca.vertcat(density, factors)
             y = y + self.added_mass.circulation_force(machine, q, v, wind, carried)
             added = self.added_mass.inertia(machine, wind, carried)
             y = y + kirchhoff_force(machine, q, v, a, added)
@@ -516,9 +518,7 @@ class GreyEquations:
         memory = air.memory or Relaxation(ca.SX(0, 1), ca.SX(0, 1))
         if memory.rate.numel() != model.state_size:
             raise ParameterError("model", "one whose memory follows something", model.name)
-        numbers = ca.vertcat(symbols, of_air, wind)
+        numbers = ca.vertcat(symbols, of_air, wind, factors)
         known = ca.vertcat(symbols_before, ca.SX.sym("others", self._count - first))
-        if self.added_mass is not None:
-            numbers = ca.vertcat(numbers, factor)
         results = [y[list(self.outputs)], memory.rate, memory.target]
         return ca.Function("physics", [x, z, numbers, known], list(map(ca.densify, results)))

@@ -176,7 +176,7 @@ def numbers_of(model: Aerodynamics, added_mass: AddedMass | None) -> dict[str, f
     numbers = dict(zip(robot.parameter_names, robot.parameters.tolist(), strict=True))
     numbers |= dict(zip(model.parameter_names, model.parameters.tolist(), strict=True))
     numbers |= dict(zip(WIND, wind.tolist(), strict=True))
-    return numbers | ({} if added_mass is None else {FACTOR: added_mass.factor})
+    return numbers | ({} if added_mass is None else added_mass.factors)
 
 
 def physical_parameters(
@@ -224,14 +224,17 @@ def changed_air(
     robot, description = model.robot, model.describe()
     of_robot = {name: values.pop(name) for name in robot.parameter_names if name in values}
     machine = robot.with_parameters(of_robot) if of_robot else robot
-    factor = values.pop(FACTOR, None)
+    factors = {name: values.pop(name) for name in [*values] if name.startswith("added_mass.")}
     for name, value in values.items():
         _write(description, name, value, model.name)
     changed = aero_from_description(machine, description)
     if added_mass is None:
         return changed, None
-    share = added_mass.factor if factor is None else factor
-    return changed, AddedMass(machine, changed.air, factor=share)
+    known = added_mass.factors | factors
+    share: Any = [*known.values()]
+    if isinstance(added_mass.factor, Mapping):
+        share = [dict(zip(added_mass.factor, share, strict=True))]
+    return changed, AddedMass(machine, changed.air, factor=share[0])
 
 
 def _write(description: Any, name: str, value: float, model: str) -> None:

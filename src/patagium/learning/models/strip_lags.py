@@ -7,75 +7,17 @@ sample: one lag a strip, of constant numbers.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import pi
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from patagium.aerodynamics.indicial import ONE_STATE, Lags, Relaxation
-from patagium.aerodynamics.local_flow import StripMotion, airspeed, normalwash, strip_motions
-from patagium.aerodynamics.smooth_functions import smooth_sign
-from patagium.aerodynamics.trailing_vortices import (
-    SURFACE_CONSTANT,
-    Normalwash,
-    VortexSystem,
-    attached_lift,
-    implicit_lag_step,
-    lattice,
-    solve_normalwash,
-    surface_gains,
-)
+from patagium.aerodynamics.indicial import Relaxation
+from patagium.aerodynamics.linear_strips import LAGS, LIFT_SLOPE, StripFlow
+from patagium.aerodynamics.trailing_vortices import implicit_lag_step
 from patagium.arrays import Array
 from patagium.learning.models.memory import CompiledSteps, MemoryState
 from patagium.native import NativeFunction, named_function
-from patagium.robot.model import Robot
-from patagium.robot.strip_chains import strip_chains
-
-LAGS = Lags(ONE_STATE.rate, ONE_STATE.lift, ONE_STATE.circulation)
-"""Memory of a section."""
-LIFT_SLOPE = 2 * pi
-"""Lift slope of attached flow [1/rad]."""
-
-
-class StripFlow:
-    """Strips of a lifting line and their trailing vortices, as expressions.
-
-    Args:
-        machine: The robot in numbers.
-        robot: Its symbolic twin.
-        motion: q, v and the wind, world axes.
-
-    Attributes:
-        motions: Motion of each strip.
-        state: Lag of each strip, (m, 1) [m/s].
-        semichords: Half chords that each strip travels in a second, (m, 1) [1/s].
-    """
-
-    def __init__(self, machine: Robot, robot: Robot, motion: tuple[ca.SX, ca.SX, ca.SX]) -> None:
-        chains = strip_chains(machine)
-        self.motions = strip_motions(robot, *motion)
-        self.vortices = VortexSystem(chains, lattice(robot, chains, *motion), self.motions)
-        self.geometric = ca.vertcat(*[normalwash(one) for one in self.motions])
-        self.gains = surface_gains(machine, robot, SURFACE_CONSTANT)
-        self.state = ca.SX.sym("state", len(self.motions))
-        self.semichords = ca.vertcat(*[2 * airspeed(m) / m.strip.chord for m in self.motions])
-
-    def wash(self, held: bool = True) -> Normalwash:
-        """Normalwashes of all strips; not held: as if nothing were held back by lags."""
-        state, lags = (self.state, LAGS) if held else (ca.SX(0, 1), Lags((), (), ()))
-        return solve_normalwash(self.vortices, self.geometric, state, lags, LIFT_SLOPE)
-
-    def lift(self, wash: Normalwash, i: int, density: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Attached lift of strip i, forward, normal and spanwise, at `lift_place` [N]."""
-        motion, strip = self.motions[i], self.motions[i].strip
-        pressure = density * strip.chord * strip.width * LIFT_SLOPE * airspeed(motion) / 2
-        return attached_lift(self.vortices, wash, i, self.gains[i], pressure, lift_place(motion))
-
-
-def lift_place(motion: StripMotion) -> ca.SX:
-    """Distance of the lift ahead of the quarter chord; at 3/4 of it in backward flow [m]."""
-    return (smooth_sign(motion.forward) - 1.0) * (motion.strip.chord / 4)
 
 
 def lag_functions(flow: StripFlow, x: ca.SX, parameters: ca.SX) -> list[ca.Function]:

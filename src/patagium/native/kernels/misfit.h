@@ -16,6 +16,7 @@
 #define MOST 1e3        /* samples in a span of correlation, at most */
 #define STILL 1e-6      /* variance of a channel that does not move, over the largest */
 #define LEAST 1e-12     /* variance, at least, over the largest of a channel */
+#define SLIGHT 1e-7     /* and over that which the largest force of the strips would make of it */
 #define START 0.02      /* of the variance of a channel: what is left, to begin with */
 #define LEFT 3.0        /* variance over the mean square of what a sample leaves */
 #define LONG 100.0      /* spans over which what is left is averaged, */
@@ -81,12 +82,17 @@ static double span_of(const screening *s, double largest) {
 
 /* Variances that the filter assumes; load: of the channels, where nothing was measured yet. */
 static void assume(screening *s) {
-  double largest = 0;
-  for (int k = 0; k < s->channels; k++) largest = fmax(largest, s->level[k]);
+  double largest = 0, force = 0; /* mean square of a channel, and of a force on each strip */
+  for (int k = 0; k < s->channels; k++) {
+    const double square = s->per_newton[k] * s->per_newton[k];
+    largest = fmax(largest, s->level[k]);
+    if (square > 0) force = fmax(force, s->level[k] / square);
+  }
   s->span = span_of(s, largest);
   s->least = LEAST * largest;
   for (int k = 0; k < s->channels; k++) {
-    const double least = largest > 0 ? s->least : LEAST * (s->load[k] > 0 ? s->load[k] : 1);
+    const double own = largest > 0 ? s->least : LEAST * (s->load[k] > 0 ? s->load[k] : 1);
+    const double least = fmax(own, SLIGHT * force * s->per_newton[k] * s->per_newton[k]);
     const double left = fmin(LEFT * s->residual[k], s->level[k]);
     const double misfit = fmax(s->floor * s->floor * s->level[k], left);
     s->noise[k] = s->steady[k] + s->stated[k] + fmax(s->span * misfit, least);

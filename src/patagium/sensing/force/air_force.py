@@ -170,7 +170,8 @@ class SampleForm:
         The forces are u1, then those carried, ((1 + k) n,) [N, N m].
         """
         robot = self.robot
-        choices = (self.inputs, self.outputs, self.carried, self.added_mass is not None)
+        added = None if self.added_mass is None else self.added_mass.structure
+        choices = (self.inputs, self.outputs, self.carried, added)
         flags = (self.sees_acceleration, self.explains_added_mass)
         key = f"samples of the air's force {choices} {flags} {robot.structure}"
         label = f"force of the air on {robot.name}"

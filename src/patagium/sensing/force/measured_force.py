@@ -361,7 +361,7 @@ def _measured_force(
         ]
 
     place = None if cell is None else (cell.body, cell.position, cell.orientation)
-    carried = None if added_mass is None else added_mass.describe()
+    carried = None if added_mass is None else added_mass.structure
     key = f"measured air force {place} {carried} {robot.structure}"
     return load_functions(key, build, label=f"measured force on {robot.name}")
 

@@ -15,8 +15,8 @@ from patagium.aerodynamics import Aerodynamics, Air, LiftingLine, QuasiSteady
 from patagium.aerodynamics.indicial import NO_STATE
 from patagium.aerodynamics.model import aero_functions
 from patagium.arrays import Array
-from patagium.dynamics import Dynamics
-from patagium.dynamics.equations import inverse
+from patagium.dynamics.equations import inverse, mass_matrix
+from patagium.dynamics.kinematics import body_poses
 from patagium.robot import Robot, load_robot_text
 from patagium_lab.validation.cases.case import (
     CaseResult,
@@ -102,7 +102,7 @@ def compute() -> list[CaseResult]:
 def _frequencies() -> CaseResult:
     robot = wing()
     straight = np.zeros(robot.dof)
-    mass = Dynamics(robot).mass_matrix(straight)
+    mass = np.array(ca.DM(mass_matrix(robot, ca.SX(straight))))
     stiffness = forces_at_rest(robot)(straight, np.zeros(3), robot.parameters)[1]
     found = np.sqrt(eigh(stiffness, mass, eigvals_only=True)[: len(FREQUENCIES)]) / (2 * np.pi)
     expected, models = np.array(FREQUENCIES), {BEAM: found}
@@ -244,11 +244,12 @@ def wing(roll: float = 0.0, mass: float = NO_LOAD, at: float = MIDDLE) -> Robot:
 
 def tip(robot: Robot, q: Array, axis: int) -> tuple[float, float]:
     """Place of the tip's mid-chord along an axis of the world [m], and how far it turned [deg]."""
-    dynamics = Dynamics(robot)
+    pose = body_poses(robot, ca.SX(q))[-2]  # of the tip, before the load
     middle, leading, trailing = (
-        dynamics.point("tip", (x, 0.0, 0.0)).position(q)[axis] for x in (MIDDLE, LEADING, TRAILING)
+        float((pose.position + pose.rotation @ ca.SX([x, 0.0, 0.0]))[axis])
+        for x in (MIDDLE, LEADING, TRAILING)
     )
-    return float(middle), float(np.degrees(np.arcsin((leading - trailing) / (LEADING - TRAILING))))
+    return middle, float(np.degrees(np.arcsin((leading - trailing) / (LEADING - TRAILING))))
 
 
 def forces_at_rest(robot: Robot, aero: Aerodynamics | None = None) -> ca.Function:

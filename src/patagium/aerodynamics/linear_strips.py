@@ -1,0 +1,602 @@
+"""Air around wings as a sum of physical terms and of corrections, linear in their weights.
+
+    Q = sum_k w_k Q_k(q, v, a)
+
+The terms Q_k are those of known physics (blade elements, added mass, circulation, drag of
+separated flow, drag of bodies without wings), each of which any wing has to some degree, and
+corrections: polynomials of the flow at a strip times the coefficients of its section. Friction and
+separated flow go with the whole velocity at a strip, the part along its span too. All weights are
+dimensionless. A robot with wings of several kinds, fore and hind or wing and tail, has the terms of
+strips once for all of them and once more for each kind: a tail of another section departs a little
+from what is common. Where flow is attached, a lifting line takes the place of blade elements:
+strips with one lag each and the trailing vortices they share. Neglected: Reynolds number, ground,
+wind that differs from strip to strip; where flow is not attached, history of the flow and
+neighboring strips.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import pi
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from patagium.aerodynamics.added_mass import AddedMass
+from patagium.aerodynamics.air import Air
+from patagium.aerodynamics.indicial import ONE_STATE, Lags, lag_relaxation
+from patagium.aerodynamics.local_flow import (
+    StripMotion,
+    airspeed,
+    body_airflows,
+    normalwash,
+    strip_motions,
+)
+from patagium.aerodynamics.model import Aerodynamics
+from patagium.aerodynamics.quasi_steady import QuasiSteady
+from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
+from patagium.aerodynamics.strip_loads import AeroExpressions
+from patagium.aerodynamics.trailing_vortices import (
+    SURFACE_CONSTANT,
+    Normalwash,
+    VortexSystem,
+    attached_lift,
+    lattice,
+    solve_normalwash,
+    surface_gains,
+)
+from patagium.arguments import check_fields
+from patagium.arrays import real_array
+from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.kinematics import Twist, body_poses, generalized_force
+from patagium.dynamics.rnea import body_accelerations, kirchhoff_force
+from patagium.errors import ParameterError
+from patagium.robot.model import Body, Robot, Strip
+from patagium.robot.strip_chains import strip_chains
+
+
+class Term(NamedTuple):
+    """Physical term of the air's force, and the prior of its weight.
+
+    Attributes:
+        name: What the term is.
+        mean: Weight that is expected [1].
+        std: Standard deviation of the weight [1].
+    """
+
+    name: str
+    mean: float
+    std: float
+
+
+WHOLE_TERMS = (
+    Term("blade elements", 1.0, 1.0),
+    Term("added mass", 1.0, 2.0),
+    Term("circulation beside added mass", 1.0, 5.0),
+)
+"""Terms of the whole robot: `QuasiSteady`, and the two parts of `AddedMass`."""
+LIFTING_LINE = Term("lifting line", 1.0, 1.0)
+"""Attached lift of strips with trailing vortices and one lag each; where flow is attached, it takes
+the place of blade elements, which are then expected to have no share."""
+EDGES = Term("suction of side edges", 0.0, 0.3)
+"""Pull of attached flow at the free ends of a wing, over density Gamma^2 chord / strip's width."""
+TURNING = Term("moment of a section that turns", 0.0, 2.0)
+"""Damping by the vortices that the edges of a section shed; attached flow sheds none of them."""
+STRIP_TERMS = (
+    Term("acceleration of the air carried along", 0.0, 2.0),
+    Term("attached lift", 0.0, 2.0),
+    Term("lift of separated flow", 0.0, 5.0),
+    Term("lift by camber", 0.0, 0.5),
+    Term("lift by pitching", 0.0, 5.0),
+    Term("normal force of separated flow", 0.0, 2.0),
+    Term("normal force at small incidence", 0.0, 2.0),
+    Term("drag along the flow", 0.0, 0.5),
+    Term("drag of the area across the flow", 0.0, 2.0),
+    Term("chordwise force by pitching", 0.0, 0.5),
+    Term("moment of incidence", 0.0, 2.0),
+    Term("moment by pitching", 0.0, 2.0),
+    TURNING,
+    Term("drag along the span", 0.0, 0.2),
+    Term("drag beyond a small incidence", 0.0, 1.0),
+)
+"""Terms of every strip, the same weight for all strips."""
+SURFACE_SHARE = 0.3
+"""Prior of how far one kind of wing departs from `STRIP_TERMS`, over the prior of the term [1]."""
+BODY_TERMS = (
+    Term("drag along x", 0.0, 5.0),
+    Term("drag along y", 0.0, 5.0),
+    Term("drag along z", 0.0, 5.0),
+    Term("drag of rotation", 0.0, 2.0),
+)
+"""Terms of every body without strips."""
+OUTPUTS = 4
+"""Coefficients of a section: force forward, normal and along the span, moment."""
+CORRECTIONS = 6, 11
+"""Number of polynomials of spanwise flow, and of the flow's direction."""
+NOTHING = 1e-6
+"""Prior of weights that stand for nothing."""
+_SMALL = 0.02  # incidence beyond which a thin wing's flow leaves its leading edge [rad]
+LAGS = Lags(ONE_STATE.rate, ONE_STATE.lift, ONE_STATE.circulation)
+"""Memory of a section."""
+LIFT_SLOPE = 2 * pi
+"""Lift slope of attached flow [1/rad]."""
+
+
+@dataclass(frozen=True)
+class LinearStrips(Aerodynamics):
+    """Air whose force is a sum of physical terms and corrections, such as a log has taught them.
+
+    In strip axes at mid-chord, relative to the air, with u the forward and n the normal velocity,
+    s that along the span, p, r and y the rates of pitch, flap and yaw times the chord,
+    V^2 = u^2 + n^2 + s^2, the corrections are
+
+        s u, s n, r u, r n, y u, y n, and V^2 times f^3, f^2 d, f d^2, d^3, f^4, f^3 d, f^2 d^2,
+        f d^3, d^4, f d |d|, d f |f| with (f, d) = (u, n) / V,
+
+    each with a coefficient of the section's force forward, normal and along the span and of its
+    moment about mid-chord, shared by all strips. What goes with accelerations is `added_mass`:
+    without it the model lacks the air that the wings carry along.
+
+    Args:
+        robot: The machine.
+        air: Density and wind.
+        terms: Weights of physical terms by name [1]; the others are those expected of them.
+        corrections: Coefficients of the corrections, one output after the other, (68,) [1]; by
+            default none.
+        attached: Whether flow is expected to stay attached: a lifting line takes the place of
+            blade elements.
+
+    Raises:
+        ParameterError: If the robot has no strips, a name is not that of a term, or a number is
+            not finite.
+        ShapeError: If the corrections are not (68,).
+
+    References:
+        Those of `LinearStripNetwork`, which learns the weights.
+    """
+
+    robot: Robot
+    air: Air = field(default_factory=Air)
+    terms: Mapping[str, float] = field(default_factory=dict, hash=False)
+    corrections: Sequence[float] | None = field(default=None, hash=False)
+    attached: bool = False
+
+    name = "linear_strips"
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if not self.robot.strips:
+            raise ParameterError("robot", "a robot with wings", self.robot.name)
+        expected = {term.name: term.mean for term in terms_of(self.robot, self.attached)}
+        for name, weight in self.terms.items():
+            if name not in expected:
+                raise ParameterError("terms", "names of terms", name, tuple(expected))
+            if not np.isfinite(weight):
+                raise ParameterError(f"terms: {name}", "a finite number", weight)
+        count = OUTPUTS * sum(CORRECTIONS)
+        given = np.zeros(count) if self.corrections is None else self.corrections
+        corrections = real_array("corrections", given, (count,))
+        if not np.isfinite(corrections).all():
+            raise ParameterError("corrections", "finite numbers", corrections.tolist())
+        object.__setattr__(self, "terms", expected | dict(self.terms))
+        object.__setattr__(self, "corrections", tuple(corrections.tolist()))
+
+    @property
+    def added_mass(self) -> AddedMass:
+        """Air that the wings carry along, with the factor of each wing."""
+        weights = ca.DM([*self.terms.values()])
+        surfaces = surfaces_of(self.robot)
+        factors = {
+            strip.wing: float(_carried(weights, self.robot, surfaces, strip))
+            for strip in self.robot.strips
+        }
+        return AddedMass(self.robot, self.air, factor=factors)
+
+    @property
+    def state_size(self) -> int:
+        """One lag a strip in attached flow."""
+        return len(self.robot.strips) * self.attached
+
+    @property
+    def structure(self) -> str:
+        """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
+        chains = strip_chains(self.robot) if self.attached else ""
+        return f"{self.name} {surfaces_of(self.robot)} {chains}"
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Density [kg/m^3], then the weights by name, in their order [1]."""
+        terms = {f"terms.{name}": weight for name, weight in self.terms.items()}
+        corrections = {f"corrections[{k}]": one for k, one in enumerate(self.corrections or ())}
+        return {"density": self.air.density, **terms, **corrections}
+
+    def expressions(
+        self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
+    ) -> AeroExpressions:
+        """Equations of the model; see `Aerodynamics.expressions`."""
+        machine, density, count = self.robot, parameters[0], len(self.terms)
+        terms, corrections = parameters[1 : 1 + count], parameters[1 + count :]
+        coefficients = ca.reshape(corrections, -1, OUTPUTS).T
+        mean = ca.sum2(wind) / wind.shape[1]
+        motion, lags = (q, v, ca.SX.zeros(robot.dof, 1)), state if self.attached else None
+        sums = StripSums(machine, robot, motion, mean, density, self.attached, lags)
+        seen, units, columns = sums.parts([*range(robot.dof)])
+        added, surfaces = self.added_mass, surfaces_of(machine)
+        wings = {strip.wing: strip for strip in machine.strips}
+        factors = [_carried(terms, machine, surfaces, strip) for strip in wings.values()]
+        carried = ca.vertcat(density, *factors)
+        force = columns @ terms - added.circulation_force(robot, q, v, mean, carried)
+        force -= kirchhoff_force(robot, *motion, added.inertia(robot, mean, carried))
+        for unit, one in zip(units, seen, strict=True):
+            force += unit @ (coefficients @ one)
+        push = ca.SX.zeros(3, 1)
+        for body in robot.floating_bodies.values():
+            push += force[list((body.floating_dofs or ())[:3])]
+        found = replace(
+            sums.elements,
+            generalized_force=force,
+            strip_force=sums.strip_forces(coefficients, terms),
+            power=ca.dot(force, v) - ca.dot(push, mean),
+        )
+        if sums.line is None:
+            return found
+        wash = sums.line.wash()
+        memory = lag_relaxation(sums.line.motions, wash.effective, LAGS)
+        return replace(
+            found,
+            circulation=wash.circulation,
+            state_derivative=memory.derivative(state),
+            memory=memory,
+        )
+
+
+class StripSums:
+    """Force of the air at a sample as a sum: expressions of its terms and corrections.
+
+    Args:
+        machine: The robot in numbers.
+        robot: Its symbolic twin.
+        motion: q, v and a.
+        wind: Wind, world axes, (3,) [m/s].
+        density: Of the air [kg/m^3].
+        attached: Whether flow is expected to stay attached.
+        lags: Lag of each strip where it is, (m, 1) [m/s]; None: symbols.
+
+    Attributes:
+        line: The lifting line, where flow is attached.
+        elements: Blade elements, those of `QuasiSteady`.
+    """
+
+    def __init__(
+        self,
+        machine: Robot,
+        robot: Robot,
+        motion: tuple[ca.SX, ca.SX, ca.SX],
+        wind: ca.SX,
+        density: ca.SX,
+        attached: bool,
+        lags: ca.SX | None = None,
+    ) -> None:
+        self._machine, self._robot, self._surfaces = machine, robot, surfaces_of(machine)
+        self._motion, self._wind, self._density = motion, wind, density
+        q, v, a = motion
+        self._airflows = body_airflows(robot, q, v, wind)
+        moving = zip(self._airflows, body_accelerations(robot, q, v, a, ca.SX(0)), strict=True)
+        self._motions = [ca.densify(ca.horzcat(twist.linear, *rest)) for twist, rest in moving]
+        self.line = StripFlow(machine, robot, (q, v, wind), lags) if attached else None
+        blades = QuasiSteady(machine)
+        numbers = ca.vertcat(density, ca.SX(ca.DM(blades.parameters[1:])))
+        self.elements = blades.expressions(robot, q, v, ca.SX(0, 1), wind, numbers)
+
+    def parts(self, rows: list[int]) -> tuple[list[ca.SX], list[ca.SX], ca.SX]:
+        """Polynomials of each strip, (17, 1), and forces of unit weights.
+
+        Args:
+            rows: Degrees of freedom whose force is wanted.
+
+        Returns:
+            Polynomials of each strip [m^2/s^2], forces of unit coefficients of each strip,
+            (n, 4), and forces of the terms, (n, m) [N, N m].
+        """
+        machine, jacobians = self._machine, _jacobians(self._robot, self._motion[0], rows)
+        units, seen, wrenches = [], [], dict[tuple[int, str], ca.SX]()
+        for strip in self._robot.strips:
+            of = strip.body, _kind(strip) if self._surfaces else ""
+            found = self._of_section(strip, jacobians[strip.body], wrenches.get(of, _NO_TERMS))
+            polynomials, unit, wrenches[of] = found
+            seen.append(polynomials)
+            units.append(unit)
+        kinds = {k: ca.SX.zeros(len(rows), len(STRIP_TERMS)) for k in self._surfaces or ("",)}
+        for (body, kind), wrench in wrenches.items():
+            kinds[kind] += jacobians[body].T @ wrench
+        terms = [self._of_whole()[rows, :], sum(kinds.values())]
+        for k in _bare(machine):
+            drag = _body_wrenches(self._robot.bodies[k], self._airflows[k], self._density)
+            terms.append(jacobians[k].T @ drag)
+        terms += [kinds[kind] for kind in self._surfaces]
+        if self.line:
+            lifts, strips = dict[int, ca.SX](), self._robot.strips
+            for strip, lift in zip(strips, _lifts(self.line, self._density), strict=True):
+                lifts[strip.body] = lifts.get(strip.body, 0) + lift
+            terms.append(sum(jacobians[body].T @ one for body, one in lifts.items()))
+        return seen, units, ca.horzcat(*terms)
+
+    def strip_forces(self, corrections: ca.SX, terms: ca.SX) -> ca.SX:
+        """Force of each strip, world axes, (3, n_strips) [N]; without the added mass of the whole.
+
+        Args:
+            corrections: Coefficients of the corrections, (4, 17) [1].
+            terms: Weights of the terms, (m,) [1].
+        """
+        turns = [ca.densify(pose.rotation) for pose in body_poses(self._robot, self._motion[0])]
+        forces, lifts = [], _lifts(self.line, self._density) if self.line else []
+        for k, strip in enumerate(self._robot.strips):
+            world = ca.vertcat(turns[strip.body].T, ca.SX.zeros(3, 3))
+            polynomials, unit, wrench = self._of_section(strip, world, _NO_TERMS)
+            own = wrench[:3, :] @ _of_strip(terms, self._machine, self._surfaces, strip)
+            own = own + lifts[k][:3, :] @ terms[-2:] if lifts else own
+            found = unit @ corrections @ polynomials + turns[strip.body] @ own
+            forces.append(found + terms[0] * self.elements.strip_force[:, k])
+        return ca.horzcat(*forces)
+
+    def _of_whole(self) -> ca.SX:
+        """Generalized forces of `WHOLE_TERMS`, (n, m) [N, N m]."""
+        robot, wind, carried = self._robot, self._wind, AddedMass(self._machine)
+        (q, v, _), factor = self._motion, ca.vertcat(self._density, 1)
+        ideal = kirchhoff_force(robot, *self._motion, carried.inertia(robot, wind, factor))
+        circulation = carried.circulation_force(robot, q, v, wind, factor)
+        return ca.horzcat(self.elements.generalized_force, ideal, circulation)
+
+    def _of_section(self, strip: Strip, jacobian: ca.SX, before: ca.SX) -> list[ca.SX]:
+        """Results of `_section` for a strip."""
+        motion, section = self._motions[strip.body], _section(jacobian.shape[1])
+        return list(section(motion, _numbers(strip), self._density, jacobian, before))
+
+
+class StripFlow:
+    """Strips of a lifting line and their trailing vortices, as expressions.
+
+    Args:
+        machine: The robot in numbers.
+        robot: Its symbolic twin.
+        motion: q, v and the wind, world axes.
+        state: Lag of each strip, (m, 1) [m/s]; None: symbols.
+
+    Attributes:
+        motions: Motion of each strip.
+        state: Lag of each strip, (m, 1) [m/s].
+        semichords: Half chords that each strip travels in a second, (m, 1) [1/s].
+    """
+
+    def __init__(
+        self,
+        machine: Robot,
+        robot: Robot,
+        motion: tuple[ca.SX, ca.SX, ca.SX],
+        state: ca.SX | None = None,
+    ) -> None:
+        chains = strip_chains(machine)
+        self.motions = strip_motions(robot, *motion)
+        self.vortices = VortexSystem(chains, lattice(robot, chains, *motion), self.motions)
+        self.geometric = ca.vertcat(*[normalwash(one) for one in self.motions])
+        self.gains = surface_gains(machine, robot, SURFACE_CONSTANT)
+        self.state = ca.SX.sym("state", len(self.motions)) if state is None else state
+        self.semichords = ca.vertcat(*[2 * airspeed(m) / m.strip.chord for m in self.motions])
+
+    def wash(self, held: bool = True) -> Normalwash:
+        """Normalwashes of all strips; not held: as if nothing were held back by lags."""
+        state, lags = (self.state, LAGS) if held else (ca.SX(0, 1), Lags((), (), ()))
+        return solve_normalwash(self.vortices, self.geometric, state, lags, LIFT_SLOPE)
+
+    def lift(self, wash: Normalwash, i: int, density: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Attached lift of strip i, forward, normal and spanwise, at `lift_place` [N]."""
+        motion, strip = self.motions[i], self.motions[i].strip
+        pressure = density * strip.chord * strip.width * LIFT_SLOPE * airspeed(motion) / 2
+        return attached_lift(self.vortices, wash, i, self.gains[i], pressure, lift_place(motion))
+
+
+def lift_place(motion: StripMotion) -> ca.SX:
+    """Distance of the lift ahead of the quarter chord; at 3/4 of it in backward flow [m]."""
+    return (smooth_sign(motion.forward) - 1.0) * (motion.strip.chord / 4)
+
+
+def _size(x: ca.SX) -> ca.SX:
+    """|x|, smooth at zero."""
+    return x * smooth_sign(x)
+
+
+_NO_TERMS = ca.SX.zeros(6, len(STRIP_TERMS))
+
+
+def _polynomials(velocity: ca.SX, spin: ca.SX) -> ca.SX:
+    """Polynomials of the flow, (17, 1) [m^2/s^2]; see `LinearStripNetwork`."""
+    (u, n, s), (_, r, y) = ca.vertsplit(velocity), ca.vertsplit(spin)
+    speed = _speed(velocity)
+    f, d = u / speed, n / speed
+    spanwise = [s * u, s * n, r * u, r * n, y * u, y * n]
+    directions = [f**3, f**2 * d, f * d**2, d**3, f**4, f**3 * d, f**2 * d**2, f * d**3, d**4]
+    directions += [f * d * _size(n) / speed, d * f * _size(u) / speed]
+    return ca.vertcat(*spanwise, *[speed**2 * one for one in directions])
+
+
+def _speed(velocity: ca.SX) -> ca.SX:
+    """V, never zero [m/s]."""
+    return smooth_norm(ca.sumsqr(velocity))
+
+
+def _strip_terms(velocity: ca.SX, spin: ca.SX, rate: ca.SX) -> ca.SX:
+    """Force forward, normal, along the span and moment of `STRIP_TERMS`, (4, m) [m^2/s^2].
+
+    The rate is that of the normal velocity times the chord, and that of pitch times its square.
+    Times density, chord and width over two they are forces; the last row, times the chord too,
+    is a moment about mid-chord that raises the leading edge.
+    """
+    (u, n, s), (p, r, _) = ca.vertsplit(velocity), ca.vertsplit(spin)
+    (normal_rate, pitch_rate), speed = ca.vertsplit(rate), _speed(velocity)
+    quarter = smooth_sign(u) / 4  # of the chord ahead of mid-chord: where lift acts
+    wash = -(n - quarter * p)  # normalwash at three quarters of the chord
+    rising = normal_rate - p * u - r * s  # rate of n, the axes turning along
+    across = 2 * _size(n)
+    vortex = across * n / speed**2
+    beyond = n**2 / (n**2 + (_SMALL * speed) ** 2) * speed
+    columns = [
+        (0, -pi / 2 * rising, 0, -pi / 64 * pitch_rate),
+        (-2 * pi * wash * n, 2 * pi * wash * u, 0, 2 * pi * wash * u * quarter),
+        (vortex * n * u, -vortex * (u**2 + s**2), vortex * n * s, 0),
+        (-speed * n, speed * u, 0, quarter * speed * u),
+        (-p * n, p * u, 0, 0),
+        (0, -across * n, 0, 0),
+        (0, -2 * speed * n, 0, 0),
+        (-speed * u, -speed * n, -speed * s, 0),
+        (-across * u, -across * n, -across * s, 0),
+        (p * n, 0, 0, 0),
+        (0, 0, 0, u * n),
+        (0, 0, 0, -speed * p),
+        (0, 0, 0, -p * _size(p)),
+        (0, 0, -speed * s, 0),
+        (-beyond * u, -beyond * n, -beyond * s, 0),
+    ]
+    return ca.horzcat(*[ca.vertcat(*column) for column in columns])
+
+
+@functools.cache
+def _section(rows: int) -> ca.Function:
+    """Function of what a strip adds, the same for every strip: the code calls it.
+
+    Given velocity in the air and `body_accelerations` of its body (3, 4), its `_numbers`, density,
+    the Jacobian of a wrench on its body (6, rows) and the wrench by the terms of strips before it
+    (6, m): its polynomials, forces of unit coefficients (rows, 4), the wrench with its own terms.
+    """
+    motion, numbers, density = ca.SX.sym("motion", 3, 4), ca.SX.sym("strip", 11), ca.SX.sym("rho")
+    jacobian, before = ca.SX.sym("jacobian", 6, rows), ca.SX.sym("before", _NO_TERMS.shape)
+    linear, w, dw, rising = ca.horzsplit(motion)
+    place, forward, normal = numbers[:3], numbers[3:6], numbers[6:9]
+    chord, width, span = numbers[9], numbers[10], cross(normal, forward)
+    middle = place - forward * (chord / 4)
+    moving, axes = Twist(linear, w).at(middle), ca.horzcat(forward, normal, span)
+    rising = rising + cross(dw, middle) + cross(w, cross(w, middle))
+    velocity, turning = axes.T @ moving, chord * axes.T @ w
+    spin = ca.vertcat(-turning[2], turning[0], turning[1])
+    rate = ca.vertcat(chord * ca.dot(normal, rising), -(chord**2) * ca.dot(span, dw))
+    moments = [cross(middle, forward), cross(middle, normal), cross(middle, span), -span * chord]
+    unit = ca.vertcat(ca.horzcat(axes, ca.SX.zeros(3, 1)), ca.horzcat(*moments))
+    unit = density / 2 * chord * width * unit
+    return ca.Function(
+        f"each_section_{rows}",
+        [motion, numbers, density, jacobian, before],
+        [
+            _polynomials(velocity, spin),
+            ca.densify(jacobian.T @ unit),
+            before + unit @ _strip_terms(velocity, spin, rate),
+        ],
+        {"never_inline": True},
+    )
+
+
+def _numbers(strip: Strip) -> ca.SX:
+    """Quarter chord, forward and normal direction, chord and width of a strip, (11, 1)."""
+    return ca.vertcat(*strip.quarter_chord, *strip.forward, *strip.normal, strip.chord, strip.width)
+
+
+def _bare(robot: Robot) -> list[int]:
+    """Bodies without strips that have drag: frames without mass have none."""
+    winged = {strip.body for strip in robot.strips}
+    return [k for k, body in enumerate(robot.bodies) if k not in winged and body.mass]
+
+
+def _kind(strip: Strip) -> str:
+    """Name of the wing of a strip, the same on the left and on the right."""
+    return strip.wing.removeprefix("left_").removeprefix("right_")
+
+
+def surfaces_of(robot: Robot) -> tuple[str, ...]:
+    """Kinds of wings of a robot that has several: "fore" and "hind", "wing" and "tail"."""
+    kinds = tuple(dict.fromkeys(_kind(strip) for strip in robot.strips))
+    return kinds if len(kinds) > 1 else ()
+
+
+def terms_of(robot: Robot, attached: bool) -> tuple[Term, ...]:
+    """Terms of the whole robot, of all strips, of its bodies, and of the strips of each kind.
+
+    Attached flow has `EDGES` and the lifting line besides, no blade elements and no `TURNING`.
+    """
+    bodies = [
+        Term(f"{term.name} of {robot.bodies[k].name}", term.mean, term.std)
+        for k in _bare(robot)
+        for term in BODY_TERMS
+    ]
+    none = TURNING._replace(std=NOTHING)
+    strips = [none if attached and term is TURNING else term for term in STRIP_TERMS]
+    departures = [
+        Term(f"{term.name} of {name}", 0.0, SURFACE_SHARE * term.std)
+        for name in surfaces_of(robot)
+        for term in strips
+    ]
+    terms = (*WHOLE_TERMS, *strips, *bodies, *departures)
+    return (terms[0]._replace(mean=0.0), *terms[1:], EDGES, LIFTING_LINE) if attached else terms
+
+
+def _of_strip(weights: Any, machine: Robot, surfaces: Sequence[str], strip: Strip) -> Any:
+    """Weights of `STRIP_TERMS` at a strip: what is common, and the departure of its wing, (m,)."""
+    first, count = len(WHOLE_TERMS), len(STRIP_TERMS)
+    common = weights[first : first + count]
+    if not surfaces:
+        return common
+    place = surfaces.index(_kind(strip))
+    first += count + len(BODY_TERMS) * len(_bare(machine))
+    first += count * place
+    return common + weights[first : first + count]
+
+
+def _body_wrenches(body: Body, airflow: Twist, density: ca.SX) -> ca.SX:
+    """Drag of a body, as of the uniform box with its mass and inertia, (6, m): `BODY_TERMS`."""
+    xx, yy, zz = body.inertia[:3]
+    squares = (yy + zz - xx, xx + zz - yy, xx + yy - zz)
+    x, y, z = (ca.sqrt(ca.fmax(6 * one / body.mass, 0)) for one in squares)
+    center = vector(body.center_of_mass)
+    areas = ca.vertcat(y * z, x * z, x * y)
+    forces = ca.diag(-density / 2 * areas * _square(airflow.at(center)))
+    arms = ca.vertcat(x * (y**4 + z**4), y * (x**4 + z**4), z * (x**4 + y**4))
+    moment = -density / 64 * arms * _square(airflow.angular)
+    moments = [cross(center, forces[:, k]) for k in range(3)]
+    return ca.vertcat(ca.horzcat(forces, ca.SX.zeros(3, 1)), ca.horzcat(*moments, moment))
+
+
+def _square(values: ca.SX) -> ca.SX:
+    """Squares with the sign of the values, smooth at zero."""
+    return ca.vertcat(*[one * _size(one) for one in ca.vertsplit(values)])
+
+
+def _lifts(line: StripFlow, density: ca.SX) -> list[ca.SX]:
+    """Wrench of each strip, body axes, by `EDGES` and by the lifting line, (6, 2) [N, N m]."""
+    found, wash, ends = [], line.wash(), [0] * len(line.motions)
+    for chain in line.vortices.chains:
+        ends[chain.strips[0]] += chain.right[0]
+        ends[chain.strips[-1]] -= chain.right[-1]
+    for i, motion in enumerate(line.motions):
+        strip, place = motion.strip, vector(motion.strip.quarter_chord)
+        forward, normal = vector(strip.forward), vector(strip.normal)
+        ahead, across, along = line.lift(wash, i, density)
+        span = cross(normal, forward)
+        lift = forward * ahead + normal * across + span * along
+        pull = ends[i] * density * wash.circulation[i] ** 2 * strip.chord / strip.width * span
+        moments = cross(place - forward * (strip.chord / 4), pull)
+        wrench = ca.vertcat(lift, cross(place + forward * lift_place(motion), lift))
+        found.append(ca.horzcat(ca.vertcat(pull, moments), wrench))
+    return found
+
+
+def _jacobians(robot: Robot, q: ca.SX, rows: list[int]) -> list[ca.SX]:
+    """Jacobian from a wrench on each body, body axes, to the generalized force, (6, rows)."""
+    wrenches = {k: (ca.SX.sym("f", 3), ca.SX.sym("m", 3)) for k in range(len(robot.bodies))}
+    force = generalized_force(robot, q, wrenches)[rows]
+    of = [ca.vertcat(*wrench) for wrench in wrenches.values()]
+    return [ca.densify(ca.jacobian(force, one).T) for one in of]
+
+
+def _carried(weights: Any, machine: Robot, surfaces: Sequence[str], strip: Strip) -> Any:
+    """Share of the air of an infinite wing that a strip carries along [1]."""
+    return weights[1] + _of_strip(weights, machine, surfaces, strip)[0]
