@@ -16,9 +16,9 @@ network stand four rivals, which see the samples up to t as well:
 
 The forecast of each output is the mean of all these ways: the network, the network corrected, the
 same with inputs that go on as before (where a model of the robot forecasts them otherwise), and
-the rivals. A way weighs as the inverse square of its mean square error in the forecasts whose
-outcome is known by t, the latest counting most: the way that erred least lately decides, and no
-way that errs does harm for long. Before an outcome is known, the network alone is taken.
+the rivals. A way weighs as the inverse sixth power of its mean absolute error in the forecasts
+whose outcome is known by t, the latest counting most: the way that erred least lately decides.
+Before an outcome is known, the network alone is taken.
 
 Neglected: commands that are known beforehand; the uncertainty of the forecast inputs.
 
@@ -73,8 +73,9 @@ _RIDGE = 1e-3  # of the mean square of each regressor
 _GROWTH = 1.25  # of the samples so far, after which a wingbeat that was found is looked for anew,
 _PATIENCE = 1.05  # and one that was not: a search sees all samples
 _TESTS = 40  # earlier times at which holding and repeating an input are compared
-_KEEP = 0.7  # of the errors of each way from one known outcome to the next
-_EXACT = 1e-100  # of the largest error, below which ways are equally exact
+_KEEP = 0.9  # of the errors of each way from one known outcome to the next
+_SHARP = 6  # power of the mean error by which a way weighs less
+_EXACT = 1e-40  # of the largest error, below which ways are equally exact
 _RUN_UP = 2.0  # wingbeats in which the memory of a network settles
 _LONGEST = 2e-3  # s, step of a forecast motion, ...
 _STEPS = 20  # ... of which a horizon has this many at least, if the log has them
@@ -277,12 +278,12 @@ class _Mixture:
         while self._waiting and self._waiting[0][0] <= last:
             place, before = self._waiting.pop(0)
             self._errors *= _KEEP
-            self._errors += np.nan_to_num(before - self._y[place]) ** 2
+            self._errors += np.abs(np.nan_to_num(before - self._y[place]))
         self._waiting.append((target, guesses))
         if not self._errors.any():
             return np.outer(np.arange(len(guesses)) == 0, np.ones(guesses.shape[1]))
         most = self._errors.max(axis=0)
-        found = np.maximum(self._errors / np.where(most > 0, most, 1.0), _EXACT) ** -2
+        found = np.maximum(self._errors / np.where(most > 0, most, 1.0), _EXACT) ** -_SHARP
         return np.asarray(found / found.sum(axis=0))
 
 
