@@ -5,11 +5,8 @@ inputs are forecast by a `Motion` from samples up to t, and the network gives th
 with the weights of time t. Without a model of the robot every input goes on as it did before:
 it is held, or its last wingbeat is repeated from where it is now, whichever erred less at the
 samples up to t. What the network misses a wingbeat before t + h (without a wingbeat: at t) is
-known; corrected by it, the network gives the change from one wingbeat to the next. Each output
-is forecast in the way that erred least in the forecasts whose outcome is known by then, of those
-since the first wingbeat: by the network, by the network corrected, or so with inputs that go on as
-before, where a model of the robot forecasts them otherwise. Beside the forecast stand four rivals,
-which see the samples up to t as well:
+known; corrected by it, the network gives the change from one wingbeat to the next. Beside the
+network stand four rivals, which see the samples up to t as well:
 
 - the last measured output, held,
 - the mean of all outputs so far,
@@ -17,12 +14,19 @@ which see the samples up to t as well:
 - linear least squares of the output a horizon later on the inputs, the output and the output at
   three times before.
 
+The forecast of each output is the mean of all these ways: the network, the network corrected, the
+same with inputs that go on as before (where a model of the robot forecasts them otherwise), and
+the rivals. A way weighs as the inverse sixth power of its mean absolute error in the forecasts
+whose outcome is known by t, the latest counting most: the way that erred least lately decides.
+Before an outcome is known, the network alone is taken.
+
 Neglected: commands that are known beforehand; the uncertainty of the forecast inputs.
 
 References:
     Hyndman & Athanasopoulos (2021), Forecasting: principles and practice, ch. 5: naive and
     seasonal naive forecasts; Taieb et al. (2012), A review and comparison of strategies for
-    multi-step ahead time series forecasting, Expert Syst. Appl. 39: the direct forecast.
+    multi-step ahead time series forecasting, Expert Syst. Appl. 39: the direct forecast. Bates &
+    Granger (1969), The combination of forecasts, Oper. Res. Q. 20: weights by recent errors.
 """
 
 from __future__ import annotations
@@ -43,9 +47,26 @@ from patagium.learning.wingbeats import duration, wingbeat_period
 Horizons = Mapping[str, float] | Sequence[float | str] | float | str | None
 
 MOST_FORECASTS = 100
-"""Number of times from which a horizon is forecast at most, spread evenly."""
-METHODS = ("nmse", "held", "average", "last_beat", "least_squares")
+"""Number of times from which a horizon is forecast at most, spread evenly.
+
+As many forecasts a horizon earlier tell which way errs least.
+"""
+RIVALS = {
+    "held": "held output",
+    "average": "mean so far",
+    "last_beat": "a wingbeat before",
+    "least_squares": "linear least squares",
+}
+"""Rivals of the network by the last word of the names of their errors."""
+METHODS = ("nmse", *RIVALS)
 """Forecast and its rivals, by the last word of the names of their errors."""
+WAYS = (
+    "network",
+    "network, corrected by what it missed last",
+    *RIVALS.values(),
+    "network, corrected, inputs as before",
+)
+"""Ways to forecast, the last of them where a model of the robot forecasts the inputs otherwise."""
 LAGS = 4
 """Outputs that linear least squares sees: that at t, and those at times before."""
 _RIDGE = 1e-3  # of the mean square of each regressor
@@ -53,6 +74,8 @@ _GROWTH = 1.25  # of the samples so far, after which a wingbeat that was found i
 _PATIENCE = 1.05  # and one that was not: a search sees all samples
 _TESTS = 40  # earlier times at which holding and repeating an input are compared
 _KEEP = 0.9  # of the errors of each way from one known outcome to the next
+_SHARP = 6  # power of the mean error by which a way weighs less
+_EXACT = 1e-40  # of the largest error, below which ways are equally exact
 _RUN_UP = 2.0  # wingbeats in which the memory of a network settles
 _LONGEST = 2e-3  # s, step of a forecast motion, ...
 _STEPS = 20  # ... of which a horizon has this many at least, if the log has them
@@ -232,20 +255,20 @@ class _LeastSquares:
         return np.hstack([np.ones((len(rows), 1)), self._x[rows], *lagged])
 
 
-class _Choice:
-    """Choice of a way to forecast, output by output, by the last outcomes that are known.
+class _Mixture:
+    """Mean of several ways to forecast, weighted output by output by the last known outcomes.
 
-    Attributes:
-        taken: Way taken last for each output, (n_y,) [1].
+    Args:
+        y: Outputs, (N, n_y) [unit of y]; NaN where not measured.
+        ways: Number of ways.
     """
 
     def __init__(self, y: Array, ways: int) -> None:
         self._y, self._errors = y, np.zeros((ways, y.shape[1]))
         self._waiting: list[tuple[int, Array]] = []
-        self.taken = np.zeros(y.shape[1], np.int64)
 
-    def chosen(self, last: int, target: int, guesses: Array) -> Array:
-        """Forecast, (n_y,) [unit of y].
+    def weights(self, last: int, target: int, guesses: Array) -> Array:
+        """Weight of each way, (ways, n_y) [1].
 
         Args:
             last: Sample from which on nothing is known.
@@ -255,10 +278,13 @@ class _Choice:
         while self._waiting and self._waiting[0][0] <= last:
             place, before = self._waiting.pop(0)
             self._errors *= _KEEP
-            self._errors += np.nan_to_num(before - self._y[place]) ** 2
+            self._errors += np.abs(np.nan_to_num(before - self._y[place]))
         self._waiting.append((target, guesses))
-        self.taken = self._errors.argmin(axis=0)
-        return np.asarray(guesses[self.taken, np.arange(len(self.taken))])
+        if not self._errors.any():
+            return np.outer(np.arange(len(guesses)) == 0, np.ones(guesses.shape[1]))
+        most = self._errors.max(axis=0)
+        found = np.maximum(self._errors / np.where(most > 0, most, 1.0), _EXACT) ** -_SHARP
+        return np.asarray(found / found.sum(axis=0))
 
 
 class ForecastSums:
@@ -277,23 +303,31 @@ class ForecastSums:
             for method in METHODS
             for half in ("", "_second_half")
         }
+        self._taken = np.zeros((len(WAYS), len(self._names)), int)
         self.lead, self.count, self.lost, self.rule = 0, 0, 0, ""
 
-    def add(self, y: Array, guesses: Mapping[str, Array], late: bool) -> None:
+    def add(self, y: Array, guesses: Mapping[str, Array], weights: Array, late: bool) -> None:
         """Count one forecast.
 
         Args:
             y: Output that was measured later, (n_y,) [unit of y].
             guesses: Forecast of each of `METHODS`, (n_y,) [unit of y].
+            weights: Weight of the first of `WAYS`, (ways, n_y) [1].
             late: Whether it is in the second half.
         """
         self.count += 1
+        if late:
+            self._taken[weights.argmax(axis=0), np.arange(len(y))] += 1
         for method, guess in guesses.items():
             for half in ("", *(("_second_half",) if late else ())):
                 self._sums[f"{method}{half}"].add(y[None], guess[None])
 
     def scores(self) -> dict[str, Any]:
-        """Errors by name: `forecast_<label>_<method>`, whole and second half."""
+        """Errors by name: `forecast_<label>_<method>`, whole and second half.
+
+        `forecast_<label>_ways` counts, by output, the forecasts of the second half in which each
+        way had the largest weight.
+        """
         key = f"forecast_{self.label}"
         found: dict[str, Any] = {
             f"{key}_seconds": self.seconds,
@@ -306,6 +340,10 @@ class ForecastSums:
             return found
         for name, sums in self._sums.items():
             found |= span_scores(sums.nmse, self._names, f"{key}_{name}")
+        found[f"{key}_ways"] = {
+            name: {way: int(n) for way, n in zip(WAYS, counts, strict=True) if n}
+            for name, counts in zip(self._names, self._taken.T, strict=True)
+        }
         return found
 
     def state(self) -> dict[str, Array]:
@@ -313,7 +351,7 @@ class ForecastSums:
         key = f"forecast {self.label}"
         counts = np.array([self.lead, self.count, self.lost])
         sums = {f"{key} {name}": one.sums for name, one in self._sums.items()}
-        return {f"{key} counts": counts, **sums}
+        return {f"{key} counts": counts, f"{key} ways": self._taken, **sums}
 
     def resume(self, state: Mapping[str, Array]) -> None:
         """Go on from sums as `state` gave them, of the same outputs.
@@ -323,6 +361,7 @@ class ForecastSums:
         """
         key = f"forecast {self.label}"
         self.lead, self.count, self.lost = state[f"{key} counts"].tolist()
+        self._taken = state[f"{key} ways"].copy()
         for name, one in self._sums.items():
             one.sums = state[f"{key} {name}"].copy()
 
@@ -364,27 +403,40 @@ class Forecaster:
         self._inputs = Repetition(self._time, x, period)
         self._motion: Motion = self._inputs if motion is None else motion
         self._outputs = Repetition(self._time, self._known, period)
-        ways = 2 if motion is None else 3
-        self._choices = _Choice(y, ways), _Choice(y, ways)  # before the first wingbeat, and later
+        ways = len(WAYS) - (motion is None)
+        self._mixtures = [_Mixture(y, ways) for _ in range(2)]  # before the first wingbeat, later
         self._squares = _LeastSquares(x, self._known, self._lead, max(1, self._lead // LAGS))
         self._mean = np.cumsum(self._known, axis=0) / (every + 1)[:, None]
+        self._least = np.minimum.accumulate(self._known)
+        self._most = np.maximum.accumulate(self._known)
         last = used[used + self._lead < len(y)]
         crossed = np.searchsorted(gaps, last + self._lead, "right")
         last = last[crossed == np.searchsorted(gaps, last, "right")]
         thinned = np.unique(np.linspace(0, len(last) - 1, MOST_FORECASTS).round().astype(int))
-        self._origins = set(last[thinned].tolist()) if len(last) else set()
+        counted = last[thinned] if len(last) else last
+        earlier = np.searchsorted(last, counted - self._lead, "right") - 1
+        self._counted = set(counted.tolist())
+        self._origins = self._counted | set(last[earlier[earlier >= 0]].tolist())
 
     def before(self, begin: int, memory: ModelMemory) -> None:
         """Forecast from the sample before an interval, if it is one of those chosen."""
         last = begin - 1
         if last not in self._origins:
             return
-        guesses = self._guesses(last, memory)
-        if guesses is not None:
-            self._sums.add(self._y[last + self._lead], guesses, last >= self._half)
+        ways = self._ways(last, memory)
+        if ways is None:
+            return
+        target, mixture = last + self._lead, self._mixtures[self._inputs.period(last) is not None]
+        span = self._most[last] - self._least[last]  # no forecast is farther out than it is wide
+        near = np.clip(ways, self._least[last] - span, self._most[last] + span)
+        weights = mixture.weights(last, target, near)
+        if last in self._counted:
+            mixed = (weights * near).sum(axis=0)
+            guesses = dict(zip(METHODS, (mixed, *ways[2 : 2 + len(RIVALS)]), strict=True))
+            self._sums.add(self._y[target], guesses, weights, last >= self._half)
 
-    def _guesses(self, last: int, memory: ModelMemory) -> dict[str, Array] | None:
-        """Forecast and rivals; None before linear least squares has anything to learn from."""
+    def _ways(self, last: int, memory: ModelMemory) -> Array | None:
+        """Forecast by each way; None before linear least squares has anything to learn from."""
         squares = self._squares.at(last)
         if squares is None:
             return None
@@ -392,30 +444,19 @@ class Forecaster:
         model = FrozenModel(network, weights, memory)
         x, motion = self._motion.path(last, self._ahead, model), self._motion
         if not np.isfinite(x).all():
-            self._sums.lost += 1
+            self._sums.lost += last in self._counted
             x, motion = self._inputs.path(last, self._ahead, model), self._inputs
+        self._sums.rule = motion.rule()
         period, held = self._inputs.period(last), self._known[last]
         beat = held
         if period is not None:
             beat = self._outputs.beat_before(last, float(self._ahead[-1]), period)
-        guess = model.predict(self._time[last] + self._ahead, x)
-        miss = self._miss(last, period)
-        ways = [guess, guess + miss]
+        guess, miss = model.predict(self._time[last] + self._ahead, x), self._miss(last, period)
+        ways = [guess, guess + miss, held, self._mean[last], beat, squares]
         if self._motion is not self._inputs:
             repeated = self._inputs.path(last, self._ahead, model)
             ways.append(model.predict(self._time[last] + self._ahead, repeated) + miss)
-        choice = self._choices[period is not None]
-        guess = choice.chosen(last, last + self._lead, np.array(ways))
-        self._sums.rule = motion.rule()
-        count = np.bincount(choice.taken, minlength=3)
-        before = "now" if period is None else "a wingbeat before"
-        if count[1:].any():
-            self._sums.rule += (
-                f"; {count[1:].sum()} of {len(guess)} outputs corrected by the error of the "
-                f"network {before}" + (f", {count[2]} with inputs as before" * bool(count[2]))
-            )
-        found = (guess, held, self._mean[last], beat, squares)
-        return dict(zip(METHODS, found, strict=True))
+        return np.where(np.isfinite(ways), ways, held)
 
     def _miss(self, last: int, period: float | None) -> Array:
         """Error of the network a wingbeat before what is forecast, or now, (n_y,) [unit of y]."""

@@ -46,7 +46,7 @@ LONG = 1_000_000
 """Samples from which a log is learned from block by block."""
 BLOCK = 1 << 18
 """Samples of a block, at most, unless another number is asked for."""
-_FORMAT = 5  # of the file that a run goes on from
+_FORMAT = 6  # of the file that a run goes on from
 _NUMBERS = ("begin", "last", "gaps", "updates")  # of a run, beside its sums
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from patagium.learning.forecast import RIVALS
 from patagium.learning.parameter_paths import parameter_table
 from patagium.report import (
     Block,
@@ -151,24 +152,21 @@ def summary(scores: Mapping[str, Any]) -> str:
 
 def forecast_tables(scores: Mapping[str, Any]) -> list[Table]:
     """Errors of the forecasts of each horizon and of their baselines."""
-    heads = {
-        "nmse": "forecast",
-        "held": "held output",
-        "average": "mean so far",
-        "last_beat": "a wingbeat before",
-        "least_squares": "linear least squares",
-    }
+    heads = {"nmse": "forecast", **RIVALS}
     tables = []
     for key in [name.removesuffix("_rule") for name in scores if name.endswith("_rule")]:
         present = {head: scores.get(f"{key}_{name}_second_half") for name, head in heads.items()}
         if not key.startswith("forecast_") or not all(present.values()):
             continue
         names = [name for name in scores["nmse"] if name not in scores["silent"]]
-        rows = [[name, *(each[name] for each in present.values() if each)] for name in names]
+        ways = {name: _mostly(counts) for name, counts in scores[f"{key}_ways"].items()}
+        rows = [
+            [name, *(each[name] for each in present.values() if each), ways[name]] for name in names
+        ]
         ahead = scores[f"{key}_seconds"]
         tables.append(
             Table(
-                ["output", *(f"{head} [1]" for head in heads.values())],
+                ["output", *(f"{head} [1]" for head in heads.values()), "forecast mostly by"],
                 rows,
                 f"Forecast {ahead:g} s ahead from samples up to a time alone "
                 f"({scores[f'{key}_count']} times; {scores[f'{key}_rule']}): mean square error "
@@ -176,6 +174,12 @@ def forecast_tables(scores: Mapping[str, Any]) -> list[Table]:
             )
         )
     return tables
+
+
+def _mostly(counts: Mapping[str, int]) -> str:
+    """Way that most forecasts of an output took, in words."""
+    way = max(counts, key=counts.__getitem__, default="")
+    return f"{way} ({counts[way]} of {sum(counts.values())})" if way else ""
 
 
 def score_table(scores: Mapping[str, Any]) -> Table:

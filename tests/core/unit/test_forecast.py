@@ -49,9 +49,9 @@ class Kept(ForecastSums):
         super().__init__("h", seconds, [f"y{k}" for k in range(outputs)])
         self.found: list[dict[str, Array]] = []
 
-    def add(self, y: Array, guesses: Any, late: bool) -> None:
+    def add(self, y: Array, guesses: Any, weights: Array, late: bool) -> None:
         self.found.append(dict(guesses))
-        super().add(y, guesses, late)
+        super().add(y, guesses, weights, late)
 
 
 def forecasts(
@@ -233,6 +233,20 @@ def test_what_the_network_misses_each_wingbeat_is_no_error_of_the_forecast() -> 
     scores = stream(linear(), time, x, other, every=10, horizons={"h": 0.03}).scores
     assert scores["nmse_second_half_worst"] > 0.2  # lines cannot follow it
     assert scores["forecast_h_nmse_second_half_worst"] < 0.02
-    assert scores["forecast_h_rule"].endswith(
-        "2 of 2 outputs corrected by the error of the network a wingbeat before"
-    )
+    assert scores["forecast_h_rule"] == "last wingbeat of the inputs repeated"
+
+
+@pytest.mark.parametrize("rival", ["last_beat", "least_squares"])
+def test_what_the_network_cannot_know_is_forecast_as_by_the_best_rival(rival: str) -> None:
+    """Outputs that are no function of the inputs; the network alone errs by far more."""
+    time, x, _ = waves(3000)
+    y = {
+        "last_beat": np.sign(np.sin(np.outer([3.0, 4.0], OMEGA * time) + 0.5)),
+        "least_squares": np.sin(np.outer([23.0, 31.0], time)),  # exact by two lags
+    }[rival].T
+    scores = stream(linear(), time, x, y, every=10, horizons={"h": 0.02}).scores
+    found = {name: scores[f"forecast_h_{name}_second_half_worst"] for name in METHODS}
+    assert found["nmse"] <= 1.1 * min(found[name] for name in forecast.RIVALS) + 1e-12
+    for counts in scores["forecast_h_ways"].values():
+        assert sum(counts.values()) in (49, 50)  # forecasts of the second half
+        assert rival == "last_beat" or counts[forecast.RIVALS[rival]] > 40  # network corrected
