@@ -150,8 +150,8 @@ class LinearStrips(Aerodynamics):
             blade elements.
 
     Raises:
-        ParameterError: If the robot has no strips, a name is not that of a term, or a number is
-            not finite.
+        ParameterError: If the robot has no strips, the air has a ground, a name is not that of a
+            term, or a number is not finite.
         ShapeError: If the corrections are not (68,).
 
     References:
@@ -170,10 +170,13 @@ class LinearStrips(Aerodynamics):
         check_fields(self)
         if not self.robot.strips:
             raise ParameterError("robot", "a robot with wings", self.robot.name)
-        expected = {term.name: term.mean for term in terms_of(self.robot, self.attached)}
+        if self.air.ground is not None:
+            expected = "None, since the terms know no ground"
+            raise ParameterError("air.ground", expected, self.air.ground)
+        usual = {term.name: term.mean for term in terms_of(self.robot, self.attached)}
         for name, weight in self.terms.items():
-            if name not in expected:
-                raise ParameterError("terms", "names of terms", name, tuple(expected))
+            if name not in usual:
+                raise ParameterError("terms", "names of terms", name, tuple(usual))
             if not np.isfinite(weight):
                 raise ParameterError(f"terms: {name}", "a finite number", weight)
         count = OUTPUTS * sum(CORRECTIONS)
@@ -181,7 +184,7 @@ class LinearStrips(Aerodynamics):
         corrections = real_array("corrections", given, (count,))
         if not np.isfinite(corrections).all():
             raise ParameterError("corrections", "finite numbers", corrections.tolist())
-        object.__setattr__(self, "terms", expected | dict(self.terms))
+        object.__setattr__(self, "terms", usual | dict(self.terms))
         object.__setattr__(self, "corrections", tuple(corrections.tolist()))
 
     @property

@@ -105,7 +105,7 @@ def optimize(
         least = control.power_front(machine, front, model, **given)
         _front(least, figure, as_json)
         return
-    if speed == 0 and not inflow:
+    if speed == 0 and not inflow and not aero.endswith(".json"):
         typer.echo(f"patagium: {NO_INFLOW}", err=True)
     options: dict[str, Any] = {"added_mass": added} | ({"free": free} if free else {})
     if not as_json:

@@ -108,7 +108,7 @@ def trim(
     gait = gaits.cruise(machine)
     chosen = tuple(free) if free else control.free_parameters(machine, gait, turn_rate)
     level = 0.0 if gait.period else None
-    if speed == 0 and gait.period and not inflow:
+    if speed == 0 and gait.period and not inflow and not aero.endswith(".json"):
         typer.echo(f"patagium: {NO_INFLOW}", err=True)
     if not as_json:
         kind = "Wingbeat" if gait.period else "Glide"

@@ -122,8 +122,9 @@ class Model:
             if robot.structure != machine.structure:
                 expected = f"{machine.name} as in the log, of the same bodies, joints and wings"
                 raise ParameterError("robot", expected, robot.name)
-            before = self.network.robot.parameters  # type: ignore[attr-defined]
-            numbers = zip(machine.parameter_names, machine.parameters, before, strict=True)
+            before: Any = getattr(self.network, "model", self.network)
+            known = before.robot.parameters
+            numbers = zip(machine.parameter_names, machine.parameters, known, strict=True)
             learned = {name: float(value) for name, value, was in numbers if value != was}
             machine = robot.with_parameters(learned) if learned else robot
         description = model.describe()

@@ -90,6 +90,8 @@ def test_networks_that_are_no_air_and_robots_that_were_not_logged(
     dense = DenseNetwork(1, (2,), 2)
     with pytest.raises(ParameterError, match="linear_strip, the default, or numbers"):
         model_of(ExtendedLearner(dense, measurement_std=1.0)).air()
+    with pytest.raises(ParameterError, match="ground: expected None"):
+        pt.load_model(folder / "model.json").air(air=pt.Air(ground=0.0))
     with pytest.raises(ParameterError, match="robot: expected ornithopter .* found 'aerobat'"):
         pt.load_model(folder / "model.json").air(pt.load_robot("aerobat"))
 

@@ -98,7 +98,7 @@ class GreyBox(Network):
             raise ParameterError("start", '"steady" or "still"', start)
         if FACTOR in estimate and added_mass is None:
             raise ParameterError(FACTOR, "an added mass to go with it", None)
-        robot = self.robot = model.robot
+        robot = model.robot
         numbers = numbers_of(model, added_mass)
         self.model = model
         self.added_mass = added_mass

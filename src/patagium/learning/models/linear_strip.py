@@ -10,6 +10,7 @@ Neglected: what the physics neglects, and gusts.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Self
 
 import casadi as ca
@@ -186,7 +187,7 @@ class LinearStripNetwork(WingNetwork):
     def air_at(self, weights: Array) -> tuple[LinearStrips, AddedMass]:
         """Model of the air and added mass with what was learned, to fly with.
 
-        The two together are the force of the network.
+        The two together are the force of the network, which knows no ground.
 
         Args:
             weights: Weights, (n,) [1].
@@ -197,7 +198,8 @@ class LinearStripNetwork(WingNetwork):
         corrections, terms = self.split(ca.DM(weights))
         named = zip((term.name for term in self.terms), terms.full()[:, 0].tolist(), strict=True)
         coefficients = corrections.full().ravel()
-        air = LinearStrips(self.robot, self.air, dict(named), coefficients, self.attached)
+        free = replace(self.air, ground=None)
+        air = LinearStrips(self.robot, free, dict(named), coefficients, self.attached)
         return air, air.added_mass
 
     def split(self, weights: Any) -> tuple[Any, Any]:
