@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "patagium trim aerobat",
     'patagium trim ornithopter --speed "7 m/s" -o trimmed.nc',
+    "patagium trim aerobat --aero model.json",
     "patagium trim aerobat --along speed=2.5:6 --figure branch.svg",
     "patagium trim dragonfly --speed 0 --free frequency --free fore_feather_offset --json",
 )

@@ -82,6 +82,11 @@ def _sections() -> dict[str, Valid]:
         "LearnedAir": Valid(
             air.LearnedAir, {"model": pt.QuasiSteady(seeds.robot())}, ("weights",)
         ),
+        "LinearStrips": Valid(
+            air.LinearStrips,
+            {"robot": seeds.robot()},
+            ("air", "terms", "corrections", "attached"),
+        ),
         "RampGust": Valid(
             air.RampGust, {"velocity": (0.0, 0.0, 1.0), "start": 0.0, "length_time": 0.1}
         ),
