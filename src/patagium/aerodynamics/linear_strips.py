@@ -166,6 +166,12 @@ class LinearStrips(Aerodynamics):
 
     name = "linear_strips"
 
+    def __repr__(self) -> str:
+        flow = "attached" if self.attached else "separated"
+        moved = sum(self.terms[one.name] != one.mean for one in terms_of(self.robot, self.attached))
+        told = f"{moved} of {len(self.terms)} terms other than expected, {flow} flow, {self.air}"
+        return f"<LinearStrips around {self.robot.name}: {told}>"
+
     def __post_init__(self) -> None:
         check_fields(self)
         if not self.robot.strips:

@@ -76,6 +76,7 @@ def things(robot: pt.Robot, flight: Any) -> dict[str, Any]:
         *(
             A.Inflow(aero),
             A.LearnedAir(aero),
+            A.LinearStrips(robot),
             A.WindShear(aero),
             A.PolarTable(angle[:3], angle[:3], angle[:3], None),
         ),
