@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 DENSITY = 1.225
 """Density of the air where none is given [kg/m^3]."""
-UNSEEN = 0.05
-"""Share of flow that was not learned, beyond which a learned model is a guess."""
 GreyModel: TypeAlias = Literal["quasi-steady", "lifting-line", "delaurier"]
 """Models of the air whose numbers can be learned."""
 
@@ -206,6 +204,7 @@ def tell_unseen(word: str, orbit: Orbit) -> None:
     if not word.endswith(".json"):
         return
     from patagium.learning import evaluate, load_model
+    from patagium.learning.verdict import UNSEEN
 
     share = evaluate(orbit.flight(beats=1.0), load_model(word)).scores.get("unseen_share")
     if share is not None:

@@ -23,7 +23,8 @@ from patagium.learning.scores import INTERVAL, ErrorSums
 _RIGHT = 0.88, 0.99  # shares in the 95 % interval that are about right
 _NIS = 3.0  # times too large or too small
 _SMALL = 1e-6  # NMSE: errors below a thousandth of the standard deviation of each output
-_UNSEEN = 0.05  # share of samples in unseen flow
+UNSEEN = 0.05
+"""Share of samples in flow that was not learned, beyond which there is a warning."""
 
 
 def with_verdict(scores: Mapping[str, Any]) -> dict[str, Any]:
@@ -97,7 +98,7 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
         text = f"{count - learned} of the {count} samples to learn from taught nothing"
         warnings.append(f"Warning: {text} (events so far: {events}).")
     unseen = scores.get("unseen_share", 0.0)
-    if unseen > _UNSEEN:
+    if unseen > UNSEEN:
         warnings.append(
             f"Warning: {100 * unseen:.0f} % of the samples are flow that was not learned: there "
             "the weights alone make the prediction ten times as uncertain as they used to."
