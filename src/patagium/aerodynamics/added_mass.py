@@ -97,7 +97,7 @@ class AddedMass:
         return " ".join(self.parameter_names)
 
     def _places(self) -> dict[str, int]:
-        """Place of each wing's factor among the parameters."""
+        """Index of the factor of each wing in `parameters`."""
         wings = self.robot.wing_names
         if not isinstance(self.factor, Mapping):
             return dict.fromkeys(wings, 1)

@@ -167,9 +167,9 @@ class LinearStrips(Aerodynamics):
     name = "linear_strips"
 
     def __repr__(self) -> str:
-        flow = "attached" if self.attached else "separated"
+        flow = "attached flow" if self.attached else "flow that may separate"
         moved = sum(self.terms[one.name] != one.mean for one in terms_of(self.robot, self.attached))
-        told = f"{moved} of {len(self.terms)} terms other than expected, {flow} flow, {self.air}"
+        told = f"{moved} of {len(self.terms)} terms other than expected, {flow}, {self.air}"
         return f"<LinearStrips around {self.robot.name}: {told}>"
 
     def __post_init__(self) -> None:

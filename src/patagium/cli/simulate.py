@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 
 def _air_word(text: str) -> str:
-    """A model of the air; "published" is that of the laboratory."""
+    """Word for a model of the air, as `air_word` reads it, or "published"."""
     return text if text == "published" else air_word(text)
 
 

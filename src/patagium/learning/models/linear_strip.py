@@ -203,7 +203,7 @@ class LinearStripNetwork(WingNetwork):
         return air, air.added_mass
 
     def split(self, weights: Any) -> tuple[Any, Any]:
-        """CasADi weights as coefficients of the corrections, (4, 17), and of the terms, (n,)."""
+        """Coefficients of the corrections, (4, 17), and weights of the terms, (n,), in CasADi."""
         matrix = ca.reshape(weights[:-OUTPUTS], -1, OUTPUTS).T
         return matrix[:, :_POLYNOMIALS], ca.vec(matrix[:, _POLYNOMIALS:])[: len(self.terms)]
 
