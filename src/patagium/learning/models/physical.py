@@ -224,17 +224,16 @@ def changed_air(
     robot, description = model.robot, model.describe()
     of_robot = {name: values.pop(name) for name in robot.parameter_names if name in values}
     machine = robot.with_parameters(of_robot) if of_robot else robot
-    factors = {name: values.pop(name) for name in [*values] if name.startswith("added_mass.")}
     for name, value in values.items():
-        _write(description, name, value, model.name)
+        if not name.startswith("added_mass."):
+            _write(description, name, value, model.name)
     changed = aero_from_description(machine, description)
     if added_mass is None:
         return changed, None
-    known = added_mass.factors | factors
-    share: Any = [*known.values()]
-    if isinstance(added_mass.factor, Mapping):
-        share = [dict(zip(added_mass.factor, share, strict=True))]
-    return changed, AddedMass(machine, changed.air, factor=share[0])
+    factor: Any = values.get(FACTOR, added_mass.factor)
+    if isinstance(factor, Mapping):
+        factor = {wing: values.get(f"added_mass.{wing}.factor", factor[wing]) for wing in factor}
+    return changed, AddedMass(machine, changed.air, factor=factor)
 
 
 def _write(description: Any, name: str, value: float, model: str) -> None:
