@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
 import typer
 
 from patagium.cli.words import named_quantities
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, similar
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -32,12 +32,12 @@ def air_word(text: str) -> str:
     """A model of the air as an option names it: by its word, or by the file of a learned one.
 
     Raises:
-        ParameterError: If it is neither.
+        ValueError: If it is neither.
     """
     known = get_args(GreyModel)
     if text not in known and not text.endswith(".json"):
         expected = f"{', '.join(known)}, or a model (.json) that patagium identify wrote"
-        raise ParameterError("model of the air", expected, text, known)
+        raise ValueError(f"expected {expected}, found {text!r}{similar(text, known)}")
     return text
 
 
