@@ -9,7 +9,8 @@ errors that are correlated.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -17,30 +18,18 @@ from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
 
 from patagium.arguments import checked
-from patagium.arrays import Array, Indices
+from patagium.arrays import Array
 from patagium.errors import FilterDiverged, Outcome, ParameterError
 from patagium.learning.filters.weight_covariance import block_covariance
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.model_file import Model, model_of
 from patagium.learning.models.memory import network_inputs
-from patagium.learning.models.network import Network
 from patagium.learning.samples import samples
-from patagium.learning.stream import checked_samples, used_samples
+from patagium.learning.stream import Samples, checked_samples, used_samples
 from patagium.sensing.force.measured_force import ForceSamples
 
 _CLOSE = 0.01  # steps shorter than that, in deviations, are the last
 _HALVINGS = 8
-
-
-class _Log(NamedTuple):
-    """Samples to fit, with those that count and their measurement noise."""
-
-    time: Array
-    x: Array
-    y: Array
-    gaps: Indices
-    used: Indices
-    std: Array
 
 
 @checked
@@ -83,21 +72,21 @@ def refine(
     table: Any = time, x, y
     if isinstance(time, xr.Dataset | ForceSamples):
         table = samples(time, network)[:3]
-    given = checked_samples(network, table, gaps, None)
-    used = used_samples(len(given.time), every, given.gaps)
-    log = _Log(given.time, given.x, given.y, given.gaps, used, learner.measurement_std)
+    log = checked_samples(network, table, gaps, None)
+    used = np.isin(np.arange(len(log.time)), used_samples(len(log.time), every, log.gaps))
+    log = replace(log, y=np.where(used[:, None], log.y, np.nan))
     first, prior = learner.prior
-    begins = [(_cost(network, log, one, first, prior), one) for one in (learner.weights, first)]
+    begins = [(_cost(learner, log, one), one) for one in (learner.weights, first)]
     cost, weights = min(begins, key=lambda begin: begin[0])  # the filter may have diverged
     if not np.isfinite(cost):
         raise FilterDiverged("the weights to begin with give nothing finite", Outcome.NOT_FINITE)
     for _ in range(rounds):
-        gradient, information = _slopes(network, log, weights)
+        gradient, information = _slopes(learner, log, weights)
         information[np.diag_indices_from(information)] += 1.0 / prior
         factor = cho_factor(information)
         step = cho_solve(factor, gradient - (weights - first) / prior)
         length = float(np.sqrt(step @ information @ step))
-        weights, cost, moved = _moved(network, log, (weights, cost), step, (first, prior))
+        weights, cost, moved = _moved(learner, log, (weights, cost), step)
         if length < _CLOSE or not moved:
             break
     covariance = cho_solve(factor, np.eye(len(weights)))
@@ -107,37 +96,36 @@ def refine(
 
 
 def _moved(
-    network: Network,
-    log: _Log,
-    here: tuple[Array, float],
-    step: Array,
-    believed: tuple[Array, Array],
+    learner: FilterLearner, log: Samples, here: tuple[Array, float], step: Array
 ) -> tuple[Array, float, bool]:
     """Weights and cost after a step, halved until it lowers the cost."""
     weights, cost = here
     for halvings in range(_HALVINGS):
         tried = weights + step / 2**halvings
-        found = _cost(network, log, tried, *believed)
+        found = _cost(learner, log, tried)
         if found <= cost:
             return tried, found, True
     return weights, cost, False
 
 
-def _cost(network: Network, log: _Log, weights: Array, first: Array, prior: Array) -> float:
+def _cost(learner: FilterLearner, log: Samples, weights: Array) -> float:
+    (first, prior), network = learner.prior, learner.network
     rows = network_inputs(network, weights, log.time, log.x, log.gaps)
-    error = (log.y[log.used] - network.evaluate(rows[log.used], weights)) / log.std
+    seen = np.isfinite(log.y).any(axis=1)
+    error = (log.y[seen] - network.evaluate(rows[seen], weights)) / learner.measurement_std
     cost = float(np.nansum(error**2) + ((weights - first) ** 2 / prior).sum())
     return cost if np.isfinite(rows).all() else float("inf")
 
 
-def _slopes(network: Network, log: _Log, weights: Array) -> tuple[Array, Array]:
+def _slopes(learner: FilterLearner, log: Samples, weights: Array) -> tuple[Array, Array]:
     """Sums of H'e and of H'H over the used samples, in standard deviations of the measurement."""
+    network, std = learner.network, learner.measurement_std
     rows = network_inputs(network, weights, log.time, log.x, log.gaps)
     gradient, information = np.zeros(len(weights)), np.zeros((len(weights), len(weights)))
-    for k in log.used.tolist():
+    for k in np.flatnonzero(np.isfinite(log.y).any(axis=1)).tolist():
         value, slope = network.linearized(network.encode_one(rows[k]), weights)
         seen = np.isfinite(log.y[k])
-        slope = slope[seen] / log.std[seen, None]
-        gradient += slope.T @ ((log.y[k] - value) / log.std)[seen]
+        slope = slope[seen] / std[seen, None]
+        gradient += slope.T @ ((log.y[k] - value) / std)[seen]
         information += slope.T @ slope
     return gradient, information

@@ -12,8 +12,8 @@ from patagium.learning.models.memory import memory_of, network_inputs, replay
 from patagium.learning.models.network import Network
 from patagium.learning.models.perceptron import as_perceptron
 from patagium.learning.models.structure import blocks_of
-from patagium.learning.stream import stream
-from patagium.learning.tuning.prediction_score import Flown, LogSamples
+from patagium.learning.stream import Samples, stream
+from patagium.learning.tuning.prediction_score import Flown
 from patagium.learning.tuning.prediction_score import score_predictions as predict
 
 
@@ -153,9 +153,9 @@ def test_what_lies_between_used_samples_is_foreseen_with():
             seen.append(x)
             return y - LAG.evaluate(x[None], WEIGHTS)[0]
 
-    log = LogSamples(TIME, SIGNAL, np.zeros(0, int), np.arange(0, 20, 5))
-    y = np.arange(1.0, 5.0)[:, None]
-    predict(Clerk(), Flown(log, y, y > 0, "a log"))
+    used = np.arange(0, 20, 5)
+    log = Samples(TIME, SIGNAL, np.arange(20.0)[:, None], np.zeros(0, int))
+    predict(Clerk(), Flown(log, used, np.ones((4, 1), bool), "a log"))
     assert np.array_equal(seen, network_inputs(LAG, WEIGHTS, TIME, SIGNAL)[::5])
 
 

@@ -30,9 +30,9 @@ from patagium.learning import (
 )
 from patagium.learning.learners.registry import LEARNERS, make_learner
 from patagium.learning.settings import Alternatives, LogRange, settings_of
+from patagium.learning.stream import Samples
 from patagium.learning.tuning.prediction_score import (
     Flown,
-    LogSamples,
     PredictionScore,
     moving,
     score_predictions,
@@ -163,8 +163,7 @@ def test_search_is_fixed_by_its_seed_and_refuses_too_few_trials() -> None:
 def flown(x: np.ndarray, y: np.ndarray, scored: np.ndarray) -> Flown:
     """Samples that are all used, (N, n_x) and (N, n_y)."""
     numbers = np.arange(len(x))
-    log = LogSamples(numbers.astype(float), x, numbers[:0], numbers)
-    return Flown(log, y, scored, "a log")
+    return Flown(Samples(numbers.astype(float), x, y, numbers[:0]), numbers, scored, "a log")
 
 
 def crps(y: Any, mean: Any, std: Any) -> Any:

@@ -126,10 +126,10 @@ def left_out(
         horizon: Time for which weights stay where all kinematics are alike [s]; None: over the
             second half.
     """
-    whole = np.ones(len(flown.y), bool)
+    whole = np.ones(len(flown.used), bool)
     if others:
         text = f"left-out flights: {', '.join(one.name for one in others)}"
-        folds = tuple(Fold(whole, one, np.arange(len(one.y))) for one in others)
+        folds = tuple(Fold(whole, one, np.arange(len(one.used))) for one in others)
         return LeftOut("left-out flights", text, folds)
     found = stretches_of(kinematics)
     if found.count > 1:
@@ -197,7 +197,7 @@ def stretches_of(flights: Sequence[Kinematics]) -> Stretches:
 
 def _later(flown: Flown, horizon: float | None) -> tuple[Fold, ...]:
     """Folds of a flight that predict what comes after what they learn."""
-    time, count = flown.log.time[flown.log.used], len(flown.y)
+    time, count = flown.samples.time[flown.used], len(flown.used)
     half = np.arange(count) < count // 2
     if horizon is None:
         return (Fold(half, flown, np.flatnonzero(~half), elsewhere=False),)

@@ -52,43 +52,26 @@ BLOCKS = 10
 """Blocks in a left-out stretch, between which the standard error of a score is found."""
 
 
-class LogSamples(NamedTuple):
-    """Measured inputs of a log, and which of its samples are used.
-
-    Attributes:
-        time: Increasing, (N,) [s].
-        x: Measured inputs of the network, (N, n_measured) [units of x].
-        gaps: First sample after each gap.
-        used: Samples used, increasing, (U,).
-    """
-
-    time: Array
-    x: Array
-    gaps: Indices
-    used: Indices
-
-
 @dataclass(frozen=True)
 class Flown:
     """Used samples of a flight, or of several as one log.
 
     Attributes:
-        log: Log of which U samples are used.
-        y: Measurements, (U, n_y) [unit of y].
+        samples: All samples; the network's memory runs through those between the used ones.
+        used: Samples used, increasing, (U,).
         scored: Measurements that count, (U, n_y); see `moving`.
         name: Name of the flight.
     """
 
-    log: LogSamples
-    y: Array
+    samples: Samples
+    used: Indices
     scored: Bools
     name: str
 
-    def samples(self) -> Samples:
-        """Samples for the loop that predicts each one and then learns it."""
-        measured = np.full((len(self.log.time), self.y.shape[1]), nan)
-        measured[self.log.used] = self.y
-        return Samples(self.log.time, self.log.x, measured, self.log.gaps)
+    @property
+    def y(self) -> Array:
+        """Measurements of the used samples, (U, n_y) [unit of y]."""
+        return self.samples.y[self.used]
 
 
 class Fold(NamedTuple):
@@ -237,9 +220,9 @@ def _frozen(learner: FilterLearner, prior: Array, fold: Fold) -> _Part:
     flown, network = fold.flown, learner.network
     heard = flown.scored.any(axis=0)
     rows = thin(fold.judged[flown.scored[fold.judged].any(axis=1)], MOST_JUDGED)
-    places = flown.log.used[rows]
+    log, places = flown.samples, flown.used[rows]
     x, x_prior = (
-        network_inputs(network, weights, *flown.log[:3])[places]
+        network_inputs(network, weights, log.time, log.x, log.gaps)[places]
         for weights in (learner.weights, prior)
     )
     try:
@@ -306,10 +289,10 @@ def score_predictions(
         flown: Flights that are learned.
         learned: Used samples that it learns, increasing; None: all.
     """
-    rows = np.arange(len(flown.y)) if learned is None else learned
-    used = flown.log.used[rows]
+    rows = np.arange(len(flown.used)) if learned is None else learned
     try:
-        updates = [one for _, one in prequential(learner, flown.samples(), used) if one]
+        loop = prequential(learner, flown.samples, flown.used[rows])
+        updates = [one for _, one in loop if one]
     except (FilterDiverged, MatrixLost) as problem:
         return PredictionScore(learner.count, outcome=problem.outcome, reason=str(problem))
     error = np.array([update.innovation for update in updates])

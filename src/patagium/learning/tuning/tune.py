@@ -28,11 +28,10 @@ from patagium.learning.models.memory import measured_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.samples import samples
 from patagium.learning.settings import Alternatives
-from patagium.learning.stream import used_samples
+from patagium.learning.stream import Samples, used_samples
 from patagium.learning.tuning.left_out import Kinematics, LeftOut, kinematics_of, left_out
 from patagium.learning.tuning.prediction_score import (
     Flown,
-    LogSamples,
     PredictionScore,
     judged_trial,
     moving,
@@ -264,13 +263,13 @@ class _Problem:
             part.tobytes()
             for exam in exams
             for fold in exam.left_out.folds
-            for part in (fold.learned, fold.judged, fold.flown.log.x, fold.flown.y)
+            for part in (fold.learned, fold.judged, fold.flown.samples.x, fold.flown.y)
         ]
         return {
             "patagium": __version__,
             "flight": flown.name,
-            "samples": f"{len(flown.y)} of digest "
-            + _digest(b"".join(k.flown.log.x.tobytes() + k.flown.y.tobytes() for k in exams)),
+            "samples": f"{len(flown.used)} of digest "
+            + _digest(b"".join(k.flown.samples.x.tobytes() + k.flown.y.tobytes() for k in exams)),
             "every": exams[0].every,
             "left out": f"{left_out.rule} of digest {_digest(b''.join(judged))}",
             "network": f"{kinds} of digest {_digest(json.dumps(described).encode())}",
@@ -369,11 +368,11 @@ def _exam(
     held_out = [_used(one, network, every, name)[0] for name, one in named]
     parts = [_used(one, network, every, "") for one in flights]
     flown = _joined([one for one, _ in parts], source)
-    half = len(flown.y) // 2
+    half = len(flown.used) // 2
     for one, late in ((flown, flown.scored[half:]), *((one, one.scored) for one in held_out)):
         if not late.any():
             expected = "an output that moves in the second half of the samples used"
-            raise ParameterError("flight", expected, f"{len(one.y)} samples of {one.name}")
+            raise ParameterError("flight", expected, f"{len(one.used)} samples of {one.name}")
     return _Exam(every, flown, left_out(flown, [one for _, one in parts], held_out, ahead))
 
 
@@ -404,10 +403,10 @@ def _used(flight: Flight, network: Network, every: int, source: str) -> tuple[Fl
         )
     gaps = np.asarray(gaps, np.int64)
     chosen = used_samples(len(x), every, gaps)
-    log = LogSamples(time, x, gaps, chosen)
+    log, used = Samples(time, x, y, gaps), chosen
     if sees == network.inputs:
-        log = LogSamples(time[chosen], x[chosen], gaps[:0], np.arange(len(chosen)))
-    flown = Flown(log, y[chosen], moving(y[chosen]), source or name)
+        log, used = Samples(time[chosen], x[chosen], y[chosen], gaps[:0]), np.arange(len(chosen))
+    flown = Flown(log, used, moving(y[chosen]), source or name)
     return flown, kinematics_of(flight, time, gaps, chosen)
 
 
@@ -417,13 +416,15 @@ def _joined(flights: Sequence[Flown], name: str) -> Flown:
         return replace(flights[0], name=name or flights[0].name)
     begin, count, parts = 0.0, 0, []
     for one in flights:
-        time, x, gaps, used = one.log
-        first = gaps if not count else np.concatenate([[0], gaps])
-        parts.append(LogSamples(begin + time - time[0], x, first + count, used + count))
-        begin, count = begin + float(time[-1] - time[0]) + _PAUSE, count + len(time)
-    log = LogSamples(*(np.concatenate(part) for part in zip(*parts, strict=True)))
-    y, scored = (np.concatenate([getattr(one, k) for one in flights]) for k in ("y", "scored"))
-    return Flown(log, y, scored, name or ", ".join(one.name for one in flights))
+        log = one.samples
+        first = log.gaps if not count else np.concatenate([[0], log.gaps])
+        time = begin + log.time - log.time[0]
+        parts.append((time, log.x, log.y, first + count, one.used + count, one.scored))
+        begin, count = begin + float(log.time[-1] - log.time[0]) + _PAUSE, count + len(time)
+    time, x, y, gaps, used, scored = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return Flown(
+        Samples(time, x, y, gaps), used, scored, name or ", ".join(k.name for k in flights)
+    )
 
 
 def _digest(content: bytes) -> str:
