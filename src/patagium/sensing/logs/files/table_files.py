@@ -184,12 +184,8 @@ def as_numbers(raw: Any, column: str, where: str, first: int) -> Array:
     if array.dtype.kind == "c":
         text = f"{where}: column {column}: expected real numbers, found complex ones"
         raise ColumnError(text, column)
-    return _from_words(array, column, where, first)
-
-
-def _from_words(words: NDArray[Any], column: str, where: str, first: int) -> Array:
-    numbers = np.full(len(words), np.nan)
-    for row, word in enumerate(words.tolist()):
+    numbers = np.full(len(array), np.nan)
+    for row, word in enumerate(array.tolist()):
         if word is None or (isinstance(word, str) and not word.strip()):
             continue
         try:
@@ -403,6 +399,25 @@ def _entries_of(word: Any) -> list[float] | None:
         return None
 
 
+def _list_entries(where: str, column: str, cells: Any, size: int, first: int) -> Array:
+    """Numbers of lists in cells, (k, size); NaN where a cell is empty."""
+    numbers = np.full((len(cells), size), np.nan)
+    for row, cell in enumerate(cells):
+        text = isinstance(cell, str)
+        if cell is None or isinstance(cell, float) or (text and not cell.strip()):
+            continue
+        entries = _entries_of(cell) if text else _flat(cell)
+        if entries is None or len(entries) != size:
+            found = repr(cell[:40]) if text or entries is None else len(entries)
+            raise ColumnError(
+                f"{where}: column {column}: expected a list of {size} numbers, found {found} in "
+                f"row {first + row + 1}; mend or remove the row",
+                column,
+            )
+        numbers[row] = entries
+    return numbers
+
+
 def _list_size(column: Any) -> int:
     """Number of entries of the lists in a column of text; 0 if it holds no lists of one size."""
     lists = [_entries_of(word) for word in column if isinstance(word, str) and word.strip()]
@@ -507,8 +522,9 @@ class CsvFile(LogFile):
             source, place = self._lists.get(name, ("", 0))
             if source:
                 if source not in parsed:
+                    own, cells = _parted(source)[0], frame[source].tolist()
                     size = sum(one == source for one, _ in self._lists.values())
-                    parsed[source] = self._entries(frame[source], size, _parted(source)[0], row)
+                    parsed[source] = _list_entries(str(self.path), own, cells, size, row)
                 columns[name] = parsed[source][:, place]
             elif name in self._calendar:
                 columns[name] = self._after_midnight(name, _calendar(frame[name]), row)
@@ -529,21 +545,6 @@ class CsvFile(LogFile):
         counted = days + (passed & of_day).cumsum()
         self._days[name] = known.iloc[-1], int(counted.iloc[-1])
         return stamps + pd.to_timedelta(counted, unit="D")
-
-    def _entries(self, words: Any, size: int, name: str, first: int) -> Array:
-        """Numbers of lists in cells, (k, size); NaN where a cell is empty."""
-        numbers = np.full((len(words), size), np.nan)
-        for row, word in enumerate(words.tolist()):
-            entries = _entries_of(word)
-            if entries is not None and len(entries) == size:
-                numbers[row] = entries
-            elif isinstance(word, str) and word.strip():
-                raise ColumnError(
-                    f"{self.path}: column {name}: expected a list of {size} numbers, found "
-                    f"{word[:40]!r} in row {first + row + 1}; mend or remove the row",
-                    name,
-                )
-        return numbers
 
     def _frames(self, text: io.TextIOBase, chosen: list[str] | None) -> Iterator[Any]:
         """Blocks of rows, of some columns or all.
@@ -634,14 +635,12 @@ class CsvFile(LogFile):
                 unplaced[name] = f"text such as {found[:40]!r}"
         stamped = dict.fromkeys(self._calendar, 1.0)
         topic = table_topic(types, None, stated, stamped=stamped, unplaced=unplaced)
-        topic = replace(
-            topic,
-            hint="if these are no names, state the lines before the names as "
-            "`skip_rows` in the mapping",
+        hint = (
+            "if these are no names, state the lines before the names as `skip_rows` in the mapping"
         )
         lines = look.count("\n") or 1
         packed = self.path.stat().st_size * (_PACKED if self._is_gzip() else 1.0)
-        return replace(topic, about=int(packed * lines / max(1, len(look))))
+        return replace(topic, hint=hint, about=int(packed * lines / max(1, len(look))))
 
     def _without_text(self, frame: Any) -> Any:
         """Last rows of the file, less those of text at its end."""
@@ -761,8 +760,12 @@ class ParquetFile(LogFile):
                 row, names = 0, columns_of(one)
                 sources = list(dict.fromkeys(self._lists.get(name, (name, 0))[0] for name in names))
                 for table in self._tables(BLOCK, sources):
-                    held = {source: table[source].to_numpy() for source in sources}
-                    columns = {name: self._column(held, name, row) for name in names}
+                    columns = {source: table[source].to_numpy() for source in sources}
+                    for source in {self._lists[name][0] for name in names if name in self._lists}:
+                        own = {one: k for one, (of, k) in self._lists.items() if of == source}
+                        cells = columns[source]
+                        found = _list_entries(str(self.path), source, cells, len(own), row)
+                        columns |= {one: found[:, k] for one, k in own.items()}
                     yield table_block(key, one, columns, row, len(table), str(self.path))
                     row += len(table)
 
@@ -776,31 +779,10 @@ class ParquetFile(LogFile):
         for batch in self._file.iter_batches(rows, columns=columns, use_threads=False):
             yield _flattened(Table.from_batches([batch]))
 
-    def _column(self, held: Mapping[str, Any], name: str, first: int) -> Any:
-        if name not in self._lists:
-            return held[name]
-        source, place = self._lists[name]
-        size = sum(one == source for one, _ in self._lists.values())
-        numbers = np.full(len(held[source]), np.nan)
-        for row, entries in enumerate(held[source]):
-            if entries is None:
-                continue
-            flat = _flat(entries)
-            if flat.size != size:
-                raise ColumnError(
-                    f"{self.path}: column {source}: expected a list of {size} numbers, found "
-                    f"{flat.size} in row {first + row + 1}; mend or remove the row",
-                    name,
-                )
-            numbers[row] = flat[place]
-        return numbers
-
 
 def _flat(entries: Any) -> Array:
     """Numbers of a list or of lists in it, (n,); NaN for entries that are none."""
-    if entries is None:
-        return np.empty(0)
-    array = np.asarray(entries)
+    array = np.asarray(() if entries is None else entries)
     if array.dtype.kind == "O":
         return np.concatenate([_flat(one) if one is not None else [np.nan] for one in array])
     return array.astype(float).ravel()
@@ -842,7 +824,8 @@ class _HeldFile(LogFile):
         """Take columns of one table; of several lengths, each has its own."""
         lengths = Counter(len(column) for column in columns.values())
         if not lengths:
-            found = f"found none{_some_of(unplaced)}"
+            some = [f"{name} ({reason})" for name, reason in list(unplaced.items())[:6]]
+            found = f"found none{', but ' * bool(some)}{', '.join(some)}"
             raise LogError(f"{self.path}: expected arrays of numbers, {found}")
         if len(lengths) > 1:
             described = ", ".join(f"{n} of {rows} rows" for rows, n in lengths.most_common(4))
@@ -918,6 +901,8 @@ def _place_hdf5(
     Raises:
         Unreadable: If its arrays would take too much memory.
     """
+    from netCDF4 import VLType  # has entries of any length, text included
+
     units: dict[str, str] = {}
     with closing(open_netcdf(path)) as file:
         groups = [("", file)]
@@ -930,7 +915,10 @@ def _place_hdf5(
         check_room(path, sum(8 * one.size for _, one in found))
         for name, one in found:
             known = set(columns)
-            if _is_list(one.datatype) or getattr(one, "MATLAB_class", "") in ("char", "cell"):
+            if isinstance(one.datatype, VLType) or getattr(one, "MATLAB_class", "") in (
+                "char",
+                "cell",
+            ):
                 unplaced[name] = "text, lists or half precision, no array of numbers"
                 continue
             try:
@@ -948,13 +936,6 @@ def _place_hdf5(
             unit = str(getattr(one, "units", getattr(one, "unit", "")))
             units |= dict.fromkeys((column for column in columns if column not in known), unit)
     return units
-
-
-def _is_list(kind: Any) -> bool:
-    """Whether a type of HDF5 has entries of any length, text included, which is not read."""
-    from netCDF4 import VLType
-
-    return isinstance(kind, VLType)
 
 
 def _place(name: str, value: Any, columns: dict[str, Any], unplaced: dict[str, str]) -> None:
@@ -990,11 +971,6 @@ def _place(name: str, value: Any, columns: dict[str, Any], unplaced: dict[str, s
         unplaced[name] = f"{len(places)} columns, of which {_MOST_COLUMNS} are read"
 
 
-def _some_of(unplaced: Mapping[str, str]) -> str:
-    some = [f"{name} ({reason})" for name, reason in list(unplaced.items())[:6]]
-    return f", but {', '.join(some)}" if some else ""
-
-
 class UlogFile(_HeldFile):
     """ULog file in memory."""
 
@@ -1017,10 +993,7 @@ class UlogFile(_HeldFile):
                     self._tables[name] = part.data
                 else:
                     self.notes.append(f"{name}: without a field `timestamp`; it is not read")
-            self._note_damage(log)
         self.topics: dict[str, Topic] = {n: _topic(n, p) for n, p in self._tables.items()}
-
-    def _note_damage(self, log: Any) -> None:
         if log.file_corruption:
             self.notes.append("the file is damaged: what could not be read was left out")
         lost = [gap.duration for gap in log.dropouts]
