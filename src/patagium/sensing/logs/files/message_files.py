@@ -263,11 +263,10 @@ def _leaves(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]
         yield path, "int", ""
     elif isinstance(value, float | np.floating):
         yield path, "float", ""
-    elif isinstance(value, str | bytes) or value is None:
-        what = type(value).__name__
-        if isinstance(value, str):
-            what = f"text such as {value[:40]!r}"
-        yield path, "", what
+    elif isinstance(value, str):
+        yield path, "", f"text such as {value[:40]!r}"
+    elif isinstance(value, bytes) or value is None:
+        yield path, "", type(value).__name__
     elif isinstance(value, np.ndarray) or _is_list(value):
         yield from _entries(value, path, above)
     else:
@@ -507,7 +506,9 @@ class BagFile(LogFile):
         try:
             with reading(self.path, self.format):
                 self._readers = [self._open(path) for path in paths]
-                self._types = MessageTypes(ros2=self._ros2, distribution=self._distribution())
+                metadata = getattr(getattr(self._readers[0], "storage", None), "metadata", None)
+                distribution = getattr(metadata, "ros_distro", None)
+                self._types = MessageTypes(ros2=self._ros2, distribution=distribution)
                 self.topics: dict[str, Topic] = {
                     name: self._topic(name, held) for name, held in self._connections().items()
                 }
@@ -532,22 +533,11 @@ class BagFile(LogFile):
         self._readers = []
 
     def _open(self, path: Path) -> Any:
-        if self._ros2:
-            from rosbags.rosbag2 import Reader
-
-            reader: Any = Reader(path)
-        else:
-            from rosbags.rosbag1 import Reader as Reader1
-
-            reader = Reader1(path)
+        reader: Any = import_module(f"rosbags.rosbag{1 + self._ros2}").Reader(path)
         reader.open()
         if not self._ros2:
             _bound_chunks(path, reader)
         return reader
-
-    def _distribution(self) -> str | None:
-        metadata = getattr(getattr(self._readers[0], "storage", None), "metadata", None)
-        return getattr(metadata, "ros_distro", None)
 
     def _connections(self) -> dict[str, list[tuple[Any, Any]]]:
         held: dict[str, list[tuple[Any, Any]]] = defaultdict(list)
@@ -656,7 +646,7 @@ class McapFile(LogFile):
                 yield from islice(reader.iter_messages(topics=[channel.topic]), 1)
 
     def _summary(self, path: Path, file: Any) -> Any:
-        from mcap.exceptions import InvalidMagic, McapError
+        from mcap.exceptions import InvalidMagic
         from mcap.reader import SeekingReader
 
         try:
@@ -668,33 +658,28 @@ class McapFile(LogFile):
             reason = "it has no index"
         except (InvalidMagic, PatagiumError):
             raise
-        except (McapError, OSError, ValueError, StopIteration, Exception) as problem:
+        except Exception as problem:
             reason = f"its end cannot be read ({type(problem).__name__})"
         self._cut.add(path)
         self.notes.append(f"{path.name}: {reason}; it is read from its start")
         return None
 
     def _from_start(self, path: Path, topics: set[str] | None) -> Iterator[tuple[Any, Any, Any]]:
-        from mcap.exceptions import McapError
         from mcap.reader import NonSeekingReader
 
         with path.open("rb") as file:
             messages = NonSeekingReader(file).iter_messages(topics=topics, log_time_order=False)
             got = 0
-            while True:
-                try:
-                    record = next(messages, None)
-                except (McapError, Exception) as problem:
-                    if not got:
-                        raise
+            try:
+                for record in messages:
+                    got += 1
+                    yield record
+            except Exception as problem:  # libraries raise their own
+                if not got:
+                    raise
+                if topics is None:
                     note = f"{path.name}: breaks off after {got} message(s): {one_line(problem)}"
-                    if topics is None:
-                        self.notes.append(note)
-                    return
-                if record is None:
-                    return
-                got += 1
-                yield record
+                    self.notes.append(note)
 
     def _messages(self, path: Path, topics: set[str]) -> Iterator[Message]:
         for schema, channel, message in self._records(path, topics):
