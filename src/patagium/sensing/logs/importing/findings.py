@@ -76,12 +76,11 @@ class StampSurvey:
         latest = np.maximum.accumulate(np.concatenate([[self.last], stamps]))
         advances = known & (stamps > latest[:-1])
         behind = latest[:-1][known] - stamps[known]
-        if self.first is not None or (known.any() and len(behind)):
-            started = latest[:-1][known] != NO_STAMP
-            self.duplicates += int((behind[started] == 0).sum())
-            back = behind[started][behind[started] > 0]
-            self.backwards += len(back)
-            self.furthest_back = max(self.furthest_back, int(back.max(initial=0)))
+        behind = behind[latest[:-1][known] != NO_STAMP]
+        back = behind[behind > 0]
+        self.duplicates += int((behind == 0).sum())
+        self.backwards += len(back)
+        self.furthest_back = max(self.furthest_back, int(back.max(initial=0)))
         self._count(stamps[advances])
         return np.asarray(advances, np.bool_)
 

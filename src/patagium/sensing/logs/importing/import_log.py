@@ -27,7 +27,7 @@ from patagium.robot import Robot, load_robot, preset_names
 from patagium.sensing.logs.files.channels import LogFile
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.importing.consistency import consistency
-from patagium.sensing.logs.importing.findings import SECOND, Finding, StampSurvey
+from patagium.sensing.logs.importing.findings import SECOND, Finding
 from patagium.sensing.logs.importing.flight_findings import zero_forces
 from patagium.sensing.logs.importing.log_findings import log_findings
 from patagium.sensing.logs.importing.plan import Plan, plan_import, variable_name
@@ -303,11 +303,17 @@ def _refuse_unusable(log: LogFile, spool: Spool, mapping: TableMapping) -> None:
         lost = stamps.rows - stamps.kept - (stamps.duplicates if chosen else 0)
         if lost > _MOST_LOST * stamps.rows:
             back = stamps.rows - stamps.kept - stamps.duplicates > stamps.duplicates
+            remedy = (
+                f"say under time `restamp: {1 / stamps.median:.4g} Hz` if the rows were sampled "
+                "evenly and their clock wraps or was set back, or cut the log"
+                if back
+                else "say under time `duplicates: keep-first` (or keep-last) if they repeat a "
+                f"sample, or `restamp: {stamps.rate:.4g} Hz` if they were sampled evenly"
+            )
             raise LogError(
                 f"{log.path}: {name}: expected time that advances, but {lost} of {stamps.rows} "
                 f"rows do not come after those before them ({stamps.duplicates} repeat a stamp, "
-                f"steps back are up to {stamps.furthest_back / SECOND:.4g} s); "
-                + (_back_remedy(stamps) if back else _duplicates_remedy(stamps))
+                f"steps back are up to {stamps.furthest_back / SECOND:.4g} s); {remedy}"
             )
     for item in spool.plan.items:
         asked = item.needed or item.role == "output"
@@ -316,22 +322,6 @@ def _refuse_unusable(log: LogFile, spool: Spool, mapping: TableMapping) -> None:
                 f"{log.path}: {item.column.label}: expected finite numbers, found none; leave it "
                 "out of the mapping if it was not measured"
             )
-
-
-def _back_remedy(stamps: StampSurvey) -> str:
-    """Remedy for a clock that jumps back, as a mapping states it."""
-    return (
-        f"say under time `restamp: {1 / stamps.median:.4g} Hz` if the rows were sampled evenly and "
-        "their clock wraps or was set back, or cut the log"
-    )
-
-
-def _duplicates_remedy(stamps: StampSurvey) -> str:
-    """Remedy for rows that repeat a stamp, as a mapping states it."""
-    return (
-        "say under time `duplicates: keep-first` (or keep-last) if they repeat a sample, or "
-        f"`restamp: {stamps.rate:.4g} Hz` if they were sampled evenly"
-    )
 
 
 def _write(

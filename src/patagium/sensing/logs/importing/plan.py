@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -126,11 +127,6 @@ class Plan:
     last: bool = False
     zero: dict[str, str] = field(default_factory=dict)
 
-    def stream_of(self, topic: str) -> int | None:
-        """First stream of a topic; None if the topic has no stream."""
-        names = [one.topic for one in self.wanted]
-        return names.index(topic) if topic in names else None
-
 
 def plan_import(log: LogFile, mapping: TableMapping, source: str) -> Plan:
     """Import plan of a mapping for a log.
@@ -172,7 +168,10 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str) -> Plan:
         for role, column, key, fields in found
     )
     wanted = tuple(Request(name, base, tuple(streams[name, base])) for name, base in keys)
-    names = tuple((name or "table") + _suffix(base, keys, name) for name, base in keys)
+    count = Counter(name for name, _ in keys)
+    names = tuple(
+        (name or "table") + f" by {base.column}" * (count[name] > 1) for name, base in keys
+    )
     counts = tuple(topics[name].count or topics[name].about for name, _ in keys)
     rates = _restamp_rates(mapping, keys, source)
     return Plan(wanted, names, items, counts, rates, mapping.time.duplicates == "keep-last")
@@ -294,10 +293,6 @@ def _item(
     if order is not None:
         factor, unit = 1.0, "1"
     return Quantity(column, role, stream, tuple(places), factor, unit, si_factor, si, order)
-
-
-def _suffix(base: StampSource, keys: list[tuple[str, StampSource]], name: str) -> str:
-    return f" by {base.column}" if sum(other == name for other, _ in keys) > 1 else ""
 
 
 def _axes(words: str | None) -> Array:

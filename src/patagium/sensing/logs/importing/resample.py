@@ -288,7 +288,8 @@ def _stream(
     if mapping.time.rate is not None:
         return None
     if mapping.time.like is not None:
-        return plan.stream_of(mapping.time.like.removesuffix("/0"))
+        like = mapping.time.like.removesuffix("/0")
+        return next((k for k, one in enumerate(plan.wanted) if one.topic == like), None)
     if len(used) == 1:
         return used[0]
     rates = ", ".join(f"{plan.names[k]} {1 / spool.surveys[k].stamps.median:.4g} Hz" for k in used)
