@@ -131,19 +131,12 @@ def likely_density(time: ArrayLike, values: ArrayLike, std: ArrayLike, *, order:
     best = np.log10(noise.mean(axis=0)) - (2 * order - 1) * np.log10(unit)
     for reach in _REACHES:
         exponents = best + np.linspace(*reach)[:, None]
-        tried = _likelihoods(stamps, y, noise, 10.0**exponents, order)
-        best = exponents[np.argmax(tried, axis=0), np.arange(count)]
+        tried, drive = len(exponents), 10.0 ** exponents.ravel() * unit ** (2 * order - 1)
+        run = _Pass(stamps / unit, np.tile(y, tried), np.tile(noise, tried), drive, order, False)
+        run.forwards()
+        likely = run.log_likelihood.reshape(exponents.shape).argmax(axis=0)
+        best = exponents[likely, np.arange(count)]
     return np.asarray(10.0**best)
-
-
-def _likelihoods(stamps: Array, y: Array, noise: Array, density: Array, order: int) -> Array:
-    """Log-likelihood for each of the densities, (G, B)."""
-    tried, count = density.shape
-    unit = float(np.median(np.diff(stamps)))
-    drive = density.reshape(-1) * unit ** (2 * order - 1)
-    run = _Pass(stamps / unit, np.tile(y, tried), np.tile(noise, tried), drive, order, keep=False)
-    run.forwards()
-    return run.log_likelihood.reshape(tried, count)
 
 
 class _Pass:
