@@ -15,7 +15,7 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -159,30 +159,22 @@ class _Linear:
     placed: Array
 
 
-@dataclass(frozen=True)
-class _Residuals:
-    """Residuals of a part, their leverage, rate and validity, (N, size) each."""
-
-    residual: Array
-    leverage: Array
-    rate: Array
-    valid: Bools
-
-
 def _learn_part(
-    one: Samples, k: int, part: Part, place: slice, found: _Residuals, robust: bool
+    one: Samples, k: int, part: Part, place: slice, seen: Iterable[Array], robust: bool
 ) -> float:
-    """Update noise, color, jitter and weights of a part; returns the largest relative change."""
-    valid, weight = found.valid, one.weight[:, k, None] * found.valid
-    base, rate = one.variance[place], found.rate**2
+    """Update noise, color, jitter and weights of a part; returns the largest relative change.
+
+    `seen` are its residuals, their leverage, rate and validity, (N, size) each.
+    """
+    residual, leverage, rate, valid = seen
+    weight = one.weight[:, k, None] * valid
+    base, rate = one.variance[place], rate**2
     marginal = base + one.jitter[k] * rate
-    share = np.clip(
-        found.leverage * one.weight[:, k, None] / (marginal * one.color[k]), 0.0, 0.9999
-    )
+    share = np.clip(leverage * one.weight[:, k, None] / (marginal * one.color[k]), 0.0, 0.9999)
     followed = float(np.clip(share[valid].mean(), 1e-4, 0.98))
     one.color[k] = one.first[k].within(followed)
     lost = np.clip(share * one.color[k], 0.0, 0.98)  # of the noise, by following it
-    square = found.residual**2 / marginal
+    square = residual**2 / marginal
     features = np.stack([np.broadcast_to(base, rate.shape) / marginal, rate / marginal])
     normal = np.einsum("int,jnt,nt->ij", features, features, weight * (1 - lost))
     right = np.einsum("int,nt->i", features, weight * square)
@@ -319,19 +311,14 @@ class MotionFit:
         """One Gauss-Newton step; returns the largest relative change of what is learned."""
         information = Information(self.knots.count, self.width)
         linear = [self._linearized(one) for one in self.samples]
+        placed = np.zeros(self.width)
         for one, found in zip(self.samples, linear, strict=True):
             scale = self._scale(one, found)
-            information.add(
-                found.point.span, found.rows * scale[:, :, None], found.residual * scale
-            )
+            rows = found.rows * scale[:, :, None]
+            information.add(found.point.span, rows, found.residual * scale)
+            placed += np.einsum("nkc,nk->c", found.placed**2, scale**2)
         self.seen = information.diagonal.mean(axis=0)
-        self.placed = (
-            sum(
-                np.einsum("nkc,nk->c", found.placed**2, self._scale(one, found) ** 2)
-                for one, found in zip(self.samples, linear, strict=True)
-            )
-            / self.knots.count
-        )
+        self.placed = placed / self.knots.count
         drive = self._drive()
         self._add_prior(information, drive)
         information.diagonal[:] += self._loose()
@@ -446,13 +433,9 @@ class MotionFit:
         leverage = self.covariance.variance(found.point.span, found.rows)
         moved = 0.0
         for k, part, place in one.parts():
-            valid = found.valid[:, place]
-            if valid.sum() < 10:
-                continue
-            part_of = _Residuals(
-                residual[:, place], leverage[:, place], found.rate[:, place], valid
-            )
-            moved = max(moved, _learn_part(one, k, part, place, part_of, robust))
+            if found.valid[:, place].sum() >= 10:
+                own = (each[:, place] for each in (residual, leverage, found.rate, found.valid))
+                moved = max(moved, _learn_part(one, k, part, place, own, robust))
         return moved
 
     def _learn_density(self, drive: Array) -> float:
