@@ -258,21 +258,15 @@ def find_fields(topic: Topic, source: str | tuple[str, ...], size: int, where: s
     """
     if not isinstance(source, str):
         return [find_fields(topic, one, 1, where)[0] for one in source]
-    if size == 1:
-        found = _known(topic, source)
-        if found is not None:
-            return [found]
-        parts = [name for name in topic.channels if re.match(re.escape(source) + r"[.\[_]", name)]
-        if parts:
-            raise LogError(
-                f"{where}: {source!r} is no number; expected one of its parts: {_some(parts)}"
-            )
-        raise LogError(_missing(topic, source, where))
     for endings in _endings(size):
-        paths = [_known(topic, source + ending) for ending in endings]
-        if all(path is not None for path in paths):
-            return [str(path) for path in paths]
+        paths = [source + ending for ending in endings]
+        if all(path in topic.channels or path in topic.aliases for path in paths):
+            return [path if path in topic.channels else topic.aliases[path] for path in paths]
     held = [n for n in topic.channels if n == source or re.match(re.escape(source) + r"[.\[_]", n)]
+    if held and size == 1:
+        raise LogError(
+            f"{where}: {source!r} is no number; expected one of its parts: {_some(held)}"
+        )
     if held:
         raise LogError(
             f"{where}: expected {size} components under {source!r}, such as {source}.x or "
@@ -284,6 +278,9 @@ def find_fields(topic: Topic, source: str | tuple[str, ...], size: int, where: s
 def _endings(size: int) -> Iterator[list[str]]:
     """Ways in which the names of the components of a quantity may end."""
     counted = [str(k) for k in range(size)]
+    if size == 1:
+        yield [""]
+        return
     if size == 9:
         for first in (0, 1):
             places = [f"{first + k // 3}{first + k % 3}" for k in range(9)]
@@ -295,17 +292,6 @@ def _endings(size: int) -> Iterator[list[str]]:
     letters = "wxyz" if size == 4 else "xyz"
     for pattern in (".{}", "_{}", "{}", "[{}]", ".{}[0]"):
         yield [pattern.format(key) for key in (counted if pattern == "[{}]" else letters)]
-
-
-def components_are_named(fields: list[str], size: int) -> bool:
-    """Whether four components are named w, x, y, z, so that their order is known."""
-    return size == 4 and [name[-1:] for name in fields] == list("wxyz")
-
-
-def _known(topic: Topic, path: str) -> str | None:
-    if path in topic.channels:
-        return path
-    return topic.aliases.get(path)
 
 
 def _missing(topic: Topic, path: str, where: str) -> str:

@@ -18,7 +18,6 @@ from patagium.sensing.logs.files.channels import (
     Request,
     StampSource,
     Topic,
-    components_are_named,
     find_fields,
     find_topic,
 )
@@ -288,7 +287,7 @@ def _item(
     si_factor, si = conversion(column.unit, None, column.label)
     factor, unit = conversion(column.unit, column.as_unit, column.label)
     order: str | None = column.order
-    if order in ("wxyz", "xyzw") and components_are_named(fields, 4):
+    if order == "xyzw" and [name[-1:] for name in fields] == list("wxyz"):  # as they are named
         order = "wxyz"
     if order is not None:
         factor, unit = 1.0, "1"
