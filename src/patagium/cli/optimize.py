@@ -146,6 +146,7 @@ def _front(found: list[tuple[float, Any]], figure: Path | None, as_json: bool) -
     """Table and picture of a front."""
     from patagium.report.figures import save_figure
     from patagium.report.page import Table
+    from patagium.report.style import styled
 
     gaits = [(speed, gait) for speed, gait in found if gait.found]
     heads = ("speed [m/s]", "power [W]", "best sinusoid [W]", "saved [%]", "frequency [Hz]")
@@ -164,28 +165,24 @@ def _front(found: list[tuple[float, Any]], figure: Path | None, as_json: bool) -
     if not gaits:
         raise PatagiumError("no gait was found at any of these speeds")
     if figure is not None:
-        save_figure(_picture(gaits), figure)
+        save_figure(styled(_picture)(gaits), figure)
 
 
 def _picture(gaits: list[tuple[float, OptimalGait]]) -> Figure:
     """Figure of the least power over speed, and that of the best sinusoids."""
-    from patagium.report.style import color, dash, legend_above, panels, styled
+    from patagium.report.style import color, dash, legend_above, panels
 
-    @styled
-    def drawn() -> Figure:
-        figure, axes = panels(1, 1, row_height=3.0)
-        panel = axes[0, 0]
-        speeds = [speed for speed, _ in gaits]
-        kinds = {
-            f"{gaits[0][1].harmonics} harmonics": [one.power for _, one in gaits],
-            "best sinusoid": [one.sinusoid and one.sinusoid.power for _, one in gaits],
-        }
-        for k, (name, powers) in enumerate(kinds.items()):
-            panel.plot(speeds, powers, "o", label=name, color=color(k), linestyle=dash(k))
-        panel.set_xlabel("speed [m/s]")
-        panel.set_ylabel("mean mechanical power [W]")
-        panel.set_ylim(bottom=0.0)
-        legend_above(figure, panel)
-        return figure
-
-    return drawn()
+    figure, axes = panels(1, 1, row_height=3.0)
+    panel = axes[0, 0]
+    speeds = [speed for speed, _ in gaits]
+    kinds = {
+        f"{gaits[0][1].harmonics} harmonics": [one.power for _, one in gaits],
+        "best sinusoid": [one.sinusoid and one.sinusoid.power for _, one in gaits],
+    }
+    for k, (name, powers) in enumerate(kinds.items()):
+        panel.plot(speeds, powers, "o", label=name, color=color(k), linestyle=dash(k))
+    panel.set_xlabel("speed [m/s]")
+    panel.set_ylabel("mean mechanical power [W]")
+    panel.set_ylim(bottom=0.0)
+    legend_above(figure, panel)
+    return figure

@@ -172,6 +172,7 @@ def _branch(found: Branch, figure: Path | None, as_json: bool) -> None:
     """Table and picture of a branch."""
     from patagium.report.figures import save_figure
     from patagium.report.page import Table
+    from patagium.report.style import styled
 
     rows = found.summary()
     if as_json:
@@ -184,39 +185,35 @@ def _branch(found: Branch, figure: Path | None, as_json: bool) -> None:
         told = [for_person(row) for row in rows]
         show_table(Table([*told[0]], [[*row.values()] for row in told], repr(found)))
     if figure is not None:
-        save_figure(_picture(found), figure)
+        save_figure(styled(_picture)(found), figure)
 
 
 def _picture(found: Branch) -> Figure:
     """Figure of the free parameters and of the largest multipliers along a branch."""
     import numpy as np
 
-    from patagium.report.style import color, dash, panels, styled
+    from patagium.report.style import color, dash, panels
 
     family = found.orbits[0].family
     units = dict(zip(family.names, family.units, strict=True))
 
-    @styled
-    def drawn() -> Figure:
-        changing = [name for name in found.free if name != found.along]
-        figure, axes = panels(len(changing) + 1, 1, row_height=1.8)
-        for panel, name in zip(axes[:, 0], changing, strict=False):
-            panel.plot(found.values, [one.parameters[name] for one in found.orbits], ".-")
-            for one in found.bifurcations:
-                panel.plot(one.value, one.orbit.parameters[name], "s", color=color(0))
-            panel.set_ylabel(f"{name} [{units[name]}]".replace("_", "\n"))
-        last, sizes = axes[-1, 0], np.abs(found.multipliers)
-        last.plot(found.values, sizes[:, 1:4], color=color(2), linestyle=dash(1))
-        last.plot(found.values, sizes[:, 0], ".-")
-        last.axhline(1.0, color="0.5", linewidth=0.8)
-        for k, one in enumerate(found.bifurcations):
-            size = abs(one.multiplier)
-            last.plot(one.value, size, "s", color=color(0))
-            last.annotate(
-                one.kind, (one.value, size), textcoords="offset points", xytext=(6, 5 - 18 * k)
-            )
-        last.set_xlabel(f"{found.along} [{found.unit}]")
-        last.set_ylabel("largest\nmultipliers [1]")
-        return figure
-
-    return drawn()
+    changing = [name for name in found.free if name != found.along]
+    figure, axes = panels(len(changing) + 1, 1, row_height=1.8)
+    for panel, name in zip(axes[:, 0], changing, strict=False):
+        panel.plot(found.values, [one.parameters[name] for one in found.orbits], ".-")
+        for one in found.bifurcations:
+            panel.plot(one.value, one.orbit.parameters[name], "s", color=color(0))
+        panel.set_ylabel(f"{name} [{units[name]}]".replace("_", "\n"))
+    last, sizes = axes[-1, 0], np.abs(found.multipliers)
+    last.plot(found.values, sizes[:, 1:4], color=color(2), linestyle=dash(1))
+    last.plot(found.values, sizes[:, 0], ".-")
+    last.axhline(1.0, color="0.5", linewidth=0.8)
+    for k, one in enumerate(found.bifurcations):
+        size = abs(one.multiplier)
+        last.plot(one.value, size, "s", color=color(0))
+        last.annotate(
+            one.kind, (one.value, size), textcoords="offset points", xytext=(6, 5 - 18 * k)
+        )
+    last.set_xlabel(f"{found.along} [{found.unit}]")
+    last.set_ylabel("largest\nmultipliers [1]")
+    return figure
