@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import ctypes
 from functools import cache
-from math import comb, factorial
+from math import factorial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BSpline, PPoly
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from patagium.arrays import Array, Indices
@@ -81,13 +82,9 @@ class Knots:
 @cache
 def _pieces() -> Array:
     """Coefficients of the powers 0 to 5 in the weight of each of the six points, (6, 6)."""
-    rows = np.zeros((SEEN, SEEN))
-    for j in range(SEEN):  # sum of truncated powers, on the span DEGREE - j of the basic spline
-        for i in range(DEGREE - j + 1):
-            sign = (-1) ** i * comb(SEEN, i) / factorial(DEGREE)
-            for p in range(SEEN):
-                rows[p, j] += sign * comb(DEGREE, p) * float(DEGREE - j - i) ** (DEGREE - p)
-    return rows
+    basic = PPoly.from_spline(BSpline.basis_element(np.arange(SEEN + 1)))
+    first = int(np.searchsorted(basic.x, 0.0))
+    return np.ascontiguousarray(basic.c[::-1, first : first + SEEN][:, ::-1])
 
 
 class Information:
@@ -144,7 +141,8 @@ class Information:
         spans = len(scale)
         for i in range(SEEN):
             for j in range(i + 1):
-                held[i : i + spans, columns, self._offset(i, j)] += product[i, j] * scale
+                offset = (j - i) * self.width + SEEN * self.width - 1
+                held[i : i + spans, columns, offset] += product[i, j] * scale
 
     def solve(self) -> tuple[Array, BandedCovariance]:
         """Change of the control points, (points, width), and their covariance.
@@ -165,9 +163,6 @@ class Information:
             )
         change, inverse = found
         return change.reshape(-1, self.width), BandedCovariance(self.points, self.width, inverse)
-
-    def _offset(self, i: int, j: int) -> int:
-        return (j - i) * self.width + SEEN * self.width - 1
 
 
 class BandedCovariance:
