@@ -195,22 +195,19 @@ class ValueSurvey:
         return np.asarray((self._steps >= _SCATTER * scatter) | (self.low == self.high))
 
 
-@dataclass(frozen=True)
 class StreamSurvey:
     """Statistics of one stream.
+
+    Args:
+        channels: Number of channels.
 
     Attributes:
         stamps: Statistics of its stamps.
         values: Statistics of its numbers.
     """
 
-    stamps: StampSurvey
-    values: ValueSurvey
-
-
-def new_survey(wanted: Request) -> StreamSurvey:
-    """Statistics of a requested stream before its first row."""
-    return StreamSurvey(StampSurvey(), ValueSurvey(len(wanted.fields)))
+    def __init__(self, channels: int) -> None:
+        self.stamps, self.values = StampSurvey(), ValueSurvey(channels)
 
 
 def survey_streams(

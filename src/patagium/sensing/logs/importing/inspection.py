@@ -25,12 +25,9 @@ from patagium.sensing.logs.files.table_files import TIME_NAME, guessed_base
 from patagium.sensing.logs.importing.findings import (
     SECOND,
     Finding,
-    StampSurvey,
     StreamSurvey,
-    ValueSurvey,
     constant_findings,
     missing_findings,
-    new_survey,
     sizes_of,
     stamp_findings,
     survey_streams,
@@ -243,7 +240,7 @@ def _surveyed(
         The parts, their statistics, and the reason why the file breaks off; empty if it does not.
     """
     while True:
-        surveys = tuple(new_survey(part.request) for part in parts)
+        surveys = tuple(StreamSurvey(len(part.fields)) for part in parts)
         total = sum(part.topic.count or part.topic.about for part in parts)
         try:
             requests = tuple(part.request for part in parts)
@@ -297,7 +294,7 @@ def _channel_facts(part: _Part, survey: StreamSurvey) -> tuple[ChannelFacts, ...
 
 def _unreadable(topic: Topic) -> TopicFacts:
     part = _Part(topic, topic.name)
-    empty = _topic_facts(part, StreamSurvey(StampSurvey(), ValueSurvey(0)), 0)
+    empty = _topic_facts(part, StreamSurvey(0), 0)
     lost: Any = dict.fromkeys(("begin", "duration", "rate", "longest"), math.nan)
     return replace(empty, rows=topic.count or 0, stamps="", problem=topic.problem, **lost)
 

@@ -26,7 +26,6 @@ from patagium.sensing.logs.importing.findings import (
     Finding,
     StampSurvey,
     StreamSurvey,
-    new_survey,
     survey_streams,
 )
 from patagium.sensing.logs.importing.plan import Plan, Quantity, rate_of
@@ -67,18 +66,16 @@ class Spool:
                 [stack.enter_context(TemporaryFile(dir=folder)) for _ in plan.wanted]
                 for _ in ("stamps", "values")
             )
-            surveys = tuple(map(new_survey, plan.wanted))
+            self.surveys = tuple(StreamSurvey(len(one.fields)) for one in plan.wanted)
             self._latest = [NO_STAMP for _ in plan.wanted]
             survey_streams(
-                log, plan.wanted, sum(plan.counts), surveys=surveys, keep=self._keep,
+                log, plan.wanted, sum(plan.counts), surveys=self.surveys, keep=self._keep,
                 progress=progress,
             )  # fmt: skip
             for file in (*self._stamps, *self._values):
                 file.flush()
-            self.surveys: tuple[StreamSurvey, ...] = tuple(
-                self._restamped(stream, survey, gap, str(log.path))
-                for stream, survey in enumerate(surveys)
-            )
+            for stream in range(len(plan.wanted)):
+                self._restamp(stream, gap, str(log.path))
             self._files = stack.pop_all()
 
     def __enter__(self) -> Spool:
@@ -120,19 +117,19 @@ class Spool:
         self._values[stream].write(kept.tobytes())
         return kept
 
-    def _restamped(self, stream: int, survey: StreamSurvey, gap: float, path: str) -> StreamSurvey:
+    def _restamp(self, stream: int, gap: float, path: str) -> None:
         rate, name = self.plan.rates[stream], self.plan.names[stream]
+        survey = self.surveys[stream]
         if rate is None or survey.stamps.rows < 2:
-            return survey
+            return
         counted = self.plan.wanted[stream].base.kind == "rows"
         held = np.memmap(self._stamps[stream], np.int64, "r+")
         stamps = np.full(len(held), NO_STAMP) if counted else np.array(held)
         held[:], text = restamped(stamps, rate, gap, f"{path}: {name}")
         held.flush()
         self.findings.append(Finding("note", name, "restamped", text))
-        after = StampSurvey()
-        after.add(np.array(held))
-        return StreamSurvey(after, survey.values)
+        survey.stamps = StampSurvey()
+        survey.stamps.add(np.array(held))
 
 
 CHUNK = 1 << 16
