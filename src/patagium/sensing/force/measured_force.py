@@ -24,7 +24,7 @@ from patagium.arguments import checked, of_kind
 from patagium.arrays import Array, Bools, brief, real_array, selected
 from patagium.dynamics.kinematics import body_poses, generalized_force
 from patagium.errors import FlightError, ParameterError
-from patagium.native import NativeFunction, load_functions
+from patagium.native import NativeFunction, load_functions, named_function
 from patagium.reading import made_again
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import added_mass_force, air_force
@@ -246,14 +246,8 @@ def load_cell_force(
     robot = robot_of(motion)
     if not robot.floating:
         raise ParameterError("robot", "one with a floating body", robot.name)
-    return _along(
-        motion,
-        None,
-        mount,
-        added_mass,
-        "load cell",
-        {*range(robot.dof)}.difference(robot.floating_dofs),
-    )
+    silent = {*range(robot.dof)}.difference(robot.floating_dofs)
+    return _along(motion, None, mount, added_mass, "load cell", silent)
 
 
 def _along(
@@ -332,32 +326,20 @@ def _measured_force(
         torque, direction = ca.SX.sym("torque", n), ca.SX.sym("direction", 3 * n + 6)
         q, v, a, shown = ca.vertsplit(state, [0, n, 2 * n, 3 * n, 3 * n + 6])
         numbers = ca.SX.sym("c", 0 if added_mass is None else len(added_mass.parameters))
-        beside = {}
+        known = {"u1": torque}
         if cell is not None:
-            beside["mount_force"] = _of_cell(machine, q, shown, cell)
+            known["mount_force"] = _of_cell(machine, q, shown, cell)
         if added_mass is not None:
-            motion = (q, v, a)
-            beside["added_mass_force"] = added_mass_force(
-                machine, added_mass, motion, wind, numbers
-            )
-        force = ca.densify(air_force(machine, q, v, a, {"u1": torque, **beside}))
-        along = ca.densify(ca.jtimes(force, state, direction))
-        names = ["parameters", "air_parameters"]
+            carried = added_mass_force(machine, added_mass, (q, v, a), wind, numbers)
+            known["added_mass_force"] = carried
+        force = ca.densify(air_force(machine, q, v, a, known))
+        change = ca.densify(ca.jtimes(force, state, direction))
+        fixed, at = {"parameters": p, "air_parameters": numbers}, {"state": state, "wind": wind}
+        whole = {"state": state, "torque": torque, "wind": wind, **fixed}
+        along = at | {"direction_parameters": direction, **fixed}
         return [
-            ca.Function(
-                "air_force",
-                [state, torque, wind, p, numbers],
-                [force],
-                ["state", "torque", "wind", *names],
-                ["force"],
-            ),
-            ca.Function(
-                "along",
-                [state, wind, direction, p, numbers],
-                [along],
-                ["state", "wind", "direction_parameters", *names],
-                ["change"],
-            ),
+            named_function("air_force", whole, {"force": force}),
+            named_function("along", along, {"change": change}),
         ]
 
     place = None if cell is None else (cell.body, cell.position, cell.orientation)

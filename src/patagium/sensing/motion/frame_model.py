@@ -21,7 +21,7 @@ from patagium.arrays import Array
 from patagium.dynamics.kinematics import body_poses, body_velocities, in_body_axes
 from patagium.dynamics.rnea import body_accelerations
 from patagium.errors import ParameterError
-from patagium.native import NativeFunction, load_functions
+from patagium.native import NativeFunction, load_functions, named_function
 from patagium.robot import Robot
 
 _SMALL = 1e-6
@@ -242,22 +242,12 @@ def _functions(robot: Robot, body: int) -> list[ca.Function]:
     position = pose.at(offset)
     moved = ca.densify(ca.jacobian(position, levels[0]))
     turned = ca.densify(ca.jacobian(rate, levels[1]))
-    seen = ["up", "offset_parameters", "parameters"]
+    own = {"offset_parameters": offset, "parameters": p}
+    motion = dict(zip(("position", "velocity", "acceleration"), levels, strict=True))
+    placed = {"place": position, "rotation": pose.rotation, "moved": moved, "turned": turned}
     return [
-        ca.Function(
-            "inertial",
-            [*levels, up, offset, p],
-            [shown, slope],
-            ["position", "velocity", "acceleration", *seen],
-            ["shown", "slope"],
-        ),
-        ca.Function(
-            "pose",
-            [levels[0], offset, p],
-            [position, pose.rotation, moved, turned],
-            ["position", *seen[1:]],
-            ["place", "rotation", "moved", "turned"],
-        ),
+        named_function("inertial", motion | {"up": up} | own, {"shown": shown, "slope": slope}),
+        named_function("pose", {"position": levels[0], **own}, placed),
     ]
 
 
@@ -306,22 +296,15 @@ def euler_function() -> NativeFunction:
     """
 
     def build() -> list[ca.Function]:
-        angles, spin, spin_rate = (ca.SX.sym(name, 3) for name in ("angles", "spin", "spin_rate"))
+        given = {name: ca.SX.sym(name, 3) for name in ("angles", "spin", "spin_rate")}
+        angles, spin, spin_rate = given.values()
         small = ca.SX.sym("small", 3)
         moved = angles + euler_rates(angles, small, ca.SX.zeros(3, 1))[0]
         first, second = euler_rates(moved, spin, spin_rate)
         whole = ca.vertcat(moved, first, second)
         slope = ca.jacobian(whole, ca.vertcat(small, spin, spin_rate))
-        results = [ca.substitute(part, small, ca.DM.zeros(3, 1)) for part in (first, second, slope)]
-        dense = [ca.densify(part) for part in results]
-        return [
-            ca.Function(
-                "euler",
-                [angles, spin, spin_rate],
-                dense,
-                ["angles", "spin", "spin_rate"],
-                ["rates", "second_rates", "slope"],
-            )
-        ]
+        found = {"rates": first, "second_rates": second, "slope": slope}
+        still = {k: ca.densify(ca.substitute(x, small, [0, 0, 0])) for k, x in found.items()}
+        return [named_function("euler", given, still)]
 
     return load_functions("euler rates of a body", build, label="Euler angles")["euler"]

@@ -160,7 +160,7 @@ class _Linear:
 
 
 def _learn_part(
-    one: Samples, k: int, part: Part, place: slice, seen: Iterable[Array], robust: bool
+    one: Samples, k: int, part: Part, place: slice, seen: Iterable[Any], robust: bool
 ) -> float:
     """Update noise, color, jitter and weights of a part; returns the largest relative change.
 
