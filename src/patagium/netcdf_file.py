@@ -128,20 +128,16 @@ def write_netcdf(
     Raises:
         OutputError: If it cannot be written; the file is then as it was.
     """
-    draft = NetcdfDraft(path)
-    try:
-        with draft.writing():
-            encoding: dict[str, Any] = {name: {"dtype": "float32"} for name in single}
-            if compressed:
-                for name, one in dataset.variables.items():
-                    if one.dtype.kind == "f" and one.size and one.ndim:
-                        encoding.setdefault(str(name), {}).update(_compression(one))
-            draft.add(dataset, **encoding)
-            for name, content in groups.items():
-                draft.add(content, name)
-        return draft.publish()
-    finally:
-        draft.discard()
+    with NetcdfDraft(path).whole() as draft:
+        encoding: dict[str, Any] = {name: {"dtype": "float32"} for name in single}
+        if compressed:
+            for name, one in dataset.variables.items():
+                if one.dtype.kind == "f" and one.size and one.ndim:
+                    encoding.setdefault(str(name), {}).update(_compression(one))
+        draft.add(dataset, **encoding)
+        for name, content in groups.items():
+            draft.add(content, name)
+    return draft.target
 
 
 def _compression(one: xr.Variable) -> dict[str, Any]:

@@ -20,6 +20,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Self
 
 from patagium.errors import OutputError, ParameterError, PatagiumError
 
@@ -72,6 +73,20 @@ class Draft:
                 raise  # of what is read meanwhile
             raise OutputError(self.target, _cause(self.path) or problem) from problem
 
+    @contextmanager
+    def whole(self) -> Iterator[Self]:
+        """Block that writes the draft: published where it ends well, discarded where it does not.
+
+        Raises:
+            OutputError: If it cannot be written; the file is then as it was.
+        """
+        try:
+            with self.writing():
+                yield self
+            self.publish()
+        finally:
+            self.discard()
+
     def publish(self) -> Path:
         """Replace the file by the draft; at any moment it holds its old content or the new one.
 
@@ -108,13 +123,8 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     Raises:
         OutputError: If it cannot be written; the file is then as it was.
     """
-    draft = Draft(path)
-    try:
-        with draft.writing():
-            yield draft.path
-        draft.publish()
-    finally:
-        draft.discard()
+    with Draft(path).whole() as draft:
+        yield draft.path
 
 
 def write_whole(path: str | Path, content: str | bytes) -> Path:

@@ -212,20 +212,13 @@ def import_log(
         plan = replace(plan, zero=zero_forces(robot, plan))
         place = Draft(target)  # refused before anything is read
         place.discard()  # and nothing is left if the program is killed while it reads
+        kind = NetcdfDraft if target.suffix.lower() == ".nc" else Draft
         with (
             place.writing(),
             Spool(log, plan, words.gap, place.path.parent, _half(progress, 0)) as spool,
+            kind(target).whole() as draft,
         ):
-            draft = (NetcdfDraft if target.suffix.lower() == ".nc" else Draft)(target)
-            try:
-                with draft.writing():
-                    found = _written(
-                        log, words, source, robot, spool, draft, _half(progress, 1), tell
-                    )
-                draft.publish()
-            finally:
-                draft.discard()
-        return found
+            return _written(log, words, source, robot, spool, draft, _half(progress, 1), tell)
 
 
 def _written(
