@@ -224,14 +224,7 @@ def _drop_unwritable() -> None:
                 os.close(nowhere)
 
 
-def _say_warning(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: TextIO | None = None,
-    line: str | None = None,
-) -> None:
+def _say_warning(message: Warning | str, category: Any, *_: Any, **__: Any) -> None:
     known = issubclass(category, UserWarning)
     typer.echo(f"patagium: {'' if known else category.__name__ + ': '}{message}", err=True)
 

@@ -396,7 +396,9 @@ def prepared(plan: Plan) -> Prepared:
     controller = _route(plan.legs, law, orbit) if plan.legs else law
     duration = BEATS * orbit.period if plan.duration is None else plan.duration
     positive("duration", duration, "a positive number of seconds")
-    events: tuple[Event, ...] = (_default_gust(orbit, duration),)
+    upward = GUST_SHARE * max(abs(orbit.speed), 1.0)
+    gust: Any = {"velocity": (0.0, 0.0, upward), "length_time": 2 * orbit.period}
+    events: tuple[Event, ...] = (GustEvent(time=duration / 3, **gust),)
     if plan.events is not None:
         events = tuple(event_of(one) for one in plan.events)
     known = plan.sensors.known(robot)
@@ -449,10 +451,3 @@ def event_of(part: BaseModel) -> Event:
     """Event of the loop, of that of a plan."""
     told = dict(part)
     return EVENTS[told.pop("type")](**told)
-
-
-def _default_gust(orbit: Orbit, duration: float) -> GustEvent:
-    upward = GUST_SHARE * max(abs(orbit.speed), 1.0)
-    gust = (0.0, 0.0, upward)
-    time, length = duration / 3, 2 * orbit.period
-    return GustEvent(time=time, velocity=gust, length_time=length)

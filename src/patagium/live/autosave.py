@@ -33,18 +33,13 @@ class AutoSave:
         self._saved_count = learner.count
         self._next = time.monotonic() + self.seconds
 
-    @property
-    def is_due(self) -> bool:
-        """Whether time has passed and samples were learned since the last save."""
-        return time.monotonic() >= self._next and self.learner.count != self._saved_count
-
     def tick(self) -> bool:
         """Save if it is due; call it between samples, as often as you like.
 
         Returns:
             Whether it was saved.
         """
-        if not self.is_due:
+        if time.monotonic() < self._next or self.learner.count == self._saved_count:
             return False
         try:
             self.save()

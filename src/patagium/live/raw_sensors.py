@@ -217,7 +217,10 @@ class MotionPackets:
                 self._begin()
                 began = perf_counter()
         if self._tracker is not None:
-            self._tell_saturated()
+            for name, (bad, total) in self._samples.items():
+                if bad and name not in self._told:  # once of each sensor
+                    self._told.add(name)
+                    self.notes.append(saturation(name, bad, total))
             made = self._follow(ended=rows is None)
             self._took += perf_counter() - began
             if made:
@@ -265,13 +268,6 @@ class MotionPackets:
         self._newest[name] = stamp
         self._late.pop(name, None)
         return True
-
-    def _tell_saturated(self) -> None:
-        """Note once of each sensor that samples of it were out of its range."""
-        for name, (count, total) in self._samples.items():
-            if count and name not in self._told:
-                self._told.add(name)
-                self.notes.append(saturation(name, count, total))
 
     def _settled(self) -> bool:
         """Whether all sensors have told enough, or one has told it three times."""

@@ -148,7 +148,9 @@ class PacketQueue:
         """Oldest packets or raw rows, as `take`."""
         with self._changed:
             if self._abandoned:
-                self._drop_all()
+                self.intake.dropped += self._held
+                self._blocks.clear()
+                self._held, self._closed = 0, True
             if not self._blocks and not self._closed:
                 self._changed.wait(patience)
             if not self._blocks:
@@ -170,11 +172,6 @@ class PacketQueue:
     def abandon(self) -> None:
         """Close the queue; packets that wait are dropped and counted at the next `take`."""
         self._abandoned = True  # no lock: signal handlers may call this
-
-    def _drop_all(self) -> None:
-        self.intake.dropped += self._held
-        self._blocks.clear()
-        self._held, self._closed = 0, True
 
     def close(self, problem: Exception | None = None) -> None:
         """Close the queue: no more packets will come.

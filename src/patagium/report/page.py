@@ -304,7 +304,10 @@ def markdown_prose(text: str) -> str:
 def table_text(table: Table) -> str:
     """A table without its caption; columns of numbers flush right."""
     rules = ["---:" if table.numeric(i) else "---" for i in range(len(table.columns))]
-    rows = [[_cell(cell) for cell in row] for row in (table.columns, *table.texts())]
+    rows = [
+        [markdown_prose(cell).replace("|", "\\|") for cell in row]
+        for row in (table.columns, *table.texts())
+    ]
     rows.insert(1, rules)
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
@@ -331,10 +334,6 @@ def _span(text: str) -> str:
 def _literal(text: str) -> str:
     text = re.sub(r"([\\*$]|<(?=[\w/!?])|&(?=#?\w+;)|\](?=\()|\[(?=\^))", r"\\\1", text)
     return re.sub(r"((?<!\w)_|_(?!\w))", r"\\\1", text)
-
-
-def _cell(text: str) -> str:
-    return markdown_prose(text).replace("|", "\\|")
 
 
 def _image(picture: Picture) -> tuple[str, bytes]:

@@ -171,7 +171,7 @@ def write_replay(path: str | Path, replay: Replay) -> Path:
         colors={"true": TRUTH, "predicted": COLORS[0]},
         style=Markup(_text("style.css")),
         license=Markup(_text("three.LICENSE.txt")),
-        three=Markup(_three()),
+        three=Markup(gzip.decompress(_file("three.min.js.gz").read_bytes()).decode()),
         content=Markup(_json(_content(replay))),
         scripts=Markup("\n".join(_text(name) for name in _SCRIPTS)),
     )
@@ -216,10 +216,6 @@ def encode_array(values: Array, kind: str = "f4") -> dict[str, Any]:
         "shape": list(array.shape),
         "base64": base64.b64encode(array.tobytes()).decode("ascii"),
     }
-
-
-def _three() -> str:
-    return gzip.decompress(_file("three.min.js.gz").read_bytes()).decode("utf-8")
 
 
 def _text(name: str) -> str:

@@ -7,7 +7,7 @@ wing, or through its center of mass. Fairings and gears are not drawn.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,7 +48,8 @@ def solids(robot: Robot) -> list[Solid]:
     """Solids of the bodies of a robot, one or more each."""
     shapes = _shapes(_described(robot.source))
     own = carried_body(robot)
-    thin, thick = _BONE * wing_span(robot), _TUBE * _longest(robot.bodies[1 : own or None])
+    ways = [float(np.linalg.norm(k.position)) for k in robot.bodies[1 : own or None]]
+    thin, thick = _BONE * wing_span(robot), _TUBE * max(ways, default=0.0)
     found: list[Solid] = []
     for index, body in enumerate(robot.bodies):
         shape = shapes.get(body.name)
@@ -77,11 +78,6 @@ def carried_body(robot: Robot) -> int:
     prefix = described.get("prefix", "")
     arms = [prefix and body.name.startswith(prefix) for body in robot.bodies]
     return arms.index(False) if False in arms else 0
-
-
-def _longest(bodies: Sequence[Body]) -> float:
-    """Distance of a joint from the one before, at most [m]."""
-    return max((float(np.linalg.norm(np.array(k.position, float))) for k in bodies), default=0.0)
 
 
 def _described(source: str) -> Any:

@@ -154,8 +154,9 @@ class LivePlots:
         self._scores = np.empty((0, 3))
         order = [*(k for k in _FIRST if k in subject.outputs), *subject.outputs]
         self._shown = list(dict.fromkeys(order))[: min(_FORCES, m)]
-        self._plots = [self._force_plot(gui, name) for name in self._shown]
         self._learned = subject.network is not None
+        names = ["measured", "predicted", "low", "high"][: 4 if self._learned else 1]
+        self._plots = [_plot(gui, self._title(name), names) for name in self._shown]
         if self._learned:
             self._error = _plot(gui, "Error: log10 of mean square over variance", ["NMSE"])
             self._coverage = _plot(gui, "Measurements in the 95 % interval [%]", ["inside", "95 %"])
@@ -198,18 +199,12 @@ class LivePlots:
         length = subject.robot.dof_units[subject.robot.index(name)] == "m"
         return f"Force of the air on {name} [{'N' if length else 'N m'}]"
 
-    def _force_plot(self, gui: Any, name: str) -> Any:
-        names = ["measured"]
-        if self._subject.network is not None:
-            names += ["predicted", "low", "high"]
-        return _plot(gui, self._title(name), names)
-
     def _lines(self, name: str) -> tuple[Array, ...]:
         k = self._subject.outputs.index(name)
         m = len(self._subject.outputs)
         time = self._trace[:, 0]
         truth, guess, std = (self._trace[:, 1 + part * m + k] for part in range(len(FORCES)))
-        if self._subject.network is None:
+        if not self._learned:
             return time, truth
         known = np.r_[truth, guess]
         known = known[np.isfinite(known)]
@@ -580,7 +575,9 @@ class LivePage:
         now = time.monotonic()
         for letter in letters:
             if self._last is not None and letter["time"] < self._last["time"]:
-                self._forget()
+                self._scene.forget()  # another flight
+                self._plots.forget()
+                self._seen = []
             self._plots.add(letter)
             self._last = letter
         if self._last is None or not self._server.get_clients():
@@ -618,7 +615,7 @@ class LivePage:
         with gui.add_folder("View", order=20):
             follow = gui.add_checkbox("Follow the robot (F)", True)
         self._door.allow(follow, lambda value: isinstance(value, bool))
-        follow.on_update(lambda _: self._follow(follow.value))
+        follow.on_update(lambda _: setattr(self._scene, "following", follow.value))
         self._door.allow(gui.add_command("Follow the robot", hotkey="F")).on_trigger(
             lambda _: setattr(follow, "value", not follow.value)
         )
@@ -681,14 +678,6 @@ class LivePage:
 
     def _reset(self) -> None:
         self._ask("resets", self._asked["resets"] + 1)
-
-    def _follow(self, follow: bool) -> None:
-        self._scene.following = follow
-
-    def _forget(self) -> None:
-        self._scene.forget()
-        self._plots.forget()
-        self._seen = []
 
     def _draw(self, letter: Any) -> None:
         q, v = letter["q"], letter["v"]

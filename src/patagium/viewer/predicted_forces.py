@@ -90,16 +90,10 @@ def _from_identification(flight: xr.Dataset, result: Identification, frames: Fra
         raise LogError(f"predictions: expected those of this flight ({span}), found {other}")
     names = tuple(str(name) for name in record["output"].values)
     values = np.asarray(record["prediction"].transpose("time", "output").values, float)[frames]
-    return Prediction(
-        names, values, None, "before the sample was used", _kept_std(record, time[frames])
-    )
-
-
-def _kept_std(record: xr.Dataset, time: Array) -> Array | None:
-    """Predicted standard deviations, interpolated between the times that were kept."""
     checks = np.asarray(record["check_time"].values, float)
     kept = np.asarray(record["predicted_std"].transpose("check_time", "output").values, float)
-    return _interpolate(checks, kept, time)
+    std = _interpolate(checks, kept, time[frames])
+    return Prediction(names, values, None, "before the sample was used", std)
 
 
 def _interpolate(known: Array, values: Array, time: Array) -> Array | None:

@@ -190,7 +190,7 @@ class WeightFilter:
 
     @np.errstate(over="ignore", invalid="ignore")
     def _update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
-        prediction = _unknown(len(y))
+        prediction = Prediction(np.full(len(y), np.nan), np.full((len(y), len(y)), np.nan))
         refused = self.screen.admit()
         if refused:
             return refused, prediction
@@ -243,11 +243,6 @@ class WeightFilter:
         squares = np.einsum("ij,ij->j", inverse, inverse)
         self.screen.learned(moments.mean, innovation, gain, squares, nis)
         return Outcome.COMPLETED
-
-
-def _unknown(outputs: int) -> Prediction:
-    """Prediction of a sample that was not looked at: NaN."""
-    return Prediction(np.full(outputs, np.nan), np.full((outputs, outputs), np.nan))
 
 
 def _restored(

@@ -229,8 +229,8 @@ def _place(found: _Found, name: str, values: xr.DataArray, body: str | None) -> 
         if kind is not None and where is not None:
             found.bodies.setdefault(where, {}).setdefault(kind, (name, numbers))
         return
-    joint = _joint_in(name, found.robot)
-    if joint is None or name.startswith(("v.", "a.")):
+    joint = name.replace("[", ".").replace("]", "").replace("/", ".").rpartition(".")[2]
+    if joint not in found.robot.dof_names or name.startswith(("v.", "a.")):
         return
     place = found.robot.index(joint)
     if unit == found.robot.dof_units[place]:
@@ -244,12 +244,6 @@ def body_in(name: str, robot: Robot) -> str | None:
     named = [body.name for body in robot.bodies if body.name.lower() in name.lower()]
     floating = [body.name for body in robot.floating_bodies.values()]
     return max(named, key=len) if named else (floating or [robot.bodies[0].name])[0]
-
-
-def _joint_in(name: str, robot: Robot) -> str | None:
-    """Coordinate whose name is that of a quantity, or its last part."""
-    last = name.replace("[", ".").replace("]", "").replace("/", ".").split(".")[-1]
-    return last if last in robot.dof_names else None
 
 
 def _both(

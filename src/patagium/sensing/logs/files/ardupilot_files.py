@@ -63,14 +63,16 @@ class ArdupilotFile(LogFile):
                 try:
                     self._add(kind, found)
                 except (LogError, ValueError) as problem:  # NumPy's of a damaged format
-                    self._lost(kind, found.name, str(problem))
-        lost = len(self._content) - sum(
+                    count, rows = len(self._reader.offsets[kind]), StampSource("rows")
+                    lost = Topic(found.name, self.format, count, {}, rows, str(problem))
+                    self.topics[found.name] = lost
+        other = len(self._content) - sum(
             len(places) * self._reader.formats[kind].len
             for kind, places in enumerate(self._reader.offsets)
             if kind in self._reader.formats
         )
-        if lost > _PADDING:
-            self.notes.append(f"the file is damaged: {lost} bytes are no message, and left out")
+        if other > _PADDING:
+            self.notes.append(f"the file is damaged: {other} bytes are no message, and left out")
         if not self.topics:
             self.close()
             raise LogError(f"{path}: cannot be read as {self.format}: it holds no messages")
@@ -85,10 +87,6 @@ class ArdupilotFile(LogFile):
     def close(self) -> None:
         """Close the file."""
         self._reader.close()
-
-    def _lost(self, kind: int, name: str, problem: str) -> None:
-        count = len(self._reader.offsets[kind])
-        self.topics[name] = Topic(name, self.format, count, {}, StampSource("rows"), problem)
 
     def _add(self, kind: int, found: Any) -> None:
         """Add the topics of a type of messages, one for each instance."""
