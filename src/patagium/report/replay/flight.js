@@ -37,11 +37,6 @@ class Flight {
     return { frame: low, next: high, part: Math.min(Math.max(part, 0), 1) };
   }
 
-  nearest(t) {
-    const at = this.locate(t);
-    return at.part < 0.5 ? at.frame : at.next;
-  }
-
   // Entries [offset, offset + count) of a row of `width` numbers, between frames.
   mix(values, width, offset, count, at, out) {
     const a = at.frame * width + offset, b = at.next * width + offset;
