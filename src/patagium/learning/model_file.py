@@ -201,8 +201,21 @@ def save_model(path: str | Path, model: Model | Learner) -> Path:
         The path.
     """
     learned = model if isinstance(model, Model) else model_of(model)
-    text = json.dumps(_words(learned), indent=1, default=np.ndarray.tolist)
-    return write_whole(path, text.encode())
+    kept = learned.kept_covariance
+    words = {
+        "format": FORMAT,
+        "patagium_version": __version__,
+        "source": learned.source,
+        "network": learned.network.describe(),
+        "inputs": learned.inputs,
+        "outputs": list(learned.network.output_names),
+        "learner": learned.learner,
+        "measurement_std": learned.measurement_std,
+        "usual_std": learned.usual_std,
+        "weights": learned.weights,
+        "covariance": None if kept is None else _packed(kept),
+    }
+    return write_whole(path, json.dumps(words, indent=1, default=np.ndarray.tolist))
 
 
 @checked
@@ -227,22 +240,6 @@ def load_model(path: str | Path) -> Model:
         raise LogError(f"{file}: expected a file of format {FORMAT!r}, found {found}")
     with made_again(f"{file}: the model"):
         return _model(words)
-
-
-def _words(model: Model) -> dict[str, Any]:
-    return {
-        "format": FORMAT,
-        "patagium_version": __version__,
-        "source": model.source,
-        "network": model.network.describe(),
-        "inputs": model.inputs,
-        "outputs": list(model.network.output_names),
-        "learner": model.learner,
-        "measurement_std": model.measurement_std,
-        "usual_std": model.usual_std,
-        "weights": model.weights,
-        "covariance": None if model.kept_covariance is None else _packed(model.kept_covariance),
-    }
 
 
 def _model(words: Mapping[str, Any]) -> Model:

@@ -21,7 +21,7 @@ import patagium as pt
 from patagium.cli.plan import event_of, load_plan
 from patagium.errors import PatagiumError
 from patagium.learning import load_identification, load_model, load_settings
-from patagium.learning.learners.state_file import LearnerState, _bytes_of, read_state  # noqa
+from patagium.learning.learners.state_file import read_state, write_state
 from patagium.robot.files import load_robot_text
 from patagium.sensing.logs.importing.inspection import inspect_log
 from patagium.sensing.logs.mapping import load_mapping
@@ -261,7 +261,7 @@ def _signed_states(name: str) -> Callable[[Path], Case]:
                 state = {**found, **words["s"]}
                 told: Any = words["d"]
                 told = told[:9] if isinstance(told, list) else told
-                path.write_bytes(_bytes_of(told, state))  # a long list takes long to write
+                write_state(path, told, state)  # a long list takes long to write
             except (TypeError, KeyError, ValueError):
                 return  # the mutation left no two mappings
             learner = pt.load_learner(path)

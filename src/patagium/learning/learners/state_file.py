@@ -50,7 +50,21 @@ def write_state(path: str | Path, description: Mapping[str, Any], state: Mapping
     Raises:
         OutputError: If it cannot be written; the file is then as it was.
     """
-    return write_whole(path, _bytes_of(description, state))
+    arrays = {
+        name: np.asarray(value, value.dtype.newbyteorder("<"), order="C")  # row by row
+        for name, value in state.items()
+        if isinstance(value, np.ndarray)
+    }
+    header = {
+        "patagium_version": __version__,
+        "learner": description,
+        "state": {name: value for name, value in state.items() if name not in arrays},
+        "arrays": {name: [array.dtype.str, array.shape] for name, array in arrays.items()},
+    }
+    parts = [json.dumps(header).encode(), b"\n", *(array.tobytes() for array in arrays.values())]
+    rest = b"".join(parts)
+    digest = hashlib.sha256(rest).hexdigest().encode()
+    return write_whole(path, b"%s\n%s\n%s" % (FORMAT.encode(), digest, rest))
 
 
 def read_state(path: str | Path) -> LearnerState:
@@ -64,19 +78,6 @@ def read_state(path: str | Path) -> LearnerState:
     with made_again(f"{file}: the learner"):
         header, arrays = _parts_of(sound)
         return LearnerState(header["learner"], {**header["state"], **arrays})
-
-
-def _bytes_of(description: Mapping[str, Any], state: Mapping[str, Any]) -> bytes:
-    arrays = {name: _plain(value) for name, value in state.items() if _is_array(value)}
-    header = {
-        "patagium_version": __version__,
-        "learner": description,
-        "state": {name: value for name, value in state.items() if not _is_array(value)},
-        "arrays": {name: [array.dtype.str, array.shape] for name, array in arrays.items()},
-    }
-    parts = [json.dumps(header).encode(), b"\n", *(array.tobytes() for array in arrays.values())]
-    rest = b"".join(parts)
-    return b"%s\n%s\n%s" % (FORMAT.encode(), hashlib.sha256(rest).hexdigest().encode(), rest)
 
 
 def _sound(file: Path, content: bytes) -> bytes:
@@ -111,12 +112,3 @@ def _parts_of(sound: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         arrays[name] = flat.reshape(shape).astype(dtype.newbyteorder("="))
         start += flat.nbytes
     return header, arrays
-
-
-def _is_array(value: object) -> bool:
-    return isinstance(value, np.ndarray)
-
-
-def _plain(array: NDArray[Any]) -> NDArray[Any]:
-    """Array row by row, little-endian."""
-    return np.asarray(array, array.dtype.newbyteorder("<"), order="C")
