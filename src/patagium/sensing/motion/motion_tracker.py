@@ -38,7 +38,6 @@ from patagium.sensing.motion.sensor_streams import (
     MeasurementModel,
     Observation,
     Stream,
-    given_density,
     measurement_models,
 )
 from patagium.sensing.motion.smoothers import MOTION_ORDERS
@@ -123,7 +122,9 @@ class MotionTracker:
         variances: Mapping[str, Array] | None = None,
     ) -> None:
         self.robot = with_euler_angles(robot)
-        drive = given_density(self.robot, density)
+        drive = real_array("density", density, (self.robot.dof,))
+        if not (np.isfinite(drive).all() and (drive > 0).all()):
+            raise ParameterError("density", "positive numbers", drive.tolist())
         if order not in MOTION_ORDERS:
             raise ParameterError("order", f"one of {MOTION_ORDERS}", order)
         self.memory = positive("memory", memory)

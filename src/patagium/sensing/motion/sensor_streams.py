@@ -12,10 +12,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from patagium.arrays import Array, Indices, real_array
+from patagium.arrays import Array, Indices
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot
 from patagium.sensing.motion.frame_model import FrameModel, Motion, rotation_vector
@@ -356,23 +355,6 @@ def encoded_coordinates(streams: Sequence[Stream]) -> dict[int, tuple[Stream, in
         if isinstance(s.model, EncoderModel)
         for k, column in enumerate(s.model.columns)
     }
-
-
-def given_density(robot: Robot, given: ArrayLike) -> Array:
-    """Density of the noise that drives each coordinate, (n,) [unit^2/s^(2 order - 1)], checked.
-
-    Args:
-        robot: The machine.
-        given: Density of each, (n,) [unit^2/s^(2 order - 1)].
-
-    Raises:
-        ShapeError: If `given` is not (n,).
-        ParameterError: If `given` is not positive.
-    """
-    drive = real_array("density", given, (robot.dof,))
-    if not (np.isfinite(drive).all() and (drive > 0).all()):
-        raise ParameterError("density", "positive numbers", drive.tolist())
-    return drive
 
 
 def count_noise(values: Array) -> float:
