@@ -7,6 +7,7 @@ import random
 import socket
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -24,6 +25,7 @@ from patagium.control import Orbit, trim
 from patagium.robot import Robot, load_robot, load_robot_text
 
 from .random_machines import random_machine as random_machine
+from .spoken import Speak, say
 
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=25)
 settings.load_profile("repeatable")
@@ -78,6 +80,12 @@ def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """
     monkeypatch.setenv("PATAGIUM_TOLD_WITHOUT_COMPILER", "none")
     monkeypatch.setenv("PATAGIUM_COMPILER", "none")
+
+
+@pytest.fixture
+def speak(capsys: pytest.CaptureFixture[str]) -> Speak:
+    """Say words to the program; get its exit code, its answer and its complaints."""
+    return partial(say, capsys)
 
 
 @pytest.fixture

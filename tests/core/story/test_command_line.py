@@ -7,9 +7,7 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -21,6 +19,8 @@ from patagium.learning.identify import identify
 from patagium.sensing.logs.importing.import_log import read_table
 from patagium.sensing.logs.mapping import load_mapping
 
+from ...spoken import Speak
+
 VERBS = (
     *("simulate", "trim", "optimize", "fly", "cycles", "figures", "view", "export", "inspect"),
     *("import", "motion", "identify"),
@@ -31,29 +31,6 @@ SCREEN = 30
 FLY = ("--duration", "0.05", "--time-step", "1e-4")
 BEAT = ("--frequency", "5 Hz", "--plunge", "30 deg")
 LEARN = ("--prior-std", "0.3", "--measurement-std", "3e-4", "--spread", "1.7")
-
-
-class Answer(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-Speak = Callable[..., Answer]
-
-
-@pytest.fixture
-def speak(capsys: pytest.CaptureFixture[str]) -> Speak:
-    """Say words to the program; get its exit code, its answer and its complaints."""
-
-    def say(*words: object) -> Answer:
-        with pytest.raises(SystemExit) as left:
-            run([str(word) for word in words])
-        said = capsys.readouterr()
-        code = left.value.code
-        return Answer(code if isinstance(code, int) else 0, said.out, said.err)
-
-    return say
 
 
 @pytest.fixture(scope="module")

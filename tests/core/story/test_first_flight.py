@@ -11,20 +11,14 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.cli.main import run
 from patagium.errors import Interrupted, ParameterError, RobotFileError
 from patagium.robot import load_robot_text
 from patagium.simulation.flight_summary import flight_summary
 from patagium.simulation.state_limits import tidy_step
 
+from ...spoken import say
+
 FLYERS = ("aerobat", "aerobat-beta", "dragonfly", "hawk", "ornithopter", "yeo-wing")
-
-
-def say(capsys, *words):
-    with pytest.raises(SystemExit) as left:
-        run([str(word) for word in words])
-    said = capsys.readouterr()
-    return left.value.code or 0, said.out, said.err
 
 
 @pytest.mark.parametrize("name", FLYERS)

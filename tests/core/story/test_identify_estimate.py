@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 
@@ -13,16 +13,9 @@ import patagium as pt
 from patagium.cli.main import run
 from patagium.robot import Robot
 
+from ...spoken import Speak
+
 ESTIMATE = "lift_slope=1.5,zero_lift_angle=5 deg"
-
-
-class Answer(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-Say = Callable[..., Answer]
 
 
 @pytest.fixture(scope="module")
@@ -38,21 +31,14 @@ def flight(tmp_path_factory: pytest.TempPathFactory, one_wing: Callable[..., Rob
 
 
 @pytest.fixture
-def identify(flight: Path, capsys: pytest.CaptureFixture[str]) -> Say:
-    def say(*words: object) -> Answer:
-        with pytest.raises(SystemExit) as left:
-            run(["identify", str(flight), "--every", "4", *map(str, words)])
-        said = capsys.readouterr()
-        code = left.value.code
-        return Answer(code if isinstance(code, int) else 0, said.out, said.err)
-
-    return say
+def identify(flight: Path, speak: Speak) -> Speak:
+    return partial(speak, "identify", flight, "--every", 4)
 
 
 LEARN = ("--estimate", ESTIMATE, "--measurement-std", "1e-4")
 
 
-def test_numbers_are_learned_shown_and_kept(identify: Say, flight: Path, tmp_path: Path) -> None:
+def test_numbers_are_learned_shown_and_kept(identify: Speak, flight: Path, tmp_path: Path) -> None:
     page, model = tmp_path / "report.html", tmp_path / "model.json"
     answer = identify(*LEARN, "--aero", "quasi-steady")
     assert answer.code == 2 and "lift_slope" in answer.err and "polar.lift_offset" in answer.err
@@ -84,7 +70,7 @@ def test_numbers_are_learned_shown_and_kept(identify: Say, flight: Path, tmp_pat
     ],
 )
 def test_what_cannot_be_is_said_in_a_line(
-    identify: Say, words: tuple[str, ...], message: str
+    identify: Speak, words: tuple[str, ...], message: str
 ) -> None:
     answer = identify(*words)
     assert answer.code == 2 and message in answer.err

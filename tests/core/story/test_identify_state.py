@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import shutil
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.cli.main import run
+
+from ...spoken import Speak
 
 MAPPING = """
 time: {column: t, unit: s}
@@ -25,14 +26,8 @@ outputs:
 LEARN = ("--prior-std", "0.5", "--measurement-std", "0.05", "--hidden", "4")
 
 
-class Answer(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
 @pytest.fixture
-def identify(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Iterator[Callable[..., Answer]]:
+def identify(tmp_path: Path, speak: Speak) -> Iterator[Speak]:
     """Identify a log of 400 samples, every one of them used."""
     draw = np.random.default_rng(3)
     x = np.sin(np.linspace(0, 20, 400)[:, None] * [1.0, 1.7])
@@ -41,21 +36,12 @@ def identify(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Iterator[Cal
     np.savetxt(log, rows, delimiter=",", header="t,a,b,lift", comments="", fmt="%.9g")
     mapping.write_text(MAPPING)
 
-    def say(*words: object) -> Answer:
-        with pytest.raises(SystemExit) as left:
-            run(["identify", str(log), "--mapping", str(mapping), "--every", "1", *map(str, words)])
-        said = capsys.readouterr()
-        code = left.value.code
-        return Answer(code if isinstance(code, int) else 0, said.out, said.err)
-
     handler = signal.getsignal(signal.SIGINT)
-    yield say
+    yield partial(speak, "identify", log, "--mapping", mapping, "--every", 1)
     assert signal.getsignal(signal.SIGINT) is handler
 
 
-def test_a_second_run_goes_on_from_the_first(
-    identify: Callable[..., Answer], tmp_path: Path
-) -> None:
+def test_a_second_run_goes_on_from_the_first(identify: Speak, tmp_path: Path) -> None:
     state = tmp_path / "learner.state"
     first = identify(*LEARN, "--state", state)
     assert first.code == 0 and f"The state after 400 samples is in {state}" in first.err
@@ -68,9 +54,7 @@ def test_a_second_run_goes_on_from_the_first(
     assert nmse[1] < 0.5 * nmse[0]  # it knew the log
 
 
-def test_a_state_of_another_learner_is_refused_and_kept(
-    identify: Callable[..., Answer], tmp_path: Path
-) -> None:
+def test_a_state_of_another_learner_is_refused_and_kept(identify: Speak, tmp_path: Path) -> None:
     state = tmp_path / "learner.state"
     assert identify(*LEARN, "--state", state).code == 0
     before = state.read_bytes()
@@ -80,9 +64,7 @@ def test_a_state_of_another_learner_is_refused_and_kept(
     assert "Traceback" not in answer.err and state.read_bytes() == before
 
 
-def test_a_learner_that_diverged_is_not_kept(
-    identify: Callable[..., Answer], tmp_path: Path
-) -> None:
+def test_a_learner_that_diverged_is_not_kept(identify: Speak, tmp_path: Path) -> None:
     state = tmp_path / "learner.state"
     answer = identify(*LEARN, "--forgetting-factor", "1e-8", "--state", state)
     assert answer.code == 2 and "diverged" in answer.err
@@ -90,7 +72,7 @@ def test_a_learner_that_diverged_is_not_kept(
 
 
 def test_an_output_that_fails_costs_no_other(
-    identify: Callable[..., Answer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    identify: Speak, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kept = ("--state", tmp_path / "state", "--predictions", tmp_path / "p.nc")
     folder = tmp_path / "gone"
@@ -110,7 +92,7 @@ def test_an_output_that_fails_costs_no_other(
 
 
 def test_ctrl_c_keeps_what_was_learned(
-    identify: Callable[..., Answer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    identify: Speak, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     state, update = tmp_path / "learner.state", pt.ExtendedLearner.update
 

@@ -3,40 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.cli.main import run
+
+from ...spoken import Speak
 
 FLY = ("--duration", "0.02", "--time-step", "1e-3")
-
-
-class Answer(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-Speak = Callable[..., Answer]
-
-
-@pytest.fixture
-def speak(capsys: pytest.CaptureFixture[str]) -> Speak:
-    """Say words to the program; get its exit code, its answer and its complaints."""
-
-    def say(*words: object) -> Answer:
-        with pytest.raises(SystemExit) as left:
-            run([str(word) for word in words])
-        said = capsys.readouterr()
-        code = left.value.code
-        return Answer(code if isinstance(code, int) else 0, said.out, said.err)
-
-    return say
 
 
 CARRIED = (

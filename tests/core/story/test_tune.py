@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
-from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 import yaml
@@ -15,30 +13,10 @@ import yaml
 import patagium as pt
 from patagium.cli.main import run
 
+from ...spoken import Speak
+
 PAGE = (Path(__file__).parents[3] / "docs" / "tune.md").read_text("utf-8")
 TUNE = ("--every", 10, "--trials", 8, "--jobs", 1, "--covariance", "node")
-
-
-class Answer(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-Speak = Callable[..., Answer]
-
-
-@pytest.fixture
-def speak(capsys: pytest.CaptureFixture[str]) -> Speak:
-    """Say words to the program; get its exit code, its answer and its complaints."""
-
-    def say(*words: object) -> Answer:
-        with pytest.raises(SystemExit) as left:
-            run([str(word) for word in words])
-        said = capsys.readouterr()
-        return Answer(left.value.code, said.out, said.err)  # type: ignore[arg-type]
-
-    return say
 
 
 @pytest.fixture(scope="module")

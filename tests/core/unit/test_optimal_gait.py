@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.cli.main import run
 from patagium.control import optimal_gait
 from patagium.control.gait_family import gait_family
 from patagium.control.gait_program import TOLERANCE, GaitProgram
@@ -18,12 +17,7 @@ from patagium.control.wingbeat import FlightMap
 from patagium.errors import ParameterError
 from patagium.simulation.flight_summary import flight_summary
 
-
-def say(capsys, *words):
-    with pytest.raises(SystemExit) as left:
-        run([str(word) for word in words])
-    said = capsys.readouterr()
-    return left.value.code or 0, said.out, said.err
+from ...spoken import say
 
 
 @pytest.fixture(scope="module")

@@ -12,13 +12,14 @@ import pytest
 from tests.robots import FLAPPER
 
 import patagium as pt
-from patagium.cli.main import run
 from patagium.control import FlightMap, free_parameters, gait_family
 from patagium.control.orbit import Frame
 from patagium.control.trimming import Conditions, OrbitSearch, _not_found, state_sizes
 from patagium.errors import ParameterError
 from patagium.robot import load_robot_text
 from patagium.robot.model import Actuator
+
+from ...spoken import say
 
 
 @pytest.fixture(scope="module")
@@ -358,13 +359,6 @@ def test_free_parameters_are_the_actuators(aerobat):
     }
     dragonfly = pt.load_robot("dragonfly")
     assert "hind_plunge_phase" in free_parameters(dragonfly, pt.gaits.cruise(dragonfly))
-
-
-def say(capsys, *words):
-    with pytest.raises(SystemExit) as left:
-        run([str(word) for word in words])
-    said = capsys.readouterr()
-    return left.value.code or 0, said.out, said.err
 
 
 def test_the_verb_finds_writes_and_says_what_next(tmp_path, capsys):
