@@ -28,16 +28,13 @@ class Lag(Network):
         state = x[:, 1] + x[:, 2] * (weights[0] - x[:, 3])
         return (weights[1] * state)[:, None]
 
-    def drivers(self, weights, x):
-        return x
+    def begin(self, x, weights):
+        return x, np.zeros((1, 1)), np.zeros(0)
 
-    def begin(self, driver, weights):
-        return driver, np.zeros((1, 1)), np.zeros(0)
-
-    def step(self, driver, weights, time_step, before):
+    def step(self, x, weights, time_step, before):
         keep = 1 / (1 + np.exp(-weights[0]))
-        slope = keep * before.sensitivity + keep * (1 - keep) * (before.state - driver)
-        return keep * before.state + (1 - keep) * driver, slope, np.zeros(0)
+        slope = keep * before.sensitivity + keep * (1 - keep) * (before.state - x)
+        return keep * before.state + (1 - keep) * x, slope, np.zeros(0)
 
 
 LAG, WEIGHTS = Lag(), np.array([0.5, 1.0])

@@ -53,20 +53,21 @@ class RotorLags(NamedTuple):
     def compiled(self) -> None:
         """None: the equations are NumPy's."""
 
-    def drivers(self, weights: Array, x: Array) -> Array:
-        """Commands of each sample as shares of their range, (N, 4)."""
+    def commands(self, x: Array) -> Array:
+        """Commands of a sample as shares of their range, (4,)."""
         scaled = (x - self.dense.input_center) / self.dense.input_scale
-        return np.asarray((scaled[:, :ROTORS] + 1) / 2)
+        return np.asarray((scaled[:ROTORS] + 1) / 2)
 
-    def begin(self, driver: Array, weights: Array) -> tuple[Array, Array, Array]:
+    def begin(self, x: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Rotors that have followed their commands."""
+        driver = self.commands(x)
         return driver, np.zeros((ROTORS, 1)), driver
 
     def step(
-        self, driver: Array, weights: Array, time_step: float, before: MemoryState
+        self, x: Array, weights: Array, time_step: float, before: MemoryState
     ) -> tuple[Array, Array, Array]:
         """A step later: e = exp(-h / tau), and the mean of the commands at its ends."""
-        spent = time_step / rotor_lag(weights)
+        driver, spent = self.commands(x), time_step / rotor_lag(weights)
         keep = np.exp(-spent)
         behind = before.state - (before.driver + driver) / 2
         slopes = keep * (before.sensitivity + (spent * behind)[:, None])

@@ -331,38 +331,34 @@ class GreyLags(NamedTuple):
     def compiled(self) -> None:
         """None: slopes are found direction by direction."""
 
-    def drivers(self, weights: Array, x: Array) -> Array:
-        """Measured inputs of each sample, (N, measured)."""
-        return x
-
-    def begin(self, driver: Array, weights: Array) -> tuple[Array, Array, Array]:
+    def begin(self, x: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Lags where a memory begins."""
         state = np.zeros(self.states)
         own = weights[: self.parameters]
         if not self.steady:
-            return state, np.zeros((self.states, self.parameters)), driver
+            return state, np.zeros((self.states, self.parameters)), x
         eye = np.eye(self.states)
         for _ in range(_MOST_ROUNDS):  # Newton's method; of attached flow one round is enough
-            target, by_state = self._followed(driver, state, own, of_state=True)
+            target, by_state = self._followed(x, state, own, of_state=True)
             apart = target - state
             if np.abs(apart).max() <= _CLOSE * (1.0 + np.abs(state).max()):
                 break
             state = state + np.linalg.solve(eye - by_state, apart)
-        _, by_weights = self._followed(driver, state, own, of_state=False)
-        return state, np.asarray(np.linalg.solve(eye - by_state, by_weights)), driver
+        _, by_weights = self._followed(x, state, own, of_state=False)
+        return state, np.asarray(np.linalg.solve(eye - by_state, by_weights)), x
 
     def step(
-        self, driver: Array, weights: Array, time_step: float, before: MemoryState
+        self, x: Array, weights: Array, time_step: float, before: MemoryState
     ) -> tuple[Array, Array, Array]:
         """Lags a step later."""
         function = self.functions["step_forward"]
         state = before.state
-        known = before.driver, driver, before.state, weights[: self.parameters]
+        known = before.driver, x, before.state, weights[: self.parameters]
         slopes = np.empty((self.states, self.parameters))
         for k, along in enumerate(np.eye(self.parameters)):
             moved = before.sensitivity[:, k], along, time_step, self.numbers
             state, slopes[:, k] = function(*known, *moved)
-        return np.atleast_1d(state), slopes, driver
+        return np.atleast_1d(state), slopes, x
 
     def _followed(
         self, sample: Array, state: Array, weights: Array, of_state: bool

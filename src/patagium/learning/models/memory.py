@@ -34,7 +34,6 @@ USUAL_STEPS = 3.0
 UNSEEN = (Outcome.BAD_INPUT, Outcome.LATE, Outcome.DUPLICATE)
 """Outcomes of samples that a learner did not look at."""
 _SHARE = 0.01  # of a step in the usual one
-_BLOCK = 4096  # samples whose drivers are found at once
 _PREFIX = "memory_"
 
 
@@ -120,16 +119,12 @@ class LagEquations(Protocol):
         """Equations in C; None without."""
         ...
 
-    def drivers(self, weights: Array, x: Array) -> Array:
-        """Drivers of N samples with measured inputs x (N, measured), for `begin` and `step`."""
-        ...
-
-    def begin(self, driver: Array, weights: Array) -> tuple[Array, Array, Array]:
-        """State, sensitivity and driver at a sample where memory begins."""
+    def begin(self, x: Array, weights: Array) -> tuple[Array, Array, Array]:
+        """State, sensitivity and driver where memory begins, at measured inputs x (measured,)."""
         ...
 
     def step(
-        self, driver: Array, weights: Array, time_step: float, before: MemoryState
+        self, x: Array, weights: Array, time_step: float, before: MemoryState
     ) -> tuple[Array, Array, Array]:
         """State, sensitivity and driver a time step [s] after the memory before."""
         ...
@@ -358,8 +353,8 @@ class ModelMemory:
         anew = np.zeros(len(x), np.int8)
         anew[np.asarray(gaps, int)] = 1
         anew[0] |= before is None
-        known = lags, weights, time, x, anew, before
-        rows, after = _advanced_in_c(*known) or _advanced(*known)
+        known = time, x, anew, before
+        rows, after = _advanced_in_c(lags, *known) or _advanced(lags, weights, *known)
         return np.hstack([x, rows]), after
 
     def _follows(self, time: float) -> bool:
@@ -387,15 +382,12 @@ def _advanced(
     n_z, n_m = lags.states, lags.parameters
     own = weights[:n_m].copy()
     rows = np.empty((len(x), row_size(lags)))
-    begins = anew.tolist()
+    begins, measured = anew.tolist(), x[:, : lags.measured]
     for k, stamp in enumerate(time.tolist()):
-        if k % _BLOCK == 0:
-            drivers = lags.drivers(weights, x[k : k + _BLOCK, : lags.measured])
-        driver = drivers[k % _BLOCK]
         if before is None or begins[k]:
-            found = lags.begin(driver, weights)
+            found = lags.begin(measured[k], weights)
         else:
-            found = lags.step(driver, weights, stamp - before.time, before)
+            found = lags.step(measured[k], weights, stamp - before.time, before)
         before = MemoryState(found[0], found[1], own, found[2], stamp)
         rows[k, :n_z] = found[0][:n_z]
         rows[k, n_z : n_z * (1 + n_m)] = found[1][:n_z].ravel()
@@ -407,7 +399,6 @@ def _advanced(
 
 def _advanced_in_c(
     lags: LagEquations,
-    weights: Array,
     time: Array,
     x: Array,
     anew: NDArray[np.int8],

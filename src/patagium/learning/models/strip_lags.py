@@ -67,19 +67,15 @@ class StripLags(NamedTuple):
         """Number of lags and normalwashes, and of strips."""
         return 2 * self.states, self.states
 
-    def drivers(self, weights: Array, x: Array) -> Array:
-        """Measured inputs of each sample, (N, measured)."""
-        return x
-
-    def begin(self, driver: Array, weights: Array) -> tuple[Array, Array, Array]:
+    def begin(self, x: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Lags of a flow that was always as it is at a sample."""
-        return self._kept(self.functions["begin"](driver, self.constants))
+        return self._kept(self.functions["begin"](x, self.constants))
 
     def step(
-        self, driver: Array, weights: Array, time_step: float, before: MemoryState
+        self, x: Array, weights: Array, time_step: float, before: MemoryState
     ) -> tuple[Array, Array, Array]:
         """Lags a step later."""
-        known = driver, self.constants, time_step, before.state, before.driver
+        known = x, self.constants, time_step, before.state, before.driver
         return self._kept(self.functions["step"](*known))
 
     def _kept(self, found: Sequence[Array]) -> tuple[Array, Array, Array]:
