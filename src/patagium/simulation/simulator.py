@@ -354,7 +354,9 @@ class Simulator:
         sound = Outcome.COMPLETED, Outcome.INTERRUPTED
         flown = self.outcome in sound
         if self._integration.advance(steps, progress) not in sound and flown:
-            self._cause = self._failure_cause()
+            run, state_of = self.run, self._layout.state_of_sample
+            known = self._equations, state_of, run.samples, self._rows, run.steps
+            self._cause = diagnose_step(*known, self.steps, self._time_step)  # or None
         return self.outcome
 
     @property
@@ -523,19 +525,6 @@ class Simulator:
         rows = np.searchsorted(firsts, np.arange(count), side="right") - 1
         return tuple(self._own_commands), table.to_numpy()[rows]
 
-    def _failure_cause(self) -> StepTooLong | None:
-        """Cause of the failure where the step was too long; else None."""
-        run = self.run
-        return diagnose_step(
-            self._equations,
-            self._layout.state_of_sample,
-            run.samples,
-            self._rows,
-            run.steps,
-            self.steps,
-            self._time_step,
-        )
-
 
 def _energy_and_momentum(run: IntegrationResult) -> tuple[Array, Array]:
     """Energy [J] and momentum, (3,) [kg m/s], at the last sample of a run."""
@@ -675,23 +664,6 @@ _TRIALS = 3
 """Flights with a chosen step, where the first ones break because it was too long."""
 
 
-def _flown(
-    start: Callable[[float | None], Simulator],
-    divided: float,
-    time_step: float | None,
-    fly: Callable[[Simulator], Outcome],
-) -> xr.Dataset:
-    """The flight; begun anew where a chosen step, a part of the divided time, was too long."""
-    step = time_step
-    for _ in range(_TRIALS):
-        simulator = start(step)
-        fly(simulator)
-        if simulator.longest_step is None or time_step is not None:
-            break
-        step = tidy_step(divided, 0.5 * simulator.longest_step)
-    return simulator.flight()
-
-
 DURATION = 1.0
 """Duration of a flight for which neither the robot's file nor the caller says any [s]."""
 
@@ -776,15 +748,19 @@ def simulate(
     elif period is not None:
         raise ParameterError("control_period", "a controller with it", None)
 
-    def start(step: float | None) -> Simulator:
+    step = time_step
+    for _ in range(_TRIALS):
         whole = duration if step is None or step == time_step else round(duration / step) * step
-        return Simulator(
+        simulator = Simulator(
             robot, aero, gait, duration=whole, time_step=step, mount=mount,
             control_period=period, q=q, v=v, added_mass=added_mass, load_cells=load_cells,
             aero_state=aero_state,
         )  # fmt: skip
-
-    flight = _flown(start, period or duration, time_step, lambda on: on.fly(controller, progress))
+        simulator.fly(controller, progress)
+        if simulator.longest_step is None or time_step is not None:
+            break
+        step = tidy_step(period or duration, 0.5 * simulator.longest_step)
+    flight = simulator.flight()
     outcome = Outcome[flight.attrs["outcome"]]
     if throw and outcome is not Outcome.COMPLETED:
         raise SimulationFailed(flight.attrs["message"], flight, outcome)

@@ -121,10 +121,6 @@ class LiveFlight:
         return self._simulator.flight()
 
     @property
-    def _sound(self) -> bool:
-        return self._outcome is Outcome.COMPLETED and not self._paused
-
-    @property
     def _over(self) -> bool:
         return self._outcome is Outcome.COMPLETED and self._done >= self._simulator.steps
 
@@ -165,7 +161,7 @@ class LiveFlight:
 
     def _steps_due(self) -> int:
         """Number of steps by which the flight is behind the clock."""
-        if not self._sound:
+        if self._outcome is not Outcome.COMPLETED or self._paused:
             return 0
         now, flown = time.monotonic(), self._simulator.time
         behind = self._from + now - self._clock - flown
