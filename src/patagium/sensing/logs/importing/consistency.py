@@ -9,7 +9,7 @@ means over about 50 ms. Neglected: delays between sensors, lever arms, the Earth
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -47,44 +47,6 @@ _ALONG = 0.8
 """Share of the mean specific force that points down where z was mistaken."""
 _LEVEL = 0.5
 """Share of the mean specific force that may be horizontal."""
-
-
-@dataclass
-class _Sums:
-    """Second moments about zero of a derived and a measured rate."""
-
-    both: float = 0.0
-    derived: float = 0.0
-    measured: float = 0.0
-    count: int = 0
-
-    def add(self, derived: Array, measured: Array) -> None:
-        self.both += float((derived * measured).sum())
-        self.derived += float((derived**2).sum())
-        self.measured += float((measured**2).sum())
-        self.count += derived.size
-
-    @property
-    def correlation(self) -> float:
-        power = float(np.sqrt(self.derived) * np.sqrt(self.measured))
-        return self.both / power if power > 0 else 0.0
-
-    @property
-    def ratio(self) -> float:
-        """Size of the derived rate over the size of the measured one."""
-        return float(np.sqrt(self.derived / self.measured)) if self.measured > 0 else np.nan
-
-
-@dataclass
-class _Forces:
-    """Sums of specific force in world axes and of its difference from the change of velocity."""
-
-    total: Array = field(default_factory=lambda: np.zeros(3))
-    offset: Array = field(default_factory=lambda: np.zeros(3))
-    residual: Array = field(default_factory=lambda: np.zeros(3))
-    change: Array = field(default_factory=lambda: np.zeros(3))
-    count: int = 0
-    compared: int = 0
 
 
 @np.errstate(all="ignore")  # numbers of a damaged log may be of any size
@@ -197,16 +159,14 @@ def _agreement(
     names: str, pieces: Sequence[tuple[Array, Array, Array]], span: int, *, turning: bool
 ) -> list[Finding]:
     """Finding that a place, or an attitude, of (time, place, rate) does not move as it says."""
-    sums = _Sums()
-    for time, where, measured in pieces:
-        ends, stamps = _ends(where, span), _ends(time, span)
-        moved = turning_rate if turning else lambda t, x: np.diff(x, axis=0) / np.diff(t)[:, None]
-        sums.add(moved(stamps, ends), _means(measured, span))
-    floor = 0.05 * np.sqrt(max(1, sums.count))  # rad/s or m/s: less is noise
-    still = np.sqrt(sums.derived) < floor and np.sqrt(sums.measured) < floor
-    if sums.count < 30 or still or not np.isfinite(sums.ratio):
+    moved = turning_rate if turning else lambda t, x: np.diff(x, axis=0) / np.diff(t)[:, None]
+    both = [[moved(_ends(t, span), _ends(x, span)), _means(rate, span)] for t, x, rate in pieces]
+    derived, measured = np.concatenate([np.empty((2, 0, 3)), *both], axis=1).reshape(2, -1)
+    size, other = np.linalg.norm(derived), np.linalg.norm(measured)
+    floor = 0.05 * np.sqrt(len(derived))  # rad/s or m/s: less is noise
+    if len(derived) < 30 or max(size, other) < floor or not (size > 0 and other > 0):
         return []
-    ratio, correlation = sums.ratio, sums.correlation
+    ratio, correlation = size / other, float(derived @ measured / (size * other))
     facts = f"size ratio {ratio:.4g}, correlation {correlation:.2f}"
     for factor, words in _SLIPS[turning]:
         if abs(correlation) > _SURE and 1 / 1.3 < ratio / factor < 1.3:
@@ -244,35 +204,30 @@ def _order_findings(looked: _Stretches, attitude: Quantity, place: Quantity) -> 
 def _forces(
     looked: _Stretches, attitude: Quantity, force: Quantity, speed: Quantity | None
 ) -> tuple[list[Finding], list[dict[str, Any]]]:
-    sums = _Forces()
+    felt, apart, changes = [], [], []
     items = (attitude, force) if speed is None else (attitude, force, speed)
     scale = force.si_factor / force.factor
     for time, parts in looked.of(*items):
         world = rotate(parts[0], parts[1] * scale)
-        sums.total += world.sum(axis=0)
-        sums.count += len(world)
+        felt.append(world)
         if speed is not None:
             ends, stamps = _ends(parts[2], looked.span), _ends(time, looked.span)
             ends = ends * (speed.si_factor / speed.factor)
             change = np.diff(ends, axis=0) / np.diff(stamps)[:, None]
-            less = _means(world, looked.span) - np.array([0.0, 0.0, GRAVITY]) - change
-            sums.offset += less.sum(axis=0)
-            sums.residual += (less**2).sum(axis=0)
-            sums.change += (change**2).sum(axis=0)
-            sums.compared += len(less)
-    if not sums.count:
+            changes.append(change)
+            apart.append(_means(world, looked.span) - [0.0, 0.0, GRAVITY] - change)
+    if not felt:
         return [], []
-    mean = sums.total / sums.count
+    mean = np.concatenate(felt).mean(axis=0)
     name = force.column.label
     fact: dict[str, Any] = {"specific_force": name, "mean_in_world": mean.tolist()}
-    if sums.compared and speed is not None:
+    if speed is not None:
+        less, change = np.concatenate(apart), np.concatenate(changes)
         fact["velocity"] = speed.column.label
-        offset = sums.offset / sums.compared
-        variance = np.maximum(0.0, sums.residual / sums.compared - offset**2)
-        fact["residual_mean"] = offset.tolist()
-        fact["residual_rms"] = np.sqrt(sums.residual / sums.compared).tolist()
-        fact["residual_std"] = np.sqrt(variance).tolist()
-        fact["acceleration_rms"] = np.sqrt(sums.change / sums.compared).tolist()
+        fact["residual_mean"] = less.mean(axis=0).tolist()
+        fact["residual_rms"] = np.sqrt((less**2).mean(axis=0)).tolist()
+        fact["residual_std"] = less.std(axis=0).tolist()
+        fact["acceleration_rms"] = np.sqrt((change**2).mean(axis=0)).tolist()
         fact["span"] = looked.duration
     return _gravity_findings(name, attitude.column.label, mean), [fact]
 
