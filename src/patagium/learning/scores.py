@@ -394,7 +394,12 @@ def normalized_error(measurement: ArrayLike, prediction: ArrayLike) -> Array:
     Raises:
         ShapeError: If the two differ in shape.
     """
-    return _errors(measurement, prediction).nmse
+    truth, guess = _table("measurement", measurement), _table("prediction", prediction)
+    if truth.shape != guess.shape:
+        raise ShapeError("prediction", truth.shape, guess.shape)
+    sums = ErrorSums(truth.shape[1])
+    sums.add(truth, guess)
+    return sums.nmse
 
 
 def persistence(measurement: ArrayLike, used: ArrayLike, before: ArrayLike | None = None) -> Array:
@@ -470,16 +475,6 @@ def mean_heard(values: Array) -> float:
     """
     heard = values[~np.isnan(values)]
     return float(heard.mean()) if heard.size else math.nan
-
-
-def _errors(measurement: ArrayLike, prediction: ArrayLike) -> ErrorSums:
-    truth = _table("measurement", measurement)
-    guess = _table("prediction", prediction)
-    if truth.shape != guess.shape:
-        raise ShapeError("prediction", truth.shape, guess.shape)
-    sums = ErrorSums(truth.shape[1])
-    sums.add(truth, guess)
-    return sums
 
 
 def _table(name: str, values: ArrayLike) -> Array:
