@@ -204,7 +204,7 @@ class LivePlots:
         m = len(self._subject.outputs)
         time = self._trace[:, 0]
         truth, guess, std = (self._trace[:, 1 + part * m + k] for part in range(len(FORCES)))
-        if not self._learned:
+        if self._subject.network is None:
             return time, truth
         known = np.r_[truth, guess]
         known = known[np.isfinite(known)]
