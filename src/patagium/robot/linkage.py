@@ -282,24 +282,10 @@ class Linkage:
 
     def _openings(self, phase: Array, angles: Array) -> Complex:
         """The three closures, (3, N) [m]: zero where the loops close."""
-        th2, th5, th3, th8, th9, th6 = angles
-        pin = self._crank_pin(phase)
-        return np.array(
-            [
-                pin + self.l2a * _turn(th2) - self._shoulder - self._humerus_lever * _turn(th5),
-                pin
-                + self._branch * _turn(th2)
-                + self.l4 * _turn(th3)
-                - self._rocker_axis
-                - self._rocker_lever * _turn(th8),
-                self._rocker_axis
-                + self._rocker_arm * _turn(th8)
-                + self.l6 * _turn(th9)
-                - self._shoulder
-                - self._elbow_arm * _turn(th5)
-                - self._radius_lever * _turn(th6),
-            ]
-        )
+        pin, shoulder, rocker = self._crank_pin(phase), self._shoulder, self._rocker_axis
+        between = np.array([pin - shoulder, pin - rocker, rocker - shoulder + 0 * pin])
+        openings: Complex = between + self._arms(angles).sum(axis=1)
+        return openings
 
     def _arms(self, angles: Array) -> Complex:
         """Each closure's bars as turned by the six angles, (3, 6, N) [m]."""
