@@ -78,7 +78,7 @@ def command_words(variable: str, text: str) -> tuple[str, ...] | None:
     return (path, *words[1:]) if path else None
 
 
-def _works(command: Sequence[str]) -> bool:
+def _works(command: tuple[str, ...]) -> bool:
     """Whether the compiler makes a library, with the kernels' vector types, that loads here."""
     known = short_hash("a compiler that works", machine_identity(command), header_digest())
     if load_library(known) is not None:
@@ -128,13 +128,9 @@ def _announce_fallback(choice: str) -> None:
     tell(f"no C compiler ({reason}): {words}")
 
 
-def machine_identity(compiler: Sequence[str]) -> str:
-    """Text that identifies compiler and processor, on which a binary depends as on its source."""
-    return _identity(tuple(compiler))
-
-
 @functools.cache
-def _identity(compiler: tuple[str, ...]) -> str:
+def machine_identity(compiler: tuple[str, ...]) -> str:
+    """Text that identifies compiler and processor, on which a binary depends as on its source."""
     text = platform.machine()
     for word in compiler:  # "ccache gcc": both are programs
         program = shutil.which(word)
@@ -150,7 +146,7 @@ def _identity(compiler: tuple[str, ...]) -> str:
 
 
 def build(
-    compiler: Sequence[str],
+    compiler: tuple[str, ...],
     sources: Mapping[str, str],
     flags: Sequence[str],
     label: str,

@@ -51,7 +51,7 @@ class Rival:
 
 
 def compile_rival(
-    name: str, sources: Mapping[str, str], compiler: Sequence[str], flags: Sequence[str]
+    name: str, sources: Mapping[str, str], compiler: tuple[str, ...], flags: Sequence[str]
 ) -> tuple[ctypes.CDLL, float]:
     """A compiled library, and the seconds the compiler took to build it.
 
