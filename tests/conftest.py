@@ -25,6 +25,7 @@ from patagium.control import Orbit, trim
 from patagium.robot import Robot, load_robot, load_robot_text
 
 from .random_machines import random_machine as random_machine
+from .robots import free_plate
 from .spoken import Speak, say
 
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=25)
@@ -50,6 +51,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """
     places = {name: place for place, name in enumerate(SLOW)}
     items.sort(key=lambda item: places.get(item.path.name, len(places)))
+
+
+@pytest.fixture(scope="session")
+def plate() -> Robot:
+    """A free plate with one strip."""
+    return free_plate()
 
 
 @pytest.fixture(autouse=True)

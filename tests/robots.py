@@ -1,5 +1,48 @@
 """Robots of tests."""
 
+from __future__ import annotations
+
+from math import inf
+
+from patagium.robot import Body, Robot, Strip, load_robot_text
+
+_AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_NAMES, _UNITS = ("x", "y", "z", "roll", "pitch", "yaw"), ("m",) * 3 + ("rad",) * 3
+_HALF_WING = """\
+name: half_wing
+gravity: 9.81 m/s^2
+bodies:
+  wing:
+    joints: [{name: plunge, axis: x}, {name: feather, axis: -y}]
+    mass: 3 g
+    center_of_mass: [-1 cm, 9 cm, 0]
+    shape: {type: plate, axis: y, chord: 9 cm, span: 20 cm, thickness: 1 mm}
+wings:
+  - name: wing
+    segments:
+      - body: wing
+        strips: STRIPS
+        stations:
+          - {span: 0 cm, leading: 2 cm, trailing: -8 cm}
+          - {span: 20 cm, leading: 1.5 cm, trailing: -6.5 cm}
+"""
+
+
+def half_wing(strips: int) -> Robot:
+    """A wing that plunges and feathers on a stand."""
+    return load_robot_text(_HALF_WING.replace("STRIPS", str(strips)))
+
+
+def free_plate() -> Robot:
+    """A free plate with one strip: at q = 0 its velocity is that of the section."""
+    still, spread = (0.0, 0.0, 0.0), (1e-5, 1e-5, 1e-5, 0.0, 0.0, 0.0)
+    body = Body("plate", -1, still, _AXES, (), tuple(range(6)), 0.01, still, spread)
+    quarter = (0.025, 0.0, 0.0)
+    strip = Strip("wing[0]", "wing", 0, False, quarter, _AXES[0], _AXES[2], 0.1, 0.024)
+    limits = (-inf,) * 6, (inf,) * 6
+    return Robot("plate", (body,), (strip,), _NAMES, _UNITS, (), (0.0,) * 6, *limits, 9.81)
+
+
 FLAPPER = """
 name: flapper
 gravity: 9.81 m/s^2

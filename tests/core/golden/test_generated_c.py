@@ -12,37 +12,19 @@ from pathlib import Path
 
 import casadi as ca
 import pytest
+from tests.robots import half_wing
 
 import patagium as pt
 from patagium.aerodynamics.model import aero_functions
 from patagium.native.emit import emit, emit_batch
-from patagium.robot import load_robot_text
 
 TEXTS = Path(__file__).parent / "texts"
-HALF_WING = """\
-name: half_wing
-gravity: 9.81 m/s^2
-bodies:
-  wing:
-    joints: [{name: plunge, axis: x}, {name: feather, axis: -y}]
-    mass: 3 g
-    center_of_mass: [-1 cm, 9 cm, 0]
-    shape: {type: plate, axis: y, chord: 9 cm, span: 20 cm, thickness: 1 mm}
-wings:
-  - name: wing
-    segments:
-      - body: wing
-        strips: 1
-        stations:
-          - {span: 0 cm, leading: 2 cm, trailing: -8 cm}
-          - {span: 20 cm, leading: 1.5 cm, trailing: -6.5 cm}
-"""
 
 
 @cache
 def functions() -> dict[str, ca.Function]:
     """Functions of a wing of one strip, by the name of their golden file."""
-    robot = load_robot_text(HALF_WING)
+    robot = half_wing(1)
     steady = {f.name(): f for f in aero_functions(pt.QuasiSteady(robot))}
     lifting_line = {f.name(): f for f in aero_functions(pt.LiftingLine(robot))}
     return {

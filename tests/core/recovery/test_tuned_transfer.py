@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from tests.robots import half_wing
 
 import patagium as pt
 from patagium.aerodynamics.delaurier import DeLaurier
@@ -17,7 +18,6 @@ from patagium.learning.learners.registry import make_learner
 from patagium.learning.settings import Alternatives
 from patagium.learning.tuning.left_out import Kinematics, stretches_of
 from patagium.learning.tuning.tune import Trial
-from patagium.robot.files import load_robot_text
 from patagium.sensing import LogTable
 
 SEARCHED = {
@@ -29,30 +29,10 @@ SEARCHED = {
 AIR = pt.Air(wind=(-4.0, 0.0, 0.0))
 
 
-WING = """
-name: half_wing
-gravity: 9.81 m/s^2
-bodies:
-  wing:
-    joints: [{name: plunge, axis: x}, {name: feather, axis: -y}]
-    mass: 3 g
-    center_of_mass: [-1 cm, 9 cm, 0]
-    shape: {type: plate, axis: y, chord: 9 cm, span: 20 cm, thickness: 1 mm}
-wings:
-  - name: wing
-    segments:
-      - body: wing
-        strips: 6
-        stations:
-          - {span: 0 cm, leading: 2 cm, trailing: -8 cm}
-          - {span: 20 cm, leading: 1.5 cm, trailing: -6.5 cm}
-"""
-
-
 @cache
 def wing() -> pt.Robot:
     """A wing that plunges and feathers on a stand."""
-    return load_robot_text(WING)
+    return half_wing(6)
 
 
 @cache

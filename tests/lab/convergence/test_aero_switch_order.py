@@ -11,27 +11,11 @@ import pytest
 from patagium.aerodynamics import Aerodynamics, QuasiSteady, SmoothPolar
 from patagium.aerodynamics.local_flow import strip_motions
 from patagium.dynamics.equations import forward
-from patagium.robot import Body, Robot, Strip
+from patagium.robot import Robot
 from patagium_lab.published.aerodynamics import Published
 
-IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 START = np.array([0.0, 0.0, 0.0, 0.3, 0.5, 0.1, 2.0, 0.3, -1.0, 1.0, 8.0, 0.5])
 DURATION, COARSE, FINE, REFERENCE = 1.0, 1000, 8000, 32000
-
-
-@pytest.fixture(scope="module")
-def plate() -> Robot:
-    body = Body(
-        "plate", -1, (0.0, 0.0, 0.0), IDENTITY, (), tuple(range(6)), 0.01, (0.0, 0.0, 0.0),
-        (1e-5, 1e-5, 1e-5, 0.0, 0.0, 0.0),
-    )  # fmt: skip
-    strip = Strip(
-        "wing[0]", "wing", 0, False, (0.025, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.1, 0.024
-    )
-    return Robot(
-        "plate", (body,), (strip,), ("x", "y", "z", "roll", "pitch", "yaw"),
-        ("m", "m", "m", "rad", "rad", "rad"), (), (0.0,) * 6, (-np.inf,) * 6, (np.inf,) * 6, 9.81,
-    )  # fmt: skip
 
 
 @pytest.mark.parametrize("polar", [None, SmoothPolar()])

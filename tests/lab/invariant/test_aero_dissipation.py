@@ -16,10 +16,9 @@ from patagium.aerodynamics import (
     TablePolar,
 )
 from patagium.native import compiler_name
-from patagium.robot import Body, Robot, Strip, load_robot
+from patagium.robot import Robot, load_robot
 from patagium_lab.published.aerodynamics import PUBLISHED_ERRORS, Published
 
-IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 TABLE = TablePolar(
     (-1.5, -0.3, 0.0, 0.25, 0.5, 1.5),
     (0.0, -0.9, 0.1, 1.2, 0.7, 0.1),
@@ -37,22 +36,6 @@ QUASI_STEADY = [
 @pytest.fixture(scope="module")
 def aerobat() -> Robot:
     return load_robot("aerobat")
-
-
-@pytest.fixture(scope="module")
-def plate() -> Robot:
-    """A free plate with one strip: at q = 0 its velocity is that of the section."""
-    body = Body(
-        "plate", -1, (0.0, 0.0, 0.0), IDENTITY, (), tuple(range(6)), 0.01, (0.0, 0.0, 0.0),
-        (1e-5, 1e-5, 1e-5, 0.0, 0.0, 0.0),
-    )  # fmt: skip
-    strip = Strip(
-        "wing[0]", "wing", 0, False, (0.025, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.1, 0.024
-    )
-    return Robot(
-        "plate", (body,), (strip,), ("x", "y", "z", "roll", "pitch", "yaw"),
-        ("m", "m", "m", "rad", "rad", "rad"), (), (0.0,) * 6, (-np.inf,) * 6, (np.inf,) * 6, 9.81,
-    )  # fmt: skip
 
 
 @pytest.mark.parametrize("options", QUASI_STEADY)

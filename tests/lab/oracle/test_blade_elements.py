@@ -10,29 +10,11 @@ import pytest
 
 from patagium.aerodynamics import Air, QuasiSteady, SmoothPolar
 from patagium.dynamics.kinematics import body_poses, point_jacobian
-from patagium.robot import Body, Robot, Strip, load_robot
+from patagium.robot import Robot, load_robot
 from patagium_lab.published.aerodynamics import PUBLISHED_ERRORS, Published
 
 MEASURED = Path(__file__).parents[3].parent / "shared" / "data" / "yeo2011"
-IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 CHORD, WIDTH, DENSITY = 0.1, 0.024, 1.225
-
-
-@pytest.fixture(scope="module")
-def plate() -> Robot:
-    """A free plate with one strip: at q = 0 its velocity is that of the section."""
-    body = Body(
-        "plate", -1, (0.0, 0.0, 0.0), IDENTITY, (), tuple(range(6)), 0.01, (0.0, 0.0, 0.0),
-        (1e-5, 1e-5, 1e-5, 0.0, 0.0, 0.0),
-    )  # fmt: skip
-    strip = Strip(
-        "wing[0]", "wing", 0, False, (CHORD / 4, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0),
-        CHORD, WIDTH,
-    )  # fmt: skip
-    return Robot(
-        "plate", (body,), (strip,), ("x", "y", "z", "roll", "pitch", "yaw"),
-        ("m", "m", "m", "rad", "rad", "rad"), (), (0.0,) * 6, (-np.inf,) * 6, (np.inf,) * 6, 9.81,
-    )  # fmt: skip
 
 
 def section_velocities(rng: np.random.Generator) -> np.ndarray:
