@@ -186,9 +186,9 @@ def answer(facts: dict[str, Any], *, as_json: bool, title: str = "") -> None:
     if as_json:
         say_json(facts)
         return
-    from patagium.report.page import key_value_table
+    from patagium.report.page import Table
 
-    show_table(key_value_table(for_person(facts), title))
+    show_table(Table(("quantity", "value"), [*for_person(facts).items()], title))
 
 
 def for_person(facts: dict[str, Any]) -> dict[str, Any]:

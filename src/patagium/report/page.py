@@ -63,11 +63,6 @@ class Table:
         return bool(cells) and all(_is_number(cell) for cell in cells)
 
 
-def key_value_table(facts: Mapping[str, Cell], caption: str = "") -> Table:
-    """A table of two columns from a mapping of names to values."""
-    return Table(("quantity", "value"), list(facts.items()), caption)
-
-
 def cell_text(value: Cell) -> str:
     """A number to three significant digits, "–" for nothing, "yes"/"no" for a truth.
 

@@ -15,7 +15,6 @@ References:
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -218,11 +217,6 @@ class Linkage:
     def _radius_lever(self) -> complex:
         return complex(self.l7b, self.l7c)
 
-    @cached_property
-    def _longest(self) -> float:
-        arms = (self._elbow_arm, self._rocker_arm, self.l2a, self.l4, self.l6)
-        return max(abs(k) for k in arms)
-
     def _crank_pin(self, phase: Array) -> Complex:
         return self._crank_axis + self.l1 * _turn(self.start + phase)
 
@@ -273,9 +267,10 @@ class Linkage:
 
     def _polished(self, phase: Array, angles: Array) -> Array:
         """Two Newton steps on the closures: from rounding of circles to rounding of angles."""
+        bars = (self._elbow_arm, self._rocker_arm, self.l2a, self.l4, self.l6)
         for _ in range(2):
             opening = self._openings(phase, angles)
-            if np.abs(opening).max() < _TOLERANCE * self._longest:
+            if np.abs(opening).max() < _TOLERANCE * max(map(abs, bars)):
                 break
             angles = angles - self._solved(angles, _real_rows(opening))
         return angles

@@ -139,7 +139,8 @@ def _bones(robot: Robot, index: int, strips: list[Strip], radius: float) -> list
         center = tuple(float(k) for k in body.center_of_mass)
         size = 2 * radius if robot.strips and index >= carried_body(robot) else radius
         return [Solid(index, "ellipsoid", center, (0.0, 0.0, 1.0), (size,) * 3)]
-    return [_capsule(index, end, radius) for end in long]
+    stout = [max(radius, _STOUTNESS * float(np.linalg.norm(end))) for end in long]
+    return [tube(index, np.zeros(3), *one) for one in zip(long, stout, strict=True)]
 
 
 def outer_end(strip: Strip) -> Array:
@@ -153,8 +154,3 @@ def outer_end(strip: Strip) -> Array:
 def wing_tips(robot: Robot) -> dict[str, tuple[int, Array]]:
     """Wing -> the body that carries its last strip, and that strip's outer end, (3,) [m]."""
     return {strip.wing: (strip.body, outer_end(strip)) for strip in robot.strips}
-
-
-def _capsule(index: int, end: Array, radius: float) -> Solid:
-    stout = max(radius, _STOUTNESS * float(np.linalg.norm(end)))
-    return tube(index, np.zeros(3), end, stout)

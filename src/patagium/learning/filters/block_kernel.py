@@ -17,7 +17,7 @@ import numpy as np
 
 from patagium.arrays import Array
 from patagium.errors import Outcome
-from patagium.learning.filters.blocks import BLOCKS, WHOLE, Roots, blocks_in, lower_roots
+from patagium.learning.filters.blocks import BLOCKS, WHOLE, Roots, blocks_in
 from patagium.learning.filters.kernel_memory import (
     ACTIVATION_CODES,
     Compiled,
@@ -28,7 +28,7 @@ from patagium.learning.filters.kernel_memory import (
     screening_memory,
 )
 from patagium.learning.filters.numbers import FilterNumbers
-from patagium.learning.filters.root import MatrixLost
+from patagium.learning.filters.root import MatrixLost, triangular
 from patagium.learning.filters.screening import new_screen
 from patagium.learning.filters.state import symmetric
 from patagium.learning.filters.structure import Structure
@@ -189,7 +189,8 @@ class BlockKernel:
             parts: Square root of each block, or its covariance, (k, k) [1].
         """
         self.mean[:], self._struct.nis = mean, nis
-        parts = parts if self._covariance else lower_roots(parts)
+        if not self._covariance:
+            parts = [triangular(one) if np.triu(one, 1).any() else one for one in parts]
         if self._neurons:
             self._struct.largest, self._struct.drifted = 0.0, 0
             flat = np.concatenate([np.asarray(part, float).ravel() for part in parts])

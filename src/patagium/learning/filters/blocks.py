@@ -25,7 +25,6 @@ from patagium.learning.filters.root import (
     lower_factor,
     measured_root,
     transformed_root,
-    triangular,
     with_noise,
 )
 from patagium.learning.filters.spread import Moments, moments_of
@@ -42,10 +41,6 @@ _POINTS_AT_ONCE = 256
 def blocks_in(numbers: FilterNumbers) -> tuple[Indices, ...]:
     """Weights of each block, (k,)."""
     return blocks_of(numbers.network, str(numbers.structure))
-
-
-def _start(numbers: FilterNumbers, std: Array) -> Roots:
-    return [np.diag(std[block]).astype(numbers.dtype) for block in blocks_in(numbers)]
 
 
 def _drifted(numbers: FilterNumbers, roots: Roots, growth: float, noise: Array | None) -> Roots:
@@ -118,7 +113,9 @@ def _unpacked(numbers: FilterNumbers, state: Mapping[str, Array]) -> Roots:
 
 
 BLOCKS = Structure(
-    start=_start,
+    start=lambda numbers, std: [
+        np.diag(std[block]).astype(numbers.dtype) for block in blocks_in(numbers)
+    ],
     drifted=_drifted,
     moments=_moments,
     learned=_learned,
@@ -128,11 +125,6 @@ BLOCKS = Structure(
     unpacked=_unpacked,
 )
 """Square roots of blocks of weights; the state is one root a block."""
-
-
-def lower_roots(roots: Roots) -> Roots:
-    """Lower triangular square roots of the same blocks, (k, k) each."""
-    return [triangular(root) if np.triu(root, 1).any() else root for root in roots]
 
 
 def _whole_drifted(

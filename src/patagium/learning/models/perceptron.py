@@ -35,14 +35,9 @@ def softplus_slope(z: Array) -> Array:
     return np.asarray(np.where(z >= 0, 1.0, decay) / (1.0 + decay))
 
 
-def tanh_slope(z: Array) -> Array:
-    """Derivative of tanh, 1 - tanh^2."""
-    return np.asarray(1.0 - np.tanh(z) ** 2)
-
-
 ACTIVATIONS: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
     "softplus": (softplus, softplus_slope),
-    "tanh": (np.tanh, tanh_slope),
+    "tanh": (np.tanh, lambda z: 1.0 - np.tanh(z) ** 2),
 }
 """Name of an activation to the function and its derivative."""
 

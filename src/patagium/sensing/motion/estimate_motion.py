@@ -395,7 +395,7 @@ def in_coordinates(robot: Robot, found: SmoothedMotion) -> tuple[Array, Array]:
     if base is None:
         return levels, covariance
     turn, n = list(base.turn), robot.dof
-    angles = euler_angles(found.attitude)
+    angles = np.unwrap(np.asarray(found.attitude.as_euler("ZYX"))[:, ::-1], axis=0)
     first, second, slope = (
         np.array(part)
         for part in euler_function().batch(angles, levels[:, 1, turn], levels[:, 2, turn])
@@ -406,11 +406,6 @@ def in_coordinates(robot: Robot, found: SmoothedMotion) -> tuple[Array, Array]:
     covariance[:, places] = slope @ covariance[:, places]
     covariance[:, :, places] = covariance[:, :, places] @ np.swapaxes(slope, 1, 2)
     return levels, covariance
-
-
-def euler_angles(attitude: Rotation) -> Array:
-    """Roll, pitch, yaw of rotations in order, without jumps of whole turns, (N, 3) [rad]."""
-    return np.unwrap(np.asarray(attitude.as_euler("ZYX"))[:, ::-1], axis=0)
 
 
 def _dataset(robot: Robot, times: Array, fitted: MotionFits, log: SensorLog) -> xr.Dataset:
