@@ -111,9 +111,9 @@ def load_urdf_text(
     """
     if base not in ("fixed", "floating"):
         raise ParameterError("base", "fixed or floating", base)
-    reading = read_urdf(text, name, base == "floating")
-    robot = _robot(deepcopy(_content(reading.text, name)), reading.text, name, numbered=False)
-    for where, what in reading.left_out:
+    written, left_out = read_urdf(text, name, base == "floating")
+    robot = _robot(deepcopy(_content(written, name)), written, name, numbered=False)
+    for where, what in left_out:
         warnings.warn(f"{name}: {where}: {what}", RobotFileWarning, stacklevel=2)
     return robot
 

@@ -39,21 +39,6 @@ _MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prism
 _LONGEST_NAME = 40
 
 
-@dataclass(frozen=True)
-class UrdfReading:
-    """Robot file made from a URDF.
-
-    Attributes:
-        text: YAML of the robot file.
-        left_out: Parts that a robot cannot represent: place in the URDF, and what becomes of it.
-        renamed: Names that a robot file cannot have, old and new.
-    """
-
-    text: str
-    left_out: tuple[tuple[str, str], ...]
-    renamed: tuple[tuple[str, str], ...]
-
-
 @dataclass
 class _Names:
     """Names of a robot file: lower case, each used once."""
@@ -75,13 +60,17 @@ class _Names:
         return name
 
 
-def read_urdf(text: str, file: str, floating: bool) -> UrdfReading:
+def read_urdf(text: str, file: str, floating: bool) -> tuple[str, list[tuple[str, str]]]:
     """Robot file made from the text of a URDF.
 
     Args:
         text: XML.
         file: Name of the file, for errors.
         floating: Whether the root link floats; a joint of kind floating always frees its child.
+
+    Returns:
+        YAML of the robot file, and the parts that a robot cannot represent: place in the URDF, and
+        what becomes of it.
 
     Raises:
         RobotFileError: If the text is no URDF, or describes a part that a robot cannot have.
@@ -95,7 +84,7 @@ def read_urdf(text: str, file: str, floating: bool) -> UrdfReading:
     head += [f"Left out: {where}: {what}" for where, what in reader.left_out]
     head += [f"Renamed: {_one_line(old)} to {new}" for old, new in renamed]
     written = "".join(f"# {line}\n" for line in head) + yaml.safe_dump(described, sort_keys=False)
-    return UrdfReading(written, tuple(reader.left_out), tuple(renamed))
+    return written, reader.left_out
 
 
 def _root(text: str, file: str) -> Element:

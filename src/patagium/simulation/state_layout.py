@@ -136,14 +136,10 @@ class StateLayout:
         n_u = len(self.passive_coordinates)
         n_p = len(self.prescribed_coordinates)
         q, v = ca.SX.zeros(machine.coordinate_count, 1), ca.SX.zeros(machine.dof, 1)
-        for k, i in enumerate(self.passive_coordinates):
-            q[i] = state[k]
-        for k, i in enumerate(self.prescribed_coordinates):
-            q[i] = row[k]
-        for k, i in enumerate(self.passive):
-            v[i] = state[n_u + k]
-        for k, i in enumerate(self.prescribed):
-            v[i] = row[n_p + k]
+        q[list(self.passive_coordinates)] = state[:n_u]
+        q[list(self.prescribed_coordinates)] = row[:n_p]
+        v[list(self.passive)] = state[n_u : self.moving]
+        v[list(self.prescribed)] = row[n_p : n_p + len(self.prescribed)]
         return q, v
 
     def prescribed_acceleration(self, row: ca.SX) -> ca.SX:

@@ -250,12 +250,12 @@ def _signed_states(name: str) -> Callable[[Path], Case]:
 
     def prepare(folder: Path) -> Case:
         path = folder / "signed.state"
-        kept = read_state(seeds.taught(seeds.LEARNERS[name]()).save(path))
-        arrays = {k: v for k, v in kept.state.items() if isinstance(v, np.ndarray)}
-        plain = {k: v for k, v in kept.state.items() if k not in arrays}
+        description, state = read_state(seeds.taught(seeds.LEARNERS[name]()).save(path))
+        arrays = {k: v for k, v in state.items() if isinstance(v, np.ndarray)}
+        plain = {k: v for k, v in state.items() if k not in arrays}
 
         def case(draw: Draw) -> None:
-            words = mutated_tree({"d": kept.description, "s": plain}, draw)
+            words = mutated_tree({"d": description, "s": plain}, draw)
             found = {name: _odd_array(array, draw) for name, array in arrays.items()}
             try:
                 state = {**found, **words["s"]}

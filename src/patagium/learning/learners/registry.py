@@ -75,14 +75,14 @@ def load_learner(path: str | Path, like: Learner | None = None) -> FilterLearner
         LogError: If there is no such file, it is damaged, of another version, or describes
             another learner.
     """
-    found = read_state(path)
+    description, state = read_state(path)
     with made_again(f"{path}: the learner"):
-        learner = learner_from_description(found.description)
+        learner = learner_from_description(description)
     difference = None if like is None else first_difference(learner.describe(), like.describe())
     if difference is not None:
         raise LogError(f"{path}: of another learner: {difference}")
     with made_again(f"{path}: the learner"):
-        learner.resume(found.state)
+        learner.resume(state)
         return learner
 
 

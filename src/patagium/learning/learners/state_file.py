@@ -17,7 +17,7 @@ import json
 from collections.abc import Mapping
 from math import prod
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,18 +30,6 @@ from patagium.version import __version__
 from patagium.whole_file import write_whole
 
 FORMAT = "patagium learner 1"
-
-
-class LearnerState(NamedTuple):
-    """Content of a file of a learner.
-
-    Attributes:
-        description: Network and settings, as `describe()` gives them, names of today.
-        state: Values that the next samples depend on: arrays and JSON-able values by name.
-    """
-
-    description: dict[str, Any]
-    state: dict[str, Any]
 
 
 def write_state(path: str | Path, description: Mapping[str, Any], state: Mapping[str, Any]) -> Path:
@@ -67,8 +55,8 @@ def write_state(path: str | Path, description: Mapping[str, Any], state: Mapping
     return write_whole(path, b"%s\n%s\n%s" % (FORMAT.encode(), digest, rest))
 
 
-def read_state(path: str | Path) -> LearnerState:
-    """Description and state from a file.
+def read_state(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Description of a learner, and its arrays and JSON-able values by name, from a file.
 
     Raises:
         LogError: If there is no such file, it is damaged or of another version.
@@ -77,7 +65,7 @@ def read_state(path: str | Path) -> LearnerState:
     sound = _sound(file, bytes_of(file, free_memory() // 4))
     with made_again(f"{file}: the learner"):
         header, arrays = _parts_of(sound)
-        return LearnerState(header["learner"], {**header["state"], **arrays})
+        return header["learner"], {**header["state"], **arrays}
 
 
 def _sound(file: Path, content: bytes) -> bytes:
