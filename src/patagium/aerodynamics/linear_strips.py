@@ -51,7 +51,7 @@ from patagium.aerodynamics.trailing_vortices import (
 from patagium.arguments import check_fields
 from patagium.arrays import real_array
 from patagium.dynamics.chain import cross, vector
-from patagium.dynamics.kinematics import Twist, body_poses, generalized_force
+from patagium.dynamics.kinematics import Twist, add_wrench, body_poses, generalized_force
 from patagium.dynamics.rnea import body_accelerations, kirchhoff_force
 from patagium.errors import ParameterError
 from patagium.robot.model import Body, Robot, Strip
@@ -232,22 +232,26 @@ class LinearStrips(Aerodynamics):
         mean = ca.sum2(wind) / wind.shape[1]
         motion, lags = (q, v, ca.SX.zeros(robot.dof, 1)), state if self.attached else None
         sums = StripSums(machine, robot, motion, mean, density, self.attached, lags)
-        seen, units, columns = sums.parts([*range(robot.dof)])
+        loads = sums.loads(coefficients, terms)
+        wrenches = sums.body_drags(terms)
+        for strip, load in zip(robot.strips, loads, strict=True):
+            add_wrench(wrenches, strip.body, load[:3], load[3:])
+        force = generalized_force(robot, q, wrenches) + terms[0] * sums.elements.generalized_force
         added, surfaces = self.added_mass, surfaces_of(machine)
         wings = {strip.wing: strip for strip in machine.strips}
         factors = [_carried(terms, machine, surfaces, strip) for strip in wings.values()]
-        carried = ca.vertcat(density, *factors)
-        force = columns @ terms - added.circulation_force(robot, q, v, mean, carried)
-        force -= kirchhoff_force(robot, *motion, added.inertia(robot, mean, carried))
-        for unit, one in zip(units, seen, strict=True):
-            force += unit @ (coefficients @ one)
+        of_terms, beyond = (
+            ca.vertcat(density, *(one - f for f in factors)) for one in (terms[1], terms[2])
+        )
+        force += kirchhoff_force(robot, *motion, added.inertia(robot, mean, of_terms))
+        force += added.circulation_force(robot, q, v, mean, beyond)
         push = ca.SX.zeros(3, 1)
         for body in robot.floating_bodies.values():
             push += force[list((body.floating_dofs or ())[:3])]
         found = replace(
             sums.elements,
             generalized_force=force,
-            strip_force=sums.strip_forces(coefficients, terms),
+            strip_force=sums.strip_forces(loads, terms),
             power=ca.dot(force, v) - ca.dot(push, mean),
         )
         if sums.line is None:
@@ -333,23 +337,47 @@ class StripSums:
             terms.append(sum(jacobians[body].T @ one for body, one in lifts.items()))
         return seen, units, ca.horzcat(*terms)
 
-    def strip_forces(self, corrections: ca.SX, terms: ca.SX) -> ca.SX:
-        """Force of each strip, world axes, (3, n_strips) [N]; without the added mass of the whole.
+    def loads(self, corrections: ca.SX, terms: ca.SX) -> list[ca.SX]:
+        """Wrench of each strip on its body, body axes, (6, 1) [N, N m]; without `WHOLE_TERMS`.
 
         Args:
             corrections: Coefficients of the corrections, (4, 17) [1].
             terms: Weights of the terms, (m,) [1].
         """
-        turns = [ca.densify(pose.rotation) for pose in body_poses(self._robot, self._motion[0])]
-        forces, lifts = [], _lifts(self.line, self._density) if self.line else []
+        lifts = _lifts(self.line, self._density) if self.line else []
+        found = []
         for k, strip in enumerate(self._robot.strips):
-            world = ca.vertcat(turns[strip.body].T, ca.SX.zeros(3, 3))
-            polynomials, unit, wrench = self._of_section(strip, world, _NO_TERMS)
-            own = wrench[:3, :] @ _of_strip(terms, self._machine, self._surfaces, strip)
-            own = own + lifts[k][:3, :] @ terms[-2:] if lifts else own
-            found = unit @ corrections @ polynomials + turns[strip.body] @ own
-            forces.append(found + terms[0] * self.elements.strip_force[:, k])
-        return ca.horzcat(*forces)
+            own = _of_strip(terms, self._machine, self._surfaces, strip)
+            load = _load()(
+                self._motions[strip.body], _numbers(strip), self._density, corrections, own
+            )
+            found.append(load + lifts[k] @ terms[-2:] if lifts else load)
+        return found
+
+    def strip_forces(self, loads: Sequence[ca.SX], terms: ca.SX) -> ca.SX:
+        """Force of each strip, world axes, (3, n_strips) [N]; without the added mass of the whole.
+
+        Args:
+            loads: Those of `loads`.
+            terms: Weights of the terms, (m,) [1].
+        """
+        turns = [ca.densify(pose.rotation) for pose in body_poses(self._robot, self._motion[0])]
+        pairs = zip(self._robot.strips, loads, strict=True)
+        own = ca.horzcat(*[turns[strip.body] @ load[:3] for strip, load in pairs])
+        return own + terms[0] * self.elements.strip_force
+
+    def body_drags(self, terms: ca.SX) -> dict[int, tuple[ca.SX, ca.SX]]:
+        """Force and moment on each body without strips, body axes, (3, 1) each [N, N m].
+
+        Args:
+            terms: Weights of the terms, (m,) [1].
+        """
+        first, found = len(WHOLE_TERMS) + len(STRIP_TERMS), dict[int, tuple[ca.SX, ca.SX]]()
+        for place, k in enumerate(_bare(self._machine)):
+            own = terms[first + len(BODY_TERMS) * place :][: len(BODY_TERMS)]
+            wrench = _body_wrenches(self._robot.bodies[k], self._airflows[k], self._density) @ own
+            found[k] = wrench[:3], wrench[3:]
+        return found
 
     def _of_whole(self) -> ca.SX:
         """Generalized forces of `WHOLE_TERMS`, (n, m) [N, N m]."""
@@ -471,16 +499,25 @@ def _strip_terms(velocity: ca.SX, spin: ca.SX, rate: ca.SX) -> ca.SX:
     return ca.horzcat(*[ca.vertcat(*column) for column in columns])
 
 
-@functools.cache
-def _section(rows: int) -> ca.Function:
-    """Function of what a strip adds, the same for every strip: the code calls it.
+class _Section(NamedTuple):
+    """Strip as its terms see it: symbols of `inputs`, and expressions of the flow at mid-chord.
 
-    Given velocity in the air and `body_accelerations` of its body (3, 4), its `_numbers`, density,
-    the Jacobian of a wrench on its body (6, rows) and the wrench by the terms of strips before it
-    (6, m): its polynomials, forces of unit coefficients (rows, 4), the wrench with its own terms.
+    Attributes:
+        inputs: Velocity in the air and `body_accelerations` of its body, (3, 4) [SI], its
+            `_numbers`, density.
+        flow: Velocity [m/s], spin [m/s] and rates [m^2/s^2], in axes of the strip.
+        unit: Wrench on the body of unit coefficients, (6, 4) [N, N m].
     """
+
+    inputs: tuple[ca.SX, ca.SX, ca.SX]
+    flow: tuple[ca.SX, ca.SX, ca.SX]
+    unit: ca.SX
+
+
+@functools.cache
+def _of_any() -> _Section:
+    """Any strip."""
     motion, numbers, density = ca.SX.sym("motion", 3, 4), ca.SX.sym("strip", 11), ca.SX.sym("rho")
-    jacobian, before = ca.SX.sym("jacobian", 6, rows), ca.SX.sym("before", _NO_TERMS.shape)
     linear, w, dw, rising = ca.horzsplit(motion)
     place, forward, normal = numbers[:3], numbers[3:6], numbers[6:9]
     chord, width, span = numbers[9], numbers[10], cross(normal, forward)
@@ -493,16 +530,42 @@ def _section(rows: int) -> ca.Function:
     moments = [cross(middle, forward), cross(middle, normal), cross(middle, span), -span * chord]
     unit = ca.vertcat(ca.horzcat(axes, ca.SX.zeros(3, 1)), ca.horzcat(*moments))
     unit = density / 2 * chord * width * unit
+    return _Section((motion, numbers, density), (velocity, spin, rate), unit)
+
+
+@functools.cache
+def _section(rows: int) -> ca.Function:
+    """Function of what a strip adds, the same for every strip: the code calls it.
+
+    Given the inputs of `_Section`, the Jacobian of a wrench on its body (6, rows) and the wrench by
+    the terms of strips before it (6, m): its polynomials, forces of unit coefficients (rows, 4),
+    the wrench with its own terms.
+    """
+    jacobian, before = ca.SX.sym("jacobian", 6, rows), ca.SX.sym("before", _NO_TERMS.shape)
+    inputs, flow, unit = _of_any()
     return ca.Function(
         f"each_section_{rows}",
-        [motion, numbers, density, jacobian, before],
+        [*inputs, jacobian, before],
         [
-            _polynomials(velocity, spin),
+            _polynomials(*flow[:2]),
             ca.densify(jacobian.T @ unit),
-            before + unit @ _strip_terms(velocity, spin, rate),
+            before + unit @ _strip_terms(*flow),
         ],
         {"never_inline": True},
     )
+
+
+@functools.cache
+def _load() -> ca.Function:
+    """Function of the wrench of a strip whose weights are known, the same for every strip.
+
+    Given the inputs of `_Section`, the corrections (4, 17) and weights of its terms, (m,).
+    """
+    corrections = ca.SX.sym("corrections", OUTPUTS, sum(CORRECTIONS))
+    weights, (inputs, flow, unit) = ca.SX.sym("weights", len(STRIP_TERMS)), _of_any()
+    coefficients = corrections @ _polynomials(*flow[:2]) + _strip_terms(*flow) @ weights
+    given, result = [*inputs, corrections, weights], ca.densify(unit @ coefficients)
+    return ca.Function("each_load", given, [result], {"never_inline": True})
 
 
 def _numbers(strip: Strip) -> ca.SX:

@@ -256,7 +256,7 @@ def _slope_functions(
     solved, count = ca.densify(balance.response(-still)), outputs.numel()
     inputs = [state[: flight.size], row, *constants]
     names, width = ["state", "row", "robot_parameters", "aero_parameters"], variables.numel()
-    if calls_kernels(both):
+    if calls_kernels(ca.Function("both", [*inputs, balance.free], [both])):
         seed = ca.SX.sym("seed", width)
         (rate,) = ca.substitute([outputs], [balance.free], [solved])
         found = ca.vertcat(rate, ca.jtimes(rate, variables, seed))

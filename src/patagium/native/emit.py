@@ -170,10 +170,9 @@ def kernel_of(name: str) -> tuple[str, list[str]]:
     return "_".join(words[: len(words) - len(sizes)]), sizes
 
 
-def calls_kernels(expression: ca.SX) -> bool:
-    """Whether a kernel is called in an expression."""
-    called = ca.Function("whole", ca.symvar(expression), [expression]).find_functions()
-    return any(kernel_of(function.name())[0] in KERNELS for function in called)
+def calls_kernels(function: ca.Function) -> bool:
+    """Whether a function calls a kernel."""
+    return any(kernel_of(one.name())[0] in KERNELS for one in function.find_functions())
 
 
 def dense_graph(function: ca.Function, calls: bool) -> _Graph:

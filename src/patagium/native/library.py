@@ -25,7 +25,7 @@ from patagium.native.compiler import (
     compiler_command,
     machine_identity,
 )
-from patagium.native.emit import emit, emit_batch
+from patagium.native.emit import calls_kernels, emit, emit_batch
 from patagium.native.function import Compiled, NativeFunction, Signature
 
 SPARED = (
@@ -164,6 +164,6 @@ def _code(
             continue
         for k, text in enumerate(emit_batch(function)):
             units[f"{name}_batch{k or ''}.c"] = text
-            if flag and not function.find_functions():  # kernels are loops
+            if flag and not calls_kernels(function):  # which are loops
                 flags[f"{name}_batch{k or ''}.c"] = flag
     return Code(units, [astuple(_signature(function)) for function in functions.values()], flags)

@@ -115,6 +115,7 @@ def picture(browser: Chromium, name: str) -> None:
 
 
 def test_a_browser_sees_a_flight_and_steers_it(browser: Chromium, program: Program) -> None:
+    browser.size(WIDTH, HEIGHT, ratio=0.5)  # a quarter of the dots to draw without a graphics card
     browser.go(program.address)
 
     def words() -> str:

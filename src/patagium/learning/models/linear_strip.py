@@ -244,7 +244,8 @@ def strip_forces(network: LinearStripNetwork, x: Array, weights: Array) -> Array
     machine, robot_parameters = robot.symbolic()
     given = _Inputs(robot, machine, network.attached)
     known = ca.SX.sym("w", network.size)
-    forces = given.sums.strip_forces(*network.split(known))
+    corrections, terms = network.split(known)
+    forces = given.sums.strip_forces(given.sums.loads(corrections, terms), terms)
     inputs = [given.x, given.wind, given.density, robot_parameters, known]
     function = ca.Function("strip_forces", inputs, [forces])
     numbers = air.wind, air.density, robot.parameters, weights
