@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -17,11 +18,13 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from patagium.aerodynamics import AddedMass, Aerodynamics, Air
-    from patagium.control import Orbit
+    from patagium.control import NoOrbit, Orbit
     from patagium.learning import Identification
     from patagium.robot import Robot
 
 
+DRAWS = 8
+"""Draws of learned weights that say how far a log leaves an orbit open."""
 DENSITY = 1.225
 """Density of the air where none is given [kg/m^3]."""
 GreyModel: TypeAlias = Literal["quasi-steady", "lifting-line", "delaurier"]
@@ -212,6 +215,48 @@ def tell_unseen(word: str, orbit: Orbit) -> None:
         if share > UNSEEN:
             text += ": there the learned air is a guess"
         typer.echo(f"{text}.", err=True)
+
+
+def left_open(
+    word: str, orbit: Orbit, search: Callable[[Aerodynamics, AddedMass | None], Orbit | NoOrbit]
+) -> dict[str, float]:
+    """How far the log leaves the gait of an orbit in learned air open, which is said too.
+
+    Root mean square of what the same search finds with weights that are drawn instead.
+
+    Args:
+        word: File of the learned model.
+        orbit: Orbit with the learned weights.
+        search: The search that found it.
+
+    Returns:
+        By parameter of the gait [its unit]; empty where the model has no covariance, or no draw an
+        orbit.
+    """
+    import numpy as np
+
+    from patagium.control import Orbit
+    from patagium.learning import load_model
+
+    model, apart = load_model(word), []
+    if model.kept_covariance is None:
+        return {}
+    for seed in range(DRAWS):
+        with suppress(ParameterError):  # numbers that no air has
+            found = search(*model.draw(seed).air(orbit.robot, orbit.aero.air))
+            if isinstance(found, Orbit):
+                apart.append([found.parameters[name] - x for name, x in orbit.parameters.items()])
+    lost = f"{DRAWS - len(apart)} of {DRAWS} have no such orbit"
+    if not apart:
+        typer.echo(f"The log leaves open whether this orbit exists: {lost}.", err=True)
+        return {}
+    sizes = np.sqrt(np.mean(np.square(apart), axis=0)).tolist()
+    units = dict(zip(orbit.family.names, orbit.family.units, strict=True))
+    named = zip(orbit.parameters, sizes, strict=True)
+    told = [f"{name} {size:.2g} {units[name].removesuffix('1')}".strip() for name, size in named]
+    text = f"The log leaves open, by trims with {DRAWS} draws of the weights: {', '.join(told)}"
+    typer.echo(text + f"; {lost}" * (len(apart) < DRAWS) + ".", err=True)
+    return dict(zip(orbit.parameters, sizes, strict=True))
 
 
 def air_model(

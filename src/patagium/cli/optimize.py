@@ -138,8 +138,8 @@ def optimize(
     outputs.attempt("gait on stdout", lambda: answer(facts, as_json=as_json, title=title))
     outputs.check()
     if not as_json:
-        words = f"view {output}" if output else f"optimize {robot} -o best.nc --gait best.csv"
-        typer.echo(f"Next: patagium {words}", err=True)
+        again = "the same with -o best.nc --gait best.csv, a flight and its gait"
+        typer.echo(f"Next: {f'patagium view {output}' if output else again}", err=True)
 
 
 def _front(found: list[tuple[float, Any]], figure: Path | None, as_json: bool) -> None:

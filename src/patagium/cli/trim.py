@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from patagium.cli.estimates import AirOption, chosen_air, tell_unseen
+from patagium.cli.estimates import AirOption, chosen_air, left_open, tell_unseen
 from patagium.cli.options import (
     OUTPUT,
     DensityOption,
@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from patagium.control import Branch
+    from patagium.aerodynamics import AddedMass, Aerodynamics
+    from patagium.control import Branch, NoOrbit, Orbit
 
 EXAMPLES = (
     "patagium trim aerobat",
@@ -117,21 +118,27 @@ def trim(
     model, added = chosen_air(aero, machine, polar, inflow, density=density)
     if aero == "quasi-steady" and (turned := hinged_strips(machine)):
         typer.echo(f"patagium: {HINGED.format(machine.strips[turned[0]].wing)}", err=True)
-    orbit = control.trim(
-        machine,
-        model,
-        gait,
-        free=chosen,
-        speed=speed,
-        climb=level if climb is None else climb,
-        turn_rate=turn_rate,
-        added_mass=added,
-    )
+
+    def search(model: Aerodynamics, added: AddedMass | None) -> Orbit | NoOrbit:
+        asked = level if climb is None else climb
+        return control.trim(
+            machine,
+            model,
+            gait,
+            free=chosen,
+            speed=speed,
+            climb=asked,
+            turn_rate=turn_rate,
+            added_mass=added,
+        )
+
+    orbit = search(model, added)
     if not isinstance(orbit, control.Orbit):
         if as_json:
             answer(orbit.summary(), as_json=True)
         raise PatagiumError(repr(orbit))
     tell_unseen(aero, orbit)
+    unknown = left_open(aero, orbit, search) if aero.endswith(".json") else {}
     if along is not None:
         units = dict(zip(orbit.family.names, orbit.family.units, strict=True))
         name, limits = _range(along, {**units, "speed": "m/s", "climb": "m/s"})
@@ -146,15 +153,16 @@ def trim(
     modes = control.floquet(found).summary()
     if as_json:
         facts["modes"] = modes
+        facts |= {"left_open": unknown} if unknown else {}
     outputs.attempt("orbit on stdout", lambda: answer(facts, as_json=as_json, title=title))
     if not as_json:
         heads = [heading(name) for name in modes[0]]
         rows = [["–" if cell is None else cell for cell in mode.values()] for mode in modes]
         outputs.attempt("modes on stdout", lambda: show_table(Table(heads, rows, "Modes")))
     outputs.check()
-    words = f"view {output}" if output else f"trim {robot} -o trimmed.nc"
     if not as_json:
-        typer.echo(f"Next: patagium {words}", err=True)
+        told = f"patagium view {output}" if output else "the same with -o trimmed.nc, a flight"
+        typer.echo(f"Next: {told}", err=True)
 
 
 def _range(words: str, units: Mapping[str, str]) -> tuple[str, tuple[float, float]]:

@@ -134,6 +134,30 @@ class Model:
         added = None if added is None else replace(added, robot=machine, air=model.air)
         return model, added
 
+    def draw(self, seed: int) -> Model:
+        """Model with weights drawn from what the samples left open: normal, about its own.
+
+        What several draws make of a question, such as the orbits that they have, says how far the
+        log answers it.
+
+        Args:
+            seed: Seed of the draw.
+
+        Raises:
+            ParameterError: If the learner had no covariance.
+        """
+        if self.kept_covariance is None:
+            raise ParameterError("covariance", "one, which filters keep", None)
+        weights, random = self.weights.copy(), np.random.default_rng(seed)
+        for block, part in zip(
+            self.kept_covariance.blocks, self.kept_covariance.parts, strict=True
+        ):
+            around = np.zeros(len(block))
+            weights[block] += random.multivariate_normal(
+                around, part, check_valid="ignore", method="eigh"
+            )
+        return replace(self, weights=weights)
+
     def predict(self, x: ArrayLike) -> tuple[Array, Array]:
         """Measurement at x before it is made, with the network linear around its weights.
 

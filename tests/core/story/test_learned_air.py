@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +84,25 @@ def test_learned_numbers_of_a_robot_go_along(bird: tuple[Path, dict[str, Any]]) 
     assert air.numbers["polar.lift_amplitude"] != box.model.numbers["polar.lift_amplitude"]
 
 
+def test_draws_of_a_model_are_as_wide_as_its_weights_are_uncertain(
+    bird: tuple[Path, dict[str, Any]],
+) -> None:
+    robot = pt.load_robot(str(bird[0] / "bird.yaml"))
+    box = pt.GreyBox(pt.QuasiSteady(robot), {"body.mass": 0.01, "polar.lift_amplitude": 0.1})
+    learner = ExtendedLearner(box, measurement_std=1.0)
+    x = np.r_[robot.coordinates(pitch=0.2), robot.coordinates(x=SPEED)]
+    learner.update(np.r_[x, np.zeros(box.inputs - len(x))], np.ones(box.outputs))
+    model = model_of(learner)
+    drawn = np.array([model.draw(seed).weights for seed in range(4000)])
+    assert (model.draw(3).weights == drawn[3]).all() and (drawn[3] != drawn[4]).all()
+    root = np.linalg.inv(np.linalg.cholesky(model.covariance))
+    seen = (drawn - model.weights) @ root.T  # standard normal; 4000 draws: five times 1 / sqrt(n)
+    assert np.abs(seen.mean(axis=0)).max() < 0.08
+    assert np.abs(np.cov(seen.T) - np.eye(2)).max() < 0.12
+    with pytest.raises(ParameterError, match="covariance: expected one"):
+        replace(model, kept_covariance=None).draw(0)
+
+
 def test_networks_that_are_no_air_and_robots_that_were_not_logged(
     bird: tuple[Path, dict[str, Any]],
 ) -> None:
@@ -109,6 +129,9 @@ def test_verbs_take_learned_air(
     assert facts["frequency_Hz"] == pytest.approx(true, abs=0.01)
     assert "learned from" in err and "1.18 kg/m^3" in err
     assert "of this flow was not learned" in err
+    assert "The log leaves open" in err
+    assert [*facts["left_open"]] == [*orbits["true"].parameters]
+    assert abs(facts["frequency_Hz"] - true) < facts["left_open"]["frequency"] < 0.05 * true
     code, out, err = said(capsys, "simulate", *learned, "--duration", "0.2", "-o", "f.nc")
     assert code == 0
     assert pt.simulation.added_mass_of(pt.load_flight("f.nc")) is not None
