@@ -131,12 +131,13 @@ def refined(result: Identification, flight: xr.Dataset, every: int) -> Identific
         every: One sample in so many is used.
     """
     from patagium.learning import refine
-    from patagium.learning.parameter_paths import estimates_of, parameter_scores
+    from patagium.learning.parameter_paths import parameter_scores
+    from patagium.learning.verdict import with_verdict
 
     model = refine(result.learner, flight, every=every)
-    return replace(
-        result, scores=result.scores | parameter_scores(estimates_of(model)), learner=model
-    )
+    scores = {**result.scores}
+    scores.pop("parameter_problem", None)
+    return replace(result, scores=with_verdict(scores | parameter_scores(model)), learner=model)
 
 
 def _model(flight: xr.Dataset, aero: GreyModel | None) -> Aerodynamics:

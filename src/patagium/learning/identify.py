@@ -24,7 +24,7 @@ from patagium.learning.learners.learner import Learner, Updated
 from patagium.learning.model_file import Model
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
-from patagium.learning.parameter_paths import Trained, estimates_of, parameter_scores
+from patagium.learning.parameter_paths import Trained, parameter_scores
 from patagium.learning.propagation import robot_motion
 from patagium.learning.result import Check, Identification, check, record_of
 from patagium.learning.samples import in_flight, other_air, samples, stds, with_force
@@ -244,7 +244,7 @@ def compare(
         "message": "",
         **scorer.error_scores(),
         **scorer.interval_scores(),
-        **parameter_scores(estimates_of(model)),
+        **parameter_scores(model),
         **frozen_scores(model.network, (time, x, y), gaps, rows),
         **_unseen_scores(model, checks, ~scorer.silent),
     }
