@@ -20,6 +20,7 @@ from patagium.errors import LogError, Outcome, ParameterError
 from patagium.learning.default_learner import choices, chosen_every, default_learner, table_every
 from patagium.learning.filters.misfit import unseen
 from patagium.learning.forecast import Horizons, named_horizons
+from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner, Updated
 from patagium.learning.model_file import Model
 from patagium.learning.models.memory import network_inputs
@@ -91,6 +92,8 @@ def identify(
         known = {"names": flight.output_names, "units": flight.output_units, "gaps": gaps}
     else:
         time, x, y, units = samples(flight, chosen.network, inputs, robot)
+        if isinstance(chosen, FilterLearner):
+            chosen.expect(x, y)
         motion, period = None, None if isinstance(flight, ForceSamples) else gait_period(flight)
         if named_horizons(horizons) and not isinstance(flight, ForceSamples):
             motion = robot_motion(flight, robot or robot_of(flight), chosen.network, inputs, period)

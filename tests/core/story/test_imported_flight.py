@@ -100,10 +100,17 @@ def test_forces_where_no_motor_is_need_not_be_in_a_log(log: Path) -> None:
     file.write_text(json.dumps(words), encoding="utf-8")
     less = pt.import_log(log, file, log.with_name("less.nc"))
     assert any(text.text.startswith("taken as zero") for text in less.findings)
+    assert not any("never moves" in text.text for text in less.findings)
     for part in PARTS:
         assert np.array_equal(pt.load_log(less.path)[part], pt.load_log(whole)[part])
     again = pd.read_csv(pt.import_log(log, file, log.with_name("less.csv")).path, comment="#")
     pd.testing.assert_frame_equal(again[rows.columns], rows, check_dtype=False)
+    still = pd.read_parquet(log)
+    bound = [one for one in still if one[:2] in ("q_", "v_") and f"u1.{one[2:]}" in base]
+    assert len(bound) == 12
+    still.assign(**dict.fromkeys(bound, 0.0)).to_parquet(log.with_name("held.parquet"))
+    held = pt.import_log(log.with_name("held.parquet"), file, log.with_name("held.nc"))
+    assert any("never moves" in text.text for text in held.findings)
     words["channels"] = [one for one in words["channels"] if one["name"] != "u1.left_plunge"]
     file.write_text(json.dumps(words), encoding="utf-8")
     with LogRecord(pt.import_log(log, file, log.with_name("less.nc")).path) as record:
