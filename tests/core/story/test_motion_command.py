@@ -235,7 +235,8 @@ channels:
     assert "held leaves out `floating`" in capsys.readouterr().err
     assert said([*words, "rig.yaml"], capsys).endswith("Next: patagium identify motion.nc\n")
     cell = "  - {column: [q, q, q], unit: %s, frame: flu, name: cell.%s}\n"
-    Path("cell.yaml").write_text(mapping + cell % ("N", "force") + cell % ("N m", "moment"), "utf-8")
+    both = cell % ("N", "force") + cell % ("N m", "moment")
+    Path("cell.yaml").write_text(mapping + both, "utf-8")
     told = said([*words[:3], "cell.yaml", "-o", "cell.nc", "--robot", "rig.yaml"], capsys)
     assert "load cell is not used" in told
     said(["identify", "motion.nc"], capsys)
