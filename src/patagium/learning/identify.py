@@ -6,7 +6,7 @@ Neglected: errors of the states; a flight's accelerations, too, are taken as the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -37,6 +37,9 @@ from patagium.robot import Robot
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.sensing.logs.table import LogTable, find_gaps
 from patagium.simulation import gait_period, robot_of
+
+_BEYOND_NOISE = 10.0
+"""Errors over the noise of a measured force from which they are no noise."""
 
 
 @checked
@@ -107,6 +110,9 @@ def identify(
     result = stream(chosen, time, x, y, every=taken, horizons=horizons, progress=progress, **known)
     words = {} if isinstance(flight, LogTable) else _flight_words(flight, chosen.network, count)
     result.scores["chosen"] = words | choices(chosen, taken, step, **given)
+    if isinstance(flight, ForceSamples) and "nmse_second_half" in result.scores:
+        names, error = chosen.network.output_names, result.scores["nmse_second_half"]
+        result.scores["verdict"] += _noise_words(names, y[len(y) // 2 :], known["std"], error)
     if isinstance(flight, LogTable):
         result.scores["gaps_found"] = flight.describe_gaps()
         result.scores.update(samples=len(flight.time), samples_that_scaled=first)
@@ -126,6 +132,26 @@ def _flight_words(
     left = f"; {lost} of {count} samples, whose motion is not known, are left out" * bool(lost)
     told = f"of {names} by {flight.source}, each with its standard deviation{left}"
     return words | {"forces": told}
+
+
+def _noise_words(
+    names: Sequence[str], y: Array, std: Array, nmse: Mapping[str, float]
+) -> list[str]:
+    """Notes on measured forces below their noise, and on errors far beyond it."""
+    stated, scatter = np.nanmedian(std, axis=0), np.nanstd(y, axis=0)
+    times = np.sqrt([nmse[name] for name in names]) * scatter / stated
+    below = [name for name, one in zip(names, scatter < stated, strict=True) if one]
+    beyond = [name for name, one in zip(names, times, strict=True) if one > _BEYOND_NOISE]
+    found = []
+    if below:
+        found.append(f"Note: the force of {', '.join(below)} is smaller than its noise; no score.")
+    if beyond:
+        found.append(
+            f"Note: errors of {', '.join(beyond)} are up to {np.nanmax(times):.2g} times the noise "
+            "of the measured force, and no noise: if they stay so, ask for signs and axes of the "
+            "joints, delays, and wind that is another or changes."
+        )
+    return found
 
 
 def _refuse_for_tables(inputs: Sequence[str] | None, robot: Robot | None) -> None:

@@ -240,9 +240,8 @@ def _zero_notes(motion: xr.Dataset, found: ForceSamples, place: list[int]) -> li
     middle = [0.5 * (found.time[one.start] + found.time[one.stop - 1]) for one in (first, last)]
     offset, moved = shown(first), shown(last) - shown(first)
     wind = np.asarray(found.air.wind, float)
-    against = -float(found.force[first, place].mean(axis=0) @ wind) / max(
-        np.linalg.norm(wind), 1e-9
-    )
+    speed = max(float(np.linalg.norm(wind)), 1e-9)
+    against = -float(found.force[first, place].mean(axis=0) @ wind) / speed
     if against > max(_DRIFT * weight, float(spread.max())):
         notes.append(
             f"Warning: load cell: while the robot rests at {middle[0]:.3g} s the air pushes it by "
