@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 DENSITY = 1.225
 """Density of the air where none is given [kg/m^3]."""
+STILL = (0.0, 0.0, 0.0)
+"""Wind of the air that an orbit is relative to, also where it was learned in a tunnel [m/s]."""
 GreyModel: TypeAlias = Literal["quasi-steady", "lifting-line", "delaurier"]
 """Models of the air whose numbers can be learned."""
 
