@@ -47,17 +47,13 @@ def send(
     else:
         recorded = load_sensor_log(file) if is_sensor_log(file) else load_flight(file)
     address = address_of(target)
-    air = Air() if isinstance(recorded, SensorLog) else air_of(recorded)
-    told, given = list[str](), list[str]()
-    if air.density != Air().density:
-        told.append(f"no density {air.density:.4g} kg/m^3")
-        given.append(f"--density {air.density:.6g}")
-    if any(air.wind):
-        told.append(f"no wind {air.wind} m/s")
-        given.append(f'--wind "{",".join(f"{one:.6g}" for one in air.wind)}"')
-    if told:
-        words = f"packets hold {' and '.join(told)}: give them to the stream, {' '.join(given)}"
-        typer.echo(f"Warning: {words}", err=True)
+    if not isinstance(recorded, SensorLog) and (air := air_of(recorded)) != Air():
+        told = f"density {air.density:.4g} kg/m^3"
+        given = f"--density {air.density:.6g}"
+        if any(air.wind):
+            told = f"wind {air.wind} m/s and no {told}"
+            given += f' --wind "{",".join(f"{one:.6g}" for one in air.wind)}"'
+        typer.echo(f"Warning: packets hold no {told}: give them to the stream, {given}", err=True)
     with progress_bar(f"Sending {file.name}") as progress:
         try:
             sent = send_packets(recorded, address, rate=rate, rows=rows, key=key, progress=progress)
