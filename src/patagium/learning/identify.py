@@ -95,8 +95,7 @@ def identify(
         known = {"names": flight.output_names, "units": flight.output_units, "gaps": gaps}
     else:
         time, x, y, units = samples(flight, chosen.network, inputs, robot)
-        if isinstance(chosen, FilterLearner):
-            chosen.expect(x, y)
+        _know_ranges(chosen, x, y)
         motion, period = None, None if isinstance(flight, ForceSamples) else gait_period(flight)
         if named_horizons(horizons) and not isinstance(flight, ForceSamples):
             motion = robot_motion(flight, robot or robot_of(flight), chosen.network, inputs, period)
@@ -104,15 +103,11 @@ def identify(
         taken = chosen_every(chosen, step, period) if every is None else every
         known = {"units": units, "std": stds(flight, chosen.network), "gaps": find_gaps(time)}
         known |= {"motion": motion, "period": period}
-    for ahead in named_horizons(horizons).values():
-        if ahead >= (span := float(time[-1] - time[0])):
-            raise ParameterError("horizon", f"less than the {span:.4g} s of the log", ahead)
+    _check_horizons(horizons, float(time[-1] - time[0]))
     result = stream(chosen, time, x, y, every=taken, horizons=horizons, progress=progress, **known)
     words = {} if isinstance(flight, LogTable) else _flight_words(flight, chosen.network, count)
     result.scores["chosen"] = words | choices(chosen, taken, step, **given)
-    if isinstance(flight, ForceSamples) and "nmse_second_half" in result.scores:
-        names, error = chosen.network.output_names, result.scores["nmse_second_half"]
-        result.scores["verdict"] += _noise_words(names, y[len(y) // 2 :], known["std"], error)
+    result.scores["verdict"] += _noise_words(known.get("std"), y[len(y) // 2 :], result.scores)
     if isinstance(flight, LogTable):
         result.scores["gaps_found"] = flight.describe_gaps()
         result.scores.update(samples=len(flight.time), samples_that_scaled=first)
@@ -134,11 +129,27 @@ def _flight_words(
     return words | {"forces": told}
 
 
-def _noise_words(
-    names: Sequence[str], y: Array, std: Array, nmse: Mapping[str, float]
-) -> list[str]:
+def _know_ranges(learner: Learner, x: Array, y: Array) -> None:
+    """Tell a learner the ranges of a record, by which it judges faults of sensors."""
+    if isinstance(learner, FilterLearner):
+        learner.expect(x, y)
+
+
+def _check_horizons(horizons: Horizons, span: float) -> None:
+    """Refuse horizons as long as a log."""
+    for ahead in named_horizons(horizons).values():
+        if ahead >= span:
+            raise ParameterError("horizon", f"less than the {span:.4g} s of the log", ahead)
+
+
+def _noise_words(std: Array | None, y: Array, scores: Mapping[str, Any]) -> list[str]:
     """Notes on measured forces below their noise, and on errors far beyond it."""
-    stated, scatter = np.nanmedian(std, axis=0), np.nanstd(y, axis=0)
+    nmse: Mapping[str, float] = scores.get("nmse_second_half", {})
+    if std is None or not nmse:
+        return []
+    heard = np.flatnonzero(np.isfinite(y).any(axis=0) & np.isfinite(std).any(axis=0)).tolist()
+    names = [[*nmse][k] for k in heard]
+    stated, scatter = np.nanmedian(std[:, heard], axis=0), np.nanstd(y[:, heard], axis=0)
     times = np.sqrt([nmse[name] for name in names]) * scatter / stated
     below = [name for name, one in zip(names, scatter < stated, strict=True) if one]
     beyond = [name for name, one in zip(names, times, strict=True) if one > _BEYOND_NOISE]

@@ -142,7 +142,7 @@ def test_warning_of_weights_that_follow_a_log_and_are_no_model_of_it() -> None:
 def test_errors_far_beyond_the_noise_of_measured_forces_are_told(rng: np.random.Generator) -> None:
     y = rng.normal(size=(200, 3)) * [1.0, 1.0, 1e-3]
     std = np.full((200, 3), 1e-2)
-    notes = _noise_words("abc", y, std, {"a": 1e-4, "b": 0.09, "c": 1.0})
+    notes = _noise_words(std, y, {"nmse_second_half": {"a": 1e-4, "b": 0.09, "c": 1.0}})
     assert len(notes) == 2
     assert "force of c is smaller than its noise" in notes[0]
     assert "errors of b are up to" in notes[1] and "times the noise" in notes[1]

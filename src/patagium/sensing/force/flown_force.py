@@ -99,13 +99,7 @@ def motion_and_force(
     found.covariance[unknown] = np.nan
     base = floating_base(found.robot)
     if mount is not None and base is not None and not unknown.all():
-        shown = np.sqrt(np.nanmean(mount.measured.values.reshape(-1, 2, 3) ** 2, axis=(0, 2)))
-        arm, span = float(shown[1] / shown[0]) if shown[0] > 0 else 0.0, wing_span(found.robot)
-        if 0 < _LONG * span < arm:
-            facts["notes"].append(
-                f"Warning: load cell: its moment over its force is an arm of {arm:.3g} m, of a "
-                f"robot of {span:.3g} m span: rather in N mm than N m"
-            )
+        facts["notes"] += _arm_notes(mount.measured.values, wing_span(found.robot))
         weight = found.robot.mass * found.robot.gravity
         lift = float(np.nanmean(found.force[:, base.place[2]])) / weight
         turned = replace(mount.measured, values=-mount.measured.values)
@@ -124,6 +118,17 @@ def motion_and_force(
             facts["notes"] += _late_notes(found, other, list(base.place))
     motion.attrs["findings"] = json.dumps(facts)
     return motion, found
+
+
+def _arm_notes(wrench: Array, span: float) -> list[str]:
+    """Warning that a moment of a load cell, (N, 6) [N, N m], is too large for a span [m]."""
+    force, moment = np.sqrt(np.nanmean(wrench.reshape(-1, 2, 3) ** 2, axis=(0, 2)))
+    if not 0 < _LONG * span * force < moment:
+        return []
+    return [
+        f"Warning: load cell: its moment over its force is an arm of {moment / force:.3g} m, of a "
+        f"robot of {span:.3g} m span: rather in N mm than N m"
+    ]
 
 
 def _drag(time: Array, found: ForceSamples, other: ForceSamples, place: list[int]) -> float:
