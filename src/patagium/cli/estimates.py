@@ -27,6 +27,8 @@ DRAWS = 8
 """Draws of learned weights that say how far a log leaves an orbit open."""
 DENSITY = 1.225
 """Density of the air where none is given [kg/m^3]."""
+STILL = (0.0, 0.0, 0.0)
+"""Wind of the air that an orbit is relative to, also where it was learned in a tunnel [m/s]."""
 GreyModel: TypeAlias = Literal["quasi-steady", "lifting-line", "delaurier"]
 """Models of the air whose numbers can be learned."""
 
@@ -134,12 +136,13 @@ def refined(result: Identification, flight: xr.Dataset, every: int) -> Identific
         every: One sample in so many is used.
     """
     from patagium.learning import refine
-    from patagium.learning.parameter_paths import estimates_of, parameter_scores
+    from patagium.learning.parameter_paths import parameter_scores
+    from patagium.learning.verdict import with_verdict
 
     model = refine(result.learner, flight, every=every)
-    return replace(
-        result, scores=result.scores | parameter_scores(estimates_of(model)), learner=model
-    )
+    scores = {**result.scores}
+    scores.pop("parameter_problem", None)
+    return replace(result, scores=with_verdict(scores | parameter_scores(model)), learner=model)
 
 
 def _model(flight: xr.Dataset, aero: GreyModel | None) -> Aerodynamics:
@@ -217,33 +220,32 @@ def tell_unseen(word: str, orbit: Orbit) -> None:
         typer.echo(f"{text}.", err=True)
 
 
-def left_open(
-    word: str, orbit: Orbit, search: Callable[[Aerodynamics, AddedMass | None], Orbit | NoOrbit]
-) -> dict[str, float]:
-    """How far the log leaves the gait of an orbit in learned air open, which is said too.
+def left_open(word: str, orbit: Orbit, search: Callable[..., Orbit | NoOrbit]) -> dict[str, float]:
+    """Width in which the log leaves the gait of an orbit in learned air open, which is said too.
 
     Root mean square of what the same search finds with weights that are drawn instead.
 
     Args:
         word: File of the learned model.
         orbit: Orbit with the learned weights.
-        search: The search that found it.
+        search: The search that found it, of the model of the air and `added_mass`.
 
     Returns:
-        By parameter of the gait [its unit]; empty where the model has no covariance, or no draw an
-        orbit.
+        By parameter of the gait [its unit]; empty where the air was not learned, the model has no
+        covariance, or no draw an orbit.
     """
     import numpy as np
 
     from patagium.control import Orbit
     from patagium.learning import load_model
 
-    model, apart = load_model(word), []
-    if model.kept_covariance is None:
+    if not word.endswith(".json") or (model := load_model(word)).kept_covariance is None:
         return {}
+    apart = []
     for seed in range(DRAWS):
         with suppress(ParameterError):  # numbers that no air has
-            found = search(*model.draw(seed).air(orbit.robot, orbit.aero.air))
+            air, added_mass = model.draw(seed).air(orbit.robot, orbit.aero.air)
+            found = search(air, added_mass=added_mass)
             if isinstance(found, Orbit):
                 apart.append([found.parameters[name] - x for name, x in orbit.parameters.items()])
     lost = f"{DRAWS - len(apart)} of {DRAWS} have no such orbit"

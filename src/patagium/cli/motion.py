@@ -131,6 +131,7 @@ def _say(
 ) -> None:
     """Print what was found, in words with units."""
     from patagium.report import Table
+    from patagium.sensing.sensors import LoadCell
 
     for name, reading in measured.readings.items():
         made = ", ".join(reading.attrs.get("quantities", ()))
@@ -171,3 +172,9 @@ def _say(
     silent = [name for name in forces.robot.dof_names if name not in forces.measured]
     if silent:
         typer.echo(f"No force is known of {', '.join(silent)}: nothing measures what drives them.")
+    cells = [one for one in measured.sensors.values() if isinstance(one, LoadCell)]
+    if cells and not forces.robot.floating_dofs:
+        typer.echo(
+            "The load cell is not used: its force is that on a body with `floating` in the robot "
+            "file, whose pose the log has, if only constant columns of position and attitude."
+        )

@@ -48,9 +48,12 @@ def send(
         recorded = load_sensor_log(file) if is_sensor_log(file) else load_flight(file)
     address = address_of(target)
     if not isinstance(recorded, SensorLog) and (air := air_of(recorded)) != Air():
-        told = f"packets hold no wind {air.wind} m/s and no density {air.density:.4g} kg/m^3"
-        given = f'--density {air.density:.6g} --wind "{",".join(f"{one:.6g}" for one in air.wind)}"'
-        typer.echo(f"Warning: {told}: give them to the stream, {given}", err=True)
+        told = f"density {air.density:.4g} kg/m^3"
+        given = f"--density {air.density:.6g}"
+        if any(air.wind):
+            told = f"wind {air.wind} m/s and no {told}"
+            given += f' --wind "{",".join(f"{one:.6g}" for one in air.wind)}"'
+        typer.echo(f"Warning: packets hold no {told}: give them to the stream, {given}", err=True)
     with progress_bar(f"Sending {file.name}") as progress:
         try:
             sent = send_packets(recorded, address, rate=rate, rows=rows, key=key, progress=progress)

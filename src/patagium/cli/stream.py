@@ -174,6 +174,7 @@ def stream(
 def _robot_and_air(source: str, robot: str | None) -> tuple[Robot, Air]:
     """The named robot, else that of an imported log or a sensor log, and the air that it states."""
     from patagium.aerodynamics import Air
+    from patagium.live.sources import refuse_other_kinds
     from patagium.robot import load_robot
     from patagium.sensing import load_sensor_log
     from patagium.sensing.logs.record import LogRecord, is_log, stated_air
@@ -187,6 +188,7 @@ def _robot_and_air(source: str, robot: str | None) -> tuple[Robot, Air]:
         log = load_sensor_log(source)
         machine, air = machine or log.robot, log.air
     elif Path(source).is_file():
+        refuse_other_kinds(Path(source))
         with Path(source).open("rb") as file:
             air = stated_air(file.readline(1 << 10)) or air
     if machine is None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from patagium.cli.estimates import AirOption, chosen_air, left_open, tell_unseen
+from patagium.cli.estimates import STILL, AirOption, chosen_air, left_open, tell_unseen
 from patagium.cli.options import (
     OUTPUT,
     DensityOption,
@@ -36,8 +37,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from patagium.aerodynamics import AddedMass, Aerodynamics
-    from patagium.control import Branch, NoOrbit, Orbit
+    from patagium.control import Branch
 
 EXAMPLES = (
     "patagium trim aerobat",
@@ -115,30 +115,19 @@ def trim(
     if not as_json:
         kind = "Wingbeat" if gait.period else "Glide"
         typer.echo(f"{kind} of the file's cruise, {aero} air; free: {', '.join(chosen)}", err=True)
-    model, added = chosen_air(aero, machine, polar, inflow, density=density)
+    model, added = chosen_air(aero, machine, polar, inflow, density=density, wind=STILL)
     if aero == "quasi-steady" and (turned := hinged_strips(machine)):
         typer.echo(f"patagium: {HINGED.format(machine.strips[turned[0]].wing)}", err=True)
-
-    def search(model: Aerodynamics, added: AddedMass | None) -> Orbit | NoOrbit:
-        asked = level if climb is None else climb
-        return control.trim(
-            machine,
-            model,
-            gait,
-            free=chosen,
-            speed=speed,
-            climb=asked,
-            turn_rate=turn_rate,
-            added_mass=added,
-        )
-
-    orbit = search(model, added)
+    asked = level if climb is None else climb
+    wanted = partial(control.trim, machine, gait=gait, free=chosen, speed=speed, climb=asked)
+    search = partial(wanted, turn_rate=turn_rate)
+    orbit = search(model, added_mass=added)
     if not isinstance(orbit, control.Orbit):
         if as_json:
             answer(orbit.summary(), as_json=True)
         raise PatagiumError(repr(orbit))
     tell_unseen(aero, orbit)
-    unknown = left_open(aero, orbit, search) if aero.endswith(".json") else {}
+    unknown = left_open(aero, orbit, search)
     if along is not None:
         units = dict(zip(orbit.family.names, orbit.family.units, strict=True))
         name, limits = _range(along, {**units, "speed": "m/s", "climb": "m/s"})

@@ -41,7 +41,8 @@ MEMORY, LEAST_MEMORY, FLOOR = 100.0, 1000, 0.005
 ATTACHED, EXACT = 0.2, 0.05
 """Error of a lifting line in the first wingbeat, over the variance, below which flow is attached;
 of blade elements, below which nothing else is looked for [1]."""
-_LOOK = 1.0  # s that are looked at where no gait is known
+_LOOK = 1.0  # s that are looked at where no gait is known, ...
+_MOVES = 0.1  # ... from the first joint rate that is so much of the largest
 _OVERHEAD, _OPERATION, _LOAD = 2e-5, 5e-10, 0.5
 # s a sample, s a multiplication and addition (ten times a compiled one), share of the time
 
@@ -80,15 +81,18 @@ def _physics_error(network: LinearStripNetwork, log: xr.Dataset | ForceSamples) 
     """Error of physics alone in the first wingbeat over the variance, median output [1].
 
     Without added mass where a simulation says that it had none. Where no gait is known it is the
-    error of the first second; nan where no output moves.
+    error of the first second in which joints move; nan where no output moves.
     """
     span, carried = _LOOK, True
     if isinstance(log, xr.Dataset):
-        span = gait_period(log) or span
         carried = "air" in log.attrs or added_mass_of(log) is not None  # no simulation has "air"
-        log = log.isel(time=log["time"].values <= log["time"].values[0] + span)
+        if period := gait_period(log):
+            span, log = period, log.isel(time=log["time"].values <= log["time"].values[0] + period)
     time, x, y, _ = samples(log, network)
-    first, weights = time <= time[0] + span, network.physics(carried)
+    joints = network.robot.coordinate_count + np.array(network.robot.actuated, int)
+    rates = np.abs(x[:, joints]).max(axis=1, initial=0.0)
+    begin = time[np.argmax(rates >= _MOVES * rates.max())]
+    first, weights = (time >= begin) & (time <= begin + span), network.physics(carried)
     seen = network_inputs(network, weights, time[first], x[first])
     error = normalized_error(y[first], network.evaluate(seen, weights))
     return float(np.median(error[np.isfinite(error)])) if np.isfinite(error).any() else nan

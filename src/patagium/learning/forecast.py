@@ -70,6 +70,7 @@ WAYS = (
 LAGS = 4
 """Outputs that linear least squares sees: that at t, and those at times before."""
 _RIDGE = 1e-3  # of the mean square of each regressor
+_BEYOND = 30.0  # times its root mean square, beyond which the ridge counts a regressor's last value
 _GROWTH = 1.25  # of the samples so far, after which a wingbeat that was found is looked for anew,
 _PATIENCE = 1.05  # and one that was not: a search sees all samples
 _TESTS = 40  # earlier times at which holding and repeating an input are compared
@@ -244,11 +245,13 @@ class _LeastSquares:
             self._done = end
         if not self._products[0, 0]:
             return None
+        now = self._regressors(np.array([last]))[0]
         size = np.sqrt(np.diagonal(self._products))
+        size = np.maximum(size, np.abs(now) * np.sqrt(self._products[0, 0]) / _BEYOND)
         size = np.where(size > 0, size, 1.0)
         scaled = self._products / np.outer(size, size) + _RIDGE * np.eye(len(size))
         slopes = np.linalg.solve(scaled, self._targets / size[:, None]) / size[:, None]
-        return np.asarray((self._regressors(np.array([last])) @ slopes)[0])
+        return np.asarray(now @ slopes)
 
     def _regressors(self, rows: Indices) -> Array:
         lagged = [self._y[rows - k * self._lag] for k in range(LAGS)]

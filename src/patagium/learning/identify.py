@@ -6,7 +6,7 @@ Neglected: errors of the states; a flight's accelerations, too, are taken as the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,11 +20,12 @@ from patagium.errors import LogError, Outcome, ParameterError
 from patagium.learning.default_learner import choices, chosen_every, default_learner, table_every
 from patagium.learning.filters.misfit import unseen
 from patagium.learning.forecast import Horizons, named_horizons
+from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner, Updated
 from patagium.learning.model_file import Model
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
-from patagium.learning.parameter_paths import Trained, estimates_of, parameter_scores
+from patagium.learning.parameter_paths import Trained, parameter_scores
 from patagium.learning.propagation import robot_motion
 from patagium.learning.result import Check, Identification, check, record_of
 from patagium.learning.samples import in_flight, other_air, samples, stds, with_force
@@ -36,6 +37,9 @@ from patagium.robot import Robot
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.sensing.logs.table import LogTable, find_gaps
 from patagium.simulation import gait_period, robot_of
+
+_BEYOND_NOISE = 10.0
+"""Errors over the noise of a measured force from which they are no noise."""
 
 
 @checked
@@ -91,6 +95,7 @@ def identify(
         known = {"names": flight.output_names, "units": flight.output_units, "gaps": gaps}
     else:
         time, x, y, units = samples(flight, chosen.network, inputs, robot)
+        _know_ranges(chosen, x, y)
         motion, period = None, None if isinstance(flight, ForceSamples) else gait_period(flight)
         if named_horizons(horizons) and not isinstance(flight, ForceSamples):
             motion = robot_motion(flight, robot or robot_of(flight), chosen.network, inputs, period)
@@ -98,12 +103,11 @@ def identify(
         taken = chosen_every(chosen, step, period) if every is None else every
         known = {"units": units, "std": stds(flight, chosen.network), "gaps": find_gaps(time)}
         known |= {"motion": motion, "period": period}
-    for ahead in named_horizons(horizons).values():
-        if ahead >= (span := float(time[-1] - time[0])):
-            raise ParameterError("horizon", f"less than the {span:.4g} s of the log", ahead)
+    _check_horizons(horizons, float(time[-1] - time[0]))
     result = stream(chosen, time, x, y, every=taken, horizons=horizons, progress=progress, **known)
     words = {} if isinstance(flight, LogTable) else _flight_words(flight, chosen.network, count)
     result.scores["chosen"] = words | choices(chosen, taken, step, **given)
+    result.scores["verdict"] += _noise_words(known.get("std"), y[len(y) // 2 :], result.scores)
     if isinstance(flight, LogTable):
         result.scores["gaps_found"] = flight.describe_gaps()
         result.scores.update(samples=len(flight.time), samples_that_scaled=first)
@@ -123,6 +127,42 @@ def _flight_words(
     left = f"; {lost} of {count} samples, whose motion is not known, are left out" * bool(lost)
     told = f"of {names} by {flight.source}, each with its standard deviation{left}"
     return words | {"forces": told}
+
+
+def _know_ranges(learner: Learner, x: Array, y: Array) -> None:
+    """Tell a learner the ranges of a record, by which it judges faults of sensors."""
+    if isinstance(learner, FilterLearner):
+        learner.expect(x, y)
+
+
+def _check_horizons(horizons: Horizons, span: float) -> None:
+    """Refuse horizons as long as a log."""
+    for ahead in named_horizons(horizons).values():
+        if ahead >= span:
+            raise ParameterError("horizon", f"less than the {span:.4g} s of the log", ahead)
+
+
+def _noise_words(std: Array | None, y: Array, scores: Mapping[str, Any]) -> list[str]:
+    """Notes on measured forces below their noise, and on errors far beyond it."""
+    nmse: Mapping[str, float] = scores.get("nmse_second_half", {})
+    if std is None or not nmse:
+        return []
+    heard = np.flatnonzero(np.isfinite(y).any(axis=0) & np.isfinite(std).any(axis=0)).tolist()
+    names = [[*nmse][k] for k in heard]
+    stated, scatter = np.nanmedian(std[:, heard], axis=0), np.nanstd(y[:, heard], axis=0)
+    times = np.sqrt([nmse[name] for name in names]) * scatter / stated
+    below = [name for name, one in zip(names, scatter < stated, strict=True) if one]
+    beyond = [name for name, one in zip(names, times, strict=True) if one > _BEYOND_NOISE]
+    found = []
+    if below:
+        found.append(f"Note: the force of {', '.join(below)} is smaller than its noise; no score.")
+    if beyond:
+        found.append(
+            f"Note: errors of {', '.join(beyond)} are up to {np.nanmax(times):.2g} times the noise "
+            "of the measured force, and no noise: if they stay so, ask for signs and axes of the "
+            "joints, delays, and wind that is another or changes."
+        )
+    return found
 
 
 def _refuse_for_tables(inputs: Sequence[str] | None, robot: Robot | None) -> None:
@@ -244,7 +284,7 @@ def compare(
         "message": "",
         **scorer.error_scores(),
         **scorer.interval_scores(),
-        **parameter_scores(estimates_of(model)),
+        **parameter_scores(model),
         **frozen_scores(model.network, (time, x, y), gaps, rows),
         **_unseen_scores(model, checks, ~scorer.silent),
     }

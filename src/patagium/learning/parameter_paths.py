@@ -9,7 +9,9 @@ import numpy as np
 import xarray as xr
 
 from patagium.arrays import Array
+from patagium.errors import ParameterError
 from patagium.learning.model_file import Model
+from patagium.learning.models.grey_box import GreyBox
 from patagium.learning.models.network import Network
 from patagium.learning.models.physical import Estimate, physical_estimates
 from patagium.report import Table
@@ -42,12 +44,21 @@ def estimates_of(trained: Trained) -> tuple[Estimate, ...]:
     return physical_estimates(trained.network, trained.weights, variances)
 
 
-def parameter_scores(estimates: Sequence[Estimate]) -> dict[str, Any]:
-    """Physical parameters as JSON values: parameter_value, ... by name of the parameter."""
+def parameter_scores(trained: Trained) -> dict[str, Any]:
+    """Physical parameters as JSON values: parameter_value, ... by name of the parameter.
+
+    `parameter_problem` says why no model of the air has these values; it is missing where one has.
+    """
+    estimates, network = estimates_of(trained), trained.network
     if not estimates:
         return {}
-    fields = ("unit", *_FIELDS)
-    return {
+    fields, problem = ("unit", *_FIELDS), {}
+    try:
+        if isinstance(network, GreyBox):
+            network.air_at(trained.weights)
+    except ParameterError as refused:
+        problem = {"parameter_problem": str(refused)}
+    return problem | {
         f"parameter_{field}": {found.name: getattr(found, field) for found in estimates}
         for field in fields
     }

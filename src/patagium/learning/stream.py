@@ -405,7 +405,7 @@ class BlockRun:
             "message": self.message,
             "largest_variance": float(variance[-1]) if len(variance) else float("nan"),
             "time_per_update": float(self.learner.time_per_update),
-            **parameter_scores(estimates_of(self.learner)),
+            **parameter_scores(self.learner),
             **frozen_scores(self.learner.network, log, s.gaps, late, weights),
         }
 

@@ -97,6 +97,8 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
         events = ", ".join(f"{name} {number}" for name, number in scores["events"].items())
         text = f"{count - learned} of the {count} samples to learn from taught nothing"
         warnings.append(f"Warning: {text} (events so far: {events}).")
+    if problem := scores.get("parameter_problem"):
+        warnings.append(f"Warning: no flight is made in this air. {problem}.")
     unseen = scores.get("unseen_share", 0.0)
     if unseen > UNSEEN:
         warnings.append(

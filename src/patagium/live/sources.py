@@ -405,10 +405,21 @@ def source_of(
         return RecordSource(columns, path)
     if is_sensor_log(path):
         return SensorLogSource(load_sensor_log(path))
+    refuse_other_kinds(path)
+    return TextSource(columns, path, idle=idle)
+
+
+def refuse_other_kinds(path: Path) -> None:
+    """Refuse a file of this program that holds no packets, such as a flight.
+
+    Raises:
+        LogError: If it is one.
+    """
     if other := kind_of(path):
         expected = "text of packets, an imported log or a sensor log"
-        raise LogError(f"{path}: expected {expected}, found {other}; patagium send sends a flight")
-    return TextSource(columns, path, idle=idle)
+        remedy = f"a flight is sent: patagium send {path} udp://127.0.0.1:9000, to patagium stream "
+        remedy += "udp://127.0.0.1:9000 --robot ROBOT"
+        raise LogError(f"{path}: expected {expected}, found {other}; {remedy}")
 
 
 def address_of(words: str) -> tuple[str, int]:

@@ -343,3 +343,21 @@ def test_joints_that_rest_in_a_glide_are_not_stuck() -> None:
         for row, force, stamp in zip(x, y, time, strict=True):
             total += bounds.bounded(row, force, stamp)[2]["stuck"]
         assert total == counted
+
+
+def test_a_recorded_log_that_begins_at_rest_is_learned_when_it_moves() -> None:
+    """All of the first beats were refused: the range was that of the noise at rest."""
+    x, y = flapping(600)
+    draw = np.random.default_rng(5)
+    swell = np.clip((np.arange(600)[:, None] - 300) / 100, 0.0, 1.0)
+    x, y = (swell * one + 1e-4 * draw.normal(size=one.shape) for one in (x, y))
+    log = np.vstack([y, np.full((1, 2), np.nan)])
+    refused = []
+    for known in (False, True):
+        learner = pt.ExtendedLearner(pt.DenseNetwork(4, (5,), 2), misfit=Misfit())
+        if known:
+            learner.expect(np.vstack([x, x[-1:]]), log)
+        for k in range(600):
+            learner.update(x[k], y[k], STEP * k)
+        refused.append(learner.events["bad_inputs"] + learner.events["out_of_range"])
+    assert refused[0] > 100 and refused[1] == 0

@@ -360,6 +360,13 @@ def test_a_load_cell_by_which_air_drives_the_wings_is_asked_for() -> None:
         told = replace(log, readings={**log.readings, "loadcell": wrench})
         notes = json.loads(motion_and_force(told)[0].attrs["findings"])["notes"]
         assert any("`negated: true`" in one for one in notes) == (sign < 0), notes
+        assert not any("N mm" in one for one in notes), notes
+    wrench = log["loadcell"].wrench * [1.0, 1.0, 1.0, 1e3, 1e3, 1e3]
+    told = replace(
+        log, readings={**log.readings, "loadcell": log["loadcell"].assign(wrench=wrench)}
+    )
+    notes = json.loads(motion_and_force(told)[0].attrs["findings"])["notes"]
+    assert any("rather in N mm" in one for one in notes), notes
 
 
 @pytest.mark.parametrize(
@@ -368,6 +375,7 @@ def test_a_load_cell_by_which_air_drives_the_wings_is_asked_for() -> None:
         ((0.0, 0.0, 0.0), 0.0, 0.0, []),
         ((0.02, 0.0, -0.06), 0.0, 0.0, ["it shows (0.0", "-0.06) N"]),
         ((0.02, 0.0, -0.06), 0.0, -3.0, []),  # which the wind may do
+        ((0.02, 0.0, 0.0), 0.0, 3.0, ["against the wind (3.0"]),
         ((0.0, 0.0, 0.0), 0.06, 0.0, ["from the rest at", "its zero drifts"]),
     ],
 )

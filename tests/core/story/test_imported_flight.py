@@ -100,10 +100,17 @@ def test_forces_where_no_motor_is_need_not_be_in_a_log(log: Path) -> None:
     file.write_text(json.dumps(words), encoding="utf-8")
     less = pt.import_log(log, file, log.with_name("less.nc"))
     assert any(text.text.startswith("taken as zero") for text in less.findings)
+    assert not any("never moves" in text.text for text in less.findings)
     for part in PARTS:
         assert np.array_equal(pt.load_log(less.path)[part], pt.load_log(whole)[part])
     again = pd.read_csv(pt.import_log(log, file, log.with_name("less.csv")).path, comment="#")
     pd.testing.assert_frame_equal(again[rows.columns], rows, check_dtype=False)
+    still = pd.read_parquet(log)
+    bound = [one for one in still if one[:2] in ("q_", "v_") and f"u1.{one[2:]}" in base]
+    assert len(bound) == 12
+    still.assign(**dict.fromkeys(bound, 0.0)).to_parquet(log.with_name("held.parquet"))
+    held = pt.import_log(log.with_name("held.parquet"), file, log.with_name("held.nc"))
+    assert any("never moves" in text.text for text in held.findings)
     words["channels"] = [one for one in words["channels"] if one["name"] != "u1.left_plunge"]
     file.write_text(json.dumps(words), encoding="utf-8")
     with LogRecord(pt.import_log(log, file, log.with_name("less.nc")).path) as record:
@@ -258,3 +265,42 @@ def test_the_program_runs_as_a_module() -> None:
     words = [sys.executable, "-m", "patagium", "--version"]
     said = subprocess.run(words, capture_output=True, text=True, check=True)
     assert said.stdout.startswith("patagium ")
+
+
+def test_rates_of_a_flight_that_are_not_its_changes_are_told(tmp_path: Path) -> None:
+    """Specific force as acceleration, and velocity in the body, were learned without a word."""
+    (tmp_path / "brick.yaml").write_text(
+        "{name: brick, gravity: 9.81, bodies: {body: {floating: true, mass: 0.05, "
+        "shape: {type: box, size: [0.1, 0.06, 0.04]}}}}"
+    )
+    robot = pt.load_robot(tmp_path / "brick.yaml")
+    time, names = 1e-3 * np.arange(3000), list(robot.dof_names)
+    size, beat = np.array([0.1, 0.0, 0.1, 0.1, 0.2, 0.1]), 2 * np.pi * np.arange(1, 7)
+    turn = np.outer(time, beat)
+    q, v, a = size * np.sin(turn), size * beat * np.cos(turn), -size * beat**2 * np.sin(turn)
+    q[:, 0], v[:, 0], q[:, 4] = q[:, 0] + 5.0 * time, v[:, 0] + 5.0, q[:, 4] + 0.2
+    body, felt = v.copy(), a + 9.81 * np.eye(6)[2]
+    body[:, 0], body[:, 2] = (
+        np.cos(q[:, 4]) * v[:, 0] - np.sin(q[:, 4]) * v[:, 2],
+        np.sin(q[:, 4]) * v[:, 0] + np.cos(q[:, 4]) * v[:, 2],
+    )
+    noise = 1e-3 * np.random.default_rng(0).normal(size=q.shape)
+    cases = {"": (q + noise, v, a), "v.z": (q, body, a), "a.z": (q, v, felt)}
+    for wrong, parts in cases.items():
+        heads = [f"{part}.{name}" for part in "qva" for name in names]
+        pd.DataFrame(np.hstack([time[:, None], *parts]), columns=["t", *heads]).to_csv(
+            tmp_path / "log.csv", index=False
+        )
+        turned = {name: "rad" for name in names[3:]}
+        ends = {"q": "", "v": "/s", "a": "/s^2"}
+        channels = [
+            {"column": one, "unit": turned.get(one[2:], "m") + ends[one[0]], "name": one}
+            for one in heads
+        ]
+        words = {"time": {"column": "t"}, "robot": "brick.yaml", "channels": channels}
+        (tmp_path / "map.yaml").write_text(json.dumps(words), encoding="utf-8")
+        found = pt.import_log(
+            tmp_path / "log.csv", tmp_path / "map.yaml", tmp_path / f"{wrong}o.nc"
+        )
+        told = [one.text for one in found.findings if one.kind == "rates"]
+        assert bool(told) == bool(wrong) and all(wrong in one for one in told[:1]), told

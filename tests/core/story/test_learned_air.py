@@ -132,6 +132,15 @@ def test_verbs_take_learned_air(
     assert "The log leaves open" in err
     assert [*facts["left_open"]] == [*orbits["true"].parameters]
     assert abs(facts["frequency_Hz"] - true) < facts["left_open"]["frequency"] < 0.05 * true
+    tunnel = re.sub(
+        r'"wind": \[[^]]*\]', '"wind": [-5.0, 0.0, 0.0]', Path("model.json").read_text()
+    )
+    assert tunnel.count("-5.0, 0.0, 0.0") == 1
+    Path("tunnel.json").write_text(tunnel)  # a log of a wind tunnel
+    code, out, err = said(
+        capsys, "trim", "bird.yaml", "--aero", "tunnel.json", "--speed", "6", "--json"
+    )
+    assert json.loads(out)["frequency_Hz"] == pytest.approx(true, abs=0.01), err
     code, out, err = said(capsys, "simulate", *learned, "--duration", "0.2", "-o", "f.nc")
     assert code == 0
     assert pt.simulation.added_mass_of(pt.load_flight("f.nc")) is not None

@@ -171,6 +171,21 @@ def test_a_flight_is_sent_in_its_own_time(flight, pipeline):
     assert time.monotonic() - began > 300 / 4000.0
 
 
+def test_still_thin_air_is_told_without_a_wind(tmp_path, capsys, pipeline):
+    robot = pipeline.robot
+    thin = pt.QuasiSteady(robot, pt.Air(density=1.1))
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.6)
+    file = tmp_path / "thin.nc"
+    pt.save_flight(pt.simulate(robot, thin, gait, duration=0.02, time_step=1e-3), file)
+    with pytest.raises(SystemExit, match="0"):
+        run(["send", str(file), "udp://127.0.0.1:9"])
+    said = capsys.readouterr().err
+    assert "packets hold no density 1.1 kg/m^3" in said and "wind" not in said
+    with pytest.raises(SystemExit, match="2"):
+        run(["stream", str(file)])
+    assert f"patagium send {file} udp://" in " ".join(capsys.readouterr().err.split())
+
+
 def test_what_a_mount_gives_is_not_learned_as_the_force_of_the_air(tmp_path, capsys, pipeline):
     robot, file = pipeline.robot, tmp_path / "held.nc"
     aero = pt.QuasiSteady(robot, pt.Air(wind=(-3.0, 0.0, 0.0)))

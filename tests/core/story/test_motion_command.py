@@ -234,6 +234,11 @@ channels:
         run([*words, "free.yaml"])
     assert "held leaves out `floating`" in capsys.readouterr().err
     assert said([*words, "rig.yaml"], capsys).endswith("Next: patagium identify motion.nc\n")
+    cell = "  - {column: [q, q, q], unit: %s, frame: flu, name: cell.%s}\n"
+    both = cell % ("N", "force") + cell % ("N m", "moment")
+    Path("cell.yaml").write_text(mapping + both, "utf-8")
+    told = said([*words[:3], "cell.yaml", "-o", "cell.nc", "--robot", "rig.yaml"], capsys)
+    assert "load cell is not used" in told
     said(["identify", "motion.nc"], capsys)
     pt.save_flight(flight, "flight.nc")
     scores = json.loads(said(["evaluate", "model.json", "flight.nc", "--json"], capsys))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -203,3 +204,41 @@ def test_the_pipeline_finds_in_c_what_python_finds(flight: xr.Dataset) -> None:
     assert fast.describe()["found"] == plain.describe()["found"]
     made = learner_from_description(fast.describe())  # before any sample
     assert np.isnan(made.measurement_std).all()
+
+
+def test_identify_knows_the_ranges_of_a_record_beforehand(flight: xr.Dataset) -> None:
+    learner = pt.learning.default_learner(flight)
+    begin = flight.isel(time=slice(0, 40))
+    pt.identify(begin, learner, every=20)
+    low, high = (learner._screen.bounds.arrays[f"bound_{end}"] for end in ("low", "high"))
+    v = begin.v.sel(dof="left_plunge").values
+    place = flight.sizes["dof"] + list(flight.dof).index("left_plunge")
+    assert high[place] - low[place] >= 0.9 * (np.quantile(v, 0.99) - np.quantile(v, 0.01))
+
+
+def test_attached_flow_is_found_in_a_log_that_begins_at_rest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    robot, wind = pt.load_robot("aerobat"), pt.Air(wind=(-5.0, 0.0, -0.5))
+    rest, beats = (
+        pt.simulate(
+            robot,
+            pt.LiftingLine(robot, wind),
+            pt.gaits.sinusoidal(
+                robot, frequency=5.0, plunge=size, feather=0.6 * size, phase={"feather": 1.5}
+            ),
+            duration=0.3,
+            time_step=1e-3,
+            added_mass=pt.AddedMass(robot, wind),
+            mount=pt.mounts.fixed(),
+        )
+        for size in (0.0, 0.5)
+    )
+    names = ["q", "v", "a", "u1", "aero_force"]
+    later = beats[names].isel(time=slice(1, None))
+    later = later.assign_coords(time=later.time + float(rest.time[-1]))
+    log = xr.concat([rest[names], later], "time").assign_attrs(rest.attrs)
+    module = sys.modules[update_time.__module__]
+    monkeypatch.setattr(module, "gait_period", lambda log: None)
+    monkeypatch.setattr(module, "_LOOK", 0.2)
+    assert default_learner(log).network.attached

@@ -250,3 +250,15 @@ def test_what_the_network_cannot_know_is_forecast_as_by_the_best_rival(rival: st
     for counts in scores["forecast_h_ways"].values():
         assert sum(counts.values()) in (49, 50)  # forecasts of the second half
         assert rival == "last_beat" or counts[forecast.RIVALS[rival]] > 40  # network corrected
+
+
+def test_least_squares_of_a_log_that_begins_at_rest(rng: np.random.Generator) -> None:
+    """A regressor that was rounding so far and begins to move has no slope yet."""
+    time = np.arange(1600) * 5e-3
+    moved = np.sin(25.0 * time) * np.clip(2.0 * (time - 2.0), 0.0, 1.0)
+    late = 0.1 * np.sin(9.0 * time) * (time > 5.0)
+    x = np.column_stack([moved, late]) + 1e-17 * rng.normal(size=(1600, 2))
+    y = x @ np.array([[1.0, 0.5], [1.0, 1.0]])
+    rival = forecast._LeastSquares(x, y, 20, 5)
+    errors = [rival.at(last) - y[last + 20] for last in range(100, 1500, 15)]
+    assert np.mean(np.square(errors)) < 0.1 * y.var()  # 1e24 with slopes of rounding

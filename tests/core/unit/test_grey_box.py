@@ -10,6 +10,7 @@ import patagium as pt
 from patagium.errors import ParameterError
 from patagium.learning import load_model, model_of, network_from_description, save_model
 from patagium.learning.identify import compare
+from patagium.learning.model_file import Model
 from patagium.learning.models.memory import memory_of, network_inputs
 from patagium.learning.models.physical import unit_of, written_unit
 from patagium.learning.samples import samples
@@ -342,3 +343,19 @@ def test_numbers_of_a_robot_are_found_from_a_flight_of_another_robot(robot, monk
     astray = learner.weights + 300.0
     monkeypatch.setattr(type(learner), "weights", property(lambda self: astray))
     np.testing.assert_allclose(pt.refine(learner, log, every=2).weights, model.weights, rtol=1e-3)
+
+
+def test_a_drag_below_zero_is_told_where_it_was_fitted_and_refused_in_use(robot):
+    air = pt.QuasiSteady(robot, pt.Air(), polar=pt.air.SmoothPolar())
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.6)
+    flight = pt.simulate(robot, air, gait, duration=0.02, time_step=1e-3)
+    network = pt.GreyBox(air, {"polar.zero_lift_drag": 0.1, "polar.drag_rise": 1.0})
+    scores = {}
+    for drag in (0.1, -0.05):  # in place of 0.24
+        model = Model(network, np.array([(drag - 0.24) / 0.1, 0.0]), None, None, None, {})
+        scores[drag] = pt.evaluate(flight, model).scores["verdict"]
+    assert not any("no flight" in word for word in scores[0.1])
+    (told,) = [word for word in scores[-0.05] if "no flight" in word]
+    assert "'polar.zero_lift_drag': -0.05" in told and "narrower priors" in told
+    with pytest.raises(ParameterError, match="narrower priors"):
+        model.air()

@@ -719,3 +719,42 @@ def test_markers_above_an_export_of_vicon_are_told(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text(text)
     notes = " ".join(inspect_log(tmp_path / "log.csv").notes)
     assert "X, Y, Z: 'wing:tip'; X.1, Y.1, Z.1: 'wing:root'" in notes
+
+
+def test_tables_of_a_vicon_export_are_topics_with_their_rates(tmp_path: Path) -> None:
+    plate = ["Devices", "1000", ",,Plate - Force,,", "Frame,Sub Frame,Fx,Fy,Fz", ",,N,N,N"]
+    plate += [f"{1 + k // 10},{k % 10},{np.sin(0.01 * k):.12f},0.1,-0.2" for k in range(400)]
+    poses = ["Trajectories", "100", ",,bird:nose,,", "Frame,Sub Frame,X,Y,Z", ",,mm,mm,mm"]
+    poses += [f"{1 + k},0,{k},2,3" for k in range(40)]
+    file = tmp_path / "log.csv"
+    for parts in ((plate, poses), (poses, plate)):
+        file.write_text("\r\n\r\n".join("\r\n".join(part) for part in parts) + "\r\n")
+        rates = {one.name: (one.rows, one.rate) for one in inspect_log(file).topics}
+        assert rates["Devices"] == (400, pytest.approx(1000.0))
+        assert rates["Trajectories"] == (40, pytest.approx(100.0))
+        words = {
+            "time": {"rate": "1000 Hz"},
+            "channels": [
+                {"topic": "Devices", "field": "Fx", "unit": "N"},
+                {"topic": "Trajectories", "field": "X", "unit": "mm", "name": "nose"},
+            ],
+        }
+        import_log(file, parse_mapping(words), tmp_path / f"{parts[0][0]}.nc")
+        log = load_log(tmp_path / f"{parts[0][0]}.nc")
+        time = log.time.values
+        assert np.allclose(log["Fx"], np.sin(10.0 * time), atol=1e-9)
+        assert np.allclose(log["nose"], 0.1 * time)
+
+
+@pytest.mark.parametrize(("named", "timed"), [(True, False), (False, True), (False, False)])
+def test_an_export_of_qualisys_without_names(named: bool, timed: bool, tmp_path: Path) -> None:
+    head = ["NO_OF_FRAMES\t40", "NO_OF_MARKERS\t2", "FREQUENCY\t200", "TIME_STAMP\t2024-03-05\t9.1"]
+    head += ["MARKER_NAMES" + "\tnose\ttail" * named, "TRAJECTORY_TYPES\tMeasured\tMeasured"]
+    rows = [f"{k + 1}\t{k / 200}\t" * timed + f"{k}.0\t1\t2\t{k}.5\t4\t5" for k in range(40)]
+    (tmp_path / "log.tsv").write_text("\n".join([*head, *rows]) + "\n")
+    found = inspect_log(tmp_path / "log.tsv")
+    (topic,) = found.topics
+    last = "tail X" if named else "marker 2 X"
+    (column,) = [one for one in topic.channels if one.name == last]
+    assert topic.rows == 40 and (column.low, column.high) == (0.5, 39.5)
+    assert any("no line of names" in note for note in found.notes)

@@ -11,7 +11,7 @@ import pytest
 
 import patagium as pt
 from patagium.learning import ExtendedLearner, LinearStripNetwork, Misfit
-from patagium.learning.identify import compare
+from patagium.learning.identify import _noise_words, compare
 from patagium.learning.model_file import Model, load_model, model_of, save_model
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.stream import stream
@@ -137,3 +137,12 @@ def test_warning_of_weights_that_follow_a_log_and_are_no_model_of_it() -> None:
         assert scores["frozen_second_half"]["y"] == pytest.approx(own, rel=1e-9, abs=1e-20)
         told = [text for text in scores["verdict"] if "no model of it" in text]
         assert bool(told) == follows == (scores["nmse_second_half"]["y"] < 1 < own)
+
+
+def test_errors_far_beyond_the_noise_of_measured_forces_are_told(rng: np.random.Generator) -> None:
+    y = rng.normal(size=(200, 3)) * [1.0, 1.0, 1e-3]
+    std = np.full((200, 3), 1e-2)
+    notes = _noise_words(std, y, {"nmse_second_half": {"a": 1e-4, "b": 0.09, "c": 1.0}})
+    assert len(notes) == 2
+    assert "force of c is smaller than its noise" in notes[0]
+    assert "errors of b are up to" in notes[1] and "times the noise" in notes[1]

@@ -36,6 +36,7 @@ from patagium.learning.models.network import Network, flight_terms
 from patagium.native.structs import header_numbers
 
 _C = header_numbers("bounds.h")
+_TAIL = 0.01  # share of a log below and above the range that is known beforehand
 _LAST, _USUAL, _MISSED = range(3)
 _TAKEN, _JUMPED = range(2)
 _VALUES = ("low", "high", "before", "step", "odd", "odd_low", "odd_high", "rest", "seen")
@@ -80,6 +81,19 @@ class Bounds:
             "bound_track": np.zeros(2),
         }
         self.arrays["bound_step"][:] = self.arrays["bound_rest"][:] = 0.0
+
+    def expect(self, x: Array, y: Array) -> None:
+        """Know beforehand the ranges of a log, which may begin at rest; 2 % may lie outside.
+
+        Args:
+            x: Inputs, (N, n_x) [units of x].
+            y: Measurements, (N, n_y) [unit of y]; NaN where none was made.
+        """
+        values = np.hstack([x[:, : self.inputs], y])
+        values = values[:, heard := np.isfinite(values).any(axis=0)]
+        least, most = np.nanquantile(values, [_TAIL, 1.0 - _TAIL], axis=0)
+        low, high = self.arrays["bound_low"], self.arrays["bound_high"]
+        low[heard], high[heard] = np.fmin(low[heard], least), np.fmax(high[heard], most)
 
     def forget_place(self) -> None:
         """Take the next inputs however far they moved."""

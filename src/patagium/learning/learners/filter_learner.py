@@ -110,6 +110,15 @@ class FilterLearner(Learner):
         facts |= {name: count for name, count in self.events.items() if count}
         return snippet(type(self).__name__, facts) + self._network._repr_html_()
 
+    def expect(self, x: Array, y: Array) -> None:
+        """Know beforehand the ranges of a recorded log, by which faults of sensors are judged.
+
+        Args:
+            x: Inputs, (N, n_x) [units of x].
+            y: Measurements, (N, n_y) [unit of y].
+        """
+        self._screen.bounds.expect(x, y)
+
     @property
     def _screen(self) -> Screen:
         """Screening of the filter, which a copy of the filter makes anew."""

@@ -227,7 +227,13 @@ def changed_air(
     for name, value in values.items():
         if not name.startswith("added_mass."):
             _write(description, name, value, model.name)
-    changed = aero_from_description(machine, description)
+    try:
+        changed = aero_from_description(machine, description)
+    except ParameterError as problem:
+        expected = f"those of a possible model of the air ({problem}): estimate fewer of them, or "
+        expected += "with narrower priors, or fly other gaits"
+        found = {one.name: float(f"{one.value:.4g}") for one in estimates}
+        raise ParameterError("learned numbers", expected, found) from problem
     if added_mass is None:
         return changed, None
     factor: Any = values.get(FACTOR, added_mass.factor)

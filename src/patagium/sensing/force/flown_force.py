@@ -12,6 +12,7 @@ import xarray as xr
 
 from patagium.arrays import Array
 from patagium.netcdf_file import write_netcdf
+from patagium.robot.planform import wing_span
 from patagium.sensing.force.measured_force import (
     ForceSamples,
     cell_wrench,
@@ -48,6 +49,8 @@ _ALIKE = 0.03
 _EVENLY = 10.0
 """Change of a delay over its scatter about a line from which a clock drifts."""
 
+_LONG = 10.0
+"""Arm of the moment of a load cell, over the span, from which its unit is asked for."""
 _DRIVEN = 0.3
 """Correlation of the force of the air with the momentum of the robot from which the sign is asked
 for: air brakes what moves in it."""
@@ -96,6 +99,7 @@ def motion_and_force(
     found.covariance[unknown] = np.nan
     base = floating_base(found.robot)
     if mount is not None and base is not None and not unknown.all():
+        facts["notes"] += _arm_notes(mount.measured.values, wing_span(found.robot))
         weight = found.robot.mass * found.robot.gravity
         lift = float(np.nanmean(found.force[:, base.place[2]])) / weight
         turned = replace(mount.measured, values=-mount.measured.values)
@@ -114,6 +118,17 @@ def motion_and_force(
             facts["notes"] += _late_notes(found, other, list(base.place))
     motion.attrs["findings"] = json.dumps(facts)
     return motion, found
+
+
+def _arm_notes(wrench: Array, span: float) -> list[str]:
+    """Warning that a moment of a load cell, (N, 6) [N, N m], is too large for a span [m]."""
+    force, moment = np.sqrt(np.nanmean(wrench.reshape(-1, 2, 3) ** 2, axis=(0, 2)))
+    if not 0 < _LONG * span * force < moment:
+        return []
+    return [
+        f"Warning: load cell: its moment over its force is an arm of {moment / force:.3g} m, of a "
+        f"robot of {span:.3g} m span: rather in N mm than N m"
+    ]
 
 
 def _drag(time: Array, found: ForceSamples, other: ForceSamples, place: list[int]) -> float:
@@ -229,6 +244,15 @@ def _zero_notes(motion: xr.Dataset, found: ForceSamples, place: list[int]) -> li
     notes, (first, last) = [], (rests[0], rests[-1])
     middle = [0.5 * (found.time[one.start] + found.time[one.stop - 1]) for one in (first, last)]
     offset, moved = shown(first), shown(last) - shown(first)
+    wind = np.asarray(found.air.wind, float)
+    speed = max(float(np.linalg.norm(wind)), 1e-9)
+    against = -float(found.force[first, place].mean(axis=0) @ wind) / speed
+    if against > max(_DRIFT * weight, float(spread.max())):
+        notes.append(
+            f"Warning: load cell: while the robot rests at {middle[0]:.3g} s the air pushes it by "
+            f"{against:.2g} N against the wind {tuple(wind.tolist())} m/s: its sign (a head wind "
+            "is [-5, 0, 0]) or the zero or the axes of the cell are wrong"
+        )
     if not np.any(found.air.wind) and found.air.gust is None and large(offset, _OFF):
         notes.append(
             f"Warning: load cell: while the robot rests at {middle[0]:.3g} s it shows "

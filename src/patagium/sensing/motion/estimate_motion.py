@@ -162,7 +162,8 @@ def fit_motion(robot: Robot, streams: Sequence[Stream], order: int, wanted: Arra
         silent = ", ".join(robot.dof_names[i] for i in (*base.place, *base.turn))
         raise LogError(
             f"log: expected cameras that see {silent}, found none; the file of a robot that is "
-            "held leaves out `floating`"
+            "held leaves out `floating`, unless a load cell holds it, whose log needs its pose: "
+            "columns of position and attitude, which may be constant"
         )
     checked = _checked(streams)
     guess = first_motion(robot, checked.streams, checked.used)

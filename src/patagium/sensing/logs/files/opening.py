@@ -18,10 +18,11 @@ from patagium.sensing.logs.files.table_files import (
     MatFile,
     ParquetFile,
     UlogFile,
+    csv_file,
 )
 
 _SINGLE: dict[str, Callable[[Path], LogFile]] = {
-    ".csv": CsvFile,
+    ".csv": csv_file,
     ".parquet": ParquetFile,
     ".ulg": UlogFile,
     ".mat": MatFile,

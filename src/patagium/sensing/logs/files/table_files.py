@@ -325,6 +325,21 @@ def header_place(lines: Sequence[str]) -> int:
     return 0
 
 
+def _with_marker_names(lines: list[str]) -> tuple[int, list[str]]:
+    """Place of the line of names, and lines with one made of Qualisys's MARKER_NAMES above them."""
+    marked = next((k for k, line in enumerate(lines) if line.startswith("MARKER_NAMES")), None)
+    rows = range(len(lines) if marked is None else marked + 1, len(lines))
+    first = next((k for k in rows if _is_number(_cells(lines[k], "\t")[0])), None)
+    if marked is None or first is None:
+        return 0, lines
+    size = len(_cells(lines[first].rstrip(), "\t"))
+    markers = [one for one in _cells(lines[marked].rstrip(), "\t")[1:] if one]
+    if len(markers) != size // 3:
+        markers = [f"marker {k + 1}" for k in range(size // 3)]
+    names = [*("Frame", "Time")[: size % 3], *(f"{one} {c}" for one in markers for c in "XYZ")]
+    return first, [*lines[:first], "\t".join(names), *lines[first:]]
+
+
 def _groups(lines: Sequence[str], separator: str, names: Sequence[str]) -> list[str]:
     """Columns whose names repeat, with the words in the lines above them; none if none repeats."""
     plain = [name.strip() for name in names]
@@ -445,6 +460,7 @@ class CsvFile(LogFile):
     Args:
         path: The file, plain or gzip.
         skip_rows: Number of lines before the line of names; found if None.
+        content: Text to read in place of that of the file.
 
     Raises:
         LogError: If the file cannot be read, or has no line of names.
@@ -452,8 +468,9 @@ class CsvFile(LogFile):
 
     format = "CSV"
 
-    def __init__(self, path: Path, skip_rows: int | None = None) -> None:
+    def __init__(self, path: Path, skip_rows: int | None = None, content: bytes = b"") -> None:
         super().__init__(path)
+        self._content = content
         self._encoding = "utf-8-sig"
         with reading(path, "CSV"), self._opened() as text:
             self._encoding = _encoding(bytes(text.buffer.read(_BEGINNING)))
@@ -468,6 +485,15 @@ class CsvFile(LogFile):
                 f"{head} line(s) before the names are skipped; `skip_rows` in the mapping says "
                 "another number"
             )
+        count = len(lines)
+        if not head and skip_rows is None:
+            head, lines = _with_marker_names(lines)
+        made = len(lines) - count
+        if made:
+            self.notes.append(
+                f"the file has no line of names; by those of its markers and its first row it is "
+                f"{', '.join(lines[head].split(chr(9)))}"
+            )
         header = lines[head]
         self._separator = _separator(header)
         names, *below = [_cells(line, self._separator) for line in lines[head : head + 3]]
@@ -478,7 +504,7 @@ class CsvFile(LogFile):
         if not any(self._names) or "\x00" in header:
             raise LogError(f"{path}: cannot be read as CSV: expected names in the first line")
         units = _units_below(below, len(names))
-        self._skip = head + 1 + (units is not None)
+        self._skip = head + 1 - made + (units is not None)
         above = _groups(lines[:head], self._separator, names) if skip_rows is None else []
         if above:
             self.notes.append(f"the lines above the names say: {'; '.join(above)}")
@@ -486,8 +512,8 @@ class CsvFile(LogFile):
             self.notes.append(f"line {head + 2} is taken for the units of the columns")
         if not self._is_gzip() and not _ends_with_line(path):
             self.notes.append("the last line has no end: it may be cut off")
-        look = "".join(lines[self._skip :])
-        rows = [_cells(line, self._separator) for line in lines[self._skip :]]
+        look = "".join(lines[self._skip + made :])
+        rows = [_cells(line, self._separator) for line in lines[self._skip + made :]]
         self._decimal = "," if self._separator != "," and _comma_decimal(rows) else "."
         self._lists: dict[str, tuple[str, int]] = {}
         self._commas = list(self._names) if self._decimal == "," else []
@@ -655,12 +681,72 @@ class CsvFile(LogFile):
         return frame.head(len(frame) - len(tail) + last)
 
     def _opened(self) -> io.TextIOWrapper:
-        binary: Any = gzip.open(self.path) if self._is_gzip() else self.path.open("rb")
+        binary: Any = io.BytesIO(self._content)
+        if not self._content:
+            binary = gzip.open(self.path) if self._is_gzip() else self.path.open("rb")
         return io.TextIOWrapper(binary, encoding=self._encoding, newline="")
 
     def _is_gzip(self) -> bool:
         with self.path.open("rb") as file:
             return file.read(2) == b"\x1f\x8b"
+
+
+_TABLE = re.compile(
+    rb"(?m)^([A-Za-z][\w ]*?)[,;\t ]*\r?\n(\d+(?:\.\d+)?)[,;\t ]*\r?\n(?=(?:.*\n)?Frame\b)"
+)
+"""Head of a table in an export of Vicon Nexus: its name, its rate [Hz], then a line with Frame."""
+
+
+class CsvTables(LogFile):
+    """CSV file of several tables with their names and rates, such as an export of Vicon Nexus.
+
+    Rows of each table are stamped by its rate from zero. The file is held in memory.
+    """
+
+    format = "CSV of several tables"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        content = path.read_bytes()
+        found = [*_TABLE.finditer(content)]
+        ends = [*(one.start() for one in found[1:]), len(content)]
+        names = distinct(one[1].decode() for one in found)
+        self._parts: dict[str, tuple[CsvFile, float]] = {}
+        self.topics: dict[str, Topic] = {}
+        for name, one, end in zip(names, found, ends, strict=True):
+            part = CsvFile(path, content=content[one.start() : end].rstrip(b"\r\n,;\t ") + b"\n")
+            rate = float(one[2])
+            self._parts[name] = part, rate
+            self.notes += [f"{name}: rows are stamped at {rate:g} Hz from 0, as the file says"]
+            self.notes += [f"{name}: {note}" for note in part.notes if "skip_rows" not in note]
+            base = StampSource(f"{rate:g} Hz")
+            self.topics[name] = replace(
+                part.topics[""], name=name, kind="rows", base=base, guess=""
+            )
+
+    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
+        """Requested rows, table by table."""
+        for key, one in enumerate(wanted):
+            part, rate = self._parts[one.topic]
+            counted = one.base.kind != "column"
+            inner = one._replace(base=StampSource("rows")) if counted else one
+            for block in part.blocks((inner,)):
+                stamps = np.rint(block.stamps / rate).astype(np.int64) if counted else block.stamps
+                yield Block(key, stamps, block.values)
+
+
+def csv_file(path: Path) -> LogFile:
+    """Open CSV file, of one table or several.
+
+    Raises:
+        LogError: If the file cannot be read, or has no line of names.
+    """
+    with path.open("rb") as file:
+        if _TABLE.match(file.read(_BEGINNING)) is None:
+            return CsvFile(path)
+    check_room(path, path.stat().st_size)
+    several = sum(1 for _ in _TABLE.finditer(path.read_bytes())) > 1
+    return CsvTables(path) if several else CsvFile(path)
 
 
 def _encoding(head: bytes) -> str:

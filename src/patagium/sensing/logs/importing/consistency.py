@@ -38,6 +38,23 @@ from patagium.sensing.sensors import as_quaternion, from_quaternion
 _STRETCHES = 8
 _LENGTH = 4000
 _SPAN = 0.05  # s
+_BRIEF = 0.01
+"""Duration of the means of joints, of which a wingbeat has several [s]."""
+_DIFFERENT = 0.5
+"""Difference of two rates over the larger of them from which one is not the other."""
+_RATES = {
+    ("q", "v"): (
+        *(0.1, 0.3, 0.5),
+        "velocities are the changes of q: x, y, z in world axes, and of roll, pitch, yaw those of "
+        "the angles, no rates about axes of the body",
+    ),
+    ("v", "a"): (
+        *(4.0, 10.0, 20.0),
+        "accelerations are the changes of v: in world axes, and no specific force, which has "
+        "gravity in it",
+    ),
+}
+"""Mean and size of a body and size of a joint below which all is noise [SI], and the remedy."""
 _WORLDS = ("ned", "enu", "nwu")
 _SURE = 0.6
 """Correlation from which two rates are taken as the same motion."""
@@ -70,7 +87,7 @@ def consistency(
     speeds = [item for item in vectors if item.si == "m/s" and _of_world(item)]
     places = [item for item in vectors if item.si == "m" and _of_world(item)]
     looked = _Stretches(spool, base, gap)
-    found: list[Finding] = []
+    found: list[Finding] = [] if robot is None else _rate_findings(looked, items, robot)
     facts: list[dict[str, Any]] = []
 
     def body_of(item: Quantity) -> str | None:
@@ -143,6 +160,44 @@ def _means(values: Array, span: int) -> Array:
 def _ends(values: Array, span: int) -> Array:
     """Values at the ends of the spans, (m + 1, n)."""
     return values[::span][: (len(values) - 1) // span + 1]
+
+
+def _rate_findings(looked: _Stretches, items: Sequence[Quantity], robot: Robot) -> list[Finding]:
+    """Findings that velocities or accelerations of coordinates are not the changes that they are.
+
+    Args:
+        looked: Stretches of the log.
+        items: Its quantities.
+        robot: The machine, whose coordinates name them.
+    """
+    held, found = {item.column.label: item for item in items}, []
+    for (lower, upper), (mean, *floors, words) in _RATES.items():
+        wrong = []
+        for k, name in enumerate(robot.dof_names):
+            place, rate = held.get(f"{lower}.{name}"), held.get(f"{upper}.{name}")
+            if place is None or rate is None:
+                continue
+            base, pairs = k in robot.floating_dofs, [np.empty((2, 0))]
+            span = looked.span if base else max(1, round(_BRIEF * looked.span / looked.duration))
+            sizes = [one.si_factor / one.factor for one in (place, rate)]
+            for time, (where, shown) in looked.of(place, rate):
+                change = np.diff(_ends(where, span), axis=0) / np.diff(_ends(time, span))[:, None]
+                both = change * sizes[0], _means(shown, span) * sizes[1]
+                pairs.append(np.reshape(both, (2, -1)))
+            derived, measured = np.concatenate(pairs, axis=1)
+            count, offset = max(1, derived.size), float((measured - derived).sum())
+            larger = float(max(derived @ derived, measured @ measured))
+            apart = float(np.sum((derived - measured) ** 2))
+            differs = larger > floors[not base] ** 2 * count and apart > _DIFFERENT**2 * larger
+            if count >= 30 and (differs or (base and abs(offset) > mean * count)):
+                wrong.append(
+                    f"{upper}.{name} (by {offset / count:.2g} {rate.si} in the mean, "
+                    f"{np.sqrt(apart / count):.2g} rms)"
+                )
+        if wrong:
+            text = f"not the change of {lower}: {', '.join(wrong)}; {words}"
+            found.append(Finding("warning", "flight", "rates", text))
+    return found
 
 
 def _compare(

@@ -71,6 +71,12 @@ def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...])
     if plan.zero:
         text = f"taken as zero, as no motor is there: {', '.join(plan.zero)}"
         found.append(Finding("note", "flight", "missing", text))
+    base = {f"{kind}.{robot.dof_names[k]}" for kind in "qv" for k in robot.floating_dofs}
+    if plan.zero and base and base <= set(still):
+        text = "the body never moves: what holds it has a force, which is taken for that of the air"
+        text += "; import a load cell (`cell.force`, `cell.moment`) and use patagium motion, or "
+        text += "leave out `floating` in the robot file"
+        found.append(Finding("warning", "flight", "held", text))
     missing = sorted(set(wanted) - set(held) - {f"q.{name}" for name in joints} - plan.zero.keys())
     if missing:
         text = f"found no {_some(missing)}: the log is no flight of {robot.name!r} yet"
