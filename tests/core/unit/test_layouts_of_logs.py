@@ -394,7 +394,9 @@ def flown(kind: str, folder: Path, draw: Draw) -> Case:
             unit = {"q": "", "v": "/s", "a": "/s^2"}.get(part)
             written = ("N" if k < 3 else "N m") if unit is None else length + unit
             still = kind == "joint at rest" and dof == "flap"
-            table[f"{part}_{dof}"] = 0 * t if still else np.sin((k + 1) * t)
+            turn, order = (k + 1) * t, {"v": 1, "a": 2}.get(part, 0)  # of the derivative
+            value = (k + 1) ** order * np.sin(turn + order * np.pi / 2)
+            table[f"{part}_{dof}"] = 0 * t if still else value
             columns.append({"column": f"{part}_{dof}", "unit": written, "name": f"{part}.{dof}"})
     pd.DataFrame(table).to_csv(folder / "log.csv", index=False)
     words = {**mapped(*columns), "robot": "robots/wing.yaml"}
