@@ -23,6 +23,7 @@ from patagium.learning.forecast import Horizons, named_horizons
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner, Updated
 from patagium.learning.model_file import Model
+from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.parameter_paths import Trained, parameter_scores
@@ -33,6 +34,7 @@ from patagium.learning.scores import Scorer, persistence
 from patagium.learning.stream import MOST_CHECKS, late_samples, stream, thin, used_samples
 from patagium.learning.table_network import scaling_samples
 from patagium.learning.verdict import frozen_scores, with_verdict
+from patagium.learning.what_if import what_if
 from patagium.robot import Robot
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.sensing.logs.table import LogTable, find_gaps
@@ -108,6 +110,9 @@ def identify(
     words = {} if isinstance(flight, LogTable) else _flight_words(flight, chosen.network, count)
     result.scores["chosen"] = words | choices(chosen, taken, step, **given)
     result.scores["verdict"] += _noise_words(known.get("std"), y[len(y) // 2 :], result.scores)
+    if isinstance(chosen.network, LinearStripNetwork) and not isinstance(flight, LogTable):
+        if isinstance(flight, ForceSamples) or "air" in flight.attrs:  # no simulation has "air"
+            result.scores["verdict"] += what_if(flight, chosen.network)
     if isinstance(flight, LogTable):
         result.scores["gaps_found"] = flight.describe_gaps()
         result.scores.update(samples=len(flight.time), samples_that_scaled=first)

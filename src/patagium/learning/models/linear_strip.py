@@ -219,6 +219,21 @@ class LinearStripNetwork(WingNetwork):
             features[k], readout[k], _ = self.encode_one(row)
         return Encoding(features, readout, self.offset)
 
+    def slopes(self, encoding: Encoding) -> Array:
+        """Derivative of the outputs of many samples for the weights, the same for all weights.
+
+        Args:
+            encoding: Of N samples.
+
+        Returns:
+            (N, n_y, n) [unit of y]; times the weights it is the outputs.
+        """
+        count, items, _ = encoding.features.shape
+        readout = encoding.readout.reshape(count, self.outputs, items, OUTPUTS)
+        matrix = np.einsum("kyio,kif->kyof", readout, encoding.features, optimize=True)
+        flat = matrix.reshape(count, self.outputs, -1)
+        return np.concatenate([flat, readout.sum(axis=2)], axis=2)
+
     def _placed(self, corrections: Array, terms: Sequence[float], others: float) -> Array:
         """Numbers of the corrections, of the terms and of what stands for nothing, (n,)."""
         inputs, _ = self.perceptron.widths

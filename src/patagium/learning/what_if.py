@@ -1,0 +1,283 @@
+"""What if a sign, a zero, a clock or the wind of a log were another: mistakes that the air shows.
+
+The force of the air is nearly linear in a few dimensionless weights of known size, whatever the air
+(`LinearStripNetwork`). For each mistake that laboratories make, the log is turned back as if it had
+been made, the force of the air is computed anew, and the weights are fitted to it with their prior.
+A log of which the air explains a changed form several times better than the log itself has that
+mistake. Neglected: two mistakes at once that are no group of joints, and dampers that turn with
+their joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+
+import numpy as np
+import xarray as xr
+from scipy.linalg import solve
+
+from patagium.arrays import Array, Bools, Indices, usual_step
+from patagium.learning.models.linear_strip import LinearStripNetwork
+from patagium.robot import Robot
+from patagium.sensing.force.air_force import SampleForm, recorded, training_data
+from patagium.sensing.force.measured_force import ForceSamples
+from patagium.simulation import gait_period
+
+_BETTER = 5.0
+"""Error as stated over that of a changed log from which the log is taken for mistaken [1]."""
+_ALIKE = 1.5  # errors of changes over the least, up to which each of them may be the mistake
+_MOVES = 0.1  # of the largest joint rate, below which a robot rests
+_LEAST = 3e-3  # of the variance: errors below it, as of a small rudder, are not worth a question
+_MISFIT = 0.1  # of the standard deviation of an output: what the air may be off by
+_SLIGHT = 0.1  # of what the largest force of the strips makes of an output: less says little
+_NUMBERS, _SAMPLES = 1000, (60, 300)
+"""Forces that are looked at, and the least and largest number of samples that they are of."""
+_LONGEST = 0.1
+"""Largest delay that is looked for, as a share of a wingbeat [1]."""
+_OFFSET = 0.35  # rad, the largest offset of a joint that is looked for
+_WIND = 3.0  # m/s, likewise
+_PROMISING, _STEPS = 5, (0.1, 0.03, 0.01)  # numbers to find well; steps over the reach
+
+
+@dataclass(frozen=True)
+class _Change:
+    """A log as it would be without a mistake.
+
+    Args:
+        words: What would be other.
+        motion: Sign of each coordinate, (n,) [1].
+        forces: Sign of each force that is known, (n,) [1].
+        order: Coordinate whose place each takes, (n,).
+    """
+
+    words: str
+    motion: Array
+    forces: Array
+    order: Indices
+
+
+@dataclass(frozen=True)
+class _Number:
+    """A number by which a log may be off.
+
+    Args:
+        error: Error of the log with so much more of it.
+        reach: Largest size that is looked for [unit of the number].
+        scale: Unit of the number over that of the words.
+        words: What would be other.
+        more: Words for less and for more of it.
+    """
+
+    error: Callable[[float], float]
+    reach: float
+    scale: float
+    words: str
+    more: tuple[str, str] = ("less", "more")
+
+    def nearer(self, value: float, step: float) -> float:
+        """Value nearer to that of the least error, by a parabola through three."""
+        below, here, above = (self.error(value + k * step) for k in (-1, 0, 1))
+        bend = below - 2.0 * here + above
+        moved = 0.5 * (below - above) / bend if bend > 0 else float(np.sign(below - above))
+        return float(np.clip(value + step * np.clip(moved, -2.0, 2.0), -self.reach, self.reach))
+
+
+class _Log:
+    """Motion, and known forces, of a robot at some samples of a log.
+
+    Args:
+        log: Flight, or measured forces.
+        network: What explains their air, without memory.
+        reach: Largest delay that will be asked for [s].
+    """
+
+    def __init__(
+        self, log: xr.Dataset | ForceSamples, network: LinearStripNetwork, reach: float
+    ) -> None:
+        robot = self.robot = network.robot
+        if isinstance(log, ForceSamples):
+            self.time, force, std = log.time, log.force, np.nan_to_num(log.std)
+            whole = np.array([log.q, log.v, log.a])
+        else:
+            self.time, _, force = training_data(log, robot, with_added_mass=True)
+            whole, std = np.array([recorded(log, k, robot) for k in ("q", "v", "a")]), 0.0 * force
+        self.network, self.whole = network, whole
+        self.joints = [k for k in range(robot.dof) if k not in robot.floating_dofs]
+        measured = [robot.index(name) for name in network.output_names]
+        counted = np.isfinite(force[:, measured]).sum(axis=0)
+        self.heard = np.flatnonzero((network.per_newton > 0) & (counted > 1))
+        self.outputs = np.array(measured)[self.heard]
+        inside = (self.time > self.time[0] + reach) & (self.time < self.time[-1] - reach)
+        self.rows = self._spread(inside & np.isfinite(force[:, self.outputs].sum(axis=1)))
+        self.motion = whole[:, self.rows]
+        self.known = self._needed(self.motion) - force[self.rows]
+        self.std = std[self.rows][:, self.outputs]
+
+    def _spread(self, known: Bools) -> Indices:
+        """Samples whose outputs are known and in which joints move, spread over the log."""
+        rates = np.abs(self.whole[1][:, self.joints]).max(axis=1, initial=0.0)
+        rows = np.flatnonzero(known & (rates > _MOVES * rates.max(initial=0.0)))
+        count = int(np.clip(_NUMBERS / max(1, len(self.outputs)), *_SAMPLES))
+        return rows[:: max(1, len(rows) // count)]
+
+    def _needed(self, motion: Array) -> Array:
+        """Force that a motion, (3, N, n), needs besides that of the robot's dampers, (N, n)."""
+        form, (q, v, a) = SampleForm(self.robot), np.ascontiguousarray(motion)
+        _, y = form.function.batch(q, v, a, np.zeros_like(v), form.parameters)
+        return np.array(y).reshape(q.shape)
+
+    def changed(self, change: _Change) -> float:
+        """Error of the log as it would be."""
+        motion = self.motion[:, :, change.order] * change.motion
+        return self._error(motion, self.known[:, change.order] * change.forces)
+
+    def later(self, delay: float) -> float:
+        """Error of the log with its joints as they are a delay [s] later."""
+        motion, times = self.motion.copy(), self.time[self.rows] + delay
+        for part, k in product(range(len(motion)), self.joints):
+            motion[part, :, k] = np.interp(times, self.time, self.whole[part, :, k])
+        return self._error(motion, self.known)
+
+    def moved(self, joints: Sequence[int], offset: float) -> float:
+        """Error of the log with joints at an offset [rad] more."""
+        motion = self.motion.copy()
+        motion[0][:, joints] += offset
+        return self._error(motion, self.known)
+
+    def blown(self, place: int, speed: float) -> float:
+        """Error of the log with so much more wind [m/s] along x, y or z of its base."""
+        motion = self.motion.copy()
+        motion[1][:, place] -= speed  # relative to the air, as no inertia feels
+        return self._error(motion, self.known)
+
+    def _error(self, motion: Array, known: Array) -> float:
+        """Error of the best weights, with their distance from the prior, over the variance [1]."""
+        network, lever = self.network, self.network.per_newton[self.heard]
+        y = (self._needed(motion) - known)[:, self.outputs]
+        size = y.std(axis=0)
+        size = np.maximum(size, _SLIGHT * (size / lever).max() * lever)
+        slopes = network.slopes(network.encode(np.hstack([*motion])))[:, self.heard]
+        scale, prior = np.hypot(_MISFIT * size, self.std), network.own_prior
+        missed = (y - slopes @ network.initial(0)) / scale
+        matrix = slopes * prior / scale[:, :, None]
+        across = matrix.transpose(0, 2, 1)  # sample by sample: BLAS would wait for busy cores
+        square = (across @ matrix).sum(axis=0) + np.eye(len(prior))
+        weights = solve(square, (across @ missed[:, :, None]).sum(axis=0)[:, 0], assume_a="pos")
+        apart = missed - matrix @ weights
+        return float(_MISFIT**2 * (np.sum(apart**2) + weights @ weights) / missed.size)
+
+
+def what_if(log: xr.Dataset | ForceSamples, network: LinearStripNetwork) -> list[str]:
+    """Warning of what a log would be explained by several times better, if anything; or nothing.
+
+    Args:
+        log: Flight, or measured forces.
+        network: Strips of the robot in the air of the log, with the outputs that are measured.
+    """
+    robot = network.robot
+    if robot.coordinate_count > robot.dof:  # quaternions have no signs of angles
+        return []
+    if network.attached:  # has a memory, so that samples may not be taken anywhere
+        network = LinearStripNetwork(robot, network.air, network.measured)
+    reach = _LONGEST * _period(log)
+    record, own, ones = _Log(log, network, reach), np.arange(robot.dof), np.ones(robot.dof)
+    if len(record.rows) < _SAMPLES[0] or not len(record.outputs):
+        return []
+    stated = record.changed(_Change("", ones, ones, own))
+    if not stated > _LEAST:
+        return []
+    found = {record.changed(one): one.words for one in reversed([*_changes(robot)])}
+    found |= _best_numbers([*_numbers(record, reach)])
+    least = min(found)
+    if not stated > _BETTER * least:
+        return []
+    words = "; or ".join(found[size] for size in sorted(found) if size <= _ALIKE * least)
+    return [
+        f"Warning: the air would explain this log {stated / least:.2g} times better if {words}. "
+        "Check signs, axes, zeros, clocks, wind and masses; a mapping has `negated`, `offset`, `air`."
+    ]
+
+
+def _numbers(record: _Log, reach: float) -> Iterator[_Number]:
+    """Delay of the joints up to a reach [s], zeros of joints and pairs of them, and wind."""
+    robot = record.robot
+    stamped = "joints were stamped {:.2g} ms {}", ("later", "earlier")
+    yield _Number(record.later, reach, 1e3, *stamped)
+    turning = [robot.dof_names[k] for k in record.joints if robot.dof_units[k] == "rad"]
+    for names in (*_pairs(turning), *([name] for name in turning)):
+        error = partial(record.moved, [robot.index(name) for name in names])
+        words = f"{' and '.join(names)} were {{:.2g}} deg {{}}"
+        yield _Number(error, _OFFSET, 180.0 / np.pi, words)
+    for name in ("x", "y", "z"):
+        if name in robot.dof_names and robot.index(name) in robot.floating_dofs:
+            words = f"the wind along {name} were {{:.2g}} m/s {{}}"
+            yield _Number(partial(record.blown, robot.index(name)), _WIND, 1.0, words)
+
+
+def _best_numbers(numbers: Sequence[_Number]) -> dict[float, str]:
+    """Errors with the best values of those numbers that promise most, and words on them."""
+    coarse = [one.nearer(0.0, one.reach / 4) for one in numbers]
+    errors, found = [one.error(value) for one, value in zip(numbers, coarse, strict=True)], {}
+    for k in np.argsort(errors)[:_PROMISING]:
+        one, value = numbers[k], coarse[k]
+        for fraction in _STEPS:
+            value = one.nearer(value, fraction * one.reach)
+        found[one.error(value)] = one.words.format(abs(one.scale * value), one.more[value > 0])
+    return found
+
+
+def _period(log: xr.Dataset | ForceSamples) -> float:
+    """Wingbeat of a log: of its gait, or the strongest period of its joint rates [s]."""
+    known = gait_period(log) if isinstance(log, xr.Dataset) else None
+    if known is not None:
+        return known
+    v, time = np.asarray(log.v), np.asarray(log.time)
+    power = np.abs(np.fft.rfft(v - v.mean(axis=0), axis=0)).sum(axis=1)[1:]
+    return 1.0 / float(np.fft.rfftfreq(len(time), usual_step(time))[1:][np.argmax(power)])
+
+
+def _changes(robot: Robot) -> Iterator[_Change]:
+    """Mistakes of laboratories: signs of joints and of their forces, axes of the world, sides."""
+    own, ones = np.arange(robot.dof), np.ones(robot.dof)
+    free = {robot.dof_names[k] for k in robot.floating_dofs}
+    for names, words in _groups(robot, free):
+        signs = ones.copy()
+        signs[[robot.index(name) for name in names]] = -1.0
+        forces = f"the {'force' if len(names) == 1 else 'forces'} of {words}"
+        yield _Change(f"{words} had the other sign", signs, ones, own)
+        yield _Change(f"{forces} had the other sign", ones, signs, own)
+        if not free.issuperset(names):
+            yield _Change(f"{words} and {forces} had the other sign", signs, signs, own)
+    if sides := _pairs(robot.dof_names):
+        order = own.copy()
+        for left, right in sides:
+            places = [robot.index(left), robot.index(right)]
+            order[places] = places[::-1]
+        yield _Change("left and right were exchanged", ones, ones, order)
+    for axis, turned in (("z pointed down", "y z pitch yaw"), ("x pointed back", "x y pitch roll")):
+        names = turned.split()
+        if free.intersection(names):
+            signs = np.array([-1.0 if name in names else 1.0 for name in robot.dof_names])
+            yield _Change(f"{axis} (another sign of {', '.join(names)})", signs, ones, own)
+
+
+def _pairs(names: Sequence[str]) -> list[tuple[str, str]]:
+    """Joints of the left, and the same of the right."""
+    both = [(name, f"right{name[4:]}") for name in names if name.startswith("left")]
+    return [(left, right) for left, right in both if right in names]
+
+
+def _groups(robot: Robot, free: Collection[str]) -> Iterator[tuple[Sequence[str], str]]:
+    """Coordinates that may have a wrong sign together, and their name."""
+    joints = [name for name in robot.dof_names if name not in free]
+    yield from (([name], name) for name in robot.dof_names)
+    yield from ((pair, f"{pair[0]} and {pair[1]}") for pair in _pairs(joints))
+    for side in ("left", "right"):
+        group = [name for name in joints if name.startswith(side)]
+        if len(group) > 1:
+            yield group, f"all joints of the {side}"
+    if len(joints) > 1:
+        yield joints, "all joints"
