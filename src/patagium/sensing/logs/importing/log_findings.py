@@ -17,6 +17,7 @@ from patagium.sensing.logs.importing.findings import (
     constant_findings,
     is_still,
     missing_findings,
+    recorder_findings,
     sizes_of,
     stamp_findings,
     unit_findings,
@@ -68,6 +69,10 @@ def log_findings(
         ]
         found += _item_findings(item, spool.surveys[item.stream].values, known, still, others)
         found += _range_findings(item, spool)
+        first = spool.values_of(item.stream, 0, min(CHUNK, spool.surveys[item.stream].stamps.kept))
+        measured = item.role == "output" or (item.si in ("N", "N m") and item.column.size == 3)
+        for place in () if item.is_attitude else item.places:
+            found += recorder_findings(item.column.label, first[:, place], measured=measured)
         found += _matrix_findings(item, spool, log.path)
         found += _stated_unit(item, plan, log)
     if robot is not None:
