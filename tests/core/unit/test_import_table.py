@@ -247,6 +247,49 @@ def test_numbers_that_a_recorder_made_are_asked_for(
     assert all(word in text for word, text in zip(words, found, strict=True)), found
 
 
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("", ""),
+        ("lost", ""),
+        ("wraps", ""),
+        ("reset", "jumps 1 time(s), such as from"),
+        ("dropouts", "time(s), such as from 0 to 0.59"),
+        ("held", "change every 10 samples"),
+    ],
+)
+def test_an_encoder_that_jumps_or_holds_is_told(tmp_path: Path, fault: str, words: str) -> None:
+    """A counter that was reset and drop-outs to 0 were taken for motion: errors of .5 rad."""
+    time, rng = 0.002 * np.arange(3000), np.random.default_rng(2)
+    angle = 0.6 * np.sin(6 * np.pi * time) / (1 + np.exp(8 - 8 * time))
+    angle += 3e-4 * rng.normal(size=3000)
+    kept = np.ones(3000, bool)
+    if fault == "lost":
+        kept[2000:2080] = False
+    elif fault == "wraps":
+        angle %= 2 * np.pi
+    elif fault == "reset":
+        angle[1500:] += 0.5
+    elif fault == "dropouts":
+        angle[600::60] = 0.0
+    elif fault == "held":
+        angle = angle[np.arange(3000) // 10 * 10]
+    path, mapping = tmp_path / "log.csv", tmp_path / "map.yaml"
+    columns = np.column_stack([time, angle])[kept]
+    np.savetxt(path, columns, delimiter=",", header="t [s],turn [rad]", comments="")
+    (tmp_path / "arm.yaml").write_text(
+        "{name: arm, gravity: 0, bodies: {arm: {parent: world, joints: [{name: turn, axis: x}], "
+        "mass: 1, shape: {type: box, size: [0.1, 0.1, 0.1]}}}}"
+    )
+    mapping.write_text(
+        f"about: x\nrobot: {tmp_path / 'arm.yaml'}\ntime: {{column: t, unit: s}}\n"
+        "channels: [{column: turn, unit: rad, name: q.turn}]\n"
+    )
+    told = pt.import_log(path, mapping, tmp_path / "log.nc").findings
+    found = [one.text for one in told if one.kind in ("jump", "held", "clipped")]
+    assert len(found) == bool(words) and all(words in one for one in found), found
+
+
 def test_a_column_of_text_is_refused_by_its_words(tmp_path: Path) -> None:
     """The column was said to be absent."""
     path, mapping = tmp_path / "log.csv", tmp_path / "map.yaml"

@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
 from patagium.arguments import Progress
@@ -243,18 +244,23 @@ def survey_streams(
             progress(done, max(total, done))
 
 
-_FAR, _LEVELS, _CLIPPED, _RUN = 5.0, 50, 10, 3
+_FAR, _LEVELS, _CLIPPED, _RUN, _BESIDE = 5.0, 50, 10, 3, 10
 
 
-def recorder_findings(where: str, values: Array, *, measured: bool) -> list[Finding]:
+def recorder_findings(
+    where: str, values: Array, *, measured: bool, joint: bool = False
+) -> list[Finding]:
     """Findings about numbers that a recorder made: marks of missing ones, clipped or held samples.
+
+    And jumps of joints: a step of ten times those before and after it, two samples apart.
 
     Args:
         where: Name of the quantity.
-        values: Its first samples, (N,) [unit of the log].
+        values: Its first samples, (N,) [unit of the log]; NaN where some are missing.
         measured: Whether they are measured, so that no command makes them stand still or end.
+        joint: Whether they are those of an encoder, which may stand at a stop.
     """
-    values = values[np.isfinite(values)]
+    whole, values = values, values[np.isfinite(values)]
     levels, counts = np.unique(values, return_counts=True)
     found: list[tuple[str, str]] = []
     if len(levels) < _LEVELS:
@@ -273,10 +279,21 @@ def recorder_findings(where: str, values: Array, *, measured: bool) -> list[Find
             found.append(("clipped", text))
     steps = np.diff(np.flatnonzero(np.diff(values)))
     every = float(np.median(steps))
-    if measured and every > 1 and (np.abs(steps - every) < 1).mean() > 0.9:
+    if (measured or joint) and every > 1 and (np.abs(steps - every) < 1).mean() > 0.9:
         if not count_noise(values):
             text = f"its numbers change every {every:g} samples: they are held between, and late; "
             found.append(("held", text + "import at the `rate` at which they change"))
+    if joint and len(whole) > 4 * _BESIDE:
+        step = np.nan_to_num(np.abs(np.diff(np.pad(whole, _BESIDE, mode="edge"))))
+        windows = sliding_window_view(step, 2 * _BESIDE + 1)
+        beside = np.delete(windows, np.s_[_BESIDE - 2 : _BESIDE + 3], axis=1).max(axis=1)
+        size = windows[:, _BESIDE]
+        jumps = np.flatnonzero(size > 10 * np.maximum(beside, count_noise(values)))
+        if len(jumps):
+            largest = whole[jumps[np.argmax(size[jumps])] :][:2]
+            text = f"it jumps {len(jumps)} time(s), such as from {largest[0]:g} to {largest[1]:g}: "
+            text += "leave bad samples empty; of a counter that was reset, import each part alone "
+            found.append(("jump", text + "(`start` and `end`)"))
     return [Finding("warning", where, kind, text) for kind, text in found]
 
 
