@@ -235,16 +235,29 @@ def _place(found: _Found, name: str, values: xr.DataArray, body: str | None) -> 
     if dim in ("axis", "quaternion"):
         kind = "attitude" if dim == "quaternion" else _VECTORS.get(unit)
         if kind is not None and where is not None:
-            found.bodies.setdefault(where, {}).setdefault(kind, (name, numbers))
+            _add_one(found.bodies.setdefault(where, {}), kind, f"{kind} of {where}", name, numbers)
         return
     joint = name.replace("[", ".").replace("]", "").replace("/", ".").rpartition(".")[2]
     if joint not in found.robot.dof_names or name.startswith(("v.", "a.")):
         return
     place = found.robot.index(joint)
     if unit == found.robot.dof_units[place]:
-        found.joints.setdefault(joint, (name, numbers))
+        _add_one(found.joints, joint, f"position of {joint}", name, numbers)
     elif unit == found.robot.force_units[place] and place in found.robot.actuated:
-        found.efforts.setdefault(joint, (name, numbers))
+        _add_one(found.efforts, joint, f"force of {joint}", name, numbers)
+
+
+def _add_one(
+    held: dict[str, tuple[str, Array]], key: str, words: str, name: str, numbers: Array
+) -> None:
+    """Add a quantity; refuse a second one of the same kind, such as that of another robot."""
+    if key in held:
+        raise LogError(
+            f"{name}: expected one {words.replace('_', ' ', 1)}, found {held[key][0]}, too; leave "
+            "out of the mapping what is commanded or of another robot, or say whose it is by "
+            "`bodies` (--body NAME=BODY)"
+        )
+    held[key] = name, numbers
 
 
 def body_in(name: str, robot: Robot) -> str | None:
