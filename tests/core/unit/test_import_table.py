@@ -253,6 +253,7 @@ def test_numbers_that_a_recorder_made_are_asked_for(
         ("", ""),
         ("lost", ""),
         ("wraps", ""),
+        ("steps", ""),
         ("reset", "jumps 1 time(s), such as from"),
         ("dropouts", "time(s), such as from 0 to 0.59"),
         ("held", "change every 10 samples"),
@@ -268,6 +269,8 @@ def test_an_encoder_that_jumps_or_holds_is_told(tmp_path: Path, fault: str, word
         kept[2000:2080] = False
     elif fault == "wraps":
         angle %= 2 * np.pi
+    elif fault == "steps":  # positions of a polar, held in turn
+        angle = 0.02 * (np.arange(3000) // 50) + 3e-4 * rng.normal(size=3000)
     elif fault == "reset":
         angle[1500:] += 0.5
     elif fault == "dropouts":

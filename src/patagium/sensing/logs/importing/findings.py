@@ -244,7 +244,7 @@ def survey_streams(
             progress(done, max(total, done))
 
 
-_FAR, _LEVELS, _CLIPPED, _RUN, _BESIDE = 5.0, 50, 10, 3, 10
+_FAR, _LEVELS, _CLIPPED, _RUN, _BESIDE, _SWING = 5.0, 50, 10, 3, 10, 0.3
 
 
 def recorder_findings(
@@ -289,7 +289,9 @@ def recorder_findings(
         beside = np.delete(windows, np.s_[_BESIDE - 2 : _BESIDE + 3], axis=1).max(axis=1)
         size = windows[:, _BESIDE]
         jumps = np.flatnonzero(size > 10 * np.maximum(beside, count_noise(values)))
-        if len(jumps):
+        parts = np.split(whole, jumps + 1)
+        swing = max(float(np.nanmax(one) - np.nanmin(one)) for one in parts)
+        if len(jumps) and swing > _SWING * size.max():  # no positions that are held in turn
             largest = whole[jumps[np.argmax(size[jumps])] :][:2]
             text = f"it jumps {len(jumps)} time(s), such as from {largest[0]:g} to {largest[1]:g}: "
             text += "leave bad samples empty; of a counter that was reset, import each part alone "
