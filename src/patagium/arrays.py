@@ -131,3 +131,23 @@ def real_array(name: str, values: Any, shape: tuple[int | str, ...] | None = Non
 def _of_reals(array: Any) -> bool:
     kind = array.dtype.kind
     return kind in "fiub" or (kind == "O" and all(isinstance(one, Real) for one in array.flat))
+
+
+def count_noise(values: Array) -> float:
+    """Standard deviation of rounding to counts of an encoder or digits of a text.
+
+    Args:
+        values: Samples of a number, (N,) [any unit].
+
+    Returns:
+        The standard deviation [unit of the values]; 0 if the values do not lie on a grid.
+    """
+    seen = values[np.isfinite(values)]
+    steps = np.abs(np.diff(seen))
+    steps = steps[steps > 1e-9 * np.abs(seen).max(initial=0.0)]
+    if len(steps) < 10 or len(np.unique(seen)) > 0.8 * len(seen):  # values of a grid come again
+        return 0.0
+    counts = steps / steps.min()
+    if (np.abs(counts - counts.round()) < 0.05).mean() < 0.95:
+        return 0.0
+    return float(steps.min() / np.sqrt(12.0))

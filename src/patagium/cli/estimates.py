@@ -27,8 +27,6 @@ DRAWS = 8
 """Draws of learned weights that say how far a log leaves an orbit open."""
 DENSITY = 1.225
 """Density of the air where none is given [kg/m^3]."""
-STILL = (0.0, 0.0, 0.0)
-"""Wind of the air that an orbit is relative to, also where it was learned in a tunnel [m/s]."""
 GreyModel: TypeAlias = Literal["quasi-steady", "lifting-line", "delaurier"]
 """Models of the air whose numbers can be learned."""
 
@@ -181,7 +179,7 @@ def chosen_air(
         polars: As `air_model` takes them.
         inflow: Whether wings meet the air that they have thrown down.
         usual: Density of a model that was not learned, where none is given [kg/m^3].
-        **given: Density, wind and ground [SI]; None: those of the model.
+        **given: Density, wind and ground [SI]; None: the model's density, still air, no ground.
 
     Raises:
         LogError: If the file is no learned model.
@@ -199,9 +197,11 @@ def chosen_air(
         raise ParameterError("--polar, --inflow", "nothing beside a learned model", word)
     model = load_model(word)
     learned, _ = model.air(machine)
-    air = replace(learned.air, **known)
+    air = replace(learned.air, **{"wind": Air().wind, **known})
     told = f"Air of {word}, learned from {model.source or 'a log'}: {air.density:.4g} kg/m^3"
-    typer.echo(told + f", wind {air.wind} m/s" * any(air.wind), err=True)
+    told += f", wind {air.wind} m/s" * any((*air.wind, *learned.air.wind))
+    other = f"; the log's wind was {learned.air.wind} m/s" * (air.wind != learned.air.wind)
+    typer.echo(told + other, err=True)
     return model.air(machine, air)
 
 

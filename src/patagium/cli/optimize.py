@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from patagium.cli.estimates import STILL, AirOption, chosen_air, tell_unseen
+from patagium.cli.estimates import AirOption, chosen_air, tell_unseen
 from patagium.cli.options import (
     OUTPUT,
     DensityOption,
@@ -93,7 +93,7 @@ def optimize(
     if front is None and figure is not None:
         raise ParameterError("--figure", "--front with the speeds of the picture", None)
     machine = load_robot(robot)
-    model, added = chosen_air(aero, machine, polar, inflow, density=density, wind=STILL)
+    model, added = chosen_air(aero, machine, polar, inflow, density=density)
     if aero == "quasi-steady" and (turned := hinged_strips(machine)):
         typer.echo(f"patagium: {HINGED.format(machine.strips[turned[0]].wing)}", err=True)
     if front is not None:

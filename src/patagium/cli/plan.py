@@ -17,7 +17,7 @@ from pydantic import (  # isort: skip
 )  # fmt: skip
 from patagium.aerodynamics import AddedMass, QuasiSteady
 from patagium.arguments import Progress
-from patagium.cli.estimates import DENSITY, STILL, air_word, chosen_air, tell_unseen
+from patagium.cli.estimates import DENSITY, air_word, chosen_air, tell_unseen
 from patagium.control.adaptation import AdaptiveController
 from patagium.control.estimators import NoisyState, TrackedState
 from patagium.control.events import (
@@ -381,7 +381,7 @@ def prepared(plan: Plan) -> Prepared:
         PatagiumError: If there is no such orbit; it says what is lacking.
     """
     robot, given = load_robot(plan.robot), plan.trim
-    aero, added = chosen_air(given.air, robot, density=given.density, wind=STILL)
+    aero, added = chosen_air(given.air, robot, density=given.density)
     gait = gaits.cruise(robot)
     free = given.free or free_parameters(robot, gait, given.turn_rate)
     climb = 0.0 if given.climb is None and gait.period else given.climb  # a glide's is free

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from patagium.cli.estimates import STILL, AirOption, chosen_air, left_open, tell_unseen
+from patagium.cli.estimates import AirOption, chosen_air, left_open, tell_unseen
 from patagium.cli.options import (
     OUTPUT,
     DensityOption,
@@ -115,7 +115,7 @@ def trim(
     if not as_json:
         kind = "Wingbeat" if gait.period else "Glide"
         typer.echo(f"{kind} of the file's cruise, {aero} air; free: {', '.join(chosen)}", err=True)
-    model, added = chosen_air(aero, machine, polar, inflow, density=density, wind=STILL)
+    model, added = chosen_air(aero, machine, polar, inflow, density=density)
     if aero == "quasi-steady" and (turned := hinged_strips(machine)):
         typer.echo(f"patagium: {HINGED.format(machine.strips[turned[0]].wing)}", err=True)
     asked = level if climb is None else climb

@@ -138,7 +138,7 @@ def _check_alike(files: Sequence[Path], logs: Sequence[Any]) -> None:
     """Refuse files that one network cannot learn.
 
     Raises:
-        LogError: If some are flights and some are tables, or the robot or the wind differs.
+        LogError: If some are flights and some are tables, or robot, wind or density differ.
     """
     from patagium.sensing import LogTable
     from patagium.simulation import air_of, robot_of
@@ -146,11 +146,11 @@ def _check_alike(files: Sequence[Path], logs: Sequence[Any]) -> None:
     def kind(one: Any) -> tuple[Any, ...]:
         if isinstance(one, LogTable):
             return ("table", one.input_names, one.output_names)
-        return ("flight", robot_of(one), air_of(one).wind)
+        return ("flight", robot_of(one), air_of(one).wind, air_of(one).density)
 
     first = kind(logs[0])
     for file, one in zip(files, logs, strict=True):
-        pairs = zip(("kind", "robot", "wind"), kind(one), first, strict=True)
+        pairs = zip(("kind", "robot", "wind", "density"), kind(one), first, strict=False)
         for name in (name for name, found, expected in pairs if found != expected):
             raise LogError(
                 f"{file}: expected the {name} of {files[0].name}, which the network is made for, "

@@ -25,11 +25,10 @@ from patagium.learning.learners.learner import Learner, Updated
 from patagium.learning.model_file import Model
 from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.memory import network_inputs
-from patagium.learning.models.network import Network
 from patagium.learning.parameter_paths import Trained, parameter_scores
 from patagium.learning.propagation import robot_motion
 from patagium.learning.result import Check, Identification, check, record_of
-from patagium.learning.samples import in_flight, other_air, samples, stds, with_force
+from patagium.learning.samples import go_on_in, in_flight, samples, stds, with_force
 from patagium.learning.scores import Scorer, persistence
 from patagium.learning.stream import MOST_CHECKS, late_samples, stream, thin, used_samples
 from patagium.learning.table_network import scaling_samples
@@ -87,6 +86,7 @@ def identify(
     chosen = learner or default_learner(flight if robot is None else robot, every=every)
     given = {"learner_given": learner is not None, "every_given": every is not None}
     known: dict[str, Any]
+    words = {} if isinstance(flight, LogTable) else _flight_words(flight, chosen, count)
     if isinstance(flight, LogTable):
         _refuse_for_tables(inputs, robot)
         first = scaling_samples(flight)
@@ -107,7 +107,6 @@ def identify(
         known |= {"motion": motion, "period": period}
     _check_horizons(horizons, float(time[-1] - time[0]))
     result = stream(chosen, time, x, y, every=taken, horizons=horizons, progress=progress, **known)
-    words = {} if isinstance(flight, LogTable) else _flight_words(flight, chosen.network, count)
     result.scores["chosen"] = words | choices(chosen, taken, step, **given)
     result.scores["verdict"] += _noise_words(known.get("std"), y[len(y) // 2 :], result.scores)
     if isinstance(chosen.network, LinearStripNetwork) and not isinstance(flight, LogTable):
@@ -121,11 +120,10 @@ def identify(
 
 
 def _flight_words(
-    flight: xr.Dataset | ForceSamples, network: Network, count: int
+    flight: xr.Dataset | ForceSamples, learner: Learner, count: int
 ) -> dict[str, str]:
-    """Air that is not the network's; measured forces, and how many samples are left out."""
-    other = other_air(network, flight)
-    words = {"air": f"not that of the flight, {other[1]}"} if other else {}
+    """Air that was not the learner's; measured forces, and how many samples are left out."""
+    words = go_on_in(learner, flight)
     if not isinstance(flight, ForceSamples):
         return words
     names, lost = ", ".join(flight.measured), count - len(flight.time)

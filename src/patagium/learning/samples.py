@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,10 +12,11 @@ import xarray as xr
 from patagium.aerodynamics import Air
 from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError, ShapeError
+from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.model_file import Model, model_of
 from patagium.learning.models.network import Network, flight_terms
-from patagium.learning.models.registry import network_from_description
+from patagium.learning.models.registry import in_air, network_from_description, steady_air
 from patagium.learning.parameter_paths import Trained
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import recorded, state_columns, training_data
@@ -98,9 +99,8 @@ def samples(
 
 def other_air(network: Network, flight: xr.Dataset | ForceSamples) -> tuple[Air, str] | None:
     """Steady air of a flight and words on it; None if the network knows none, has or learns it."""
-    own: Air | None = getattr(getattr(network, "model", network), "air", None)
-    learned = () if own is None else network.describe().get("estimate", ())
-    if own is None or any(name.startswith(("wind", "density")) for name in learned):
+    own = steady_air(network)
+    if own is None:
         return None
     air = flight.air if isinstance(flight, ForceSamples) else air_of(flight)
     if (air.wind, air.density) == (own.wind, own.density):
@@ -126,18 +126,24 @@ def in_flight(
         told = [f"Warning: the wings of {flown.name} are not those that the model learned."]
     found = other_air(network, flight)
     if found is not None and isinstance(model, Model | Learner):
-        air = {"wind": found[0].wind, "density": found[0].density}
-        network = network_from_description(_with_air(network.describe(), air))
+        network = network_from_description(in_air(network.describe(), found[0]))
         model = replace(model if isinstance(model, Model) else model_of(model), network=network)
         told.append(f"Note: predicted in the air of the flight, {found[1]}.")
     return model, told
 
 
-def _with_air(description: Any, air: Mapping[str, Any]) -> Any:
-    """Description of a network in which every model of the air has other wind and density."""
-    if not isinstance(description, Mapping):
-        return description
-    return {k: {**v, **air} if k == "air" else _with_air(v, air) for k, v in description.items()}
+def go_on_in(learner: Learner, flight: xr.Dataset | ForceSamples) -> dict[str, str]:
+    """Take a learner that has learned before into the steady air of a flight, in words.
+
+    One that has not keeps the air that it was given.
+    """
+    found = other_air(learner.network, flight)
+    if found is None:
+        return {}
+    if not (isinstance(learner, FilterLearner) and learner.count):
+        return {"air": f"not that of the flight, {found[1]}"}
+    learner.go_on_with(network_from_description(in_air(learner.network.describe(), found[0])))
+    return {"air": f"that of the flight, {found[1]} before"}
 
 
 def stds(flight: xr.Dataset | ForceSamples, network: Network) -> Array | None:

@@ -1,7 +1,7 @@
 """Dense network for the columns of a table, scaled by stated ranges or by the first samples.
 
-Samples that scale a network are not predicted, so that nothing looks ahead. Neglected: columns
-that begin at rest, whose first samples say nothing of their range.
+Samples that scale a network are not predicted, so that nothing looks ahead. Of a log that begins
+at rest they end a second after it moves. Neglected: single columns that move later than others.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from patagium.sensing.logs.table import LogTable
 
 SCALING_TIME, SCALING_SAMPLES = 1.0, 50
 """Time [s] and least number of the samples that scale columns without a stated range."""
+_MOVES = 0.1
+"""Share of its range (1 to 99 %) by which a column moves where it is no longer at rest [1]."""
 
 
 @checked
@@ -82,6 +84,8 @@ def sample_ranges(values: Array) -> Array:
 def scaling_samples(table: LogTable) -> int:
     """Number of first samples that scale the columns without a stated range; 0 without any.
 
+    They end a second after the log begins or, if later, after half of these columns move.
+
     Args:
         table: The log, or the beginning of it: more than a second, and 50 samples.
 
@@ -89,7 +93,8 @@ def scaling_samples(table: LogTable) -> int:
         LogError: If it has no samples after them.
     """
     names = np.array([*table.input_names, *table.output_names])
-    silent = names[np.isnan(_bounds(table)).any(axis=1)]
+    unknown = np.isnan(_bounds(table)).any(axis=1)
+    silent = names[unknown]
     if not len(silent):
         return 0
     second = int(np.searchsorted(table.time, table.time[0] + SCALING_TIME))
@@ -100,7 +105,18 @@ def scaling_samples(table: LogTable) -> int:
             f"{SCALING_SAMPLES} samples, which scale {', '.join(silent)}, found "
             f"{len(table.time)} samples; state a range in the mapping, such as `range: [-1, 1]`"
         )
-    return count
+    rest = _rest(np.hstack([table.x, table.y])[:, unknown])
+    moving = int(np.searchsorted(table.time, table.time[rest] + SCALING_TIME))
+    return moving if rest > count and moving < len(table.time) / 2 else count
+
+
+def _rest(values: Array) -> int:
+    """Number of first samples in which less than half of the columns have moved."""
+    values = values[:, np.isfinite(values).all(axis=0)]
+    low, high = np.quantile(values, (0.01, 0.99), axis=0)
+    moved = np.abs(values - values[0]) > _MOVES * (high - low)
+    begins = np.sort(moved.argmax(axis=0)[moved.any(axis=0)])
+    return int(begins[(len(begins) - 1) // 2]) if len(begins) else 0
 
 
 def _bounds(table: LogTable) -> Array:

@@ -13,6 +13,7 @@ import xarray as xr
 from scipy.spatial.transform import Rotation
 
 import patagium as pt
+from patagium.arrays import count_noise
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.robot import load_robot_text
 from patagium.sensing.motion.estimate_motion import (
@@ -27,7 +28,6 @@ from patagium.sensing.motion.sensor_streams import (
     EncoderModel,
     Observation,
     common_times,
-    count_noise,
     streams_of,
 )
 from patagium.sensing.motion.smoothers import merged_times
@@ -415,13 +415,16 @@ def test_samples_of_a_wrong_size_or_kind_are_refused() -> None:
         tracker.push(["angles"], 0.0, np.zeros(8))  # type: ignore[arg-type]
 
 
+ARM = (
+    "{name: arm, gravity: 0, bodies: {arm: {parent: world, joints: [{name: turn, axis: x}], "
+    "mass: 1, shape: {type: box, size: [0.1, 0.1, 0.1]}}}}"
+)
+
+
 @pytest.mark.parametrize("step", [0.01, 0.002])
 def test_an_encoder_in_coarse_counts_has_deviations_of_their_size(step: float) -> None:
     """Errors were up to 180 times the stated deviation where the robot rests before it moves."""
-    text = "{name: arm, gravity: 0, bodies: {arm: {parent: world, joints: [{name: turn, axis: x}],"
-    arm = load_robot_text(
-        f"{text} mass: 1, shape: {{type: box, size: [0.1, 0.1, 0.1]}}}}}}}}", "arm"
-    )
+    arm = load_robot_text(ARM, "arm")
     time = 0.004 * np.arange(500)
     angle = 0.03 * np.clip(time - 0.5, 0.0, 1.0) ** 2 * np.sin(2 * np.pi * (time - 0.5))
     counts = step * np.round(angle[:, None] / step)
@@ -433,3 +436,24 @@ def test_an_encoder_in_coarse_counts_has_deviations_of_their_size(step: float) -
     assert 0.2 < np.sqrt(np.mean((error / std) ** 2)) < 3.0  # errors of slow counts are not white
     assert count_noise(counts[:, 0]) == pytest.approx(step / np.sqrt(12.0))
     assert count_noise(angle) == 0.0
+
+
+def test_counts_are_known_behind_the_interpolation_of_an_import(tmp_path: Path) -> None:
+    """At 250 Hz the counts of 200 Hz were no longer seen: deviations of .62 of their own."""
+    time = 0.005 * np.arange(1000)
+    angle = 0.6 / (1 + np.exp(6 * (2 - time))) * np.sin(6 * np.pi * time) + 0.123
+    columns = np.column_stack([time, 0.01 * np.round(angle / 0.01)])
+    header = "t [s],turn [rad]"
+    np.savetxt(tmp_path / "log.csv", columns, delimiter=",", header=header, comments="")
+    (tmp_path / "arm.yaml").write_text(ARM)
+    words: dict[str, object] = {"about": "Coarse counts.", "robot": str(tmp_path / "arm.yaml")}
+    words["channels"] = [{"column": "turn", "unit": "rad", "name": "q.turn"}]
+    stds = []
+    for rate in ("200 Hz", "250 Hz", "137 Hz"):
+        (tmp_path / "map.yaml").write_text(
+            json.dumps(words | {"time": {"column": "t", "unit": "s", "rate": rate}})
+        )
+        pt.import_log(tmp_path / "log.csv", tmp_path / "map.yaml", tmp_path / "log.nc")
+        found = pt.estimate_motion(pt.sensor_log(tmp_path / "log.nc"))
+        stds.append(float(np.sqrt(found["covariance"].values[:, 0, 0]).mean()))
+    assert 0.85 < min(stds) / stds[0] and max(stds) / stds[0] < 1.25, stds

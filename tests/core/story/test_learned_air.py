@@ -143,13 +143,21 @@ def test_verbs_take_learned_air(
     assert json.loads(out)["frequency_Hz"] == pytest.approx(true, abs=0.01), err
     code, out, err = said(capsys, "simulate", *learned, "--duration", "0.2", "-o", "f.nc")
     assert code == 0
-    assert pt.simulation.added_mass_of(pt.load_flight("f.nc")) is not None
+    flown = pt.load_flight("f.nc")
+    assert pt.simulation.added_mass_of(flown) is not None
+    for wind in ((), ("--wind", "-5,0,0")):  # the log's counts only where it is stated
+        also = "--aero", "tunnel.json", "--duration", "0.2", *wind, "-o", "t.nc"
+        code, out, err = said(capsys, "simulate", "bird.yaml", *also)
+        again = pt.load_flight("t.nc")
+        assert np.allclose(again.q[-1], flown.q[-1], atol=1e-9) is not bool(wind)
+        assert pt.simulation.air_of(again).wind == (-5.0 * bool(wind), 0.0, 0.0)
+        assert code == 0 and ("the log's wind was (-5.0" in err) is not bool(wind)
     Path("plan.yaml").write_text(
         "robot: bird.yaml\ntrim: {speed: 6 m/s, air: model.json}\n"
-        "truth: {masses: 0, air: model.json}\nevents: []\nduration: 0.5 s\ntime_step: 0.5 ms\n"
+        "truth: {masses: 0, air: tunnel.json}\nevents: []\nduration: 0.5 s\ntime_step: 0.5 ms\n"
     )
     code, out, err = said(capsys, "fly", "plan.yaml", "-o", "flown.nc")
-    assert code == 0 and "model.json air" in err
+    assert code == 0 and "tunnel.json air" in err
     flown = pt.load_flight("flown.nc")
     height = np.interp(flown["control_time"], flown["time"], flown["q"].sel(dof="z"))
     apart = height - flown["reference"].sel(state="z")

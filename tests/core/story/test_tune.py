@@ -12,6 +12,7 @@ import yaml
 
 import patagium as pt
 from patagium.cli.main import run
+from patagium.errors import LogError
 
 from ...spoken import Speak
 
@@ -175,6 +176,11 @@ def test_flights_are_left_out_and_must_be_of_one_robot_in_one_wind(
     assert yaml.safe_load(out.read_text("utf-8"))["search"]["rule"] == "left-out flights: other.nc"
     refused = speak("tune", flight, "--hold-out", windy, *TUNE, *base)
     assert refused.code == 2 and "expected the wind of flight.nc" in refused.err
+    thin = pt.load_flight(flight)
+    thin = thin.assign_attrs(aero=thin.attrs["aero"].replace("1.225", "0.9"))
+    network = pt.StripNetwork(pt.load_robot("aerobat"), (3,))
+    with pytest.raises(LogError, match=r"flight 2: .* at 1.225 kg/m\^3, found .* at 0.9"):
+        pt.tune([pt.load_flight(flight), thin], network, trials=1, jobs=1)
 
 
 @pytest.mark.parametrize(

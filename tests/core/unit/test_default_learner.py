@@ -149,7 +149,29 @@ def test_a_model_is_evaluated_in_the_air_of_the_flight(flight: xr.Dataset) -> No
     np.testing.assert_allclose(shown.generalized[:, 2], windy.aero_force[:, 2], rtol=1e-6)
     own = pt.ExtendedLearner(pt.GreyBox(pt.QuasiSteady(robot), {"wind.x": 0.5}))
     assert pt.evaluate(windy, own).scores["nmse_worst"] > 0.1  # what it says of the wind stays
-    assert "not that of the flight" in pt.identify(windy, learner).scores["chosen"]["air"]
+    fresh = default_learner(flight)
+    assert "not that of the flight" in pt.identify(windy, fresh).scores["chosen"]["air"]
+
+
+def test_a_learner_goes_on_in_the_air_of_the_next_flight(
+    flight: xr.Dataset, tmp_path: Path
+) -> None:
+    """It learned the head wind as still air: .2 of the variance, and its model erred in both."""
+    robot = pt.load_robot("aerobat")
+    windy = other_flight(robot, pt.Air(density=0.9, wind=(-2.0, 0.0, 0.0)))
+    learner = pt.identify(flight).learner
+    learned = learner.count
+    learner.save(tmp_path / "learner.state")
+    result = pt.identify(windy, learner)
+    assert result.learner is learner and learner.count > learned
+    assert result.scores["nmse_second_half_worst"] < 1e-4, result.scores["nmse_second_half"]
+    assert "that of the flight, wind (-2.0, 0.0, 0.0)" in result.scores["chosen"]["air"]
+    assert pt.evaluate(flight, learner).scores["nmse_worst"] < 1e-3
+    resumed = pt.learning.load_learner(tmp_path / "learner.state", like=default_learner(windy))
+    resumed.restart_clock()
+    again = pt.identify(windy, resumed)
+    assert "air" not in again.scores["chosen"]
+    np.testing.assert_allclose(resumed.weights, learner.weights, rtol=1e-6, atol=1e-9)
 
 
 def test_other_wings_than_those_learned_are_said() -> None:

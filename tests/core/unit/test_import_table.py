@@ -210,6 +210,102 @@ def test_an_output_that_is_missing_costs_the_others_nothing(
     assert np.isfinite(log.x).all()
 
 
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("", []),
+        ("-999", ["-999 stands 31 time(s), far from all other"]),
+        ("clipped", ["at the end of its numbers, -0.1:", "at the end of its numbers, 0.1:"]),
+        ("held", ["change every 10 samples"]),
+        ("counts", []),
+    ],
+)
+def test_numbers_that_a_recorder_made_are_asked_for(
+    tmp_path: Path, fault: str, words: list[str]
+) -> None:
+    """A mark of missing forces was learned (NMSE 1.0), as were clipped and held ones, silently."""
+    time, rng = 0.01 * np.arange(1200), np.random.default_rng(5)
+    lift = 0.3 * np.sin(4 * np.pi * time) * (1 + 0.2 * np.sin(0.5 * time))
+    lift += 1e-3 * rng.normal(size=1200)
+    if fault == "-999":
+        lift[300:331] = -999.0
+    elif fault == "clipped":
+        lift = np.clip(lift, -0.1, 0.1)
+    elif fault == "held":
+        lift = lift[np.arange(1200) // 10 * 10]
+    elif fault == "counts":
+        lift = 0.005 * np.round(lift / 0.005)
+    columns = np.column_stack([time, np.sin(4 * np.pi * time), lift])
+    path, mapping = tmp_path / "log.csv", tmp_path / "map.yaml"
+    np.savetxt(path, columns, delimiter=",", header="t [s],angle [rad],lift [N]", comments="")
+    mapping.write_text(
+        "about: x\ntime: {column: t, unit: s}\ninputs: [{column: angle, unit: rad}]\n"
+        "outputs: [{column: lift, unit: N}]\n"
+    )
+    found = [one.text for one in pt.import_log(path, mapping, tmp_path / "log.nc").findings]
+    assert len(found) == len(words), found
+    assert all(word in text for word, text in zip(words, found, strict=True)), found
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("", ""),
+        ("lost", ""),
+        ("wraps", ""),
+        ("steps", ""),
+        ("reset", "jumps 1 time(s), such as from"),
+        ("dropouts", "time(s), such as from 0 to 0.59"),
+        ("held", "change every 10 samples"),
+    ],
+)
+def test_an_encoder_that_jumps_or_holds_is_told(tmp_path: Path, fault: str, words: str) -> None:
+    """A counter that was reset and drop-outs to 0 were taken for motion: errors of .5 rad."""
+    time, rng = 0.002 * np.arange(3000), np.random.default_rng(2)
+    angle = 0.6 * np.sin(6 * np.pi * time) / (1 + np.exp(8 - 8 * time))
+    angle += 3e-4 * rng.normal(size=3000)
+    kept = np.ones(3000, bool)
+    if fault == "lost":
+        kept[2000:2080] = False
+    elif fault == "wraps":
+        angle %= 2 * np.pi
+    elif fault == "steps":  # positions of a polar, held in turn
+        angle = 0.02 * (np.arange(3000) // 50) + 3e-4 * rng.normal(size=3000)
+    elif fault == "reset":
+        angle[1500:] += 0.5
+    elif fault == "dropouts":
+        angle[600::60] = 0.0
+    elif fault == "held":
+        angle = angle[np.arange(3000) // 10 * 10]
+    path, mapping = tmp_path / "log.csv", tmp_path / "map.yaml"
+    columns = np.column_stack([time, angle])[kept]
+    np.savetxt(path, columns, delimiter=",", header="t [s],turn [rad]", comments="")
+    (tmp_path / "arm.yaml").write_text(
+        "{name: arm, gravity: 0, bodies: {arm: {parent: world, joints: [{name: turn, axis: x}], "
+        "mass: 1, shape: {type: box, size: [0.1, 0.1, 0.1]}}}}"
+    )
+    mapping.write_text(
+        f"about: x\nrobot: {tmp_path / 'arm.yaml'}\ntime: {{column: t, unit: s}}\n"
+        "channels: [{column: turn, unit: rad, name: q.turn}]\n"
+    )
+    told = pt.import_log(path, mapping, tmp_path / "log.nc").findings
+    found = [one.text for one in told if one.kind in ("jump", "held", "clipped")]
+    assert len(found) == bool(words) and all(words in one for one in found), found
+
+
+def test_a_column_of_text_is_refused_by_its_words(tmp_path: Path) -> None:
+    """The column was said to be absent."""
+    path, mapping = tmp_path / "log.csv", tmp_path / "map.yaml"
+    rows = [f"{0.01 * k},{k},1.{k}D-01" for k in range(100)]
+    path.write_text("\n".join(["t [s],angle [rad],lift [N]", *rows]))
+    mapping.write_text(
+        "about: x\ntime: {column: t, unit: s}\ninputs: [{column: angle, unit: rad}]\n"
+        "outputs: [{column: lift, unit: N}]\n"
+    )
+    with pytest.raises(LogError, match="'lift' cannot be read as numbers: text such as '1.0D-01'"):
+        pt.import_log(path, mapping, tmp_path / "log.nc")
+
+
 def test_the_unit_of_time_is_doubted(tmp_path: Path) -> None:
     words = {**WORDS, "time": {"column": "t", "unit": "s", "start": None}}
     stamps = 1e5 * np.arange(300)

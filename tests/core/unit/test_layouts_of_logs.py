@@ -11,12 +11,14 @@ import netCDF4
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 import yaml
 from numpy.typing import NDArray
 from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
 from patagium.errors import LogError
+from patagium.robot import load_robot_text
 from patagium.sensing.logs.files import table_files
 from patagium.sensing.logs.importing.import_log import import_log, read_table
 from patagium.sensing.logs.importing.inspection import inspect_log
@@ -760,3 +762,24 @@ def test_an_export_of_qualisys_without_names(named: bool, timed: bool, tmp_path:
     (column,) = [one for one in topic.channels if one.name == last]
     assert topic.rows == 40 and (column.low, column.high) == (0.5, 39.5)
     assert any("no line of names" in note for note in found.notes)
+
+
+def test_a_second_robot_or_command_of_a_joint_is_refused_by_name() -> None:
+    """The position of one robot went with the attitude of the other, and a command for an angle."""
+    robot = load_robot_text(
+        "{name: arm, gravity: 0, bodies: {arm: {parent: world, joints: [{name: turn, axis: x}], "
+        "mass: 1, shape: {type: box, size: [0.1, 0.1, 0.1]}}}}"
+    )
+    time = 0.01 * np.arange(100)
+    turned = ("time", np.sin(time), {"units": "rad"})
+    log = xr.Dataset({"command.turn": turned, "encoder.turn": turned}, {"time": time})
+    with pytest.raises(LogError, match=r"encoder\.turn: expected one .* found command\.turn, too"):
+        sensor_log(log, robot)
+    place = (("time", "axis"), np.zeros((100, 3)), {"units": "m"})
+    poses = {
+        "one.position": place,
+        "two.attitude": (("time", "quaternion"), quaternion(time), {"units": "1"}),
+        "two.position": place,
+    }
+    with pytest.raises(LogError, match=r"two\.position: expected one .* leave out of the mapping"):
+        sensor_log(xr.Dataset(poses, {"time": time}), robot)

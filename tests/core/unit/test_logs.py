@@ -74,6 +74,24 @@ def test_a_column_without_a_range_is_scaled_by_samples_that_are_not_predicted() 
     assert scores["nmse_second_half"]["lift"] < 0.05
 
 
+def test_a_table_that_begins_at_rest_is_scaled_by_its_first_second_of_motion() -> None:
+    """The rest scaled the network: .026 of the variance, and a hundred samples refused."""
+    rng, time = np.random.default_rng(3), np.arange(0.0, 20.0, 0.01)
+    angle = (time > 5.0) * (0.5 + 0.3 * np.sin(0.3 * time)) * np.sin(6 * np.pi * time)
+    rate, wind = np.gradient(angle, time), 5.0 + 1e-3 * rng.normal(size=2000)
+    lift = 0.02 * wind**2 * np.sin(angle) + 1e-3 * rate * wind + 2e-3 * rng.normal(size=2000)
+    frame = pd.DataFrame(
+        {"t": 1e3 * time, "angle": angle, "rate": rate, "wind": wind, "lift": lift}
+    )
+    inputs = [{"column": one, "unit": "1"} for one in ("angle", "rate", "wind")]
+    words = {**WORDS, "inputs": inputs, "outputs": [{"column": "lift", "unit": "N"}]}
+    table = table_of(frame, words)
+    scores = identify(table).scores
+    assert scores["samples_that_scaled"] == pytest.approx(601, abs=10)
+    assert scores["nmse_second_half_worst"] < 2e-3
+    assert not any("taught nothing" in one for one in scores["verdict"])
+
+
 def test_a_table_is_learned_without_any_setting() -> None:
     scores = identify(log(3000)).scores
     # noise is 3e-4 of the variance; at 500 Hz a learner that forgets uses each sample

@@ -415,6 +415,16 @@ class FilterLearner(Learner):
         """Take the next sample whatever its time stamp: another log begins."""
         self._screen.restart_clock()
 
+    def go_on_with(self, network: Network) -> None:
+        """Go on learning the same weights of another network, such as one in other air.
+
+        Args:
+            network: Of the same kind and size.
+        """
+        made = type(self)(network, self.settings, seed=self._seed)
+        made.resume(self.state())
+        vars(self).update(vars(made))
+
     def state(self) -> dict[str, Any]:
         """All that the next samples depend on: arrays and JSON-able values by name."""
         return {

@@ -18,7 +18,7 @@ from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.learners.state_file import read_state
-from patagium.learning.models.registry import network_from_description
+from patagium.learning.models.registry import in_air, network_from_description, steady_air
 from patagium.learning.settings import FilterSettings, settings_from
 from patagium.reading import made_again
 
@@ -69,13 +69,17 @@ def load_learner(path: str | Path, like: Learner | None = None) -> FilterLearner
     Args:
         path: File.
         like: Learner that must be described alike, but for centers, scales and what else the
-            first samples told of its network; None: any.
+            first samples told of its network; steady wind and density become those of `like`.
+            None: any.
 
     Raises:
         LogError: If there is no such file, it is damaged, of another version, or describes
             another learner.
     """
     description, state = read_state(path)
+    air = None if like is None else steady_air(like.network)
+    if air is not None:
+        description |= {"network": in_air(description["network"], air)}
     with made_again(f"{path}: the learner"):
         learner = learner_from_description(description)
     difference = None if like is None else first_difference(learner.describe(), like.describe())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
+from patagium.aerodynamics import Air
 from patagium.arguments import checked
 from patagium.errors import ParameterError, refuse_removed
 from patagium.learning.models.dense import DenseNetwork
@@ -58,3 +59,21 @@ def network_from_description(description: Mapping[str, Any]) -> Network:
         raise ParameterError("network", f"of kind {', '.join(_KINDS)}", description.get("kind"))
     network: Network = kind.from_description(description)
     return network
+
+
+def steady_air(network: Network) -> Air | None:
+    """Air whose wind and density a network takes as known; None if it knows none, or learns it."""
+    own: Air | None = getattr(getattr(network, "model", network), "air", None)
+    learned = () if own is None else network.describe().get("estimate", ())
+    return None if any(name.startswith(("wind", "density")) for name in learned) else own
+
+
+def in_air(description: Any, air: Air) -> Any:
+    """Description of a network in which every model of the air has the wind and density of `air`.
+
+    What the weights mean is relative to both, so that they stay.
+    """
+    if not isinstance(description, Mapping):
+        return description
+    steady = {"wind": air.wind, "density": air.density}
+    return {k: {**v, **steady} if k == "air" else in_air(v, air) for k, v in description.items()}

@@ -47,6 +47,7 @@ from patagium.learning.tuning.search import (
 from patagium.learning.tuning.settings_file import LearnerSettings, NetworkSettings, Settings
 from patagium.learning.wingbeats import duration
 from patagium.sensing.logs.table import LogTable, find_gaps
+from patagium.simulation import air_of
 from patagium.version import __version__
 from patagium.whole_file import locked
 
@@ -175,11 +176,21 @@ def tune(
         chosen["covariance"] = Alternatives(tuple(covariance))
     ahead = None if horizon is None else duration("horizon", horizon)
     others = hold_out.items() if isinstance(hold_out, Mapping) else [("", one) for one in hold_out]
+    _refuse_other_air([*flights, *(one for _, one in others)])
     exams = tuple(_exam(flights, one, every, (tuple(others), ahead, source)) for one in networks)
     problem = _problem(exams, networks, learner, chosen, seed)
     with nullcontext() if journal is None else locked(journal):
         workers, book = partial(pool, jobs), TrialJournal(problem.question(), journal)
         return problem.tuned(_scored_trials(problem, trials, workers, book, progress))
+
+
+def _refuse_other_air(flights: Sequence[Flight]) -> None:
+    """Refuse flights in several winds or densities, of which a network knows one."""
+    airs = [air_of(one) for one in flights if isinstance(one, xr.Dataset)]
+    for k, air in enumerate(airs):
+        if (air.wind, air.density) != (airs[0].wind, airs[0].density):
+            known, found = (f"{one.wind} m/s at {one.density:.4g} kg/m^3" for one in (airs[0], air))
+            raise LogError(f"flight {k + 1}: expected wind as in the first, {known}, found {found}")
 
 
 def _several(name: str, given: Any) -> tuple[Any, ...]:

@@ -40,8 +40,8 @@ a tilt of the cameras by 2 degrees or an error of the mass by 3 % makes."""
 _DRIFT = 0.02
 """Change of it from one rest to another, over the weight, from which the zero moved."""
 
-_WINDOWS = 10
-"""Parts of a log of which each has a phase of the load cell."""
+_WINDOWS, _FEWEST = 10, 5
+"""Parts of a log, of two beats at least, of which each has a phase of the load cell."""
 _STEADY = 0.95
 """Least size of the beat in a part over the largest."""
 _ALIKE = 0.03
@@ -105,7 +105,9 @@ def motion_and_force(
         turned = replace(mount.measured, values=-mount.measured.values)
         other = inverse_dynamics_force(motion, joints=joints, mount=replace(mount, measured=turned))
         along = _drag(motion["time"].values, found, other, list(base.place))
-        if lift > _HELD_DOWN or along > _DRIVEN:
+        drifts = _late_notes(found, other, list(base.place))
+        facts["notes"] += drifts
+        if lift > _HELD_DOWN or (along > _DRIVEN and not drifts):
             facts["notes"].append(
                 f"Warning: load cell: the air lifts {lift:.2g} times the weight and "
                 f"{'drives' if along > 0 else 'brakes'} the motion, or, if the cell shows what the "
@@ -115,7 +117,6 @@ def motion_and_force(
             )
         else:
             facts["notes"] += _zero_notes(motion, found, list(base.place))
-            facts["notes"] += _late_notes(found, other, list(base.place))
     motion.attrs["findings"] = json.dumps(facts)
     return motion, found
 
@@ -174,17 +175,19 @@ def _late_notes(found: ForceSamples, other: ForceSamples, place: list[int]) -> l
     power = (np.abs(np.fft.rfft(whole - whole.mean(axis=0), axis=0)) ** 2).sum(axis=1)
     frequency = float(np.fft.rfftfreq(len(time), step)[int(np.argmax(power))])
     for _ in range(2):  # the first time finds the frequency
-        length = int((time[-1] - time[0]) * frequency / _WINDOWS) / max(frequency, 1e-300)
-        if length * frequency < 2:
+        beats = (time[-1] - time[0]) * frequency
+        parts = min(_WINDOWS, int(beats / 2))
+        if parts < _FEWEST:
             return []
-        middle = time[0] + length * (0.5 + np.arange(_WINDOWS))
+        length = int(beats / parts) / frequency
+        middle = time[0] + length * (0.5 + np.arange(parts))
         apart = (time - middle[:, None]) / length
         window = np.where(np.abs(apart) < 0.5, np.cos(np.pi * apart) ** 2, 0.0)
         turned = window * np.exp(-2j * np.pi * frequency * time)
         moved, shown = turned @ whole, turned @ cell
         size = np.linalg.norm(moved, axis=1)
         steady = size > _STEADY * size.max()
-        if steady.sum() < _WINDOWS // 2:
+        if steady.sum() < _FEWEST:
             return []
         phase = np.angle((moved[1:] * moved[:-1].conj()).sum(axis=1))[steady[1:] & steady[:-1]]
         if not len(phase):
@@ -192,7 +195,7 @@ def _late_notes(found: ForceSamples, other: ForceSamples, place: list[int]) -> l
         frequency += float(np.median(phase)) / (2 * np.pi * length)
     ratio = np.linalg.norm(shown, axis=1) / np.maximum(size, 1e-300)
     steady &= np.abs(ratio / np.median(ratio[steady]) - 1.0) < _ALIKE
-    if steady.sum() < _WINDOWS // 2:
+    if steady.sum() < _FEWEST:
         return []
     middle = middle[steady]
     cross = (shown * moved.conj()).sum(axis=1)[steady]

@@ -238,8 +238,9 @@ class LogRecord:
         variables: dict[str, Any] = {}
         for whole, names in parts.items():
             dims = {3: ("time", "axis"), 4: ("time", "quaternion")}.get(len(names))
-            step = getattr(self._columns[names[0]], "step_in_log", 0.0)
-            facts = {"units": self.units[names[0]], "step_in_log": step}
+            facts: dict[str, Any] = {"units": self.units[names[0]]}
+            for fact in ("step_in_log", "rounding_in_log"):
+                facts[fact] = max(getattr(self._columns[one], fact, 0.0) for one in names)
             if dims is None:
                 for name in names:
                     variables[name] = ("time", self.values((name,))[:, 0], facts)

@@ -87,6 +87,7 @@ def sensor_log(
     units = {column.name: column.unit for column in packet_columns(machine)[1:]}
     for name in map(str, table.data_vars):
         found.steps[name] = float(table[name].attrs.get("step_in_log", 0.0))
+        found.rounding[name] = float(table[name].attrs.get("rounding_in_log", 0.0))
         unit = str(table[name].attrs.get("units", ""))
         if unit != units.get(name, unit):
             raise LogError(f"{name}: expected a quantity in {units[name]}, found one in {unit!r}")
@@ -126,6 +127,7 @@ class _Found:
         joints: Angles of joints by name.
         efforts: Forces of joints by name.
         steps: Median step of each quantity in the log that was imported [s]; 0 if not known.
+        rounding: Standard deviation of its rounding there [its unit]; 0 if not known.
     """
 
     robot: Robot
@@ -134,6 +136,7 @@ class _Found:
     joints: dict[str, tuple[str, Array]] = field(default_factory=dict)
     efforts: dict[str, tuple[str, Array]] = field(default_factory=dict)
     steps: dict[str, float] = field(default_factory=dict)
+    rounding: dict[str, float] = field(default_factory=dict)
 
     def sensors(self) -> tuple[dict[str, xr.Dataset], dict[str, Sensor]]:
         """Readings and sensors by name."""
@@ -144,8 +147,13 @@ class _Found:
         def add(sensor: Sensor, parts: Mapping[str, tuple[str, Array]], names: list[str]) -> None:
             """Add a sensor, at its own rate: interpolated samples are no new measurements."""
             every = max(1, round(max(self.steps[name] for name in names) / step))
+            coarse = [self.rounding[name] for name in names]
+            rounded = [coarse] if len(parts) == 1 else [[one] for one in coarse]
             readings[sensor.name] = xr.Dataset(
-                {name: (("time", dim), values[::every]) for name, (dim, values) in parts.items()},
+                {
+                    part: (("time", dim), values[::every], {"rounding": max(coarse)})
+                    for (part, (dim, values)), coarse in zip(parts.items(), rounded, strict=False)
+                },
                 coords={"time": ("time", self.time[::every], {"units": "s"})},
                 attrs={"quantities": names},
             )
@@ -227,16 +235,29 @@ def _place(found: _Found, name: str, values: xr.DataArray, body: str | None) -> 
     if dim in ("axis", "quaternion"):
         kind = "attitude" if dim == "quaternion" else _VECTORS.get(unit)
         if kind is not None and where is not None:
-            found.bodies.setdefault(where, {}).setdefault(kind, (name, numbers))
+            _add_one(found.bodies.setdefault(where, {}), kind, f"{kind} of {where}", name, numbers)
         return
     joint = name.replace("[", ".").replace("]", "").replace("/", ".").rpartition(".")[2]
     if joint not in found.robot.dof_names or name.startswith(("v.", "a.")):
         return
     place = found.robot.index(joint)
     if unit == found.robot.dof_units[place]:
-        found.joints.setdefault(joint, (name, numbers))
+        _add_one(found.joints, joint, f"position of {joint}", name, numbers)
     elif unit == found.robot.force_units[place] and place in found.robot.actuated:
-        found.efforts.setdefault(joint, (name, numbers))
+        _add_one(found.efforts, joint, f"force of {joint}", name, numbers)
+
+
+def _add_one(
+    held: dict[str, tuple[str, Array]], key: str, words: str, name: str, numbers: Array
+) -> None:
+    """Add a quantity; refuse a second one of the same kind, such as that of another robot."""
+    if key in held:
+        raise LogError(
+            f"{name}: expected one {words.replace('_', ' ', 1)}, found {held[key][0]}, too; leave "
+            "out of the mapping what is commanded or of another robot, or say whose it is by "
+            "`bodies` (--body NAME=BODY)"
+        )
+    held[key] = name, numbers
 
 
 def body_in(name: str, robot: Robot) -> str | None:

@@ -22,14 +22,14 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from patagium.arrays import Array, Bools
+from patagium.arrays import Array, Bools, count_noise
 from patagium.robot import Robot
 from patagium.robot.attitude import without_flips
 from patagium.sensing.motion.banded import SEEN, Information, Knots
 from patagium.sensing.motion.first_motion import FirstMotion, Noise
 from patagium.sensing.motion.frame_model import floating_base
 from patagium.sensing.motion.motion_spline import MotionSpline, SplinePoint
-from patagium.sensing.motion.sensor_streams import FLOOR, Part, Stream, count_noise
+from patagium.sensing.motion.sensor_streams import FLOOR, Part, Stream
 
 _GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 """Places of two samples of a span whose mean square is that of a linear function."""
@@ -102,10 +102,10 @@ class Samples:
         self.jitter = np.zeros(count)
         self.weight = np.ones((len(self.stream.time), count))
         self.nis = np.ones(count)
-        self.least = np.zeros(count)
+        self.least, coarse = np.zeros(count), self.stream.rounding
         for k, part, place in self.parts():
             told = () if part.name == "attitude" else self.stream.rows.T[place]
-            self.least[k] = max([FLOOR[part.unit], *map(count_noise, told)])
+            self.least[k] = max([FLOOR[part.unit], *map(count_noise, told), *coarse[k : k + 1]])
             self.variance[place] = np.maximum(self.variance[place], self.least[k] ** 2)
             if np.isfinite(self.first[k].std):
                 self.variance[place] = max(self.first[k].std, self.least[k]) ** 2

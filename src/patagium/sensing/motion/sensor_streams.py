@@ -267,12 +267,15 @@ class Stream:
         model: Its measurement model.
         time: Times of the samples, (N,) [s].
         rows: Samples, (N, k) [m, rad, m/s^2, rad/s or 1]; NaN where a sample was lost.
+        rounding: Standard deviation of rounding of each part in the log that was imported, before
+            its samples were interpolated, (parts,) [its unit]; empty where it is not known.
     """
 
     name: str
     model: MeasurementModel
     time: Array
     rows: Array
+    rounding: tuple[float, ...] = ()
 
 
 def streams_of(log: SensorLog, robot: Robot, shifts: Mapping[str, float]) -> list[Stream]:
@@ -300,7 +303,8 @@ def streams_of(log: SensorLog, robot: Robot, shifts: Mapping[str, float]) -> lis
         stamps = stamps[kept]
         _check_rate(name, stamps, log.sensors[name].rate)
         rows = log.sensors[name].in_range(model.rows(reading)[kept])
-        found.append(Stream(name, model, stamps - shifts.get(name, 0.0), rows))
+        rounding = tuple(float(one.attrs.get("rounding", 0.0)) for one in reading.values())
+        found.append(Stream(name, model, stamps - shifts.get(name, 0.0), rows, rounding))
     if not found:
         held = ", ".join(log.readings) or "none"
         raise LogError(f"log: expected encoders, inertial units or cameras, found {held}")
@@ -355,26 +359,6 @@ def encoded_coordinates(streams: Sequence[Stream]) -> dict[int, tuple[Stream, in
         if isinstance(s.model, EncoderModel)
         for k, column in enumerate(s.model.columns)
     }
-
-
-def count_noise(values: Array) -> float:
-    """Standard deviation of rounding to counts of an encoder or digits of a text.
-
-    Args:
-        values: Samples of a number, (N,) [any unit].
-
-    Returns:
-        The standard deviation [unit of the values]; 0 if the values do not lie on a grid.
-    """
-    seen = values[np.isfinite(values)]
-    steps = np.abs(np.diff(seen))
-    steps = steps[steps > 1e-9 * np.abs(seen).max(initial=0.0)]
-    if len(steps) < 10 or len(np.unique(seen)) > 0.8 * len(seen):  # values of a grid come again
-        return 0.0
-    counts = steps / steps.min()
-    if (np.abs(counts - counts.round()) < 0.05).mean() < 0.95:
-        return 0.0
-    return float(steps.min() / np.sqrt(12.0))
 
 
 def captured_motion(camera: Stream) -> tuple[Array, Array]:

@@ -295,8 +295,9 @@ def _endings(size: int) -> Iterator[list[str]]:
 
 
 def _missing(topic: Topic, path: str, where: str) -> str:
-    if path in topic.unplaced:
-        return f"{where}: {path!r} cannot be read as numbers: {topic.unplaced[path]}"
+    for name, reason in topic.unplaced.items():
+        if path in (name, re.split(r"\s*[\[(]", name)[0]):  # the name alone, or with its unit
+            return f"{where}: {path!r} cannot be read as numbers: {reason}"
     held = f"topic {topic.name!r}" if topic.name else "the file"
     kind = f" ({topic.kind})" if topic.name else ""
     near = get_close_matches(path.lower(), [name.lower() for name in topic.channels], 1)

@@ -193,7 +193,7 @@ def as_numbers(raw: Any, column: str, where: str, first: int) -> Array:
         except (TypeError, ValueError):
             raise ColumnError(
                 f"{where}: column {column}: expected numbers, found {str(word)[:40]!r} "
-                f"in row {first + row + 1}",
+                f"in row {first + row + 1}; an empty cell is a missing number",
                 column,
             ) from None
     return numbers
@@ -657,7 +657,8 @@ class CsvFile(LogFile):
                 self._calendar.append(name)
                 types[name] = "timestamp"
             else:
-                found = next((str(word) for word in column if isinstance(word, str)), "")
+                words = [word for word in column if isinstance(word, str)]
+                found = next((word for word in words if not _is_number(word)), "")
                 unplaced[name] = f"text such as {found[:40]!r}"
         stamped = dict.fromkeys(self._calendar, 1.0)
         topic = table_topic(types, None, stated, stamped=stamped, unplaced=unplaced)

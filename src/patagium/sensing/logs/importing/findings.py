@@ -15,10 +15,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
 from patagium.arguments import Progress
-from patagium.arrays import Array, Bools
+from patagium.arrays import Array, Bools, count_noise
 from patagium.sensing.logs.files.channels import NO_STAMP, Block, LogFile, Request, Stamps
 from patagium.sensing.logs.mapping import conversion
 
@@ -241,6 +242,61 @@ def survey_streams(
         done += len(block.stamps)
         if progress is not None:
             progress(done, max(total, done))
+
+
+_FAR, _LEVELS, _CLIPPED, _RUN, _BESIDE, _SWING = 5.0, 50, 10, 3, 10, 0.3
+
+
+def recorder_findings(
+    where: str, values: Array, *, measured: bool, joint: bool = False
+) -> list[Finding]:
+    """Findings about numbers that a recorder made: marks of missing ones, clipped or held samples.
+
+    And jumps of joints: a step of ten times those before and after it, two samples apart.
+
+    Args:
+        where: Name of the quantity.
+        values: Its first samples, (N,) [unit of the log]; NaN where some are missing.
+        measured: Whether they are measured, so that no command makes them stand still or end.
+        joint: Whether they are those of an encoder, which may stand at a stop.
+    """
+    whole, values = values, values[np.isfinite(values)]
+    levels, counts = np.unique(values, return_counts=True)
+    found: list[tuple[str, str]] = []
+    if len(levels) < _LEVELS:
+        return []
+    for end, near, far in ((0, 1, -1), (-1, -2, 0)):
+        mark, count = levels[end], int(counts[end])
+        apart = abs(levels[near] - mark) > _FAR * abs(levels[near] - levels[far])
+        if apart and (count > 1 or {*f"{abs(mark):g}"} == {"9"}):
+            text = f"{mark:g} stands {count} time(s), far from all other numbers: if it marks what "
+            found.append(("missing numbers", text + "is missing, leave these cells empty"))
+        edges = np.flatnonzero(np.diff(np.r_[False, values == mark, False]))
+        runs = int((edges[1::2] - edges[::2] >= _RUN).sum())
+        if measured and mark and runs >= _RUN and count > _CLIPPED * counts[near] and not apart:
+            text = f"{count} of {len(values)} samples are at the end of its numbers, {mark:g}: if "
+            text += "the sensor or its amplifier is at the end of its range there, leave them empty"
+            found.append(("clipped", text))
+    steps = np.diff(np.flatnonzero(np.diff(values)))
+    every = float(np.median(steps))
+    if (measured or joint) and every > 1 and (np.abs(steps - every) < 1).mean() > 0.9:
+        if not count_noise(values):
+            text = f"its numbers change every {every:g} samples: they are held between, and late; "
+            found.append(("held", text + "import at the `rate` at which they change"))
+    if joint and len(whole) > 4 * _BESIDE:
+        step = np.nan_to_num(np.abs(np.diff(np.pad(whole, _BESIDE, mode="edge"))))
+        windows = sliding_window_view(step, 2 * _BESIDE + 1)
+        beside = np.delete(windows, np.s_[_BESIDE - 2 : _BESIDE + 3], axis=1).max(axis=1)
+        size = windows[:, _BESIDE]
+        jumps = np.flatnonzero(size > 10 * np.maximum(beside, count_noise(values)))
+        parts = np.split(whole, jumps + 1)
+        swing = max(float(np.nanmax(one) - np.nanmin(one)) for one in parts)
+        if len(jumps) and swing > _SWING * size.max():  # no positions that are held in turn
+            largest = whole[jumps[np.argmax(size[jumps])] :][:2]
+            text = f"it jumps {len(jumps)} time(s), such as from {largest[0]:g} to {largest[1]:g}: "
+            text += "leave bad samples empty; of a counter that was reset, import each part alone "
+            found.append(("jump", text + "(`start` and `end`)"))
+    return [Finding("warning", where, kind, text) for kind, text in found]
 
 
 GRAVITY = 9.80665

@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from patagium.arguments import Progress, checked
-from patagium.arrays import Array, brief
+from patagium.arrays import Array, brief, count_noise
 from patagium.errors import LogError, ParameterError
 from patagium.netcdf_file import NetcdfDraft
 from patagium.robot import Robot, load_robot, preset_names
@@ -48,6 +48,8 @@ from patagium.whole_file import Draft
 
 _CHUNK = 1 << 15
 """Samples of a chunk of a netCDF4 variable."""
+_LOOK = 1 << 17
+"""First samples of a stream whose counts are looked for."""
 
 
 class NetcdfWriter:
@@ -58,7 +60,7 @@ class NetcdfWriter:
         plan: Quantities of the log.
         rows: Largest number of samples to come.
         attributes: Attributes of the file.
-        steps: Median step of each stream [s].
+        spool: Its streams.
     """
 
     def __init__(
@@ -67,7 +69,7 @@ class NetcdfWriter:
         plan: Plan,
         rows: int,
         attributes: dict[str, Any],
-        steps: Sequence[float],
+        spool: Spool,
     ) -> None:
         self._chunk = min(_CHUNK, max(1, rows))
         self._file = file
@@ -76,10 +78,12 @@ class NetcdfWriter:
         self._time = self._variable("time", "s", {})
         self._columns = []
         for item in plan.items:
-            words = item.column
-            for label, bounds in zip(words.labels, item.bounds(), strict=False):
+            words, stamps = item.column, spool.surveys[item.stream].stamps
+            first = spool.values_of(item.stream, 0, min(stamps.kept, _LOOK))[:, list(item.places)]
+            coarse = [0.0] * 4 if item.is_attitude else map(count_noise, item.converted(first).T)
+            for label, bounds, rounding in zip(words.labels, item.bounds(), coarse, strict=False):
                 facts: dict[str, Any] = {"role": item.role, "quantity": words.label}
-                facts["step_in_log"] = steps[item.stream]
+                facts |= {"step_in_log": stamps.median, "rounding_in_log": rounding}
                 if np.isfinite(bounds).all():
                     facts["expected_range"] = list(bounds)
                 if words.frame is not None:
@@ -258,9 +262,7 @@ def _written(
     if robot is not None:
         attributes |= {"robot": robot.source, "robot_name": robot.name}
     writer: Writer = (
-        NetcdfWriter(
-            draft.file, plan, base.count, attributes, [one.stamps.median for one in spool.surveys]
-        )
+        NetcdfWriter(draft.file, plan, base.count, attributes, spool)
         if isinstance(draft, NetcdfDraft)
         else CsvWriter(draft.path, plan, mapping.air)
     )

@@ -17,6 +17,7 @@ from patagium.sensing.logs.importing.findings import (
     constant_findings,
     is_still,
     missing_findings,
+    recorder_findings,
     sizes_of,
     stamp_findings,
     unit_findings,
@@ -25,6 +26,7 @@ from patagium.sensing.logs.importing.flight_findings import flight_findings, fli
 from patagium.sensing.logs.importing.plan import Plan, Quantity
 from patagium.sensing.logs.importing.resample import CHUNK, Spool, TimeBase
 from patagium.sensing.logs.mapping import TableMapping, conversion
+from patagium.sensing.logs.table import find_gaps
 
 
 def log_findings(
@@ -68,6 +70,7 @@ def log_findings(
         ]
         found += _item_findings(item, spool.surveys[item.stream].values, known, still, others)
         found += _range_findings(item, spool)
+        found += _recorder_findings(item, spool, gap, robot)
         found += _matrix_findings(item, spool, log.path)
         found += _stated_unit(item, plan, log)
     if robot is not None:
@@ -91,6 +94,25 @@ def _item_findings(
     if item.order != "matrix" and abs(norm - 1.0) > 0.01:
         text = f"expected quaternions of norm 1, found {norm:.4g} (rms); scaled to 1"
         found.append(Finding("warning", name, "attitude", text))
+    return found
+
+
+def _recorder_findings(
+    item: Quantity, spool: Spool, gap: float, robot: Robot | None
+) -> list[Finding]:
+    """Findings about numbers that the recorder made, in the first samples of a quantity."""
+    count = min(CHUNK, spool.surveys[item.stream].stamps.kept)
+    gaps = find_gaps(spool.stamps_of(item.stream)[:count], gap)
+    first = np.insert(spool.values_of(item.stream, 0, count), gaps, np.nan, axis=0)
+    single = item.column.size == 1
+    measured = item.role == "output" or (item.si in ("N", "N m") and not single)
+    joint = robot is not None and single and item.si in ("rad", "m")
+    found = []
+    for place in () if item.is_attitude else item.places:
+        numbers, seen = first[:, place], np.isfinite(first[:, place])
+        if joint and item.si == "rad":
+            numbers[seen] = np.unwrap(numbers[seen], period=2 * np.pi / item.si_factor)
+        found += recorder_findings(item.column.label, numbers, measured=measured, joint=joint)
     return found
 
 
