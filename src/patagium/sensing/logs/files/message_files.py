@@ -509,8 +509,12 @@ class BagFile(LogFile):
                 metadata = getattr(getattr(self._readers[0], "storage", None), "metadata", None)
                 distribution = getattr(metadata, "ros_distro", None)
                 self._types = MessageTypes(ros2=self._ros2, distribution=distribution)
+                held: dict[str, list[tuple[Any, Any]]] = defaultdict(list)
+                for reader in self._readers:
+                    for connection in reader.connections:
+                        held[connection.topic].append((reader, connection))
                 self.topics: dict[str, Topic] = {
-                    name: self._topic(name, held) for name, held in self._connections().items()
+                    name: self._topic(name, parts) for name, parts in sorted(held.items())
                 }
         except BaseException:
             self.close()
@@ -538,13 +542,6 @@ class BagFile(LogFile):
         if not self._ros2:
             _bound_chunks(path, reader)
         return reader
-
-    def _connections(self) -> dict[str, list[tuple[Any, Any]]]:
-        held: dict[str, list[tuple[Any, Any]]] = defaultdict(list)
-        for reader in self._readers:
-            for connection in reader.connections:
-                held[connection.topic].append((reader, connection))
-        return dict(sorted(held.items()))
 
     def _topic(self, name: str, held: list[tuple[Any, Any]]) -> Topic:
         kind = held[0][1].msgtype
@@ -683,18 +680,15 @@ class McapFile(LogFile):
 
     def _messages(self, path: Path, topics: set[str]) -> Iterator[Message]:
         for schema, channel, message in self._records(path, topics):
-            decode = partial(self._decoder(schema, channel), message.data)
+            decode = partial(self._decoded, schema, channel, message)
             yield Message(channel.topic, message.log_time, decode)
 
     def _decoded(self, schema: Any, channel: Any, message: Any) -> Any:
-        return self._decoder(schema, channel)(message.data)
-
-    def _decoder(self, schema: Any, channel: Any) -> Callable[[bytes], Any]:
         name, content = ("", b"") if schema is None else (schema.name, schema.data)
         key = (channel.message_encoding, name, content)
         if key not in self._decoders:
             self._decoders[key] = self._make(channel.message_encoding, schema)
-        return self._decoders[key]
+        return self._decoders[key](message.data)
 
     def _make(self, encoding: str, schema: Any) -> Callable[[bytes], Any]:
         if encoding == "json":
