@@ -290,8 +290,7 @@ def _watched(
     from patagium.live.loop import Rhythm
 
     meanwhile = Outputs()
-    sinks: list[Sink] = [_WatchedSink(sink, meanwhile) for sink in shown.sinks]
-    sinks += [] if recording is None else [recording]
+    sinks: list[Sink] = [*shown.sinks, *([] if recording is None else [recording])]
     rhythms = [
         Rhythm(one.period, partial(meanwhile.attempt, "live view", one.action))
         for one in shown.rhythms
@@ -307,16 +306,6 @@ def _watched(
 
         rhythms.append(Rhythm(period / 4, partial(meanwhile.attempt, "state", tick)))
     return Shown(tuple(sinks), tuple(rhythms))
-
-
-class _WatchedSink:
-    """Sink of the live view, whose failures end nothing."""
-
-    def __init__(self, sink: Sink, outputs: Outputs) -> None:
-        self._sink, self._outputs = sink, outputs
-
-    def append(self, packets: Array, records: Records) -> None:
-        self._outputs.attempt("live view", lambda: self._sink.append(packets, records))
 
 
 class _Recording:
