@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
-from functools import reduce
+from functools import partial, reduce
 from io import StringIO
 from operator import add
 from pathlib import Path
@@ -253,17 +253,27 @@ WHOLE = 1e-9
 """How far from a whole number a ratio of periods may be."""
 
 
-def check_period(whole: Gait, part: Gait) -> None:
-    """Refuse a part whose period does not divide that of the sum.
+def superposition(parts: Sequence[Gait], check: Callable[[Gait], None]) -> SuperposedGait:
+    """Sum of gaits, or of paths, whose longest period is a whole number of each of the others.
+
+    Args:
+        parts: The gaits.
+        check: Function that refuses a part that may not be in the sum.
 
     Raises:
-        ParameterError: If the sum would not repeat.
+        ParameterError: If there is no part, or the sum would not repeat.
     """
-    if part.period and whole.period:
-        ratio = whole.period / part.period
+    if not parts:
+        raise ParameterError("parts", "at least one", parts)
+    for part in parts:
+        check(part)
+    whole = SuperposedGait(tuple(parts))
+    for period in filter(None, (part.period for part in parts)):
+        ratio = (whole.period or 0.0) / period
         if abs(ratio - round(ratio)) > WHOLE:
             expected = f"a period that {whole.period:g} s is a multiple of"
-            raise ParameterError("parts", expected, part.period)
+            raise ParameterError("parts", expected, period)
+    return whole
 
 
 FEWEST_ROWS = 4
@@ -292,24 +302,18 @@ def read_gait_table(
     Raises:
         LogError: If it cannot be used as it stands.
     """
-    header, rows = read_columns(path)
-    table: dict[str, Array] = {}
-    for k, (name, unit) in enumerate(header):
-        if name in table:
-            raise LogError(f"{path.name}: column {name!r} is there twice")
-        si = "s" if name == "time" else _joint_unit(robot, name)
-        table[name] = rows[:, k] * unit_factor(path, name, unit, si)
-    if "time" not in table or len(table) < 2:
-        raise LogError(f"{path.name}: needs time and a joint, found {', '.join(table)}")
-    time = table.pop("time")
-    return _closed(path, time, table, period)
+    return _closed(path, *read_columns(path, partial(_joint_unit, robot)), period)
 
 
-def read_columns(path: Path) -> tuple[list[tuple[str, str]], Array]:
-    """Name and unit of each column of a CSV file, and its rows, (M, columns).
+def read_columns(path: Path, unit_of: Callable[[str], str]) -> tuple[Array, dict[str, Array]]:
+    """Time, (M,) [s], and the other columns of a CSV file by name, (M,) each [SI].
+
+    Args:
+        path: The file.
+        unit_of: SI unit of a column other than time; raises LogError for one that may not be there.
 
     Raises:
-        LogError: If it is no table of finite numbers under a header.
+        LogError: If it is no table of finite numbers under a header with time and another column.
     """
     try:
         text = text_of(path, TABLE_FILE)
@@ -331,7 +335,16 @@ def read_columns(path: Path) -> tuple[list[tuple[str, str]], Array]:
         rows.append([_number(path, number, cell) for cell in line])
     if not rows:
         raise LogError(f"{path.name}: no rows below the header")
-    return header, np.array(rows)
+    table: dict[str, Array] = {}
+    for (name, unit), column in zip(header, np.array(rows).T, strict=True):
+        if name in table:
+            raise LogError(f"{path.name}: expected column {name!r} once, found it twice")
+        si = "s" if name == "time" else unit_of(name)
+        table[name] = column * _unit_factor(path, name, unit, si)
+    if "time" not in table or len(table) < 2:
+        found = ", ".join(table)
+        raise LogError(f"{path.name}: expected columns of time and what moves, found {found}")
+    return table.pop("time"), table
 
 
 def _number(path: Path, row: int, cell: str) -> float:
@@ -352,7 +365,7 @@ def _joint_unit(robot: Robot, name: str) -> str:
     return robot.dof_units[robot.index(joints[0])]
 
 
-def unit_factor(path: Path, name: str, unit: str, si: str) -> float:
+def _unit_factor(path: Path, name: str, unit: str, si: str) -> float:
     """Factor that converts a column to SI.
 
     Raises:

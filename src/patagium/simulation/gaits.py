@@ -9,6 +9,7 @@ an exact coordinate name addresses that one. Neglected: actuator dynamics, start
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -28,8 +29,8 @@ from patagium.simulation.gait_models import (
     PrescribedMotion,
     SuperposedGait,
     TableGait,
-    check_period,
     read_gait_table,
+    superposition,
 )
 from patagium.whole_file import write_whole
 
@@ -288,14 +289,7 @@ def superposed(robot: Robot, *parts: Gait) -> SuperposedGait:
         ParameterError: If a part moves another robot's joints, the sum does not repeat,
             or a limit is exceeded.
     """
-    if not parts:
-        raise ParameterError("parts", "at least one gait", parts)
-    for part in parts:
-        check_gait(robot, part)
-    gait = SuperposedGait(tuple(parts))
-    for part in parts:
-        check_period(gait, part)
-    return _within_limits(robot, gait)
+    return _within_limits(robot, superposition(parts, partial(check_gait, robot)))
 
 
 @checked
