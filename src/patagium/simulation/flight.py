@@ -551,9 +551,11 @@ def check_flight(flight: xr.Dataset, name: str) -> None:
             dimensions or units, time does not rise, the state is not finite, or the
             coordinates are not its robot's.
     """
-    _check_presence(flight, name)
-    robot = robot_of(flight, name)
-    _check_contents(flight, name, robot)
+    missing = [k for k in ("time", "dof", "strip", "axis", *QUANTITIES) if k not in flight]
+    if missing:
+        raise FlightError(f"{name}: no {', '.join(missing)}: not a whole flight")
+    _require(flight, ATTRIBUTES, name)
+    _check_contents(flight, name, robot_of(flight, name))
     time = flight["time"].to_numpy()
     for state in ("q", "v"):
         values = flight[state].to_numpy()
@@ -562,23 +564,15 @@ def check_flight(flight: xr.Dataset, name: str) -> None:
             raise FlightError(f"{name}: {state} is not finite at t = {first:g} s")
 
 
-def _check_presence(flight: xr.Dataset, name: str) -> None:
-    missing = [k for k in ("time", "dof", "strip", "axis", *QUANTITIES) if k not in flight]
-    if missing:
-        raise FlightError(f"{name}: no {', '.join(missing)}: not a whole flight")
-    _require(flight, ATTRIBUTES, name)
-
-
 def _check_contents(flight: xr.Dataset, name: str, robot: Robot) -> None:
     for quantity, kind in (quantities(robot) | OPTIONAL).items():
         if quantity not in flight:
             continue  # only what is optional may be missing here
         variable = flight[quantity]
-        if variable.dims != ("time", *kind.dims):
-            expected = ("time", *kind.dims)
-            raise FlightError(f"{name}: {quantity}: expected {expected}, found {variable.dims}")
-        if variable.attrs.get("units") != kind.units:
-            found = variable.attrs.get("units")
-            raise FlightError(f"{name}: {quantity}: expected [{kind.units}], found [{found}]")
-        if variable.dtype != np.float64:
-            raise FlightError(f"{name}: {quantity}: expected float64, found {variable.dtype}")
+        for expected, found in (
+            (("time", *kind.dims), variable.dims),
+            (f"[{kind.units}]", f"[{variable.attrs.get('units')}]"),
+            (np.dtype(float), variable.dtype),
+        ):
+            if found != expected:
+                raise FlightError(f"{name}: {quantity}: expected {expected}, found {found}")
