@@ -38,19 +38,16 @@ class Table:
         caption: What the table shows, one sentence.
     """
 
-    columns: tuple[str, ...]
-    rows: tuple[tuple[Cell, ...], ...]
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
     caption: str = ""
 
-    def __init__(
-        self, columns: Sequence[str], rows: Sequence[Sequence[Cell]], caption: str = ""
-    ) -> None:
-        for i, row in enumerate(rows):
-            if len(row) != len(columns):
-                raise ShapeError(f"row {i} of table {caption!r}", len(columns), len(row))
-        object.__setattr__(self, "columns", tuple(columns))
-        object.__setattr__(self, "rows", tuple(tuple(row) for row in rows))
-        object.__setattr__(self, "caption", caption)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "columns", tuple(self.columns))
+        object.__setattr__(self, "rows", tuple(map(tuple, self.rows)))
+        for i, row in enumerate(self.rows):
+            if len(row) != len(self.columns):
+                raise ShapeError(f"row {i} of table {self.caption!r}", len(self.columns), len(row))
 
     def texts(self) -> list[list[str]]:
         """Every cell as a reader sees it, row by row."""
@@ -80,8 +77,14 @@ def cell_text(value: Cell) -> str:
         return "n/a"
     if math.isinf(number):
         return "∞" if number > 0 else "−∞"
-    far = number != 0.0 and not 1e-3 <= abs(number) < 1e5
-    return _scientific(number) if far else _plain(number)
+    if number == 0.0:
+        return "0"
+    if 1e-3 <= abs(number) < 1e5:
+        decimals = max(0, 2 - math.floor(math.log10(abs(number))))
+        return f"{number:.{decimals}f}".replace("-", "−")
+    mantissa, exponent = f"{number:.2e}".split("e")
+    digits = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{mantissa}×10{digits}".replace("-", "−")
 
 
 def _is_number(value: object) -> bool:
@@ -91,19 +94,6 @@ def _is_number(value: object) -> bool:
 
 def _is_whole(value: object) -> bool:
     return isinstance(value, Integral)
-
-
-def _plain(number: float) -> str:
-    if number == 0.0:
-        return "0"
-    decimals = max(0, 2 - math.floor(math.log10(abs(number))))
-    return f"{number:.{decimals}f}".replace("-", "−")
-
-
-def _scientific(number: float) -> str:
-    mantissa, exponent = f"{number:.2e}".split("e")
-    digits = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"{mantissa}×10{digits}".replace("-", "−")
 
 
 if TYPE_CHECKING:

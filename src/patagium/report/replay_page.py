@@ -24,7 +24,7 @@ from patagium.arrays import Array
 from patagium.report.style import COLORS, SCENE, TRUTH
 from patagium.whole_file import write_whole
 
-_SCRIPTS = (*("flight.js", "pace.js", "view.js", "paths.js", "arrows.js", "plots.js", "player.js"),)
+_SCRIPTS = "flight.js", "pace.js", "view.js", "paths.js", "arrows.js", "plots.js", "player.js"
 
 
 @dataclass(frozen=True)
