@@ -233,26 +233,23 @@ def _entry(above: Any, value: Any, key: str) -> Any:
     raise KeyError(key)
 
 
+def _held(value: Any, names: Sequence[str]) -> Iterator[Any]:
+    """Parts of a message under those of the names that it has."""
+    for name in names:
+        with suppress(KeyError):
+            yield member(value, name)
+
+
 def _names_beside(above: Any, value: Any) -> list[str] | None:
-    for word in _NAMES:
-        try:
-            names = member(above, word)
-        except KeyError:
-            continue
+    for names in _held(above, _NAMES):
         if isinstance(names, Sequence) and not isinstance(names, str) and len(names) == len(value):
             return list(names)
     return None
 
 
 def _key_of(part: Any) -> str | None:
-    for word in _KEYS:
-        try:
-            key = member(part, word)
-        except KeyError:
-            continue
-        if isinstance(key, str) and key:
-            return key
-    return None
+    keys = (key for key in _held(part, _KEYS) if isinstance(key, str) and key)
+    return next(keys, None)
 
 
 def _leaves(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]:
@@ -333,12 +330,10 @@ def _stamp(message: Any, path: str | None) -> int | None:
         stamp = getter(path)(message)
     except (KeyError, IndexError, TypeError):
         return None
-    for seconds in _SECONDS:
-        for nanos in _NANOS:
-            try:
-                return int(member(stamp, seconds)) * 10**9 + int(member(stamp, nanos))
-            except (KeyError, TypeError, ValueError):
-                continue
+    for seconds in _held(stamp, _SECONDS):
+        for nanos in _held(stamp, _NANOS):
+            with suppress(TypeError, ValueError):
+                return int(seconds) * 10**9 + int(nanos)
     return None
 
 
