@@ -67,7 +67,7 @@ class PacketQueue:
         self._held, self._closed, self._abandoned = 0, False, False
         self._problem: Exception | None = None
         self._doubts: list[str] = []
-        self._first, self._seen = np.empty((_FIRST, columns)), 0
+        self._first = np.empty((0, columns))
         self._look = 0 if robot is not None else _FIRST + 1
         self._changed = threading.Condition()
 
@@ -137,12 +137,11 @@ class PacketQueue:
 
     def _look_at(self, rows: Array) -> None:
         """Compare the first packets with limits and stamps, all of them every `_APART` packets."""
-        before, self._seen = self._seen, min(self._seen + len(rows), _FIRST)
-        self._first[before : self._seen] = rows[: self._seen - before]
-        if self._robot is not None and self._seen >= self._look:
-            found = packet_doubts(self._robot, self._first[: self._seen])
+        self._first = np.concatenate([self._first, rows])[:_FIRST]
+        if self._robot is not None and len(self._first) >= self._look:
+            found = packet_doubts(self._robot, self._first)
             self._doubts = [f"Warning: {one}" for one in found]
-            self._look = _FIRST + 1 if found else self._seen + _APART
+            self._look = _FIRST + 1 if found else len(self._first) + _APART
 
     def _oldest(self, most: int, patience: float) -> Array | None:
         """Oldest packets or raw rows, as `take`."""
