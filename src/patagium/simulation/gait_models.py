@@ -302,7 +302,31 @@ def read_gait_table(
     Raises:
         LogError: If it cannot be used as it stands.
     """
-    return _closed(path, *read_columns(path, partial(_joint_unit, robot)), period)
+    time, positions = read_columns(path, partial(_joint_unit, robot))
+    steps = np.diff(time)
+    if not np.all(steps > 0):
+        row = int(np.flatnonzero(~(steps > 0))[0]) + 3
+        raise LogError(f"{path.name}: row {row}: time does not rise")
+    if period is not None and period > time[-1] - time[0] + CLOSURE:
+        time = np.append(time, time[0] + period)
+        positions = {name: np.append(x, x[0]) for name, x in positions.items()}
+    elif period is not None and abs(period - (time[-1] - time[0])) > CLOSURE:
+        span = time[-1] - time[0]
+        raise LogError(f"{path.name}: {span:g} s of rows, more than the period of {period:g} s")
+    for name, x in positions.items():
+        if abs(x[-1] - x[0]) > CLOSURE:
+            raise LogError(
+                f"{path.name}: {name}: last row {x[-1]:g}, first {x[0]:g}: not one whole period; "
+                "repeat the first row at its end, or give the period"
+            )
+    if len(time) < FEWEST_ROWS:
+        raise LogError(f"{path.name}: {len(time)} rows, expected at least {FEWEST_ROWS}")
+    with np.errstate(all="ignore"):
+        fastest = max(np.abs(x).max() for x in positions.values()) / np.diff(time).min() ** 2
+        extreme = max(fastest, time[-1] - time[0])
+    if not extreme < LARGEST:
+        raise LogError(f"{path.name}: expected numbers below {LARGEST:g}, found {extreme:g}")
+    return time, {name: np.append(x[:-1], x[0]) for name, x in positions.items()}
 
 
 def read_columns(path: Path, unit_of: Callable[[str], str]) -> tuple[Array, dict[str, Array]]:
@@ -340,7 +364,13 @@ def read_columns(path: Path, unit_of: Callable[[str], str]) -> tuple[Array, dict
         if name in table:
             raise LogError(f"{path.name}: expected column {name!r} once, found it twice")
         si = "s" if name == "time" else unit_of(name)
-        table[name] = column * _unit_factor(path, name, unit, si)
+        if not unit:
+            expected = f"expected its unit, as in '{name} [{si}]', found none"
+            raise LogError(f"{path.name}: column {name!r}: {expected}")
+        try:
+            table[name] = column * in_si(f"1 {unit}", si, name)
+        except UnitMismatch as error:
+            raise LogError(f"{path.name}: column {name!r}: {error}") from None
     if "time" not in table or len(table) < 2:
         found = ", ".join(table)
         raise LogError(f"{path.name}: expected columns of time and what moves, found {found}")
@@ -363,47 +393,3 @@ def _joint_unit(robot: Robot, name: str) -> str:
         known = ", ".join(robot.dof_names[i] for i in robot.actuated)
         raise LogError(f"column {name!r}: no actuated joint of {robot.name!r} ({known})")
     return robot.dof_units[robot.index(joints[0])]
-
-
-def _unit_factor(path: Path, name: str, unit: str, si: str) -> float:
-    """Factor that converts a column to SI.
-
-    Raises:
-        LogError: If there is no unit, or one of another dimension.
-    """
-    if not unit:
-        raise LogError(f"{path.name}: column {name!r} has no unit; write it as '{name} [{si}]'")
-    try:
-        return in_si(f"1 {unit}", si, name)
-    except UnitMismatch as error:
-        raise LogError(f"{path.name}: column {name!r}: {error}") from None
-
-
-def _closed(
-    path: Path, time: Array, positions: dict[str, Array], period: float | None
-) -> tuple[Array, dict[str, Array]]:
-    """Time and positions of one whole period, both ends included."""
-    steps = np.diff(time)
-    if not np.all(steps > 0):
-        row = int(np.flatnonzero(~(steps > 0))[0]) + 3
-        raise LogError(f"{path.name}: row {row}: time does not rise")
-    if period is not None and period > time[-1] - time[0] + CLOSURE:
-        time = np.append(time, time[0] + period)
-        positions = {name: np.append(x, x[0]) for name, x in positions.items()}
-    elif period is not None and abs(period - (time[-1] - time[0])) > CLOSURE:
-        span = time[-1] - time[0]
-        raise LogError(f"{path.name}: {span:g} s of rows, more than the period of {period:g} s")
-    for name, x in positions.items():
-        if abs(x[-1] - x[0]) > CLOSURE:
-            raise LogError(
-                f"{path.name}: {name}: last row {x[-1]:g}, first {x[0]:g}: not one whole period; "
-                "repeat the first row at its end, or give the period"
-            )
-    if len(time) < FEWEST_ROWS:
-        raise LogError(f"{path.name}: {len(time)} rows, expected at least {FEWEST_ROWS}")
-    with np.errstate(all="ignore"):
-        fastest = max(np.abs(x).max() for x in positions.values()) / np.diff(time).min() ** 2
-        extreme = max(fastest, time[-1] - time[0])
-    if not extreme < LARGEST:
-        raise LogError(f"{path.name}: expected numbers below {LARGEST:g}, found {extreme:g}")
-    return time, {name: np.append(x[:-1], x[0]) for name, x in positions.items()}

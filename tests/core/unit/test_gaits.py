@@ -197,7 +197,7 @@ def test_a_table_with_a_period_needs_no_closing_row(robot, tmp_path):
     [
         ("", "empty"),
         ("time [s],plunge [rad]\n", "no rows"),
-        ("time [s],plunge\n0,0\n1,0\n", "no unit"),
+        ("time [s],plunge\n0,0\n1,0\n", "expected its unit"),
         ("time [s],plunge [m]\n0,0\n1,0\n", "plunge"),
         ("time [s],plung [rad]\n0,0\n1,0\n", "no actuated joint"),
         ("plunge [rad]\n0\n1\n", "columns of time and what moves"),
