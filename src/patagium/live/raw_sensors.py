@@ -73,15 +73,6 @@ def channels(robot: Robot, sensor: Sensor) -> dict[str, tuple[str, ...]]:
     return {}
 
 
-def sensor_columns(robot: Robot, sensors: Mapping[str, Sensor]) -> tuple[str, ...]:
-    """Names of the numbers of a raw row, such as `as5600.position.left_plunge`."""
-    found = ["time"]
-    for label, sensor in sensors.items():
-        for name, parts in channels(robot, sensor).items():
-            found += [f"{label}.{name}.{part}" for part in parts]
-    return tuple(found)
-
-
 def sensor_rows(log: SensorLog) -> Array:
     """Raw rows of a recorded log, (N, columns), one for each stamp."""
     readings = log.readings.values()
@@ -142,7 +133,7 @@ class MotionPackets:
 
     Attributes:
         text: The description.
-        columns: Names of the numbers of a raw row.
+        columns: Names of the numbers of a raw row, such as `as5600.position.left_plunge`.
         notes: What was found and chosen, in words.
         spent: Time that the last packets took each [s].
         counts: Rows with `late` samples, `clock_resets` (sensors' clocks that went back, which
@@ -162,17 +153,16 @@ class MotionPackets:
             described = json_object(text, "sensors")
             self._mount = str(described.get("mount", "free"))
             self._sensors: dict[str, Sensor] = {}
-            for name, one in described["sensors"].items():
-                self._sensors[name] = sensor_from(json.dumps(one), name)
-            self.columns = sensor_columns(robot, self._sensors)
-        self.text = text
+            self._places: dict[str, slice] = {}
+            columns = ["time"]
+            for label, one in described["sensors"].items():
+                self._sensors[label] = sensor_from(json.dumps(one), label)
+                begin = len(columns)
+                for name, parts in channels(robot, self._sensors[label]).items():
+                    columns += [f"{label}.{name}.{part}" for part in parts]
+                self._places[label] = slice(begin, len(columns))
+        self.columns, self.text = tuple(columns), text
         self._robot = robot
-        self._places: dict[str, slice] = {}
-        end = 1
-        for name, sensor in self._sensors.items():
-            begin = end
-            end += sum(map(len, channels(robot, sensor).values()))
-            self._places[name] = slice(begin, end)
         kinds = Encoder, Imu, MotionCapture
         self._seeing = [n for n, s in self._sensors.items() if isinstance(s, kinds)]
         if not self._seeing:
