@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 DRAWS = 8
-"""Draws of learned weights that say how far a log leaves an orbit open."""
+"""Draws of learned weights for the uncertainty of an orbit."""
 DENSITY = 1.225
 """Density of the air where none is given [kg/m^3]."""
 STILL = (0.0, 0.0, 0.0)
@@ -134,7 +134,7 @@ def refined(result: Identification, flight: xr.Dataset, every: int) -> Identific
     Args:
         result: Identification by a learner of this flight.
         flight: Flight.
-        every: One sample in so many is used.
+        every: Stride of the samples that are used.
     """
     from patagium.learning import refine
     from patagium.learning.parameter_paths import parameter_scores
@@ -220,7 +220,7 @@ def orbit_air(
     *,
     hovers: bool,
 ) -> tuple[Aerodynamics, AddedMass | None, Model | None]:
-    """Air at rest that an orbit is relative to; what it neglects of this robot's wings is told."""
+    """Air at rest for an orbit; a warning is printed of what it neglects of this robot's wings."""
     from patagium.simulation.flight_summary import HINGED, NO_INFLOW, hinged_strips
 
     found = chosen_air(word, machine, polars, inflow, density=density, wind=STILL)
@@ -232,7 +232,7 @@ def orbit_air(
 
 
 def tell_unseen(learned: Model | None, orbit: Orbit) -> None:
-    """Say of an orbit in learned air how much of its flow the log did not have."""
+    """Print the share of the flow of an orbit in learned air that the log did not have."""
     if learned is None:
         return
     from patagium.learning import evaluate
@@ -249,7 +249,7 @@ def tell_unseen(learned: Model | None, orbit: Orbit) -> None:
 def left_open(
     learned: Model | None, orbit: Orbit, search: Callable[..., Orbit | NoOrbit]
 ) -> dict[str, float]:
-    """Width in which the log leaves the gait of an orbit in learned air open, which is said too.
+    """Uncertainty of the gait of an orbit in learned air, which is also printed.
 
     Root mean square of what the same search finds with weights that are drawn instead.
 

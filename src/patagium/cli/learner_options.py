@@ -64,7 +64,7 @@ class LearnerChoice:
         activation: Activation of the hidden layers; None: that of the network.
         options: Other arguments of the network, from a file of settings.
         seed: Seed of the initial weights.
-        every: One sample in so many is used; None where no file says it.
+        every: Stride of the samples that are used; None where no file states it.
         given: Whether any option was given.
         default: Whether network and learner are the default ones.
     """

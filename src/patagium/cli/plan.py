@@ -143,7 +143,7 @@ class ControllerPart(_Part):
 
 
 class LegPart(_Part):
-    """Orbit that is gone over to at a time; conditions that are not given stay as they are."""
+    """Orbit from a time on; conditions that are not given stay those of the orbit before."""
 
     time: Annotated[Duration, Field(gt=0)]
     speed: Speed | None = None
@@ -296,10 +296,10 @@ class Prepared:
     Attributes:
         plan: The plan.
         orbit: The orbit.
-        controller: What flies along it.
+        controller: Controller along the orbit.
         duration: Duration of the flight [s].
-        events: What happens.
-        sensors: What is known of the state.
+        events: Events of the flight.
+        sensors: Source of the estimated state.
     """
 
     plan: Plan

@@ -196,7 +196,7 @@ def _robot_and_air(source: str, robot: str | None) -> tuple[Robot, Air]:
 
 
 def _opened(source: str, columns: list[str], idle: float | None, key_file: Path | None) -> Source:
-    """Source of the packets; how to send to it, and what is unsafe about it, is told."""
+    """Source of the packets; the command that sends to it, and a warning, are printed."""
     from patagium.live.sources import DatagramSource, source_of
 
     packets = source_of(source, columns, idle=idle, key_file=key_file)
@@ -266,7 +266,7 @@ def _learn(
     shown: Shown,
     samples: int | None,
 ) -> None:
-    """Learn the packets of a source until it ends or somebody stops it."""
+    """Learn the packets of a source until it ends or is stopped."""
     from patagium.live.loop import Rhythm, follow
     from patagium.live.sources import start_reading
 
@@ -284,7 +284,7 @@ def _learn(
 def _watched(
     shown: Shown, learner: Any, state: Path | None, period: float, recording: _Recording | None
 ) -> Shown:
-    """Recording, live view and saver of the state, whose failures are told and end nothing."""
+    """Recording, live view and saver of the state, whose failures are printed and end nothing."""
     from patagium.live.autosave import AutoSave
     from patagium.live.loop import Rhythm
 

@@ -104,7 +104,7 @@ class Pipeline:
     learner as it was.
 
     Args:
-        learner: What learns; it goes on from where it stands, and is changed. Its network's
+        learner: Learner, which goes on from its state and is changed. Its network's
             outputs are coordinates of the robot.
         robot: The machine that sends.
         inputs: Names of what the network sees, such as `v.roll`; None: q, then v.

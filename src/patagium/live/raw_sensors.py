@@ -53,7 +53,7 @@ _FARTHEST, _QUICKEST, _SPUN = 1e4, 340.0, 1e5
 """Size of a coordinate [m], its rate [m/s] and turning [rad/s] beyond which a track is lost."""
 _AXES = ("x", "y", "z")
 _FEWEST, _ALIKE = 50, 0.6
-"""Steps of packets that tell speeds, and correlation from which they are the same motion."""
+"""Fewest steps for speeds of packets, and correlation from which they are the same motion."""
 
 
 def channels(robot: Robot, sensor: Sensor) -> dict[str, tuple[str, ...]]:
@@ -134,7 +134,7 @@ class MotionPackets:
     Attributes:
         text: The description.
         columns: Names of the numbers of a raw row, such as `as5600.position.left_plunge`.
-        notes: What was found and chosen, in words.
+        notes: Findings and chosen settings, in sentences.
         spent: Time that the last packets took each [s].
         counts: Rows with `late` samples, `clock_resets` (sensors' clocks that went back, which
             is believed after ten late samples in a row), samples with values `out_of_range`, and
@@ -194,7 +194,7 @@ class MotionPackets:
 
         Args:
             rows: New raw rows, (m, columns) [units of the columns]; None at their end.
-            most: How many packets at most.
+            most: Largest number of packets.
 
         Raises:
             LogError: If the sensors do not tell the motion.
@@ -260,7 +260,7 @@ class MotionPackets:
         return True
 
     def _settled(self) -> bool:
-        """Whether all sensors have told enough, or one has told it three times."""
+        """Whether the samples of all sensors span the time to settle, or those of one three."""
         spans = [self._newest.get(name, 0.0) - self._first.get(name, 0.0) for name in self._seeing]
         return min(spans) >= _SETTLING or max(spans) >= 3 * _SETTLING
 

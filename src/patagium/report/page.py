@@ -35,7 +35,7 @@ class Table:
     Attributes:
         columns: Heads of the columns, with units: "time per call [ns]".
         rows: One cell a column; numbers are printed to three digits.
-        caption: What the table shows, one sentence.
+        caption: Sentence about the table.
     """
 
     columns: Sequence[str]
@@ -108,7 +108,7 @@ class Picture:
     Attributes:
         source: The image as a data address.
         caption: What is seen, and what to look for.
-        address: Of a page that a click opens, relative to this one; none if empty.
+        address: Address of a page that a click opens, relative to this one; none if empty.
     """
 
     source: str
@@ -137,8 +137,8 @@ class KeyNumber:
 
     Attributes:
         value: The number with its unit.
-        meaning: What it says, one sentence.
-        beside: What it is to be compared with, such as the number of a paper.
+        meaning: Sentence about the number.
+        beside: Value to compare it with, such as the number of a paper.
     """
 
     value: str
@@ -158,8 +158,8 @@ class Link:
     """A way to another page that lies beside this one.
 
     Attributes:
-        text: What is there.
-        address: Of the page, relative to this one.
+        text: Description of the page.
+        address: Address of the page, relative to this one.
     """
 
     text: str
@@ -186,7 +186,7 @@ def picture(figure: Figure, caption: str, kind: Literal["svg", "png"] = "svg") -
     """An image of a figure, to be put on a page.
 
     Args:
-        figure: What to draw.
+        figure: Figure.
         caption: What is seen, and what to look for.
         kind: "svg" stays sharp; "png" is smaller for tens of thousands of points.
     """
@@ -251,8 +251,8 @@ def write_page(
         path: File to write, in a folder that is there.
         title: Title of the page.
         sections: In reading order; a table of contents is made of their titles.
-        summary: What was found, in a few sentences, under the title.
-        facts: Where it comes from (program, version, robot, settings), at the foot.
+        summary: Findings in a few sentences, under the title.
+        facts: Origin (program, version, robot, settings), at the foot.
         opening: First screen: pictures side by side, numbers, sentences. The sections of a page
             that has one are folded.
 

@@ -23,8 +23,8 @@ _HOVERING = 0.1  # slower through the air, thrust is along the nose [m/s]
 _MEANINGS = {
     "lift": ("N", "force of the air upward"),
     "thrust": ("N", "force of the air along the way through it, level"),
-    "mount_lift": ("N", "what a load cell under the robot reads upward, weight tared"),
-    "mount_thrust": ("N", "what it reads along the way through the air"),
+    "mount_lift": ("N", "reading of a load cell under the robot upward, weight tared"),
+    "mount_thrust": ("N", "its reading along the way through the air"),
     "power": ("W", "power of the actuated joints"),
 }
 
@@ -42,7 +42,7 @@ def cycle_statistics(
 
     Args:
         flight: Record of a flight.
-        period: Of a wingbeat [s]; None: of the flight's gait, each as long as it was steered.
+        period: Duration of a wingbeat [s]; None: that of the gait, as it was steered.
         skip: Whole wingbeats left out at the beginning.
         phases: Points of a wingbeat.
 

@@ -250,7 +250,7 @@ class SuperposedGait:
 
 
 WHOLE = 1e-9
-"""How far from a whole number a ratio of periods may be."""
+"""Largest distance of a ratio of periods from a whole number."""
 
 
 def superposition(parts: Sequence[Gait], check: Callable[[Gait], None]) -> SuperposedGait:
@@ -280,7 +280,7 @@ FEWEST_ROWS = 4
 """Rows a periodic cubic needs, the repeated first one included."""
 
 CLOSURE = 1e-9
-"""How far the last row may be from the first and still repeat it [rad, m]."""
+"""Largest distance of the last row from the first that it repeats [rad, m]."""
 
 _HEADER = re.compile(r"(?P<name>[^\[\]]*)(?:\[(?P<unit>[^\[\]]*)\])?")
 

@@ -72,7 +72,7 @@ def sinusoidal(
         frequency: Beats a second f [Hz].
         phase: Lead of joints by name [rad]; 0 where not named.
         offset: Mean of joints by name [rad, m]; 0 where not named.
-        **amplitude: Of joints by name, such as `plunge=0.6` [rad, m].
+        **amplitude: Amplitude of joints by name, such as `plunge=0.6` [rad, m].
 
     Raises:
         ParameterError: If no actuated joint bears a name, or a limit is exceeded.
@@ -102,7 +102,7 @@ def fourier(
     Args:
         robot: The machine.
         frequency: Beats a second f [Hz].
-        **series: Of joints by name: mean and the pairs (c_k, s_k), k = 1, 2, ... [rad, m].
+        **series: Series of joints by name: mean, pairs (c_k, s_k), k = 1, 2, ... [rad, m].
 
     Raises:
         ParameterError: If no actuated joint bears a name, or a limit is exceeded.
@@ -201,7 +201,7 @@ def to_csv(robot: Robot, gait: Gait, path: str | Path) -> None:
     """
     check_gait(robot, gait)
     if gait.period is None:
-        raise ParameterError("gait", "one that moves", gait)
+        raise ParameterError("gait", "a gait that moves", gait)
     time = gait.period * np.arange(_ROWS + 1) / _ROWS
     position = gait.motion(time).position
     position[-1] = position[0]  # of a period, to the last bit
@@ -222,7 +222,7 @@ def still(robot: Robot, **position: float) -> FourierGait:
 
     Args:
         robot: The machine.
-        **position: Of joints by name [rad, m]; 0 where not named.
+        **position: Position of joints by name [rad, m]; 0 where not named.
 
     Raises:
         ParameterError: If no actuated joint bears a name, or a limit is exceeded.

@@ -36,12 +36,12 @@ __all__ = ["circle", "figure_of_eight", "from_csv", "line", "sinusoid", "superpo
 suggest_names(__name__)
 
 Path: TypeAlias = Gait
-"""What a mount asks of a path: a gait of the six coordinates of a floating base."""
+"""Path of a mount: a gait of the six coordinates of a floating base."""
 
 Triple: TypeAlias = Sequence[float]
 LEVEL = (0.0, 0.0, 0.0)
 PITCH_LIMIT = np.pi / 2 - 0.02
-"""Where Euler angles of a path must stay, up and down [rad]."""
+"""Largest pitch of a path, up and down, for its Euler angles [rad]."""
 
 AnyPath = TypeVar("AnyPath", bound=Gait)
 _CLOSURE = 1e-9  # how far a last way-point may be from the first and still repeat it
@@ -94,9 +94,9 @@ def line(start: Triple, end: Triple, *, duration: float, attitude: Triple = LEVE
     """Straight path from rest to rest with the least jerk.
 
     Args:
-        start: Where it begins, world axes, (3,) [m].
-        end: Where it ends, (3,) [m].
-        duration: How long it takes [s].
+        start: First point, world axes, (3,) [m].
+        end: Last point, (3,) [m].
+        duration: Duration [s].
         attitude: Roll, pitch, yaw, (3,) [rad].
 
     Raises:
@@ -149,7 +149,7 @@ def figure_of_eight(
     """Lying eight: (length/2) sin x along, (width/2) sin 2x across, x = 2 pi f t.
 
     Args:
-        center: Where it crosses itself, world axes, (3,) [m].
+        center: Crossing point, world axes, (3,) [m].
         length: From tip to tip [m].
         width: Across [m].
         speed: The greatest, at the crossing [m/s]; or

@@ -82,7 +82,7 @@ class LivePlots:
                 choice.on_update(lambda _, k=place, one=choice: self._choose(k, one.value))
 
     def add(self, letter: Any) -> None:
-        """More to plot."""
+        """Add the samples and scores of a frame."""
         fresh = letter["trace"][: letter["traced"]]
         self._trace = np.concatenate([self._trace, fresh])[-_KEPT:]
         score = np.array([[letter["time"], letter["nmse"], letter["coverage"]]])
@@ -187,7 +187,7 @@ class LiveScene:
     Args:
         scene: viser's.
         robot: The machine.
-        beat: One wingbeat [s]; None where unknown.
+        beat: Duration of a wingbeat [s]; None where unknown.
     """
 
     def __init__(self, scene: Any, robot: Robot, beat: float | None) -> None:
@@ -446,7 +446,7 @@ class LivePage:
         host: Address.
         port: Port; 0: any that is free.
         token: First part of the path of its address, which nobody can guess.
-        commands: Where what is asked for goes.
+        commands: Mailbox of the commands given on the page.
 
     Raises:
         OSError: If the port was taken meanwhile.
@@ -485,7 +485,7 @@ class LivePage:
 
         Args:
             letters: Frames, oldest first.
-            sent: How many were sent so far.
+            sent: Number of frames sent so far.
         """
         now = time.monotonic()
         for letter in letters:
@@ -510,7 +510,7 @@ class LivePage:
             self._numbered = now
 
     def close(self) -> None:
-        """No more is shown."""
+        """Stop serving the page."""
         self._server.stop()
 
     def _build(self) -> None:

@@ -40,10 +40,10 @@ class CarryingArm(NamedTuple):
     """An arm on the ground, at F times.
 
     Attributes:
-        names: Of its bodies, its foot last.
-        position: Of each in the world, (F, n_b, 3) [m].
+        names: Names of its bodies, its foot last.
+        position: Position of each body in the world, (F, n_b, 3) [m].
         rotation: Body axes to world axes, (F, n_b, 3, 3).
-        solids: What they look like.
+        solids: Shapes of the bodies.
     """
 
     names: tuple[str, ...]
@@ -75,7 +75,7 @@ def carrying_arm(robot: Robot, carrier: Carrier | None, frames: Indices) -> Carr
 
 
 def _foot(arm: Robot, drawn: list[Solid], body: int) -> list[Solid]:
-    """From the ground to the first joint."""
+    """Column from the ground to the first joint."""
     first = np.array(arm.bodies[0].position, float)
     if not np.linalg.norm(first) > 0:
         return []
@@ -83,7 +83,7 @@ def _foot(arm: Robot, drawn: list[Solid], body: int) -> list[Solid]:
 
 
 def _flange(carrier: Carrier, drawn: list[Solid]) -> list[Solid]:
-    """From the tool to the robot."""
+    """Rod from the tool to the robot."""
     if not np.linalg.norm(carrier.position) > 0:
         return []
     tool = carrier.arm.body_index(carrier.at)
@@ -327,7 +327,7 @@ def _span(time: Array, start: float | None, end: float | None) -> Frames:
 
 
 def _frames(span: Frames, time: Array, period: float | None, each: int) -> Frames:
-    """Every so-manieth sample of the span, the same step all along."""
+    """Samples of the span at one stride, as many as the page has room for."""
     most = _BYTES / each
     if period is not None:
         most = max(most, _LEAST_PER_BEAT * (time[span[-1]] - time[span[0]]) / period)
@@ -520,7 +520,7 @@ def still(
 
     Args:
         flight: The flight.
-        time: When [s]; None: at the greatest force of the wingbeat in the middle of the flight.
+        time: Time [s]; None: the greatest force of the wingbeat in the middle of the flight.
         predicted: A learner or model, or the identification of this flight; see `replay`.
         seen_from: Direction from the robot to the eye, world axes, (3,) [-].
 

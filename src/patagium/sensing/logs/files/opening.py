@@ -145,4 +145,6 @@ def _kind(path: Path) -> str:
             f"{path}: expected {_SUMMED_UP}, found ArduPilot's log as text; convert it: "
             f"mavlogdump.py --format mat --mat_file log.mat {path.name}"
         )
-    raise LogError(f"{path}: expected {_SUMMED_UP}, found one that ends in {ending or 'nothing'!r}")
+    raise LogError(
+        f"{path}: expected {_SUMMED_UP}, found a name that ends in {ending or 'nothing'!r}"
+    )
