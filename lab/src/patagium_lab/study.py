@@ -21,6 +21,7 @@ from patagium.report import Block, PageSection, Table, write_page
 from patagium.report.page import Cell
 from patagium.whole_file import make_folder, write_whole
 from patagium_lab.gallery import Gallery
+from patagium_lab.markdown import markdown_page
 
 Metrics = Mapping[str, Any]
 """Figures of a study by name, JSON-able."""
@@ -64,10 +65,17 @@ class Page:
         """Write the page and give its path.
 
         Args:
-            path: File to write; a name that ends in .md makes Markdown, any other name HTML.
+            path: File to write; a name that ends in .md makes Markdown with its pictures in a
+                folder of the same name beside it, any other name HTML.
         """
-        more = {"summary": self.summary, "facts": self.facts, "opening": self.opening}
-        return write_page(path, self.title, self.sections, **more)  # type: ignore[arg-type]
+        page, words = Path(path), (self.title, self.sections)
+        more: Any = {"summary": self.summary, "facts": self.facts, "opening": self.opening}
+        if page.suffix != ".md":
+            return write_page(page, *words, **more)
+        text, pictures = markdown_page(*words, folder=page.stem, **more)
+        for name, image in pictures.items():
+            write_whole(make_folder(page.with_suffix("")) / name, image)
+        return write_whole(page, text)
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,12 @@ if TYPE_CHECKING:
     from patagium.aerodynamics import AddedMass, Aerodynamics, Air
     from patagium.control import NoOrbit, Orbit
     from patagium.learning import Identification
+    from patagium.learning.model_file import Model
     from patagium.robot import Robot
 
 
 DRAWS = 8
-"""Draws of learned weights that say how far a log leaves an orbit open."""
+"""Draws of learned weights for the uncertainty of an orbit."""
 DENSITY = 1.225
 """Density of the air where none is given [kg/m^3]."""
 GreyModel: TypeAlias = Literal["quasi-steady", "lifting-line", "delaurier"]
@@ -131,7 +132,7 @@ def refined(result: Identification, flight: xr.Dataset, every: int) -> Identific
     Args:
         result: Identification by a learner of this flight.
         flight: Flight.
-        every: One sample in so many is used.
+        every: Stride of the samples that are used.
     """
     from patagium.learning import refine
     from patagium.learning.parameter_paths import parameter_scores
@@ -169,9 +170,10 @@ def chosen_air(
     polars: Sequence[str] | None = None,
     inflow: bool = False,
     usual: float = DENSITY,
+    factor: float | None = None,
     **given: Any,
-) -> tuple[Aerodynamics, AddedMass | None]:
-    """Model of the air around a robot, and what wings carry of it, where that was learned.
+) -> tuple[Aerodynamics, AddedMass | None, Model | None]:
+    """Model of the air around a robot, its added mass, and the learned model that both are of.
 
     Args:
         word: As `air_word` reads it.
@@ -179,6 +181,7 @@ def chosen_air(
         polars: As `air_model` takes them.
         inflow: Whether wings meet the air that they have thrown down.
         usual: Density of a model that was not learned, where none is given [kg/m^3].
+        factor: Factor of the added mass; None for none.
         **given: Density, wind and ground [SI]; None: the model's density, still air, no ground.
 
     Raises:
@@ -186,13 +189,16 @@ def chosen_air(
         ParameterError: If the learned model is none of the air around this robot, or has no such
             options.
     """
-    from patagium.aerodynamics import Air
+    from patagium.aerodynamics import AddedMass, Air
     from patagium.learning import load_model
 
     known = {name: value for name, value in given.items() if value is not None}
     if not word.endswith(".json"):
-        air = Air(**{"density": usual, **known})
-        return air_model(word, machine, air, polars, inflow), None
+        found = air_model(word, machine, Air(**{"density": usual, **known}), polars, inflow)
+        carried = None if factor is None else AddedMass(machine, found.air, factor=factor)
+        return found, carried, None
+    if factor is not None:
+        raise ParameterError("added_mass", "nothing with a learned model, which has it", factor)
     if polars or inflow:
         raise ParameterError("--polar, --inflow", "nothing beside a learned model", word)
     model = load_model(word)
@@ -202,17 +208,37 @@ def chosen_air(
     told += f", wind {air.wind} m/s" * any((*air.wind, *learned.air.wind))
     other = f"; the log's wind was {learned.air.wind} m/s" * (air.wind != learned.air.wind)
     typer.echo(told + other, err=True)
-    return model.air(machine, air)
+    return *model.air(machine, air), model
 
 
-def tell_unseen(word: str, orbit: Orbit) -> None:
-    """Say of an orbit in learned air how much of its flow the log did not have."""
-    if not word.endswith(".json"):
+def orbit_air(
+    word: str,
+    machine: Robot,
+    polars: Sequence[str] | None,
+    inflow: bool,
+    density: float | None,
+    *,
+    hovers: bool,
+) -> tuple[Aerodynamics, AddedMass | None, Model | None]:
+    """Air at rest for an orbit; a warning is printed of what it neglects of this robot's wings."""
+    from patagium.simulation.flight_summary import HINGED, NO_INFLOW, hinged_strips
+
+    found = chosen_air(word, machine, polars, inflow, density=density)
+    if hovers and not inflow and found[2] is None:
+        typer.echo(f"patagium: {NO_INFLOW}", err=True)
+    if word == "quasi-steady" and (turned := hinged_strips(machine)):
+        typer.echo(f"patagium: {HINGED.format(machine.strips[turned[0]].wing)}", err=True)
+    return found
+
+
+def tell_unseen(learned: Model | None, orbit: Orbit) -> None:
+    """Print the share of the flow of an orbit in learned air that the log did not have."""
+    if learned is None:
         return
-    from patagium.learning import evaluate, load_model
+    from patagium.learning import evaluate
     from patagium.learning.verdict import UNSEEN
 
-    share = evaluate(orbit.flight(beats=1.0), load_model(word)).scores.get("unseen_share")
+    share = evaluate(orbit.flight(beats=1.0), learned).scores.get("unseen_share")
     if share is not None:
         text = f"{100 * share:.0f} % of this flow was not learned"
         if share > UNSEEN:
@@ -220,13 +246,15 @@ def tell_unseen(word: str, orbit: Orbit) -> None:
         typer.echo(f"{text}.", err=True)
 
 
-def left_open(word: str, orbit: Orbit, search: Callable[..., Orbit | NoOrbit]) -> dict[str, float]:
-    """Width in which the log leaves the gait of an orbit in learned air open, which is said too.
+def left_open(
+    learned: Model | None, orbit: Orbit, search: Callable[..., Orbit | NoOrbit]
+) -> dict[str, float]:
+    """Uncertainty of the gait of an orbit in learned air, which is also printed.
 
     Root mean square of what the same search finds with weights that are drawn instead.
 
     Args:
-        word: File of the learned model.
+        learned: Learned model of its air; None where it was not learned.
         orbit: Orbit with the learned weights.
         search: The search that found it, of the model of the air and `added_mass`.
 
@@ -237,14 +265,13 @@ def left_open(word: str, orbit: Orbit, search: Callable[..., Orbit | NoOrbit]) -
     import numpy as np
 
     from patagium.control import Orbit
-    from patagium.learning import load_model
 
-    if not word.endswith(".json") or (model := load_model(word)).kept_covariance is None:
+    if learned is None or learned.kept_covariance is None:
         return {}
     apart = []
     for seed in range(DRAWS):
         with suppress(ParameterError):  # numbers that no air has
-            air, added_mass = model.draw(seed).air(orbit.robot, orbit.aero.air)
+            air, added_mass = learned.draw(seed).air(orbit.robot, orbit.aero.air)
             found = search(air, added_mass=added_mass)
             if isinstance(found, Orbit):
                 apart.append([found.parameters[name] - x for name, x in orbit.parameters.items()])

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from patagium.cli.words import Numbers, WholeNumbers, existing, numbers, whole_numbers
-from patagium.errors import ParameterError, refuse_removed
+from patagium.errors import ParameterError, refuse_removed, similar
 from patagium.learning.settings import (
     FILTERS,
     Meaning,
@@ -64,7 +64,7 @@ class LearnerChoice:
         activation: Activation of the hidden layers; None: that of the network.
         options: Other arguments of the network, from a file of settings.
         seed: Seed of the initial weights.
-        every: One sample in so many is used; None where no file says it.
+        every: Stride of the samples that are used; None where no file states it.
         given: Whether any option was given.
         default: Whether network and learner are the default ones.
     """
@@ -172,15 +172,15 @@ def _options(several: bool, file: str) -> Iterator[inspect.Parameter]:
     hidden = "Neurons of each hidden layer; 8,8 by default." + repeat
     activations = "Activation of the hidden layers; softplus by default."
     shown: dict[str, Any] = {"rich_help_panel": PANEL}
-    option = typer.Option(help=network, **_kind("network", NetworkKind), **shown)
-    yield _parameter("network", NetworkKind, option)
+    option = typer.Option(help=network, **_one_of("network", tuple(NetworkKind)), **shown)
+    yield _parameter("network", str, option)
     option = typer.Option(parser=whole_numbers, metavar="N,N,...", help=hidden, **shown)
     yield _parameter("hidden", many, option)
-    activation = typer.Option(help=activations, **shown)
-    yield _parameter("activation", _one_of("activation", ACTIVATIONS), activation)
-    learner, filters = "Kind of the learner; extended by default.", _one_of("learner", FILTERS)
-    option = typer.Option(help=learner, **_kind("learner", filters), **shown)
-    yield _parameter("learner", filters, option)
+    option = typer.Option(help=activations, **_one_of("activation", ACTIVATIONS), **shown)
+    yield _parameter("activation", str, option)
+    learner = "Kind of the learner; extended by default."
+    option = typer.Option(help=learner, **_one_of("learner", FILTERS), **shown)
+    yield _parameter("learner", str, option)
     seed = typer.Option(help="Seed of the initial weights; 0 by default.", **shown)
     yield _parameter("seed", int, seed)
     for word, path, one in setting_options():
@@ -194,7 +194,7 @@ def _setting(word: str, path: str, one: Field[Any], several: bool) -> inspect.Pa
     plain, reading = _READINGS[str(one.type).removesuffix(" | None")]
     words = [meaning.text + ("" if meaning.unit in ("1", "y") else f" [{meaning.unit}]")]
     if meaning.choices:
-        plain, reading = _one_of(one.name, meaning.choices), {}
+        plain, reading = str, _one_of(one.name, meaning.choices)
     elif isfinite(meaning.low) or isfinite(meaning.high):
         words.append(meaning.range)
     if one.default is not None:
@@ -209,24 +209,20 @@ def _setting(word: str, path: str, one: Field[Any], several: bool) -> inspect.Pa
     return _parameter(word.replace("-", "_"), many, option)
 
 
-def _kind(name: str, kinds: type[StrEnum]) -> dict[str, Any]:
-    """Reading of an option for a kind; one that was removed names what takes its place."""
+def _one_of(name: str, words: tuple[str, ...]) -> dict[str, Any]:
+    """Reading of an option for one of several words; a removed word names what replaces it."""
 
-    def read(text: str) -> StrEnum:
+    def read(text: str) -> str:
         try:
             refuse_removed(name, text)
         except ParameterError as error:
             raise typer.BadParameter(str(error)) from None
-        if text not in list(kinds):
-            raise typer.BadParameter(f"expected {', '.join(kinds)}, found {text!r}")
-        return kinds(text)
+        if text not in words:
+            found = f"{text!r}{similar(text, words)}"
+            raise typer.BadParameter(f"expected one of {', '.join(words)}, found {found}")
+        return text
 
-    return {"parser": read, "metavar": "|".join(kinds)}
-
-
-def _one_of(name: str, values: tuple[str, ...]) -> Any:
-    """Type of an option that takes one of several words."""
-    return StrEnum(name, {value.upper(): value for value in values})
+    return {"parser": read, "metavar": "|".join(words)}
 
 
 def _parameter(name: str, kind: Any, option: Any) -> inspect.Parameter:
@@ -250,9 +246,10 @@ def _chosen(found: dict[str, Any]) -> LearnerChoice:
     path = found.pop("settings", None)
     given = {name: value for name, value in found.items() if value is not None}
     shape: dict[str, Any] = {}
-    shape |= {name: given[name] for name in ("network", "hidden", "seed") if name in given}
-    words = {"activation": "activation", "learner": "kind"}
-    shape |= {new: str(given[old]) for old, new in words.items() if old in given}
+    words = {"learner": "kind"} | {name: name for name in ("hidden", "activation", "seed")}
+    shape |= {new: given[old] for old, new in words.items() if old in given}
+    if "network" in given:
+        shape["network"] = NetworkKind(given["network"])
     settings = {}
     for word, dotted, _ in setting_options():
         value = given.get(word.replace("-", "_"))
@@ -275,7 +272,7 @@ def _plain(value: Any) -> Any:
     """A value of an option as a file of settings would hold it."""
     if isinstance(value, Numbers):
         return value[0] if len(value) == 1 else list(value)
-    return str(value) if isinstance(value, StrEnum) else value
+    return value
 
 
 def _completed(choice: LearnerChoice, given: set[str], path: Path) -> LearnerChoice:

@@ -136,7 +136,7 @@ def fly_live(
         chosen: Live view.
         start: Function that begins a flight with a gait.
         robot: Robot.
-        gait: Gait until somebody steers.
+        gait: Gait until it is steered.
         air: Air that it flies in.
 
     Returns:

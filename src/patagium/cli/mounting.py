@@ -172,4 +172,4 @@ _MAKERS: dict[str, tuple[Callable[[PathWords], Any], set[str]]] = {
     "figure-of-eight": (_round, {*"center size speed frequency along across attitude".split()}),
     "sinusoid": (_sinusoid, {"center", "frequency", "attitude", "amplitude"}),
 }
-"""How a path of a kind is made, and the words that it takes."""
+"""Function that makes each kind of path, and the options that it takes."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from patagium.cli.estimates import AirOption, chosen_air, tell_unseen
+from patagium.cli.estimates import AirOption, orbit_air, tell_unseen
 from patagium.cli.options import (
     OUTPUT,
     DensityOption,
@@ -88,14 +88,11 @@ def optimize(
     from patagium import control
     from patagium.robot import load_robot
     from patagium.simulation import gaits, save_flight
-    from patagium.simulation.flight_summary import HINGED, NO_INFLOW, hinged_strips
 
     if front is None and figure is not None:
         raise ParameterError("--figure", "--front with the speeds of the picture", None)
     machine = load_robot(robot)
-    model, added = chosen_air(aero, machine, polar, inflow, density=density)
-    if aero == "quasi-steady" and (turned := hinged_strips(machine)):
-        typer.echo(f"patagium: {HINGED.format(machine.strips[turned[0]].wing)}", err=True)
+    model, added, learned = orbit_air(aero, machine, polar, inflow, density, hovers=speed == 0)
     if front is not None:
         if speed is not None or output is not None or gait is not None or goal != "power":
             raise ParameterError("--front", "no --speed, --goal, --output or --gait with it", front)
@@ -105,8 +102,6 @@ def optimize(
         least = control.power_front(machine, front, model, **given)
         _front(least, figure, as_json)
         return
-    if speed == 0 and not inflow and not aero.endswith(".json"):
-        typer.echo(f"patagium: {NO_INFLOW}", err=True)
     options: dict[str, Any] = {"added_mass": added} | ({"free": free} if free else {})
     if not as_json:
         typer.echo(
@@ -127,7 +122,7 @@ def optimize(
         if as_json:
             answer(found.summary(), as_json=True)
         raise PatagiumError(repr(found))
-    tell_unseen(aero, found.orbit)
+    tell_unseen(learned, found.orbit)
     outputs, best = Outputs(), found.orbit
     if output is not None:
         outputs.attempt(str(output), lambda: save_flight(best.flight(beats), output))

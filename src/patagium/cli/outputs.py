@@ -1,4 +1,4 @@
-"""Outputs of a verb that do not cost each other: one that fails is told, the others are written."""
+"""Outputs of a verb: a failure is printed, and the other outputs are written all the same."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Outputs:
         self._first: Exception | None = None
 
     def attempt(self, name: str, write: Callable[[], object]) -> bool:
-        """Whether an output was written; its first failure is told on stderr, all are counted.
+        """Whether an output was written; its first failure is printed, all are counted.
 
         Args:
             name: Name of the output, for messages.

@@ -15,7 +15,7 @@ from pydantic import (  # isort: skip
     AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, ValidationInfo,
     create_model, model_validator,
 )  # fmt: skip
-from patagium.aerodynamics import AddedMass, QuasiSteady
+from patagium.aerodynamics import QuasiSteady
 from patagium.arguments import Progress
 from patagium.cli.estimates import DENSITY, air_word, chosen_air, tell_unseen
 from patagium.control.adaptation import AdaptiveController
@@ -143,7 +143,7 @@ class ControllerPart(_Part):
 
 
 class LegPart(_Part):
-    """Orbit that is gone over to at a time; conditions that are not given stay as they are."""
+    """Orbit from a time on; conditions that are not given stay those of the orbit before."""
 
     time: Annotated[Duration, Field(gt=0)]
     speed: Speed | None = None
@@ -296,10 +296,10 @@ class Prepared:
     Attributes:
         plan: The plan.
         orbit: The orbit.
-        controller: What flies along it.
+        controller: Controller along the orbit.
         duration: Duration of the flight [s].
-        events: What happens.
-        sensors: What is known of the state.
+        events: Events of the flight.
+        sensors: Source of the estimated state.
     """
 
     plan: Plan
@@ -355,16 +355,12 @@ class Prepared:
         """
         plan, truth = self.plan, self.plan.truth
         robot = off_nominal(self.orbit.robot, truth.masses, plan.seed)
-        aero, carried = chosen_air(
-            truth.air, robot, usual=TRUE_DENSITY, density=truth.density, wind=truth.wind
-        )
+        aero, carried, _ = chosen_air(
+            truth.air, robot, usual=TRUE_DENSITY, factor=truth.added_mass,
+            density=truth.density, wind=truth.wind,
+        )  # fmt: skip
         if truth.polar:
             _, aero = PolarEvent(time=0.0, factors=truth.polar).changed(robot, aero)
-        if truth.added_mass is not None:
-            if carried is not None:
-                expected = "nothing with a learned model, which has it"
-                raise ParameterError("truth: added_mass", expected, truth.added_mass)
-            carried = AddedMass(robot, aero.air, factor=truth.added_mass)
         return fly(
             robot, aero, self.controller, orbit=self.orbit, duration=self.duration,
             sensors=self.sensors, events=self.events,
@@ -381,13 +377,13 @@ def prepared(plan: Plan) -> Prepared:
         PatagiumError: If there is no such orbit; it says what is lacking.
     """
     robot, given = load_robot(plan.robot), plan.trim
-    aero, added = chosen_air(given.air, robot, density=given.density)
+    aero, added, learned = chosen_air(given.air, robot, density=given.density)
     gait = gaits.cruise(robot)
     free = given.free or free_parameters(robot, gait, given.turn_rate)
     climb = 0.0 if given.climb is None and gait.period else given.climb  # a glide's is free
     asked = {"speed": given.speed, "climb": climb, "turn_rate": given.turn_rate}
     orbit = _found(trim(robot, aero, gait, free=free, added_mass=added, **asked))
-    tell_unseen(given.air, orbit)
+    tell_unseen(learned, orbit)
     named = plan.controller.commands or tuple(robot.actuators)
     if not named:
         expected = "`actuators` in the robot's file, such as {frequency: {range: [2 Hz, 5 Hz]}}"

@@ -356,19 +356,14 @@ def _air_model(
     from patagium.aerodynamics import AddedMass, Air
     from patagium.plugins import AIR_MODELS, plugin
 
-    carried: AddedMass | None = None
     if aero != "published":
-        model, carried = chosen_air(aero, machine, polar, inflow, **around)
-    elif inflow or polar is not None:
+        model, carried, _ = chosen_air(aero, machine, polar, inflow, factor=factor, **around)
+        return model, carried
+    if inflow or polar is not None:
         raise ParameterError("--aero", "another with --inflow or --polar", aero)
-    else:
-        air = Air(**{"density": DENSITY} | {k: x for k, x in around.items() if x is not None})
-        model = _of_laboratory(plugin(AIR_MODELS, aero), "--aero")(machine, air)
-    if factor is not None:
-        if carried is not None:
-            raise ParameterError("--added-mass", "nothing with a learned model, which has it", aero)
-        carried = AddedMass(machine, model.air, factor=factor)
-    return model, carried
+    air = Air(**{"density": DENSITY} | {k: x for k, x in around.items() if x is not None})
+    found = _of_laboratory(plugin(AIR_MODELS, aero), "--aero")(machine, air)
+    return found, None if factor is None else AddedMass(machine, air, factor=factor)
 
 
 def _of_laboratory(found: Any, option: str) -> Any:

@@ -7,11 +7,11 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import typer
 
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from patagium.live.loop import Rhythm, Sink, Status
     from patagium.live.packets import Intake
     from patagium.live.pipeline import Pipeline, Records
-    from patagium.live.record import StreamFile
     from patagium.live.sources import PacketQueue, Source
     from patagium.robot import Robot
 
@@ -140,7 +139,7 @@ def stream(
         queue = PacketQueue(room, len(columns), intake, machine)
         with (
             interrupted(_answers(stop, queue, ending)),
-            _recording(record, pipeline, outputs) as recording,
+            nullcontext() if record is None else _Recording(record, pipeline, outputs) as recording,
         ):
             problem: Exception | None = None
             try:
@@ -197,7 +196,7 @@ def _robot_and_air(source: str, robot: str | None) -> tuple[Robot, Air]:
 
 
 def _opened(source: str, columns: list[str], idle: float | None, key_file: Path | None) -> Source:
-    """Source of the packets; how to send to it, and what is unsafe about it, is told."""
+    """Source of the packets; the command that sends to it, and a warning, are printed."""
     from patagium.live.sources import DatagramSource, source_of
 
     packets = source_of(source, columns, idle=idle, key_file=key_file)
@@ -267,7 +266,7 @@ def _learn(
     shown: Shown,
     samples: int | None,
 ) -> None:
-    """Learn the packets of a source until it ends or somebody stops it."""
+    """Learn the packets of a source until it ends or is stopped."""
     from patagium.live.loop import Rhythm, follow
     from patagium.live.sources import start_reading
 
@@ -285,13 +284,12 @@ def _learn(
 def _watched(
     shown: Shown, learner: Any, state: Path | None, period: float, recording: _Recording | None
 ) -> Shown:
-    """Recording, live view and saver of the state, whose failures are told and end nothing."""
+    """Recording, live view and saver of the state, whose failures are printed and end nothing."""
     from patagium.live.autosave import AutoSave
     from patagium.live.loop import Rhythm
 
     meanwhile = Outputs()
-    sinks: list[Sink] = [_WatchedSink(sink, meanwhile) for sink in shown.sinks]
-    sinks += [] if recording is None else [recording]
+    sinks: list[Sink] = [*shown.sinks, *([] if recording is None else [recording])]
     rhythms = [
         Rhythm(one.period, partial(meanwhile.attempt, "live view", one.action))
         for one in shown.rhythms
@@ -309,21 +307,19 @@ def _watched(
     return Shown(tuple(sinks), tuple(rhythms))
 
 
-class _WatchedSink:
-    """Sink of the live view, whose failures end nothing."""
-
-    def __init__(self, sink: Sink, outputs: Outputs) -> None:
-        self._sink, self._outputs = sink, outputs
-
-    def append(self, packets: Array, records: Records) -> None:
-        self._outputs.attempt("live view", lambda: self._sink.append(packets, records))
-
-
 class _Recording:
-    """Recording of a stream, which ends alone where the disk does not take it."""
+    """Recording of a stream, whole or not at all, which a full disk ends alone."""
 
-    def __init__(self, file: StreamFile, outputs: Outputs) -> None:
-        self._file, self._outputs, self._ended = file, outputs, False
+    def __init__(self, path: Path, pipeline: Pipeline, outputs: Outputs) -> None:
+        from patagium.live.record import StreamFile
+
+        self._file, self._outputs, self._ended = StreamFile(path, pipeline), outputs, False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.discard()
 
     def append(self, packets: Array, records: Records) -> None:
         if self._ended:
@@ -352,23 +348,6 @@ def _network(robot: Robot, air: Air, choice: LearnerChoice, scale_by: Path | Non
         raise ParameterError("--scale-by", "a flight that scales the dense network", None)
     _, x, y = training_data(load_flight(scale_by), robot)
     return scaled_network(choice, robot.dof_names, x, y)
-
-
-@contextmanager
-def _recording(
-    path: Path | None, pipeline: Pipeline, outputs: Outputs
-) -> Iterator[_Recording | None]:
-    """Recording of the stream, whole or not at all; None without a path."""
-    from patagium.live.record import StreamFile
-
-    if path is None:
-        yield None
-        return
-    file = StreamFile(path, pipeline)
-    try:
-        yield _Recording(file, outputs)
-    finally:
-        file.discard()
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from patagium.cli.estimates import AirOption, chosen_air, left_open, tell_unseen
+from patagium.cli.estimates import AirOption, left_open, orbit_air, tell_unseen
 from patagium.cli.options import (
     OUTPUT,
     DensityOption,
@@ -102,7 +102,6 @@ def trim(
     from patagium.report.page import Table
     from patagium.robot import load_robot
     from patagium.simulation import gaits, save_flight
-    from patagium.simulation.flight_summary import HINGED, NO_INFLOW, hinged_strips
 
     if along is None and figure is not None:
         raise ParameterError("--figure", "a branch to draw, such as --along speed=2:6", None)
@@ -110,14 +109,12 @@ def trim(
     gait = gaits.cruise(machine)
     chosen = tuple(free) if free else control.free_parameters(machine, gait, turn_rate)
     level = 0.0 if gait.period else None
-    if speed == 0 and gait.period and not inflow and not aero.endswith(".json"):
-        typer.echo(f"patagium: {NO_INFLOW}", err=True)
     if not as_json:
         kind = "Wingbeat" if gait.period else "Glide"
         typer.echo(f"{kind} of the file's cruise, {aero} air; free: {', '.join(chosen)}", err=True)
-    model, added = chosen_air(aero, machine, polar, inflow, density=density)
-    if aero == "quasi-steady" and (turned := hinged_strips(machine)):
-        typer.echo(f"patagium: {HINGED.format(machine.strips[turned[0]].wing)}", err=True)
+    model, added, learned = orbit_air(
+        aero, machine, polar, inflow, density, hovers=speed == 0 and gait.period is not None
+    )
     asked = level if climb is None else climb
     wanted = partial(control.trim, machine, gait=gait, free=chosen, speed=speed, climb=asked)
     search = partial(wanted, turn_rate=turn_rate)
@@ -126,8 +123,8 @@ def trim(
         if as_json:
             answer(orbit.summary(), as_json=True)
         raise PatagiumError(repr(orbit))
-    tell_unseen(aero, orbit)
-    unknown = left_open(aero, orbit, search)
+    tell_unseen(learned, orbit)
+    unknown = left_open(learned, orbit, search)
     if along is not None:
         units = dict(zip(orbit.family.names, orbit.family.units, strict=True))
         name, limits = _range(along, {**units, "speed": "m/s", "climb": "m/s"})

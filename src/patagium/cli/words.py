@@ -40,7 +40,7 @@ class Numbers(tuple[float, ...]):
 
 Progress = Callable[[int, int], None]
 MEANING = "that says what the columns mean, which patagium inspect {} lists"
-"""What a mapping is, for messages."""
+"""Description of a mapping, for messages."""
 _UNIT = re.compile(r"_(m_s|J_m|deg_s|rad_s|Hz|deg|rad|W|SI|s)$")
 BETWEEN_LINES = 10.0
 """Time between two lines of progress where stderr is no terminal [s]."""

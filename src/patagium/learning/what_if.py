@@ -197,7 +197,7 @@ def what_if(log: xr.Dataset | ForceSamples, network: LinearStripNetwork) -> list
     words = "; or ".join(found[size] for size in sorted(found) if size <= _ALIKE * least)
     return [
         f"Warning: the air would explain this log {stated / least:.2g} times better if {words}. "
-        "Check signs, axes, zeros, clocks, wind and masses; a mapping has `negated`, `offset`, `air`."
+        "Check signs, axes, zeros, clocks, wind and masses (mapping: `negated`, `offset`, `air`)."
     ]
 
 

@@ -305,19 +305,19 @@ def _check(
 ) -> None:
     """Refuse parts that do not go together."""
     if not tracker.started:
-        raise LogError("tracker: expected one that has started, found one without samples")
+        raise LogError("tracker: expected samples pushed to it until it starts, found too few")
     if every < 1:
-        raise ParameterError("every", "one at least", every)
+        raise ParameterError("every", "a number of ticks, 1 or more", every)
     robots = [one.robot for one in (tracker, regulator.model, pipeline) if one is not None]
     for robot in robots:
         if robot.coordinate_names != tracker.robot.dof_names:
             found = ", ".join(one.name for one in robots)
-            raise ParameterError("robot", "one for all parts, with Euler angles", found)
+            raise ParameterError("robot", "the same robot in all parts, with Euler angles", found)
     model = regulator.model
     if model.pace != 1 or abs(model.time(0)) > 1e-6 * model.period:
-        expected = "one whose frequency never was another than the gait's own"
+        expected = "a regulator at the frequency of the gait itself"
         raise ParameterError("regulator", expected, regulator)
     if pipeline is not None and pipeline.chain is None:
-        raise ParameterError("pipeline", "one that is compiled", "one in Python")
+        raise ParameterError("pipeline", "a compiled pipeline", "one in Python")
     if any(tracker.shifts.values()):
-        raise ParameterError("tracker", "one without shifts of clocks", tracker.shifts)
+        raise ParameterError("tracker", "a tracker without clock shifts", tracker.shifts)

@@ -18,7 +18,7 @@ class AutoSave:
     A disk that is full or gone does not stop a learner: `failures` counts, `problem` says.
 
     Args:
-        learner: What learns; saved as it stands when asked.
+        learner: Learner, saved in its present state.
         path: The file, replaced whole or not at all.
         seconds: From the end of one save to the beginning of the next, all in [s].
 

@@ -162,8 +162,8 @@ def follow(
     """Learn packets as they come, until there are no more.
 
     Args:
-        queue: Where the packets wait.
-        pipeline: What they go through.
+        queue: Queue of the packets.
+        pipeline: Pipeline that learns them.
         status: Progress, kept up to date.
         stop: Ends the loop, once what waits is learned or dropped.
         sinks: Each keeps packets and records.

@@ -108,7 +108,7 @@ class Intake:
 
 
 Describe = Callable[[str], Sequence[str]]
-"""What is done with a description of sensors; it gives the names of the numbers of a row."""
+"""Function of a description of sensors that gives the names of the numbers of a row."""
 
 
 class TextPackets:
@@ -116,8 +116,8 @@ class TextPackets:
 
     Args:
         columns: Names of the numbers of a packet.
-        intake: Where they are counted.
-        describe: What is done with a description of raw sensors; None: it is a comment.
+        intake: Counts of packets.
+        describe: Function that takes a description of raw sensors; None: it is a comment.
     """
 
     def __init__(
@@ -224,10 +224,10 @@ class DatagramPackets:
     the one refused before.
 
     Args:
-        columns: How many numbers a packet has.
-        intake: Where they are counted.
+        columns: Number of numbers in a packet.
+        intake: Counts of packets.
         key: Key that datagrams are signed with; None: any datagram is taken.
-        describe: What is done with a description of raw sensors; None: it is a bad row.
+        describe: Function that takes a description of raw sensors; None: it is a bad row.
     """
 
     def __init__(
@@ -273,7 +273,7 @@ class DatagramPackets:
             raise ValueError(f"expected session and sequence, found {session}, {sequence}")
         rows = values[_HEADER:].reshape(-1, self._columns)
         if not np.isfinite(rows[:, 0]).all():
-            raise ValueError("expected times, found one that is not finite")
+            raise ValueError("expected finite times, found another")
         return session, int(sequence), rows
 
     def _in_order(self, session: float, sequence: int, rows: Array) -> Array:
@@ -313,7 +313,7 @@ def read_key(path: Path) -> bytes:
     """Key of senders and listeners: the text of a file, without white space around it.
 
     Args:
-        path: File that nobody but its owner may read.
+        path: File that its owner alone may read.
 
     Raises:
         ParameterError: If it cannot be read, is too short or too long, or others may read it.
@@ -340,9 +340,9 @@ def datagrams(
 
     Args:
         packets: (N, columns) [units of the columns].
-        session: Number that nobody can guess: `new_session`.
+        session: Random number of the session, as `new_session` draws it.
         rows: Packets a datagram.
-        first: How many were sent before.
+        first: Number of packets sent before.
         key: Key that datagrams are signed with; None: they are not signed.
     """
     for start in range(0, len(packets), rows):

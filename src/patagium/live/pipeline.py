@@ -104,7 +104,7 @@ class Pipeline:
     learner as it was.
 
     Args:
-        learner: What learns; it goes on from where it stands, and is changed. Its network's
+        learner: Learner, which goes on from its state and is changed. Its network's
             outputs are coordinates of the robot.
         robot: The machine that sends.
         inputs: Names of what the network sees, such as `v.roll`; None: q, then v.
@@ -132,7 +132,7 @@ class Pipeline:
         added_mass: AddedMass | None = None,
     ) -> None:
         network, terms = learner.network, flight_terms(learner.network)
-        check_network(network, robot, inputs)
+        _check_network(network, robot, inputs)
         self.learner, self.robot = learner, robot
         self.form = SampleForm(
             robot,
@@ -229,18 +229,8 @@ class Pipeline:
         return outcome
 
 
-def check_network(network: Network, robot: Robot, inputs: Sequence[str] | None) -> None:
-    """Refuse a network that packets of a robot cannot feed.
-
-    Args:
-        network: What learns.
-        robot: What sends.
-        inputs: Names of what the network sees; None: q, then v.
-
-    Raises:
-        ParameterError: If an output is no coordinate of the robot.
-        ShapeError: If the network sees another number of inputs; what it recalls is not sent.
-    """
+def _check_network(network: Network, robot: Robot, inputs: Sequence[str] | None) -> None:
+    """Refuse a network that packets of a robot cannot feed; what it recalls is not sent."""
     for name in network.output_names:
         if name not in robot.dof_names:
             known = ", ".join(robot.dof_names)

@@ -53,7 +53,7 @@ _FARTHEST, _QUICKEST, _SPUN = 1e4, 340.0, 1e5
 """Size of a coordinate [m], its rate [m/s] and turning [rad/s] beyond which a track is lost."""
 _AXES = ("x", "y", "z")
 _FEWEST, _ALIKE = 50, 0.6
-"""Steps of packets that tell speeds, and correlation from which they are the same motion."""
+"""Fewest steps for speeds of packets, and correlation from which they are the same motion."""
 
 
 def channels(robot: Robot, sensor: Sensor) -> dict[str, tuple[str, ...]]:
@@ -71,15 +71,6 @@ def channels(robot: Robot, sensor: Sensor) -> dict[str, tuple[str, ...]]:
     if isinstance(sensor, MotionCapture):
         return {"position": _AXES, "quaternion": ("w", *_AXES)}
     return {}
-
-
-def sensor_columns(robot: Robot, sensors: Mapping[str, Sensor]) -> tuple[str, ...]:
-    """Names of the numbers of a raw row, such as `as5600.position.left_plunge`."""
-    found = ["time"]
-    for label, sensor in sensors.items():
-        for name, parts in channels(robot, sensor).items():
-            found += [f"{label}.{name}.{part}" for part in parts]
-    return tuple(found)
 
 
 def sensor_rows(log: SensorLog) -> Array:
@@ -142,8 +133,8 @@ class MotionPackets:
 
     Attributes:
         text: The description.
-        columns: Names of the numbers of a raw row.
-        notes: What was found and chosen, in words.
+        columns: Names of the numbers of a raw row, such as `as5600.position.left_plunge`.
+        notes: Findings and chosen settings, in sentences.
         spent: Time that the last packets took each [s].
         counts: Rows with `late` samples, `clock_resets` (sensors' clocks that went back, which
             is believed after ten late samples in a row), samples with values `out_of_range`, and
@@ -162,17 +153,16 @@ class MotionPackets:
             described = json_object(text, "sensors")
             self._mount = str(described.get("mount", "free"))
             self._sensors: dict[str, Sensor] = {}
-            for name, one in described["sensors"].items():
-                self._sensors[name] = sensor_from(json.dumps(one), name)
-            self.columns = sensor_columns(robot, self._sensors)
-        self.text = text
+            self._places: dict[str, slice] = {}
+            columns = ["time"]
+            for label, one in described["sensors"].items():
+                self._sensors[label] = sensor_from(json.dumps(one), label)
+                begin = len(columns)
+                for name, parts in channels(robot, self._sensors[label]).items():
+                    columns += [f"{label}.{name}.{part}" for part in parts]
+                self._places[label] = slice(begin, len(columns))
+        self.columns, self.text = tuple(columns), text
         self._robot = robot
-        self._places: dict[str, slice] = {}
-        end = 1
-        for name, sensor in self._sensors.items():
-            begin = end
-            end += sum(map(len, channels(robot, sensor).values()))
-            self._places[name] = slice(begin, end)
         kinds = Encoder, Imu, MotionCapture
         self._seeing = [n for n, s in self._sensors.items() if isinstance(s, kinds)]
         if not self._seeing:
@@ -204,7 +194,7 @@ class MotionPackets:
 
         Args:
             rows: New raw rows, (m, columns) [units of the columns]; None at their end.
-            most: How many packets at most.
+            most: Largest number of packets.
 
         Raises:
             LogError: If the sensors do not tell the motion.
@@ -270,7 +260,7 @@ class MotionPackets:
         return True
 
     def _settled(self) -> bool:
-        """Whether all sensors have told enough, or one has told it three times."""
+        """Whether the samples of all sensors span the time to settle, or those of one three."""
         spans = [self._newest.get(name, 0.0) - self._first.get(name, 0.0) for name in self._seeing]
         return min(spans) >= _SETTLING or max(spans) >= 3 * _SETTLING
 

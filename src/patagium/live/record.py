@@ -46,7 +46,7 @@ class StreamFile:
 
     Args:
         path: The file, replaced if it exists, in a folder that is there.
-        pipeline: What is recorded.
+        pipeline: Pipeline whose packets and records are kept.
 
     Attributes:
         path: The file.

@@ -48,11 +48,11 @@ class PacketQueue:
     Args:
         capacity: Packets it holds at most.
         columns: Numbers a packet.
-        intake: Where those without room are counted.
+        intake: Counts of packets, those without room among them.
         robot: The machine that sends; None: raw rows are not taken.
 
     Attributes:
-        motion: What makes packets of raw rows; None while packets come as they are.
+        motion: Maker of packets from raw rows; None while no sensors are described.
         spent: Time that each packet taken last took to be made of raw rows [s].
     """
 
@@ -67,7 +67,7 @@ class PacketQueue:
         self._held, self._closed, self._abandoned = 0, False, False
         self._problem: Exception | None = None
         self._doubts: list[str] = []
-        self._first, self._seen = np.empty((_FIRST, columns)), 0
+        self._first = np.empty((0, columns))
         self._look = 0 if robot is not None else _FIRST + 1
         self._changed = threading.Condition()
 
@@ -120,8 +120,8 @@ class PacketQueue:
         """Oldest packets, (k, columns), none if none came in time; None where no more will come.
 
         Args:
-            most: How many at most.
-            patience: How long to wait for the first one [s].
+            most: Largest number of packets.
+            patience: Longest wait for the first one [s].
 
         Raises:
             LogError: If reading them failed, or raw rows do not tell the motion.
@@ -137,12 +137,11 @@ class PacketQueue:
 
     def _look_at(self, rows: Array) -> None:
         """Compare the first packets with limits and stamps, all of them every `_APART` packets."""
-        before, self._seen = self._seen, min(self._seen + len(rows), _FIRST)
-        self._first[before : self._seen] = rows[: self._seen - before]
-        if self._robot is not None and self._seen >= self._look:
-            found = packet_doubts(self._robot, self._first[: self._seen])
+        self._first = np.concatenate([self._first, rows])[:_FIRST]
+        if self._robot is not None and len(self._first) >= self._look:
+            found = packet_doubts(self._robot, self._first)
             self._doubts = [f"Warning: {one}" for one in found]
-            self._look = _FIRST + 1 if found else self._seen + _APART
+            self._look = _FIRST + 1 if found else len(self._first) + _APART
 
     def _oldest(self, most: int, patience: float) -> Array | None:
         """Oldest packets or raw rows, as `take`."""
@@ -188,7 +187,7 @@ class Source(Protocol):
     """Source of packets."""
 
     def read(self, queue: PacketQueue, stop: threading.Event) -> None:
-        """Put packets into the queue until there are no more, or it is told to stop."""
+        """Put packets into the queue until there are no more, or `stop` is set."""
         ...
 
 
@@ -199,7 +198,7 @@ class TextSource:
         columns: Names of the numbers of a packet.
         path: The file; None for a pipe.
         pipe: File descriptor of a pipe, such as 0 for standard input.
-        idle: How long the end of a file is waited at for more [s]; None: until told to stop.
+        idle: Longest wait for more at the end of a file [s]; None: until it is stopped.
     """
 
     def __init__(
@@ -249,10 +248,10 @@ class DatagramSource:
     """Datagrams that arrive at a UDP port.
 
     Args:
-        columns: How many numbers a packet has.
+        columns: Number of numbers in a packet.
         host: Address to listen at.
         port: Port to listen at; 0: any that is free.
-        idle: How long nothing may come after the first packet [s]; None: until told to stop.
+        idle: Longest silence after the first packet [s]; None: until it is stopped.
         key: Key that datagrams are signed with; None: any datagram is taken.
 
     Raises:
@@ -293,7 +292,7 @@ class DatagramSource:
 
     @property
     def warning(self) -> str | None:
-        """Words on who can send packets; None where this machine alone can."""
+        """Warning that other machines can send packets; None where they cannot."""
         if is_loopback(self._host):
             return None
         words = f"packets are listened for at {self._host}, beyond this machine"
@@ -383,7 +382,7 @@ def source_of(
         words: `-` for standard input, `udp://ADDRESS:PORT`, or the path of a CSV file, of a
             sensor log, or of a log that `patagium import` wrote.
         columns: Names of the numbers of a packet.
-        idle: How long to wait for more [s]; None: until told to stop.
+        idle: Longest wait for more packets [s]; None: until it is stopped.
         key_file: File of the key that datagrams are signed with; None: any datagram is taken.
 
     Raises:

@@ -71,7 +71,7 @@ def comparison(
         estimates: Estimated values by name, each (N, k) [units]; NaN where they are not known.
         names: Names of the k quantities.
         units: Units of the k quantities.
-        truth_name: What the truth is called: "actual", "measured".
+        truth_name: Name of the truth: "actual", "measured".
         std: Predicted standard deviation of the first estimate, (N, k) [units]: a
             band of 1.96 deviations, the predicted 95 % interval.
         columns: Panels side by side.
@@ -173,12 +173,12 @@ def paths(
     """Estimated numbers over time, within two standard deviations.
 
     Args:
-        time: Of each estimate, (U,) [s].
+        time: Time of each estimate, (U,) [s].
         value: Estimates, (U, k).
         std: Their standard deviations, (U, k); nan draws no band.
         prior: Values before any, (k,) [units].
-        names: Of the k numbers.
-        units: Of the k numbers.
+        names: Names of the k numbers.
+        units: Units of the k numbers.
 
     Raises:
         ShapeError: If an array does not fit the others.
@@ -295,8 +295,8 @@ class Hinge(NamedTuple):
     """A joint in a drawing.
 
     Attributes:
-        place: Where it is, (3,) [m].
-        axis: Its axis, a unit vector, (3,) [-].
+        place: Position, (3,) [m].
+        axis: Axis, a unit vector, (3,) [-].
         sweep: Way of a far point of its body between the limits, (n, 3) [m]; n = 0 without any.
         words: Line of the list below the drawing; empty where it is not in the list.
     """

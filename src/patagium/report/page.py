@@ -1,9 +1,8 @@
-"""A page of prose, tables and pictures in sections: one self-contained HTML file, or Markdown.
+"""A page of prose, tables and pictures in sections: one self-contained HTML file.
 
-In HTML everything is inline, so that the file opens offline and survives being mailed; it reads
-in light and dark, on a phone, and prints. It has no scripts; a `Link` leads to pages that have
-them. A page with an opening shows it first, and folds its sections. In
-Markdown HTML is not understood: prose besides `code` and **bold** is taken literally.
+Everything is inline, so that the file opens offline and survives being mailed; it reads in light
+and dark, on a phone, and prints. It has no scripts; a `Link` leads to pages that have them. A
+page with an opening shows it first, and folds its sections.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 from markupsafe import Markup, escape
 
 from patagium.errors import ParameterError, ShapeError
-from patagium.whole_file import make_folder, write_whole
+from patagium.whole_file import write_whole
 
 SMALLEST_LETTERS = 8.5
 """Letters of figures, which a page shows at their size, at least [pt]."""
@@ -36,22 +35,19 @@ class Table:
     Attributes:
         columns: Heads of the columns, with units: "time per call [ns]".
         rows: One cell a column; numbers are printed to three digits.
-        caption: What the table shows, one sentence.
+        caption: Sentence about the table.
     """
 
-    columns: tuple[str, ...]
-    rows: tuple[tuple[Cell, ...], ...]
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
     caption: str = ""
 
-    def __init__(
-        self, columns: Sequence[str], rows: Sequence[Sequence[Cell]], caption: str = ""
-    ) -> None:
-        for i, row in enumerate(rows):
-            if len(row) != len(columns):
-                raise ShapeError(f"row {i} of table {caption!r}", len(columns), len(row))
-        object.__setattr__(self, "columns", tuple(columns))
-        object.__setattr__(self, "rows", tuple(tuple(row) for row in rows))
-        object.__setattr__(self, "caption", caption)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "columns", tuple(self.columns))
+        object.__setattr__(self, "rows", tuple(map(tuple, self.rows)))
+        for i, row in enumerate(self.rows):
+            if len(row) != len(self.columns):
+                raise ShapeError(f"row {i} of table {self.caption!r}", len(self.columns), len(row))
 
     def texts(self) -> list[list[str]]:
         """Every cell as a reader sees it, row by row."""
@@ -81,8 +77,14 @@ def cell_text(value: Cell) -> str:
         return "n/a"
     if math.isinf(number):
         return "∞" if number > 0 else "−∞"
-    far = number != 0.0 and not 1e-3 <= abs(number) < 1e5
-    return _scientific(number) if far else _plain(number)
+    if number == 0.0:
+        return "0"
+    if 1e-3 <= abs(number) < 1e5:
+        decimals = max(0, 2 - math.floor(math.log10(abs(number))))
+        return f"{number:.{decimals}f}".replace("-", "−")
+    mantissa, exponent = f"{number:.2e}".split("e")
+    digits = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{mantissa}×10{digits}".replace("-", "−")
 
 
 def _is_number(value: object) -> bool:
@@ -92,19 +94,6 @@ def _is_number(value: object) -> bool:
 
 def _is_whole(value: object) -> bool:
     return isinstance(value, Integral)
-
-
-def _plain(number: float) -> str:
-    if number == 0.0:
-        return "0"
-    decimals = max(0, 2 - math.floor(math.log10(abs(number))))
-    return f"{number:.{decimals}f}".replace("-", "−")
-
-
-def _scientific(number: float) -> str:
-    mantissa, exponent = f"{number:.2e}".split("e")
-    digits = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"{mantissa}×10{digits}".replace("-", "−")
 
 
 if TYPE_CHECKING:
@@ -119,16 +108,21 @@ class Picture:
     Attributes:
         source: The image as a data address.
         caption: What is seen, and what to look for.
-        address: Of a page that a click opens, relative to this one; none if empty.
+        address: Address of a page that a click opens, relative to this one; none if empty.
     """
 
     source: str
     caption: str
     address: str = ""
 
+    def file(self) -> tuple[str, bytes]:
+        """Kind of the image's file, "svg" or "png", and its bytes."""
+        head, data = self.source.split(",", 1)
+        return "svg" if "svg" in head else "png", base64.b64decode(data)
+
     def least_width(self) -> int:
         """Width below which the smallest letters of a figure would be under 11 pixels [px]."""
-        kind, image = _image(self)
+        kind, image = self.file()
         if kind == "png":
             points = int.from_bytes(image[16:20], "big") * 72 / _DOTS
         else:
@@ -143,8 +137,8 @@ class KeyNumber:
 
     Attributes:
         value: The number with its unit.
-        meaning: What it says, one sentence.
-        beside: What it is to be compared with, such as the number of a paper.
+        meaning: Sentence about the number.
+        beside: Value to compare it with, such as the number of a paper.
     """
 
     value: str
@@ -164,8 +158,8 @@ class Link:
     """A way to another page that lies beside this one.
 
     Attributes:
-        text: What is there.
-        address: Of the page, relative to this one.
+        text: Description of the page.
+        address: Address of the page, relative to this one.
     """
 
     text: str
@@ -192,7 +186,7 @@ def picture(figure: Figure, caption: str, kind: Literal["svg", "png"] = "svg") -
     """An image of a figure, to be put on a page.
 
     Args:
-        figure: What to draw.
+        figure: Figure.
         caption: What is seen, and what to look for.
         kind: "svg" stays sharp; "png" is smaller for tens of thousands of points.
     """
@@ -242,112 +236,6 @@ def draw(figure: Figure, kind: Literal["svg", "png", "pdf"]) -> bytes:
     return stream.getvalue()
 
 
-MARK = "<!-- Written by patagium; do not edit: run the command again. -->"
-"""First line of every page."""
-
-
-def markdown_page(
-    title: str,
-    sections: Sequence[PageSection],
-    summary: str,
-    facts: Mapping[str, str],
-    folder: str,
-    opening: Sequence[Block] = (),
-) -> tuple[str, dict[str, bytes]]:
-    """Text of a page and its pictures.
-
-    Args:
-        title: Title of the page.
-        sections: In reading order.
-        summary: What was found, in a few sentences, under the title.
-        facts: Where it comes from, at the foot.
-        folder: Where the pictures lie, as seen from the page.
-        opening: Blocks before the sections.
-
-    Returns:
-        The text, and the pictures by name of their files: that of the section, numbered
-        where it has several.
-    """
-    pictures: dict[str, bytes] = {}
-    parts = [MARK, f"# {markdown_prose(title)}", *([markdown_prose(summary)] if summary else [])]
-    for section in (PageSection("At a glance", opening), *sections):
-        if section.blocks:
-            parts.append(f"## {markdown_prose(section.title)}")
-        for block in section.blocks:
-            if isinstance(block, Picture):
-                kind, image = _image(block)
-                name = _free(section.title, kind, pictures)
-                pictures[name] = image
-                caption = markdown_prose(block.caption)
-                parts += [f"![{markdown_prose(section.title)}]({folder}/{name})", f"*{caption}*"]
-            else:
-                parts += _block(block)
-    if facts:
-        listed = [
-            f"- **{markdown_prose(name)}**: {markdown_prose(value)}"
-            for name, value in facts.items()
-        ]
-        parts += ["## Where it comes from", "\n".join(listed)]
-    return "\n\n".join(parts) + "\n", pictures
-
-
-def markdown_prose(text: str) -> str:
-    """Text in which `code` and **bold** stay as they are and all else is literal."""
-    return "".join(map(_span, re.split(r"(`[^`]+`|\*\*[^*]+\*\*)", text)))
-
-
-def table_text(table: Table) -> str:
-    """A table without its caption; columns of numbers flush right."""
-    rules = ["---:" if table.numeric(i) else "---" for i in range(len(table.columns))]
-    rows = [
-        [markdown_prose(cell).replace("|", "\\|") for cell in row]
-        for row in (table.columns, *table.texts())
-    ]
-    rows.insert(1, rules)
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
-
-
-def _block(block: Block) -> list[str]:
-    if isinstance(block, Table):
-        caption = [f"*{markdown_prose(block.caption)}*"] if block.caption else []
-        return [*caption, table_text(block)]
-    if isinstance(block, Note):
-        return [f"> {markdown_prose(block.text)}"]
-    if isinstance(block, KeyNumber):
-        return [markdown_prose(f"**{block.value}**: {block.meaning} {block.beside}")]
-    if isinstance(block, Link):
-        return [f"[{markdown_prose(block.text)}]({block.address})"]
-    return [re.sub(r"^(\d*)(?=[#+>.)-])", r"\1\\", markdown_prose(str(block)))]
-
-
-def _span(text: str) -> str:
-    if text.startswith("`"):
-        return text
-    return f"**{markdown_prose(text[2:-2])}**" if text.startswith("**") else _literal(text)
-
-
-def _literal(text: str) -> str:
-    text = re.sub(r"([\\*$]|<(?=[\w/!?])|&(?=#?\w+;)|\](?=\()|\[(?=\^))", r"\\\1", text)
-    return re.sub(r"((?<!\w)_|_(?!\w))", r"\\\1", text)
-
-
-def _image(picture: Picture) -> tuple[str, bytes]:
-    """Kind of a picture's file, and its bytes."""
-    head, data = picture.source.split(",", 1)
-    kind = "svg" if "svg" in head else "png"
-    return kind, base64.b64decode(data)
-
-
-def _free(title: str, kind: str, taken: Mapping[str, object]) -> str:
-    """Name of a file after a title, one that is not taken."""
-    stem = re.sub(r"\W+", "-", title.lower()).strip("-")
-    number, name = 1, f"{stem}.{kind}"
-    while name in taken:
-        number += 1
-        name = f"{stem}-{number}.{kind}"
-    return name
-
-
 def write_page(
     path: str | Path,
     title: str,
@@ -360,13 +248,11 @@ def write_page(
     """A report, written whole or not at all.
 
     Args:
-        path: File to write, in a folder that is there. A name ending in .md makes a Markdown page
-            with its pictures in a folder of the same name beside it, any other a
-            self-contained HTML page.
+        path: File to write, in a folder that is there.
         title: Title of the page.
         sections: In reading order; a table of contents is made of their titles.
-        summary: What was found, in a few sentences, under the title.
-        facts: Where it comes from (program, version, robot, settings), at the foot.
+        summary: Findings in a few sentences, under the title.
+        facts: Origin (program, version, robot, settings), at the foot.
         opening: First screen: pictures side by side, numbers, sentences. The sections of a page
             that has one are folded.
 
@@ -376,17 +262,12 @@ def write_page(
     Raises:
         ParameterError: If the name ends otherwise than a page's.
     """
-    path, told = page_path(path, "", ".md"), dict(facts or {})
-    if path.suffix == ".md":
-        text, pictures = markdown_page(title, sections, summary, told, path.stem, opening)
-        for name, image in pictures.items():
-            write_whole(make_folder(path.with_suffix("")) / name, image)
-    else:
-        first = [[one for one in opening if isinstance(one, kind)] for kind in _FIRST]
-        text = _template().render(
-            title=title, summary=summary, sections=sections, facts=told, opening=first
-        )
-    return write_whole(path, text)
+    page = page_path(path, "")
+    first = [[one for one in opening if isinstance(one, kind)] for kind in _FIRST]
+    text = _template().render(
+        title=title, summary=summary, sections=sections, facts=dict(facts or {}), opening=first
+    )
+    return write_whole(page, text)
 
 
 def page_path(path: str | Path, *more: str, name: str = "page") -> Path:

@@ -24,7 +24,7 @@ from patagium.arrays import Array
 from patagium.report.style import COLORS, SCENE, TRUTH
 from patagium.whole_file import write_whole
 
-_SCRIPTS = (*("flight.js", "pace.js", "view.js", "paths.js", "arrows.js", "plots.js", "player.js"),)
+_SCRIPTS = "flight.js", "pace.js", "view.js", "paths.js", "arrows.js", "plots.js", "player.js"
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Mark:
     """A point fixed to a body that leaves a trace: a wing tip.
 
     Attributes:
-        name: What it is.
+        name: Name of the point.
         body: Index of the body.
         offset: In body axes, (3,) [m].
     """
@@ -62,15 +62,15 @@ class Arrows:
     """Forces of the air at the times shown, world axes; what is not known is None.
 
     Attributes:
-        point: Where those of strips act, relative to the origin, (F, n_strips, 3) [m].
+        point: Points where those of strips act, relative to the origin, (F, n_strips, 3) [m].
         force: True ones, (F, n_strips, 3) [N].
         predicted: Predicted ones, same shape.
-        center: Where the total is drawn, relative to the origin, (F, 3) [m].
+        center: Point where the total is drawn, relative to the origin, (F, 3) [m].
         total: Force of the air on the robot, (F, 3) [N].
-        predicted_total: The same, predicted.
-        moment: Of the air about the center, (F, 3) [N m].
-        predicted_moment: The same, predicted.
-        std: Of the predicted total, (F, 3) [N].
+        predicted_total: Predicted force on the robot, (F, 3) [N].
+        moment: Moment of the air about the center, (F, 3) [N m].
+        predicted_moment: Predicted moment, (F, 3) [N m].
+        std: Standard deviation of the predicted total, (F, 3) [N].
     """
 
     point: Array | None
@@ -95,7 +95,7 @@ class Series:
         values: (F,).
         predicted: (F,), or None.
         shown: Whether it is plotted when the page opens.
-        std: Of the prediction, (F,), or None.
+        std: Standard deviation of the prediction, (F,), or None.
     """
 
     group: str
@@ -113,22 +113,22 @@ class Replay:
 
     Attributes:
         title: Title of the page.
-        subtitle: What flies, in a few words.
+        subtitle: Description of the flight in a few words.
         time: (F,) [s].
-        period: One wingbeat [s], or None.
+        period: Duration of a wingbeat [s], or None.
         bodies: Names, n_b.
-        origin: Of the first body in the world, (F, 3) [m].
-        position: Of every body relative to it, world axes, (F, n_b, 3) [m].
+        origin: Position of the first body in the world, (F, 3) [m].
+        position: Position of every body relative to it, world axes, (F, n_b, 3) [m].
         quaternion: Body axes to world axes, x y z w, (F, n_b, 4).
-        speed: Of the origin, (F,) [m/s].
+        speed: Speed of the origin, (F,) [m/s].
         solids: Kind, body, center, axis and size of each; see `robot.solids`. Those of an arm
             that carries the robot have `carrier` set.
         surfaces: Strips of all wings.
         marks: Points that leave a trace.
         arrows: Forces, or None.
         series: Plots.
-        names: How truth and prediction are called.
-        notes: What a reader has to know: sampling, frames, units.
+        names: Names of truth and prediction.
+        notes: Sentences about sampling, frames and units.
         ground: Height of the ground [m]; None: somewhere below the robot.
         events: Time [s] and words of what happened.
         other: Another flight in the same space, drawn as a ghost; its series and arrows are not.

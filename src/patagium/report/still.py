@@ -28,7 +28,7 @@ class _Layer:
     """Quadrangles that are painted together, far ones first.
 
     Args:
-        eye: Where they are seen from, (3,) [m].
+        eye: Position of the eye, (3,) [m].
     """
 
     def __init__(self, eye: Array) -> None:
@@ -135,7 +135,7 @@ def _quadrangles(grid: Array) -> Array:
 
 
 OBLIQUE = (-0.72, -0.75, 0.55)
-"""From behind, from the right and from above."""
+"""Direction of a view from behind, from the right and from above."""
 _SHAPE = 0.62  # height of a picture over its width
 _ROOM = 1.1  # of the picture over what is in it
 _FOCAL = 0.275  # the eye is 5 times as far away as what is seen reaches
@@ -156,7 +156,7 @@ def draw_still(
     """A moment of a flight in perspective.
 
     Args:
-        replay: What is to be shown.
+        replay: Flight to show.
         frame: Which of its times.
         seen_from: Direction from the robot to the eye, (3,) [-].
         room: What the picture holds, relative to the robot's origin, (N, 3) [m]; None: the robot

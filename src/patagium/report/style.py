@@ -54,7 +54,7 @@ class Look:
     """Sizes in figures for one use: a page, a paper or slides.
 
     Attributes:
-        width: Of a figure [inch].
+        width: Width of a figure [inch].
         letters: Size of letters over those of a page.
         lines: Width of lines over those of a page.
     """
@@ -80,7 +80,7 @@ def figures_for(where: str) -> Iterator[None]:
     """Figures made meanwhile are for a place.
 
     Args:
-        where: One of `LOOKS`.
+        where: Name of the place, one of `LOOKS`.
 
     Raises:
         ParameterError: If it is none.

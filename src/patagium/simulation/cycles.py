@@ -11,9 +11,9 @@ import xarray as xr
 
 from patagium.arguments import checked
 from patagium.arrays import Array
+from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, ParameterError
 from patagium.robot import Robot
-from patagium.robot.attitude import angles_from_quaternion
 from patagium.simulation.flight import WINGBEATS, gait_period, robot_of
 
 GRAM_FORCE = 9.80665e-3
@@ -23,8 +23,8 @@ _HOVERING = 0.1  # slower through the air, thrust is along the nose [m/s]
 _MEANINGS = {
     "lift": ("N", "force of the air upward"),
     "thrust": ("N", "force of the air along the way through it, level"),
-    "mount_lift": ("N", "what a load cell under the robot reads upward, weight tared"),
-    "mount_thrust": ("N", "what it reads along the way through the air"),
+    "mount_lift": ("N", "reading of a load cell under the robot upward, weight tared"),
+    "mount_thrust": ("N", "its reading along the way through the air"),
     "power": ("W", "power of the actuated joints"),
 }
 
@@ -42,7 +42,7 @@ def cycle_statistics(
 
     Args:
         flight: Record of a flight.
-        period: Of a wingbeat [s]; None: of the flight's gait, each as long as it was steered.
+        period: Duration of a wingbeat [s]; None: that of the gait, as it was steered.
         skip: Whole wingbeats left out at the beginning.
         phases: Points of a wingbeat.
 
@@ -168,16 +168,7 @@ def _forward(flight: xr.Dataset, robot: Robot) -> Array:
     level = air_velocity(flight, robot) * np.array([1.0, 1.0, 0.0])
     if np.linalg.norm(level) >= _HOVERING:
         return np.asarray(level / np.linalg.norm(level))
-    yaw = _heading(flight["q"].isel(time=0).values, robot)
+    _, rotation = poses_at(robot, flight["q"].values[:1])
+    body = rotation[0, next(iter(robot.floating_bodies))] if robot.floating else np.eye(3)
+    yaw = np.arctan2(body[1, 0], body[0, 0])
     return np.array([np.cos(yaw), np.sin(yaw), 0.0])
-
-
-def _heading(q: Array, robot: Robot) -> float:
-    """Yaw of the floating body, zero where none floats [rad]."""
-    for body in robot.bodies:
-        attitude = q[list(robot.floating_coordinates(body)[3:])]
-        if body.by_quaternion:
-            return float(angles_from_quaternion(attitude)[2])
-        if len(attitude):
-            return float(attitude[2])
-    return 0.0

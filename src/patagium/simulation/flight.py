@@ -49,7 +49,7 @@ class Quantity:
     Attributes:
         dims: Dimensions after time.
         units: SI units; of coordinates that turn after those of coordinates that slide.
-        meaning: What it is.
+        meaning: Description.
     """
 
     dims: tuple[str, ...]
@@ -128,7 +128,7 @@ OPTIONAL: dict[str, Quantity] = {
         ("strip", "axis"), "m/s", "wind each strip answers to in a gust that travels, world axes"
     ),
 }
-"""What a flight has where it was asked for, and what flights of older versions lack."""
+"""Variables that a flight need not have, such as those that older versions lack."""
 SINGLE = (
     "strip_point",
     "angle_of_attack",
@@ -153,7 +153,7 @@ def quantities(robot: Robot) -> dict[str, Quantity]:
 
 
 ATTRIBUTES = ("robot", "robot_name", "aero", "gait", "mount", "time_step", "outcome")
-"""What a flight must carry to be used again."""
+"""Attributes that a flight must carry to be used again."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ class FlightOrigin:
         stepping: The integrator, in words.
         added_mass: Inertia of the air that moved with it, or None.
         mount_path: Description of the path it was carried along, or None.
-        load_cells: Where wrenches were measured.
+        load_cells: Load cells.
         commands: Names of what was commanded of the gait.
     """
 
@@ -191,12 +191,12 @@ def flight_record(
     """Flight from the samples of a run, audits included.
 
     Args:
-        origin: What it was flown with.
+        origin: Robot, air, gait, mount and integrator.
         time: Times of the samples, (N,) [s].
         samples: Quantities of `flight_equations.RECORDED` and `wind`, (N, ...) each [SI]; with
             added mass those of `RECORDED_WITH_ADDED_MASS`; of a machine that changed `GIVEN`.
         outcome: Outcome of the run.
-        message: The same in words.
+        message: Outcome in words.
     """
     values = dict(samples)
     works = values.pop("works").T
@@ -451,8 +451,8 @@ class Carrier(NamedTuple):
     Attributes:
         arm: The arm, on the world.
         at: Body that holds the robot.
-        position: Where on it, in its axes, (3,) [m].
-        q: Its joints at every sample of the flight, (N, 6) [rad, m].
+        position: Position of the robot on it, in its axes, (3,) [m].
+        q: Joint positions at every sample of the flight, (N, 6) [rad, m].
     """
 
     arm: Robot
@@ -551,9 +551,11 @@ def check_flight(flight: xr.Dataset, name: str) -> None:
             dimensions or units, time does not rise, the state is not finite, or the
             coordinates are not its robot's.
     """
-    _check_presence(flight, name)
-    robot = robot_of(flight, name)
-    _check_contents(flight, name, robot)
+    missing = [k for k in ("time", "dof", "strip", "axis", *QUANTITIES) if k not in flight]
+    if missing:
+        raise FlightError(f"{name}: no {', '.join(missing)}: not a whole flight")
+    _require(flight, ATTRIBUTES, name)
+    _check_contents(flight, name, robot_of(flight, name))
     time = flight["time"].to_numpy()
     for state in ("q", "v"):
         values = flight[state].to_numpy()
@@ -562,23 +564,15 @@ def check_flight(flight: xr.Dataset, name: str) -> None:
             raise FlightError(f"{name}: {state} is not finite at t = {first:g} s")
 
 
-def _check_presence(flight: xr.Dataset, name: str) -> None:
-    missing = [k for k in ("time", "dof", "strip", "axis", *QUANTITIES) if k not in flight]
-    if missing:
-        raise FlightError(f"{name}: no {', '.join(missing)}: not a whole flight")
-    _require(flight, ATTRIBUTES, name)
-
-
 def _check_contents(flight: xr.Dataset, name: str, robot: Robot) -> None:
     for quantity, kind in (quantities(robot) | OPTIONAL).items():
         if quantity not in flight:
             continue  # only what is optional may be missing here
         variable = flight[quantity]
-        if variable.dims != ("time", *kind.dims):
-            expected = ("time", *kind.dims)
-            raise FlightError(f"{name}: {quantity}: expected {expected}, found {variable.dims}")
-        if variable.attrs.get("units") != kind.units:
-            found = variable.attrs.get("units")
-            raise FlightError(f"{name}: {quantity}: expected [{kind.units}], found [{found}]")
-        if variable.dtype != np.float64:
-            raise FlightError(f"{name}: {quantity}: expected float64, found {variable.dtype}")
+        for expected, found in (
+            (("time", *kind.dims), variable.dims),
+            (f"[{kind.units}]", f"[{variable.attrs.get('units')}]"),
+            (np.dtype(float), variable.dtype),
+        ):
+            if found != expected:
+                raise FlightError(f"{name}: {quantity}: expected {expected}, found {found}")

@@ -174,7 +174,7 @@ def _equations(
     """Rate of the state, (size, 1), and the recorded quantities by name [SI].
 
     Args:
-        layout: Where everything is.
+        layout: Layout of state and row.
         motion: Coordinates, velocities and forces.
         state: The state.
         a: Accelerations, (n, 1) [m/s^2, rad/s^2].

@@ -34,19 +34,19 @@ NO_INFLOW = (
     "It hovers, and its wings do not meet the air that they have thrown down: the lift may be "
     "up to twice too large (--inflow, or patagium.air.Inflow(model), adds it)."
 )
-"""Said of wings that hover in air that stays as it was."""
+"""Warning about wings that hover in a model of the air without inflow."""
 HINGED = (
     "A spring hinge lets {} turn by itself, and its force acts at a quarter of the chord; where "
     "flow is separated it lies further back, and wings turn more: "
     'patagium.QuasiSteady(robot, force_point="moving") has it so (docs/air.md, Hover).'
 )
-"""Said of wings that turn on a passive hinge, in quasi-steady air with another force point."""
+"""Warning about wings on a passive hinge, in quasi-steady air with another force point."""
 SEPARATED = np.radians(30.0)
 """Mean incidence from which on the force of a wing is far behind a quarter of its chord [rad]."""
 LIQUID = 2.0
 """Density above which a medium carries robots by buoyancy [kg/m^3]."""
 SLOWEST_FALL = 0.3
-"""Sink rate below which nothing is said of it [m/s]."""
+"""Sink rate below which there is no warning [m/s]."""
 UNEXPLAINED = 1e-2
 """Energy audit from which on the time step is too long [1]."""
 STEADY = (0.7, 1.4)
@@ -196,7 +196,7 @@ def _warnings(facts: dict[str, Any], free: bool, judged: bool) -> list[str]:
 
 
 def _hover(robot: Robot, flight: xr.Dataset) -> list[str]:
-    """Sentence about wings that hover in air that stays as it was."""
+    """Warning about wings that hover in a model of the air without inflow."""
     told = flight.attrs.get("aero", "{}")
     if not flight.sizes["strip"] or '"model"' not in told or f'"{Inflow.name}"' in told:
         return []

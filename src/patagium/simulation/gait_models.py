@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
-from functools import reduce
+from functools import partial, reduce
 from io import StringIO
 from operator import add
 from pathlib import Path
@@ -250,27 +250,37 @@ class SuperposedGait:
 
 
 WHOLE = 1e-9
-"""How far from a whole number a ratio of periods may be."""
+"""Largest distance of a ratio of periods from a whole number."""
 
 
-def check_period(whole: Gait, part: Gait) -> None:
-    """Refuse a part whose period does not divide that of the sum.
+def superposition(parts: Sequence[Gait], check: Callable[[Gait], None]) -> SuperposedGait:
+    """Sum of gaits, or of paths, whose longest period is a whole number of each of the others.
+
+    Args:
+        parts: The gaits.
+        check: Function that refuses a part that may not be in the sum.
 
     Raises:
-        ParameterError: If the sum would not repeat.
+        ParameterError: If there is no part, or the sum would not repeat.
     """
-    if part.period and whole.period:
-        ratio = whole.period / part.period
+    if not parts:
+        raise ParameterError("parts", "at least one", parts)
+    for part in parts:
+        check(part)
+    whole = SuperposedGait(tuple(parts))
+    for period in filter(None, (part.period for part in parts)):
+        ratio = (whole.period or 0.0) / period
         if abs(ratio - round(ratio)) > WHOLE:
             expected = f"a period that {whole.period:g} s is a multiple of"
-            raise ParameterError("parts", expected, part.period)
+            raise ParameterError("parts", expected, period)
+    return whole
 
 
 FEWEST_ROWS = 4
 """Rows a periodic cubic needs, the repeated first one included."""
 
 CLOSURE = 1e-9
-"""How far the last row may be from the first and still repeat it [rad, m]."""
+"""Largest distance of the last row from the first that it repeats [rad, m]."""
 
 _HEADER = re.compile(r"(?P<name>[^\[\]]*)(?:\[(?P<unit>[^\[\]]*)\])?")
 
@@ -292,84 +302,7 @@ def read_gait_table(
     Raises:
         LogError: If it cannot be used as it stands.
     """
-    header, rows = read_columns(path)
-    table: dict[str, Array] = {}
-    for k, (name, unit) in enumerate(header):
-        if name in table:
-            raise LogError(f"{path.name}: column {name!r} is there twice")
-        si = "s" if name == "time" else _joint_unit(robot, name)
-        table[name] = rows[:, k] * unit_factor(path, name, unit, si)
-    if "time" not in table or len(table) < 2:
-        raise LogError(f"{path.name}: needs time and a joint, found {', '.join(table)}")
-    time = table.pop("time")
-    return _closed(path, time, table, period)
-
-
-def read_columns(path: Path) -> tuple[list[tuple[str, str]], Array]:
-    """Name and unit of each column of a CSV file, and its rows, (M, columns).
-
-    Raises:
-        LogError: If it is no table of finite numbers under a header.
-    """
-    try:
-        text = text_of(path, TABLE_FILE)
-        lines = [line for line in csv.reader(StringIO(text, newline="")) if line]
-    except csv.Error as error:
-        raise LogError(f"{path.name}: cannot be read: {error}") from None
-    if not lines:
-        raise LogError(f"{path.name}: empty")
-    header = []
-    for cell in lines[0]:
-        match = _HEADER.fullmatch(cell.strip())
-        if match is None or not match["name"].strip():
-            raise LogError(f"{path.name}: header {cell[:60]!r}, expected such as 'plunge [rad]'")
-        header.append((match["name"].strip(), match["unit"] or ""))
-    rows = []
-    for number, line in enumerate(lines[1:], start=2):
-        if len(line) != len(header):
-            raise LogError(f"{path.name}: row {number}: {len(line)} cells, expected {len(header)}")
-        rows.append([_number(path, number, cell) for cell in line])
-    if not rows:
-        raise LogError(f"{path.name}: no rows below the header")
-    return header, np.array(rows)
-
-
-def _number(path: Path, row: int, cell: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise LogError(f"{path.name}: row {row}: expected a finite number, found {cell!r}")
-    return value
-
-
-def _joint_unit(robot: Robot, name: str) -> str:
-    joints = robot.joints_named(name)
-    if not joints:
-        known = ", ".join(robot.dof_names[i] for i in robot.actuated)
-        raise LogError(f"column {name!r}: no actuated joint of {robot.name!r} ({known})")
-    return robot.dof_units[robot.index(joints[0])]
-
-
-def unit_factor(path: Path, name: str, unit: str, si: str) -> float:
-    """Factor that converts a column to SI.
-
-    Raises:
-        LogError: If there is no unit, or one of another dimension.
-    """
-    if not unit:
-        raise LogError(f"{path.name}: column {name!r} has no unit; write it as '{name} [{si}]'")
-    try:
-        return in_si(f"1 {unit}", si, name)
-    except UnitMismatch as error:
-        raise LogError(f"{path.name}: column {name!r}: {error}") from None
-
-
-def _closed(
-    path: Path, time: Array, positions: dict[str, Array], period: float | None
-) -> tuple[Array, dict[str, Array]]:
-    """Time and positions of one whole period, both ends included."""
+    time, positions = read_columns(path, partial(_joint_unit, robot))
     steps = np.diff(time)
     if not np.all(steps > 0):
         row = int(np.flatnonzero(~(steps > 0))[0]) + 3
@@ -394,3 +327,69 @@ def _closed(
     if not extreme < LARGEST:
         raise LogError(f"{path.name}: expected numbers below {LARGEST:g}, found {extreme:g}")
     return time, {name: np.append(x[:-1], x[0]) for name, x in positions.items()}
+
+
+def read_columns(path: Path, unit_of: Callable[[str], str]) -> tuple[Array, dict[str, Array]]:
+    """Time, (M,) [s], and the other columns of a CSV file by name, (M,) each [SI].
+
+    Args:
+        path: The file.
+        unit_of: SI unit of a column other than time; raises LogError for one that may not be there.
+
+    Raises:
+        LogError: If it is no table of finite numbers under a header with time and another column.
+    """
+    try:
+        text = text_of(path, TABLE_FILE)
+        lines = [line for line in csv.reader(StringIO(text, newline="")) if line]
+    except csv.Error as error:
+        raise LogError(f"{path.name}: cannot be read: {error}") from None
+    if not lines:
+        raise LogError(f"{path.name}: empty")
+    header = []
+    for cell in lines[0]:
+        match = _HEADER.fullmatch(cell.strip())
+        if match is None or not match["name"].strip():
+            raise LogError(f"{path.name}: header {cell[:60]!r}, expected such as 'plunge [rad]'")
+        header.append((match["name"].strip(), match["unit"] or ""))
+    rows = []
+    for number, line in enumerate(lines[1:], start=2):
+        if len(line) != len(header):
+            raise LogError(f"{path.name}: row {number}: {len(line)} cells, expected {len(header)}")
+        rows.append([_number(path, number, cell) for cell in line])
+    if not rows:
+        raise LogError(f"{path.name}: no rows below the header")
+    table: dict[str, Array] = {}
+    for (name, unit), column in zip(header, np.array(rows).T, strict=True):
+        if name in table:
+            raise LogError(f"{path.name}: expected column {name!r} once, found it twice")
+        si = "s" if name == "time" else unit_of(name)
+        if not unit:
+            expected = f"expected its unit, as in '{name} [{si}]', found none"
+            raise LogError(f"{path.name}: column {name!r}: {expected}")
+        try:
+            table[name] = column * in_si(f"1 {unit}", si, name)
+        except UnitMismatch as error:
+            raise LogError(f"{path.name}: column {name!r}: {error}") from None
+    if "time" not in table or len(table) < 2:
+        found = ", ".join(table)
+        raise LogError(f"{path.name}: expected columns of time and what moves, found {found}")
+    return table.pop("time"), table
+
+
+def _number(path: Path, row: int, cell: str) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise LogError(f"{path.name}: row {row}: expected a finite number, found {cell!r}")
+    return value
+
+
+def _joint_unit(robot: Robot, name: str) -> str:
+    joints = robot.joints_named(name)
+    if not joints:
+        known = ", ".join(robot.dof_names[i] for i in robot.actuated)
+        raise LogError(f"column {name!r}: no actuated joint of {robot.name!r} ({known})")
+    return robot.dof_units[robot.index(joints[0])]

@@ -9,6 +9,7 @@ an exact coordinate name addresses that one. Neglected: actuator dynamics, start
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -28,8 +29,8 @@ from patagium.simulation.gait_models import (
     PrescribedMotion,
     SuperposedGait,
     TableGait,
-    check_period,
     read_gait_table,
+    superposition,
 )
 from patagium.whole_file import write_whole
 
@@ -71,7 +72,7 @@ def sinusoidal(
         frequency: Beats a second f [Hz].
         phase: Lead of joints by name [rad]; 0 where not named.
         offset: Mean of joints by name [rad, m]; 0 where not named.
-        **amplitude: Of joints by name, such as `plunge=0.6` [rad, m].
+        **amplitude: Amplitude of joints by name, such as `plunge=0.6` [rad, m].
 
     Raises:
         ParameterError: If no actuated joint bears a name, or a limit is exceeded.
@@ -101,7 +102,7 @@ def fourier(
     Args:
         robot: The machine.
         frequency: Beats a second f [Hz].
-        **series: Of joints by name: mean and the pairs (c_k, s_k), k = 1, 2, ... [rad, m].
+        **series: Series of joints by name: mean, pairs (c_k, s_k), k = 1, 2, ... [rad, m].
 
     Raises:
         ParameterError: If no actuated joint bears a name, or a limit is exceeded.
@@ -200,7 +201,7 @@ def to_csv(robot: Robot, gait: Gait, path: str | Path) -> None:
     """
     check_gait(robot, gait)
     if gait.period is None:
-        raise ParameterError("gait", "one that moves", gait)
+        raise ParameterError("gait", "a gait that moves", gait)
     time = gait.period * np.arange(_ROWS + 1) / _ROWS
     position = gait.motion(time).position
     position[-1] = position[0]  # of a period, to the last bit
@@ -221,7 +222,7 @@ def still(robot: Robot, **position: float) -> FourierGait:
 
     Args:
         robot: The machine.
-        **position: Of joints by name [rad, m]; 0 where not named.
+        **position: Position of joints by name [rad, m]; 0 where not named.
 
     Raises:
         ParameterError: If no actuated joint bears a name, or a limit is exceeded.
@@ -288,14 +289,7 @@ def superposed(robot: Robot, *parts: Gait) -> SuperposedGait:
         ParameterError: If a part moves another robot's joints, the sum does not repeat,
             or a limit is exceeded.
     """
-    if not parts:
-        raise ParameterError("parts", "at least one gait", parts)
-    for part in parts:
-        check_gait(robot, part)
-    gait = SuperposedGait(tuple(parts))
-    for part in parts:
-        check_period(gait, part)
-    return _within_limits(robot, gait)
+    return _within_limits(robot, superposition(parts, partial(check_gait, robot)))
 
 
 @checked

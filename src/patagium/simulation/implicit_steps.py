@@ -31,7 +31,7 @@ def rate_jacobian(rate: Callable[..., Any], state: Array, *more: int) -> Array:
 
     Args:
         rate: Rate of a state, (size,) to (size,) [1/s].
-        state: Where, (size,) [SI].
+        state: State at which it is taken, (size,) [SI].
         more: Further arguments of the rate.
     """
     sizes = 1e-6 * np.maximum(1.0, np.abs(state))
@@ -53,7 +53,7 @@ class LobattoStep:
         Args:
             rate: Rate of a state at a place of the table, which has two places a step.
             state: At the beginning, (size,) [SI].
-            place: Where the step begins in the table.
+            place: Row of the table at the beginning of the step.
             time_step: Step [s].
         """
 
@@ -88,7 +88,7 @@ class LobattoStep:
         """State a step later, or None where Newton's method does not converge.
 
         Args:
-            missing: What changes of the stages leave of the equations, (3, size) to (3, size) [SI].
+            missing: Residual of the equations by changes of the stages, (3, size) each [SI].
             state: At the beginning, (size,) [SI].
             renew: Damp corrections until they help, and renew the factors by this after each.
         """

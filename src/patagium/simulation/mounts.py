@@ -38,8 +38,8 @@ class Mount:
 
     Attributes:
         kind: "free" in the air, "fixed" where it starts, "carried" along a path, or so by an "arm".
-        path: Where the floating body goes, or None.
-        plan: What the arm's joints do for it, or None.
+        path: Path of the floating body, or None.
+        plan: Motion of the arm's joints for it, or None.
     """
 
     kind: Literal["free", "fixed", "carried", "arm"]
@@ -93,7 +93,7 @@ def on_arm(
         arm: An arm of six joints, such as `load_robot("ur5e")`.
         path: Motion of the robot's floating body in the world, where the arm stands at the origin.
         at: Body of the arm that holds the robot.
-        position: Where the robot sits on that body, in its axes, (3,) [m].
+        position: Position of the robot on that body, in its axes, (3,) [m].
         orientation: Roll, pitch, yaw of the robot's axes in that body's, (3,) [rad].
         start: Joint angles near which the arm begins, (6,) [rad]; the best by default.
 

@@ -27,22 +27,21 @@ from patagium.simulation.gait_models import (
     PrescribedMotion,
     SuperposedGait,
     asked_times,
-    check_period,
     described,
     read_columns,
-    unit_factor,
+    superposition,
 )
 
 __all__ = ["circle", "figure_of_eight", "from_csv", "line", "sinusoid", "superposed", "waypoints"]
 suggest_names(__name__)
 
 Path: TypeAlias = Gait
-"""What a mount asks of a path: a gait of the six coordinates of a floating base."""
+"""Path of a mount: a gait of the six coordinates of a floating base."""
 
 Triple: TypeAlias = Sequence[float]
 LEVEL = (0.0, 0.0, 0.0)
 PITCH_LIMIT = np.pi / 2 - 0.02
-"""Where Euler angles of a path must stay, up and down [rad]."""
+"""Largest pitch of a path, up and down, for its Euler angles [rad]."""
 
 AnyPath = TypeVar("AnyPath", bound=Gait)
 _CLOSURE = 1e-9  # how far a last way-point may be from the first and still repeat it
@@ -95,9 +94,9 @@ def line(start: Triple, end: Triple, *, duration: float, attitude: Triple = LEVE
     """Straight path from rest to rest with the least jerk.
 
     Args:
-        start: Where it begins, world axes, (3,) [m].
-        end: Where it ends, (3,) [m].
-        duration: How long it takes [s].
+        start: First point, world axes, (3,) [m].
+        end: Last point, (3,) [m].
+        duration: Duration [s].
         attitude: Roll, pitch, yaw, (3,) [rad].
 
     Raises:
@@ -150,7 +149,7 @@ def figure_of_eight(
     """Lying eight: (length/2) sin x along, (width/2) sin 2x across, x = 2 pi f t.
 
     Args:
-        center: Where it crosses itself, world axes, (3,) [m].
+        center: Crossing point, world axes, (3,) [m].
         length: From tip to tip [m].
         width: Across [m].
         speed: The greatest, at the crossing [m/s]; or
@@ -257,19 +256,17 @@ def from_csv(path: str | File, *, closed: bool = False) -> SplinePath:
         ParameterError: If time does not rise, or a closed path is open.
     """
     file = File(path)
-    header, rows = read_columns(file)
-    table: dict[str, Array] = {}
-    for k, (name, unit) in enumerate(header):
-        if name in table or name not in ("time", *FLOATING_COORDINATES):
+
+    def unit_of(name: str) -> str:
+        if name not in FLOATING_COORDINATES:
             known = ", ".join(("time", *FLOATING_COORDINATES))
-            raise LogError(f"{file.name}: column {name!r}, expected each once of {known}")
-        si = "s" if name == "time" else "m" if name in "xyz" else "rad"
-        table[name] = rows[:, k] * unit_factor(file, name, unit, si)
-    if "time" not in table or len(table) < 2:
-        raise LogError(f"{file.name}: needs time and a coordinate, found {', '.join(table)}")
-    none = np.zeros(len(rows))
+            raise LogError(f"{file.name}: expected columns among {known}, found {name!r}")
+        return "m" if name in "xyz" else "rad"
+
+    time, table = read_columns(file, unit_of)
+    none = np.zeros(len(time))
     points = np.column_stack([table.get(name, none) for name in FLOATING_COORDINATES])
-    return waypoints(table["time"], points, closed=closed)
+    return waypoints(time, points, closed=closed)
 
 
 def superposed(*parts: Path) -> SuperposedGait:
@@ -281,15 +278,9 @@ def superposed(*parts: Path) -> SuperposedGait:
     Raises:
         ParameterError: If there is none, or the sum does not repeat.
     """
-    if not parts:
-        raise ParameterError("parts", "at least one path", parts)
-    for part in parts:
-        check_path(part)
-    path = SuperposedGait(tuple(parts))
+    path = superposition(parts, check_path)
     if len({part.period is None for part in parts}) > 1:
         raise ParameterError("parts", "paths that all repeat or all end", "both kinds")
-    for part in parts:
-        check_period(path, part)
     return _checked(path)
 
 

@@ -33,7 +33,7 @@ class GustField:
         meet: Delays of the strips, (4, n) [s, -], of (state, row, robot and aero parameters).
         constants: Robot and aero parameters.
         pieces: The gust from one time to another.
-        slowness: Of the gust, the inverse of its speed [s/m].
+        slowness: Inverse of the speed of the gust [s/m].
         fastest: No part of the robot is faster [m/s].
     """
 
@@ -54,8 +54,8 @@ class GustField:
         Args:
             states: States at its beginning, or at all times of it, (N, size) [SI].
             rows: Prescribed rows then, (N, row_size) [SI].
-            first: Where it begins [s].
-            last: Where it ends [s].
+            first: First time [s].
+            last: Last time [s].
         """
         delays = self._delays(states, rows)
         reach = np.abs(delays[:, :, 1]).max() + self.fastest * self.slowness * (last - first)
@@ -105,7 +105,7 @@ def _met(pieces: CubicPieces, times: Array, delays: Array) -> Array:
 
 
 CHUNK = 1000
-"""Steps between looks at the keyboard."""
+"""Steps between two calls of the progress function."""
 
 
 @dataclass(frozen=True)
@@ -120,9 +120,9 @@ class Equations:
         recorded: Names of what `record` gives, in order.
         robot_parameters: Parameters of the robot, (n_p,) [SI].
         aero_parameters: Parameters of the aerodynamic model, (n_c,) [SI].
-        lower: Where each entry of the state must stay above, (size,).
-        upper: Where each entry of the state must stay below, (size,).
-        field: What rows end with, or None.
+        lower: Lower limit of each entry of the state, (size,).
+        upper: Upper limit of each entry of the state, (size,).
+        field: Gust that rows end with, or None.
     """
 
     rate: NativeFunction
@@ -214,7 +214,7 @@ class Integration:
         """Go on with other equations of the same state, from the state as it is.
 
         Args:
-            equations: What holds from now on; it records what the former recorded.
+            equations: Equations from now on; they record what the former recorded.
         """
         self._equations = equations
         self._advance = self._loop()
@@ -308,7 +308,7 @@ def times_of(first: int, count: int, time_step: float) -> Array:
 
 @dataclass(frozen=True)
 class Stretch:
-    """Steps that are taken at once, and all that is known of them beforehand.
+    """Steps that are taken in one call, with their table and gust.
 
     Attributes:
         count: Steps.

@@ -135,7 +135,7 @@ def _initial_coordinates(robot: Robot, values: ArrayLike | None) -> Array:
 
 
 _LENGTH_TOLERANCE = 1e-6
-"""Of a quaternion as written: six digits."""
+"""Error of the length of a quaternion as written: six digits."""
 
 
 def _finite(name: str, values: ArrayLike | None, names: tuple[str, ...]) -> Array:

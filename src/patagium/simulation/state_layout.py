@@ -44,7 +44,7 @@ class StateLayout:
             coordinates and velocities are the last of the machine's.
         hidden: Coordinates held at zero, the first: 6 of each load cell, 6 of a massless mount.
         passive: Degrees of freedom of the machine that are integrated, as places in v.
-        prescribed: Those that follow the row, in its order, as places in v.
+        prescribed: Degrees of freedom that follow the row, in its order, as places in v.
         passive_coordinates: Places in q of those integrated.
         prescribed_coordinates: Places in q of those prescribed, in the row's order.
         lag_names: Names of the aerodynamic model's own states.

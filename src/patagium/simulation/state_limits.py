@@ -5,10 +5,10 @@ Euler angles are singular at a pitch of 90 degrees, joints have stops that are n
 modeled, and air is compressible near the speed of sound.
 
 A damper or spring that answers faster than a step makes Runge-Kutta's numbers grow where
-the motion fades. Told from a motion that does grow by two questions, asked only when a run
-has stopped: does the linearized rate, while the run broke, have a mode that grows in the
+the motion fades. It is distinguished from a motion that does grow by two questions, asked only
+when a run has stopped: does the linearized rate, while the run broke, have a mode that grows in the
 numbers and not in the equations; and is the same stretch flown past that moment with a
-step short enough for it. A step that nobody asked for is also short enough that weakly damped
+step short enough for it. A step that is chosen is also short enough that weakly damped
 oscillations keep their amplitude. Neglected: motions that get faster than at the start.
 """
 
@@ -30,7 +30,7 @@ from patagium.simulation.implicit_steps import rate_jacobian
 from patagium.simulation.runge_kutta import Equations, IntegrationResult, integrate
 
 REACH = 200
-"""Steps before the break that are looked at."""
+"""Steps before the break that are analyzed."""
 
 SAMPLES = 20
 """States among them where the rate is linearized."""
@@ -49,7 +49,7 @@ class StepTooLong:
     Attributes:
         longest: Longest stable step, two digits [s].
         which: Index in the state of what answers fastest.
-        rate: How fast: size of its eigenvalue [1/s].
+        rate: Size of its eigenvalue [1/s].
     """
 
     longest: float
@@ -69,9 +69,9 @@ def diagnose_step(
     """Cause that made the step too long; None where the motion itself left its bounds.
 
     Args:
-        equations: What was integrated.
+        equations: Equations of the run.
         state_of: State at a sample of a run, (size,).
-        samples: Those of the run.
+        samples: Samples of the run.
         rows: Table rows at given times, (N,) [s] to (N, row_size) [SI].
         broken: Steps completed before the one that broke.
         steps: Steps that were to be taken.
@@ -101,9 +101,9 @@ def diagnose_step(
 
 
 STEPS_A_BEAT = 400
-"""Steps in a wingbeat where nobody asks for a step."""
+"""Steps in a wingbeat where no step is given."""
 LONGEST_CHOSEN = 1e-3
-"""Longest step where nobody asks for one [s]."""
+"""Longest step where none is given [s]."""
 IMPLICIT_COST = 100
 """Explicit steps that take as long as an implicit one, roughly."""
 
@@ -117,14 +117,14 @@ def chosen_step(
     divided: float,
     implicit: bool,
 ) -> float:
-    """Step for a flight for which nobody asked for one [s].
+    """Step for a flight where none is given [s].
 
     A 400th of a wingbeat, at which the energy audit of the presets is below 1e-8, half the
     longest step that is stable at the start, or what keeps the amplitude of its oscillations,
     whichever is shorter. Implicit steps need not be so short for stability alone.
 
     Args:
-        equations: What will be integrated.
+        equations: Equations of the flight.
         state: State at the start, (size,).
         rows: Table rows at given times, (N,) [s] to (N, row_size) [SI].
         beat: Wingbeat [s], or None.
@@ -185,7 +185,7 @@ def longest_stable_step(eigenvalues: NDArray[np.complex128], time_step: float) -
     """Longest step, up to the given one, at which no mode grows that should not [s].
 
     Args:
-        eigenvalues: Of the rate, (N,) [1/s].
+        eigenvalues: Eigenvalues of the derivative of the rate, (N,) [1/s].
         time_step: Longest of interest [s].
     """
     trials = time_step * np.geomspace(1e-9, 1.0, 9000)  # half a percent apart
@@ -209,7 +209,7 @@ def rate_slopes(
         equations: Equations to integrate.
         states: States at some times, (size,) each [SI].
         rows: Table rows at given times, (N,) [s] to (N, row_size) [SI].
-        times: Those times, (N,) [s].
+        times: Times of the states, (N,) [s].
     """
     table, field = rows(times), equations.field
     if field is not None:
@@ -261,10 +261,10 @@ SINGULARITY_REMEDY = (
     'robot.with_attitude("quaternion"), --attitude quaternion of patagium simulate, or '
     "attitude: quaternion in the robot file where the body floats"
 )
-"""What to do about a pitch near 90 degrees."""
+"""Remedy for a pitch near 90 degrees."""
 
 PITCH_MARGIN = 0.02
-"""How near to the singularity of Euler angles a run is stopped [rad]."""
+"""Distance from the singularity of Euler angles at which a run is stopped [rad]."""
 
 
 def limits(
@@ -276,7 +276,7 @@ def limits(
         machine: The machine.
         coordinates: Places in q of what is integrated.
         passive: Places in v of what is integrated.
-        state: Where it starts, (size,).
+        state: Initial state, (size,).
 
     Returns:
         Lower and upper bounds, (size,) each.
@@ -335,7 +335,7 @@ def outcome_message(
 
     Args:
         run: The run.
-        names: Of the entries of the state.
+        names: Names of the entries of the state.
         equations: Equations that were integrated, with their limits.
         steps: Steps that were to be taken.
         time_step: Step [s].

@@ -53,9 +53,9 @@ class Responses:
     Three lags follow a ramp u(t) = target + slope t in the end 3/k later.
 
     Attributes:
-        target: Where they go at first, (n,) [s of the gait a s, 1, rad or m, s].
+        target: First target, (n,) [s of the gait a s, 1, rad or m, s].
         slope: Rate of the target, (n,) [unit of the target, over s].
-        sharpness: Of each lag k, (n,) [1/s].
+        sharpness: Rate k of each lag, (n,) [1/s].
         c: Coefficients c0, c1, c2, (3, n) [unit of the target, over s, over s^2].
     """
 
@@ -97,7 +97,7 @@ class _Answer:
     """Responses to a command, each along a ramp at first, and from its end on to a fixed target.
 
     Attributes:
-        time: When it was commanded [s].
+        time: Time of the command [s].
         phase: The gait's own time then [s].
         lasting: Duration of each ramp, (n,) [s].
         ramp: Responses along the ramps.
@@ -136,7 +136,7 @@ class SteeredGait:
         robot: The machine; no command takes a joint beyond its limits, nor beyond the range and
             the rate of its actuators. A response that they do not give takes one wingbeat, that
             of an offset a quarter of it.
-        gait: The gait as it is until somebody steers.
+        gait: The gait as it is until a command is given.
 
     Raises:
         ParameterError: If the range of an actuator excludes the gait.
@@ -210,7 +210,7 @@ class SteeredGait:
         this was done. What is commanded of a joint counts before what is of its pair or of all.
 
         Args:
-            time: When it is commanded, not before the last time [s].
+            time: Time of the command, not before the last one [s].
             commands: Values by the names of the class.
 
         Raises:
@@ -265,7 +265,7 @@ class SteeredGait:
 
         Returns:
             Own time, and (3, 1 + 3 n_a): rate of it, then amplitudes, offsets and leads [s] of all
-            joints; `neutral` where nobody steered.
+            joints; `neutral` where no command was given.
         """
         answer = self.answers[bisect_right(self._starts, time) - 1]
         since = np.array([time - answer.time])
@@ -307,7 +307,7 @@ class SteeredGait:
         }
 
     def _places(self, name: str) -> tuple[str, list[int]]:
-        """Kind of a command, and its places among the responses, none where nobody answers."""
+        """Kind of a command, and its places among the responses; none where no joint moves."""
         kind, named = self._robot.command(name)
         if kind == "frequency":
             return kind, [0] if self.gait.period and np.ptp(self.reach, axis=0).any() else []
@@ -319,7 +319,7 @@ class SteeredGait:
         return kind, [1 + COMMANDS.index(kind) * self._count + k for k in found]
 
     def _commanded_places(self, name: str) -> tuple[str, list[int]]:
-        """Kind of a command that somebody answers, and its places among the responses."""
+        """Kind of a command that a joint follows, and its places among the responses."""
         of_kind("name", name, str)
         if name not in self._known:
             self._known[name] = self._places(name)

@@ -28,8 +28,8 @@ def flight_figures(
 
     Args:
         flight: Record of a flight.
-        look: Where they go: "page", "paper" or "slides".
-        model: What was learned of the air, its weights frozen; None: nothing.
+        look: Use of the figures: "page", "paper" or "slides".
+        model: Learned model of the air, its weights frozen; None for none.
 
     Returns:
         robot, flight, strips; wingbeat where the gait has one and it fits; forces with a model.

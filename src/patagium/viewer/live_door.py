@@ -48,7 +48,7 @@ _HOST = re.compile(r"(?:\[([0-9a-f:.]+)\]|([^\[\]:@/]+))(?::\d{1,5})?")
 _Number = bool | int | float
 _Flat = dict[str, str | _Number]
 _MESSAGE: Any = msgspec.msgpack.Decoder(dict[str, str | _Number | list[int | float] | _Flat])
-_LOGGER = logging.getLogger("patagium.live_door")  # nobody is told
+_LOGGER = logging.getLogger("patagium.live_door")  # its messages go nowhere
 _LOGGER.addHandler(logging.NullHandler())
 _LOGGER.propagate = False
 

@@ -44,7 +44,7 @@ def flight_subject(robot: Robot, gait: Gait, pipeline: Pipeline | None) -> Subje
 
     Args:
         robot: The machine.
-        gait: What its joints do; one that stands still cannot be steered.
+        gait: Gait; it cannot be steered if it stands still.
         pipeline: Pipeline that learns; None where nothing is learned.
     """
     network = None if pipeline is None else pipeline.learner.network
@@ -64,8 +64,8 @@ class LiveFlight:
     Args:
         start: Begins a flight with a gait.
         robot: The machine.
-        gait: What its joints do until somebody steers.
-        time_step: Of the integrator [s].
+        gait: Gait until it is steered.
+        time_step: Step of the integrator [s].
         view: The page.
         subject: Subject of the page.
         pipeline: Pipeline that learns; None where nothing is learned.
@@ -98,7 +98,7 @@ class LiveFlight:
         self._begin()
 
     def fly(self, stop: threading.Event, look: Callable[[], object] | None = None) -> xr.Dataset:
-        """Fly to the end, or until somebody stops it; the flight since it last began.
+        """Fly to the end, or until `stop` is set; the flight since it last began.
 
         Returns:
             What was flown.
@@ -189,7 +189,7 @@ class LiveFlight:
                 self._learn(self._pipeline, times, samples)
 
     def _show(self, times: Array, samples: dict[str, Array]) -> None:
-        """Samples that nobody learns from."""
+        """Show samples without a learner."""
         records = records_without_learner(samples["aero_force"][:, self._felt])
         self._feed.append(self._packets(times, samples), records)
 

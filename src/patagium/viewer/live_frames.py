@@ -105,7 +105,7 @@ COMMAND = (
     ("resets", "i8"),
     ("drawn", "i8"),
 )
-"""What a page sends back: what was asked for, and how many frames it drew."""
+"""Fields of what a page sends back: commands, and the number of frames it drew."""
 
 
 @dataclass(frozen=True)
@@ -144,10 +144,10 @@ class Subject:
     Attributes:
         robot: The machine.
         outputs: Coordinates whose force of the air is known or learned.
-        network: What is learned; None where nothing is.
+        network: Network that learns; None for none.
         title: Title of the page.
-        beat: One wingbeat [s]; None where unknown.
-        steering: What it may ask for; None where nothing listens.
+        beat: Duration of a wingbeat [s]; None where unknown.
+        steering: Range of its commands; None where it cannot steer.
         strips: Whether the true force on each strip is known.
     """
 
@@ -185,7 +185,7 @@ class Feed:
     """Samples as they come, kept as they are until the next frame leaves.
 
     Args:
-        letters: Where frames go.
+        letters: Mailbox for the frames.
         subject: Subject of the page.
         learner: Learner; None where nothing is learned.
     """
@@ -236,12 +236,12 @@ class Feed:
 
 
 def message_of_frame(letter: Any) -> str:
-    """Words of a frame."""
+    """Message of a frame."""
     return bytes(letter["words"]).decode(errors="replace")
 
 
 def records_without_learner(force: Array) -> Records:
-    """Records of samples that nobody learned from.
+    """Records of samples without a learner.
 
     Args:
         force: Force of the air, (N, m) [N, N m].

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -34,91 +34,6 @@ from patagium.viewer.predicted_forces import strip_force_network
 from patagium.viewer.replay import center_of_mass, quaternions
 
 Row = tuple[str, str]
-
-
-def flight_rows(letter: Any, subject: Subject, pace: float) -> list[Row]:
-    """Rows about the flight.
-
-    Args:
-        letter: The last frame.
-        subject: Subject of the page.
-        pace: Time flown over time on the clock.
-    """
-    rows = [("Time", f"{letter['time']:.2f} s")]
-    if subject.robot.floating:
-        base = next(iter(subject.robot.floating_bodies.values()))
-        along = list(subject.robot.floating_dofs[:3])
-        place = list(subject.robot.floating_coordinates(base))[:3]
-        rows.append(("Speed", f"{np.linalg.norm(letter['v'][along]):.2f} m/s"))
-        rows.append(("Position", "{:.2f}, {:.2f}, {:.2f} m".format(*letter["q"][place])))
-    if subject.steering is not None:
-        beat = f"{letter['frequency']:.2f} Hz, amplitude {letter['amplitude']:.0%}"
-        rows.append(("Wingbeat", beat))
-    if not letter["paused"]:
-        rows.append(("Pace", f"{_number(pace, '.2f')} × real time"))
-    return rows
-
-
-def learner_rows(letter: Any, rate: float) -> list[Row]:
-    """Rows about the learner.
-
-    Args:
-        letter: The last frame.
-        rate: Samples a second on the clock [1/s].
-    """
-    rows = [
-        ("Error (NMSE)", _number(letter["nmse"], ".2e")),
-        ("In the 95 % interval", _number(100 * letter["coverage"], ".1f", " %")),
-        ("Samples", f"{int(letter['samples']):,}".replace(",", " ")),
-        ("Rate", _number(rate, ".0f", " /s")),
-        ("Time a sample", _number(1e6 * letter["time_per_call"], ".1f", " µs")),
-    ]
-    if letter["load"] > 0:
-        rows.append(("Load", _number(100 * letter["load"], ".0f", " %")))
-    if letter["share"] > 1:
-        rows.append(("Learned from", f"1 sample in {letter['share']:.0f}"))
-    if letter["failed"]:
-        rows.append(("Not learned", f"{int(letter['failed'])}"))
-    return rows
-
-
-def picture_rows(drawn: int, sent: int, scales: Mapping[str, float], refused: int) -> list[Row]:
-    """Rows about the picture and the page.
-
-    Args:
-        drawn: Frames drawn.
-        sent: Frames sent.
-        scales: Length of the arrows of each kind [m/N].
-        refused: Requests and messages that were refused.
-    """
-    rows = [("Frames drawn", f"{drawn} of {sent} sent")]
-    for kind, scale in scales.items():
-        rows.append((f"Arrow of 0.1 N, {kind}", f"{10 * scale:g} cm"))
-    if refused:
-        rows.append(("Requests refused", f"{refused}"))
-    return rows
-
-
-def table(
-    *groups: Sequence[Row], key: Sequence[tuple[str, str]], letter: Any, steered: bool = False
-) -> str:
-    """Groups of rows as HTML, with a message above them and the key of the colors below.
-
-    Without a group it says what is waited for.
-
-    Args:
-        *groups: Names and values.
-        key: What each color stands for.
-        letter: The last frame, for its words; None before the first.
-        steered: Whether the gait can be steered.
-    """
-    return _template().render(
-        words="" if letter is None else message_of_frame(letter),
-        ended=letter is not None and bool(letter["ended"]),
-        groups=groups,
-        key=key,
-        steered=steered,
-    )
 
 
 @cache
@@ -167,7 +82,7 @@ class LivePlots:
                 choice.on_update(lambda _, k=place, one=choice: self._choose(k, one.value))
 
     def add(self, letter: Any) -> None:
-        """More to plot."""
+        """Add the samples and scores of a frame."""
         fresh = letter["trace"][: letter["traced"]]
         self._trace = np.concatenate([self._trace, fresh])[-_KEPT:]
         score = np.array([[letter["time"], letter["nmse"], letter["coverage"]]])
@@ -272,7 +187,7 @@ class LiveScene:
     Args:
         scene: viser's.
         robot: The machine.
-        beat: One wingbeat [s]; None where unknown.
+        beat: Duration of a wingbeat [s]; None where unknown.
     """
 
     def __init__(self, scene: Any, robot: Robot, beat: float | None) -> None:
@@ -531,7 +446,7 @@ class LivePage:
         host: Address.
         port: Port; 0: any that is free.
         token: First part of the path of its address, which nobody can guess.
-        commands: Where what is asked for goes.
+        commands: Mailbox of the commands given on the page.
 
     Raises:
         OSError: If the port was taken meanwhile.
@@ -570,7 +485,7 @@ class LivePage:
 
         Args:
             letters: Frames, oldest first.
-            sent: How many were sent so far.
+            sent: Number of frames sent so far.
         """
         now = time.monotonic()
         for letter in letters:
@@ -595,7 +510,7 @@ class LivePage:
             self._numbered = now
 
     def close(self) -> None:
-        """No more is shown."""
+        """Stop serving the page."""
         self._server.stop()
 
     def _build(self) -> None:
@@ -609,7 +524,7 @@ class LivePage:
         camera.position, camera.look_at, camera.up = place, target, (0.0, 0.0, 1.0)
         camera.fov = np.radians(32.0)
         gui.set_panel_label(subject.title)
-        self._numbers = gui.add_html(table(key=[], letter=None), order=0)
+        self._numbers = gui.add_html(_template().render(groups=[]), order=0)
         if subject.steering is not None:
             self._build_steering(gui, subject.steering)
         with gui.add_folder("View", order=20):
@@ -709,12 +624,55 @@ class LivePage:
         passed = now - since[0]
         rate = (int(letter["samples"]) - since[2]) / passed
         pace = (float(letter["time"]) - since[1]) / passed
-        subject = self._subject
-        self._numbers.content = table(
-            flight_rows(letter, subject, pace),
-            learner_rows(letter, rate) if subject.network is not None else [],
-            picture_rows(self._asked["drawn"], sent, self._scene.scales, self._door.refused),
-            key=[("true", TRUTH), *([("learned", COLORS[0])] if subject.network else [])],
-            letter=letter,
-            steered=subject.steering is not None,
+        groups = [self._flight_rows(letter, pace), *self._learner_rows(letter, rate)]
+        self._numbers.content = _template().render(
+            words=message_of_frame(letter),
+            ended=bool(letter["ended"]),
+            groups=[*groups, self._picture_rows(sent)],
+            key=[("true", TRUTH), *([("learned", COLORS[0])] if self._subject.network else [])],
+            steered=self._subject.steering is not None,
         )
+
+    def _flight_rows(self, letter: Any, pace: float) -> list[Row]:
+        """Rows about the flight; the pace is time flown over time on the clock."""
+        robot, rows = self._subject.robot, [("Time", f"{letter['time']:.2f} s")]
+        if robot.floating:
+            base = next(iter(robot.floating_bodies.values()))
+            along = list(robot.floating_dofs[:3])
+            place = list(robot.floating_coordinates(base))[:3]
+            rows.append(("Speed", f"{np.linalg.norm(letter['v'][along]):.2f} m/s"))
+            rows.append(("Position", "{:.2f}, {:.2f}, {:.2f} m".format(*letter["q"][place])))
+        if self._subject.steering is not None:
+            beat = f"{letter['frequency']:.2f} Hz, amplitude {letter['amplitude']:.0%}"
+            rows.append(("Wingbeat", beat))
+        if not letter["paused"]:
+            rows.append(("Pace", f"{_number(pace, '.2f')} × real time"))
+        return rows
+
+    def _learner_rows(self, letter: Any, rate: float) -> list[list[Row]]:
+        """Group of rows about the learner at its samples a second; none without a learner."""
+        if self._subject.network is None:
+            return []
+        rows = [
+            ("Error (NMSE)", _number(letter["nmse"], ".2e")),
+            ("In the 95 % interval", _number(100 * letter["coverage"], ".1f", " %")),
+            ("Samples", f"{int(letter['samples']):,}".replace(",", " ")),
+            ("Rate", _number(rate, ".0f", " /s")),
+            ("Time a sample", _number(1e6 * letter["time_per_call"], ".1f", " µs")),
+        ]
+        if letter["load"] > 0:
+            rows.append(("Load", _number(100 * letter["load"], ".0f", " %")))
+        if letter["share"] > 1:
+            rows.append(("Learned from", f"1 sample in {letter['share']:.0f}"))
+        if letter["failed"]:
+            rows.append(("Not learned", f"{int(letter['failed'])}"))
+        return [rows]
+
+    def _picture_rows(self, sent: int) -> list[Row]:
+        """Rows about the pictures drawn of those sent, and about what was refused."""
+        rows = [("Frames drawn", f"{self._asked['drawn']} of {sent} sent")]
+        for kind, scale in self._scene.scales.items():
+            rows.append((f"Arrow of 0.1 N, {kind}", f"{10 * scale:g} cm"))
+        if self._door.refused:
+            rows.append(("Requests refused", f"{self._door.refused}"))
+        return rows

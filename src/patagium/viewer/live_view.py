@@ -151,7 +151,7 @@ def _serve(
     pipe: Connection,
 ) -> None:
     """The process: serve until the other end of the pipe is closed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for who flies
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that flies
     sys.stdout = open(os.devnull, "w")  # noqa: SIM115
     try:
         from patagium.viewer.live_page import LivePage

@@ -41,8 +41,8 @@ class Prediction:
         names: Coordinates whose force is predicted, k.
         generalized: Predicted generalized force, (F, k) [N, N m].
         strips: Predicted force on each strip, world axes, (F, n_strips, 3) [N], or None.
-        words: How they were predicted.
-        std: Of the generalized force, noise of the measurement included, (F, k)
+        words: Way of prediction, in words.
+        std: Standard deviation of the generalized force, with measurement noise, (F, k)
             [N, N m]; None where it is not known.
     """
 

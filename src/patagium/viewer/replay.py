@@ -40,10 +40,10 @@ class CarryingArm(NamedTuple):
     """An arm on the ground, at F times.
 
     Attributes:
-        names: Of its bodies, its foot last.
-        position: Of each in the world, (F, n_b, 3) [m].
+        names: Names of its bodies, its foot last.
+        position: Position of each body in the world, (F, n_b, 3) [m].
         rotation: Body axes to world axes, (F, n_b, 3, 3).
-        solids: What they look like.
+        solids: Shapes of the bodies.
     """
 
     names: tuple[str, ...]
@@ -75,7 +75,7 @@ def carrying_arm(robot: Robot, carrier: Carrier | None, frames: Indices) -> Carr
 
 
 def _foot(arm: Robot, drawn: list[Solid], body: int) -> list[Solid]:
-    """From the ground to the first joint."""
+    """Column from the ground to the first joint."""
     first = np.array(arm.bodies[0].position, float)
     if not np.linalg.norm(first) > 0:
         return []
@@ -83,7 +83,7 @@ def _foot(arm: Robot, drawn: list[Solid], body: int) -> list[Solid]:
 
 
 def _flange(carrier: Carrier, drawn: list[Solid]) -> list[Solid]:
-    """From the tool to the robot."""
+    """Rod from the tool to the robot."""
     if not np.linalg.norm(carrier.position) > 0:
         return []
     tool = carrier.arm.body_index(carrier.at)
@@ -115,6 +115,12 @@ def floating_body(robot: Robot) -> tuple[int, Body] | None:
     return found[0] if len(found) == 1 else None
 
 
+def _columns(names: tuple[str, ...], wanted: list[str], values: Array) -> Array | None:
+    """Columns of the wanted names, (N, k); None where one of them is not known."""
+    known = set(wanted) <= set(names)
+    return values[:, [names.index(name) for name in wanted]] if known else None
+
+
 def total_force(
     robot: Robot,
     names: tuple[str, ...],
@@ -138,12 +144,11 @@ def total_force(
         return None
     _, body = floating
     wanted = [robot.dof_names[k] for k in body.floating_dofs or ()]
-    if not set(wanted[:3]) <= set(names):
+    force, turning = (_columns(names, part, generalized) for part in (wanted[:3], wanted[3:]))
+    if force is None:
         return None
-    force = generalized[:, [names.index(name) for name in wanted[:3]]]
-    if not set(wanted) <= set(names):
+    if turning is None:
         return TotalForce(force, None)
-    turning = generalized[:, [names.index(name) for name in wanted[3:]]]
     if not body.by_quaternion:
         angles = q[:, list(robot.floating_coordinates(body))[3:]]
         columns = [body_rates(angles, np.broadcast_to(e, angles.shape)) for e in np.eye(3)]
@@ -327,7 +332,7 @@ def _span(time: Array, start: float | None, end: float | None) -> Frames:
 
 
 def _frames(span: Frames, time: Array, period: float | None, each: int) -> Frames:
-    """Every so-manieth sample of the span, the same step all along."""
+    """Samples of the span at one stride, as many as the page has room for."""
     most = _BYTES / each
     if period is not None:
         most = max(most, _LEAST_PER_BEAT * (time[span[-1]] - time[span[0]]) / period)
@@ -374,24 +379,16 @@ def _arrows(
     told = std = None
     if prediction is not None:
         told = total_force(robot, prediction.names, prediction.generalized, *known)
-        std = _of_the_force(robot, prediction)
+        floating = robot.floating_dofs if floating_body(robot) else ()
+        if floating and prediction.std is not None:
+            along = [robot.dof_names[k] for k in floating[:3]]
+            std = _columns(prediction.names, along, prediction.std)
     if told is None and guess is not None:
         told = TotalForce(guess.sum(axis=1), None)
     total, moment = told or (None, None)
     return Arrows(
         point, force, guess, center - origin, whole.force, total, whole.moment, moment, std
     )
-
-
-def _of_the_force(robot: Robot, prediction: Prediction) -> Array | None:
-    """Deviations of the force on the whole robot, (F, 3) [N]."""
-    _, body = floating_body(robot) or (0, None)
-    if body is None or prediction.std is None:
-        return None
-    names = [robot.dof_names[k] for k in (body.floating_dofs or ())[:3]]
-    if not set(names) <= set(prediction.names):
-        return None
-    return prediction.std[:, [prediction.names.index(name) for name in names]]
 
 
 def center_of_mass(robot: Robot, position: Array, rotation: Array) -> Array:
@@ -520,7 +517,7 @@ def still(
 
     Args:
         flight: The flight.
-        time: When [s]; None: at the greatest force of the wingbeat in the middle of the flight.
+        time: Time [s]; None: the greatest force of the wingbeat in the middle of the flight.
         predicted: A learner or model, or the identification of this flight; see `replay`.
         seen_from: Direction from the robot to the eye, world axes, (3,) [-].
 

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,6 @@ import xarray as xr
 
 import patagium as pt
 from patagium.cli import stream as cli_stream
-from patagium.cli.live import Shown
 from patagium.cli.main import run
 from patagium.learning import LinearStripNetwork, load_learner
 from patagium.learning.tuning.settings_file import LearnerSettings, NetworkSettings, Settings
@@ -394,19 +392,6 @@ def test_outputs_that_cannot_be_printed_or_saved_cost_no_other(told, packets, tm
     assert done.stderr.endswith("patagium: not saved: model, summary on stdout; all else was\n")
     assert "No space left" in done.stderr and "Traceback" not in done.stderr
     assert load_learner(tmp_path / "state").count == 1200
-
-
-def test_a_sink_that_raises_is_told_once_and_ends_nothing(told, tmp_path, capsys, monkeypatch):
-    class Broken:
-        def append(self, packets, records):
-            raise ZeroDivisionError("nothing to draw")
-
-    shown = contextmanager(lambda *_: iter([Shown((Broken(),), ())]))
-    monkeypatch.setattr(cli_stream, "live_stream", shown)
-    monkeypatch.setattr(loop, "BLOCK", 100)
-    run_to_its_end(told)
-    assert capsys.readouterr().err.count("live view: ZeroDivisionError: nothing to draw") == 1
-    assert load_learner(tmp_path / "state").count == 600
 
 
 def run_to_its_end(words):

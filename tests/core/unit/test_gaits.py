@@ -197,17 +197,17 @@ def test_a_table_with_a_period_needs_no_closing_row(robot, tmp_path):
     [
         ("", "empty"),
         ("time [s],plunge [rad]\n", "no rows"),
-        ("time [s],plunge\n0,0\n1,0\n", "no unit"),
+        ("time [s],plunge\n0,0\n1,0\n", "expected its unit"),
         ("time [s],plunge [m]\n0,0\n1,0\n", "plunge"),
         ("time [s],plung [rad]\n0,0\n1,0\n", "no actuated joint"),
-        ("plunge [rad]\n0\n1\n", "needs time"),
+        ("plunge [rad]\n0\n1\n", "columns of time and what moves"),
         ("time [s],plunge [rad]\n0,0\n1,x\n", "row 3: expected a finite number, found 'x'"),
         ("time [s],plunge [rad]\n0,0\n1,nan\n", "row 3: expected a finite number"),
         ("time [s],plunge [rad]\n0,0\n1\n", "row 3: 1 cells, expected 2"),
         ("time [s],plunge [rad]\n0,0\n1,1\n1,1\n2,0\n", "row 4: time does not rise"),
         ("time [s],plunge [rad]\n0,0\n1,1\n2,1\n3,.5\n", "not one whole period"),
         ("time [s],plunge [rad]\n0,0\n1,1\n2,0\n", "3 rows, expected at least 4"),
-        ("time [s],plunge [rad],plunge [rad]\n0,0,0\n1,1,1\n", "there twice"),
+        ("time [s],plunge [rad],plunge [rad]\n0,0,0\n1,1,1\n", "found it twice"),
     ],
 )
 def test_a_table_that_is_no_period_is_refused_with_a_reason(robot, tmp_path, text, words):

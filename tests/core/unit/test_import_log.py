@@ -194,7 +194,7 @@ def test_a_name_that_no_file_can_hold_is_refused(name: str, tmp_path: Path) -> N
 
 @pytest.mark.parametrize(("one", "other"), [("time", "b"), ("a|b", "a/b"), ("\u00e9", "e\u0301")])
 def test_a_name_that_is_taken_is_refused(one: str, other: str, tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"channels\.\d\.name: expected one that is not taken"):
+    with pytest.raises(LogError, match=r"channels\.\d\.name: expected a name of its own"):
         import_log(two_columns(tmp_path), parse_mapping(called(one, other)), tmp_path / "log.nc")
 
 

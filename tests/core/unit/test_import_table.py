@@ -375,7 +375,7 @@ def test_a_registered_reader_is_found_by_ending_and_by_first_bytes(
     monkeypatch.setattr(opening, "_SINGLE", dict(opening._SINGLE))
     monkeypatch.setattr(opening, "_MAGIC", dict(opening._MAGIC))
     (tmp_path / "log.wing").write_bytes(b"RECORDS\n" + frame().to_csv(index=False).encode())
-    with pytest.raises(LogError, match="found one that ends in '.wing'"):
+    with pytest.raises(LogError, match="found a name that ends in '.wing'"):
         brought(tmp_path / "log.wing")
 
     def read(path: Path) -> CsvFile:

@@ -106,7 +106,7 @@ def test_tables(tmp_path):
 
     def read(changed):
         file.write_bytes(changed)
-        read_columns(file)
+        read_columns(file, lambda _: "rad")
 
     _only_ours(read, b"time [s],plunge [rad]\n0,1\n0.1,2\n0.2,3\n", 6, mutated_bytes)
 

@@ -300,13 +300,10 @@ def _missing(topic: Topic, path: str, where: str) -> str:
             return f"{where}: {path!r} cannot be read as numbers: {reason}"
     held = f"topic {topic.name!r}" if topic.name else "the file"
     kind = f" ({topic.kind})" if topic.name else ""
-    near = get_close_matches(path.lower(), [name.lower() for name in topic.channels], 1)
     stems = {re.split(r"\.[^.]*$|\[[^\[]*$", name)[0] for name in topic.channels}
-    return (
-        f"{where}: expected {path!r}, but {held}{kind} holds "
-        f"{_some(topic.channels)}{_closest(path, [*topic.channels, *sorted(stems)])}"
-        + ("" if near or not topic.hint else f"; {topic.hint}")
-    )
+    closest = _closest(path, [*topic.channels, *sorted(stems)])
+    remedy = closest or f"; {topic.hint}" * bool(topic.hint)
+    return f"{where}: expected {path!r}, but {held}{kind} holds {_some(topic.channels)}{remedy}"
 
 
 def _closest(name: str, names: Any) -> str:

@@ -233,26 +233,23 @@ def _entry(above: Any, value: Any, key: str) -> Any:
     raise KeyError(key)
 
 
+def _held(value: Any, names: Sequence[str]) -> Iterator[Any]:
+    """Parts of a message under those of the names that it has."""
+    for name in names:
+        with suppress(KeyError):
+            yield member(value, name)
+
+
 def _names_beside(above: Any, value: Any) -> list[str] | None:
-    for word in _NAMES:
-        try:
-            names = member(above, word)
-        except KeyError:
-            continue
+    for names in _held(above, _NAMES):
         if isinstance(names, Sequence) and not isinstance(names, str) and len(names) == len(value):
             return list(names)
     return None
 
 
 def _key_of(part: Any) -> str | None:
-    for word in _KEYS:
-        try:
-            key = member(part, word)
-        except KeyError:
-            continue
-        if isinstance(key, str) and key:
-            return key
-    return None
+    keys = (key for key in _held(part, _KEYS) if isinstance(key, str) and key)
+    return next(keys, None)
 
 
 def _leaves(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]:
@@ -333,12 +330,10 @@ def _stamp(message: Any, path: str | None) -> int | None:
         stamp = getter(path)(message)
     except (KeyError, IndexError, TypeError):
         return None
-    for seconds in _SECONDS:
-        for nanos in _NANOS:
-            try:
-                return int(member(stamp, seconds)) * 10**9 + int(member(stamp, nanos))
-            except (KeyError, TypeError, ValueError):
-                continue
+    for seconds in _held(stamp, _SECONDS):
+        for nanos in _held(stamp, _NANOS):
+            with suppress(TypeError, ValueError):
+                return int(seconds) * 10**9 + int(nanos)
     return None
 
 
@@ -509,8 +504,12 @@ class BagFile(LogFile):
                 metadata = getattr(getattr(self._readers[0], "storage", None), "metadata", None)
                 distribution = getattr(metadata, "ros_distro", None)
                 self._types = MessageTypes(ros2=self._ros2, distribution=distribution)
+                held: dict[str, list[tuple[Any, Any]]] = defaultdict(list)
+                for reader in self._readers:
+                    for connection in reader.connections:
+                        held[connection.topic].append((reader, connection))
                 self.topics: dict[str, Topic] = {
-                    name: self._topic(name, held) for name, held in self._connections().items()
+                    name: self._topic(name, parts) for name, parts in sorted(held.items())
                 }
         except BaseException:
             self.close()
@@ -538,13 +537,6 @@ class BagFile(LogFile):
         if not self._ros2:
             _bound_chunks(path, reader)
         return reader
-
-    def _connections(self) -> dict[str, list[tuple[Any, Any]]]:
-        held: dict[str, list[tuple[Any, Any]]] = defaultdict(list)
-        for reader in self._readers:
-            for connection in reader.connections:
-                held[connection.topic].append((reader, connection))
-        return dict(sorted(held.items()))
 
     def _topic(self, name: str, held: list[tuple[Any, Any]]) -> Topic:
         kind = held[0][1].msgtype
@@ -683,18 +675,15 @@ class McapFile(LogFile):
 
     def _messages(self, path: Path, topics: set[str]) -> Iterator[Message]:
         for schema, channel, message in self._records(path, topics):
-            decode = partial(self._decoder(schema, channel), message.data)
+            decode = partial(self._decoded, schema, channel, message)
             yield Message(channel.topic, message.log_time, decode)
 
     def _decoded(self, schema: Any, channel: Any, message: Any) -> Any:
-        return self._decoder(schema, channel)(message.data)
-
-    def _decoder(self, schema: Any, channel: Any) -> Callable[[bytes], Any]:
         name, content = ("", b"") if schema is None else (schema.name, schema.data)
         key = (channel.message_encoding, name, content)
         if key not in self._decoders:
             self._decoders[key] = self._make(channel.message_encoding, schema)
-        return self._decoders[key]
+        return self._decoders[key](message.data)
 
     def _make(self, encoding: str, schema: Any) -> Callable[[bytes], Any]:
         if encoding == "json":

@@ -78,14 +78,22 @@ def open_log(paths: str | Path | Sequence[str | Path], *, skip_rows: int | None 
             f"{given[0]}: expected parts of one format, found {', '.join(sorted(kinds))}"
         )
     kind = kinds.pop()
-    if skip_rows is None:
-        return _reader(kind, parts)
-    if kind != ".csv" or len(parts) > 1:
-        raise LogError(
-            f"{given[0]}: skip_rows: expected one CSV file, whose lines it counts, found "
-            f"{len(parts)} of {kind}; leave it out"
-        )
-    return CsvFile(parts[0], skip_rows)
+    if skip_rows is not None:
+        if kind != ".csv" or len(parts) > 1:
+            raise LogError(
+                f"{given[0]}: skip_rows: expected one CSV file, whose lines it counts, found "
+                f"{len(parts)} of {kind}; leave it out"
+            )
+        return CsvFile(parts[0], skip_rows)
+    if kind in _PARTED:
+        return _PARTED[kind](parts)
+    if kind == ".h5" and (own := kind_of(parts[0])):
+        raise LogError(f"{parts[0]}: expected {_SUMMED_UP}, found {own}")
+    if len(parts) > 1:
+        raise LogError(f"{parts[0]}: expected one file, found {len(parts)}: only bags have parts")
+    if kind in _AT_ONCE:
+        check_room(parts[0], parts[0].stat().st_size)
+    return _SINGLE[kind](parts[0])
 
 
 def register_reader(ending: str, reader: Callable[[Path], LogFile], magic: bytes = b"") -> None:
@@ -137,16 +145,6 @@ def _kind(path: Path) -> str:
             f"{path}: expected {_SUMMED_UP}, found ArduPilot's log as text; convert it: "
             f"mavlogdump.py --format mat --mat_file log.mat {path.name}"
         )
-    raise LogError(f"{path}: expected {_SUMMED_UP}, found one that ends in {ending or 'nothing'!r}")
-
-
-def _reader(kind: str, parts: list[Path]) -> LogFile:
-    if kind in _PARTED:
-        return _PARTED[kind](parts)
-    if kind == ".h5" and (own := kind_of(parts[0])):
-        raise LogError(f"{parts[0]}: expected {_SUMMED_UP}, found {own}")
-    if len(parts) > 1:
-        raise LogError(f"{parts[0]}: expected one file, found {len(parts)}: only bags have parts")
-    if kind in _AT_ONCE:
-        check_room(parts[0], parts[0].stat().st_size)
-    return _SINGLE[kind](parts[0])
+    raise LogError(
+        f"{path}: expected {_SUMMED_UP}, found a name that ends in {ending or 'nothing'!r}"
+    )

@@ -701,15 +701,18 @@ _TABLE = re.compile(
 class CsvTables(LogFile):
     """CSV file of several tables with their names and rates, such as an export of Vicon Nexus.
 
-    Rows of each table are stamped by its rate from zero. The file is held in memory.
+    Rows of each table are stamped by its rate from zero.
+
+    Args:
+        path: The file.
+        content: Its content, which is held in memory.
+        found: Heads of its tables.
     """
 
     format = "CSV of several tables"
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, content: bytes, found: Sequence[re.Match[bytes]]) -> None:
         super().__init__(path)
-        content = path.read_bytes()
-        found = [*_TABLE.finditer(content)]
         ends = [*(one.start() for one in found[1:]), len(content)]
         names = distinct(one[1].decode() for one in found)
         self._parts: dict[str, tuple[CsvFile, float]] = {}
@@ -746,8 +749,9 @@ def csv_file(path: Path) -> LogFile:
         if _TABLE.match(file.read(_BEGINNING)) is None:
             return CsvFile(path)
     check_room(path, path.stat().st_size)
-    several = sum(1 for _ in _TABLE.finditer(path.read_bytes())) > 1
-    return CsvTables(path) if several else CsvFile(path)
+    content = path.read_bytes()
+    found = [*_TABLE.finditer(content)]
+    return CsvTables(path, content, found) if len(found) > 1 else CsvFile(path, content=content)
 
 
 def _encoding(head: bytes) -> str:

@@ -56,7 +56,7 @@ def order_findings(
         names: Names of attitude and position.
         order: Declared order.
         declared: Stretches with the attitude in the declared order.
-        other: The same stretches with the attitude in the other order.
+        other: These stretches with the attitude in the other order.
         span: Samples over which rates are means.
     """
     (bad, lateral, jumps), (good, side, others) = (_shares(one, span) for one in (declared, other))

@@ -8,9 +8,9 @@ means over about 50 ms. Neglected: delays between sensors, lever arms, the Earth
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -101,14 +101,14 @@ def consistency(
 
     for rate in rates:
         if (attitude := beside(rate, attitudes)) is not None:
-            found += _compare(looked, attitude, rate, turning=True)
+            found += _compare(looked, attitude, rate)
     for force in forces:
         if (attitude := beside(force, attitudes)) is not None:
             more, fact = _forces(looked, attitude, force, beside(force, speeds))
             found += more
             facts += fact
     if places and (speed := beside(places[0], speeds)) is not None:
-        found += _compare(looked, places[0], speed, turning=False)
+        found += _compare(looked, places[0], speed)
     for attitude in attitudes:
         place = beside(attitude, [item for item in vectors if item.si == "m"])
         if place is not None and of_base(attitude) and attitude.order in OTHER_ORDER:
@@ -162,6 +162,29 @@ def _ends(values: Array, span: int) -> Array:
     return values[::span][: (len(values) - 1) // span + 1]
 
 
+def _velocity(time: Array, place: Array) -> Array:
+    """Mean rate of a place between consecutive times, (m, n), in its unit over that of time."""
+    return np.asarray(np.diff(place, axis=0) / np.diff(time)[:, None])
+
+
+Piece: TypeAlias = tuple[Array, Array, Array]
+"""Times, (k,) [s], a place or attitude and its rate, (k, n) each [SI], without a gap."""
+
+
+def _changes(
+    pieces: Sequence[Piece], span: int, moved: Callable[[Array, Array], Array] = _velocity
+) -> Array:
+    """Rates over spans as the places changed and as they were measured, (2, m, n) [SI]."""
+    both = [[moved(_ends(t, span), _ends(x, span)), _means(rate, span)] for t, x, rate in pieces]
+    return np.concatenate(both, axis=1) if both else np.empty((2, 0, 1))
+
+
+def _in_si(looked: _Stretches, place: Quantity, rate: Quantity) -> list[Piece]:
+    """Stretches of a place, or an attitude, and of its rate."""
+    sizes = [1.0 if one.is_attitude else one.si_factor / one.factor for one in (place, rate)]
+    return [(t, x * sizes[0], dx * sizes[1]) for t, (x, dx) in looked.of(place, rate)]
+
+
 def _rate_findings(looked: _Stretches, items: Sequence[Quantity], robot: Robot) -> list[Finding]:
     """Findings that velocities or accelerations of coordinates are not the changes that they are.
 
@@ -177,14 +200,9 @@ def _rate_findings(looked: _Stretches, items: Sequence[Quantity], robot: Robot) 
             place, rate = held.get(f"{lower}.{name}"), held.get(f"{upper}.{name}")
             if place is None or rate is None:
                 continue
-            base, pairs = k in robot.floating_dofs, [np.empty((2, 0))]
+            base = k in robot.floating_dofs
             span = looked.span if base else max(1, round(_BRIEF * looked.span / looked.duration))
-            sizes = [one.si_factor / one.factor for one in (place, rate)]
-            for time, (where, shown) in looked.of(place, rate):
-                change = np.diff(_ends(where, span), axis=0) / np.diff(_ends(time, span))[:, None]
-                both = change * sizes[0], _means(shown, span) * sizes[1]
-                pairs.append(np.reshape(both, (2, -1)))
-            derived, measured = np.concatenate(pairs, axis=1)
+            derived, measured = _changes(_in_si(looked, place, rate), span).reshape(2, -1)
             count, offset = max(1, derived.size), float((measured - derived).sum())
             larger = float(max(derived @ derived, measured @ measured))
             apart = float(np.sum((derived - measured) ** 2))
@@ -200,23 +218,16 @@ def _rate_findings(looked: _Stretches, items: Sequence[Quantity], robot: Robot) 
     return found
 
 
-def _compare(
-    looked: _Stretches, place: Quantity, rate: Quantity, *, turning: bool
-) -> list[Finding]:
-    size = 1.0 if turning else place.si_factor / place.factor
-    si = rate.si_factor / rate.factor
-    pieces = [(t, where * size, shown * si) for t, (where, shown) in looked.of(place, rate)]
+def _compare(looked: _Stretches, place: Quantity, rate: Quantity) -> list[Finding]:
     names = f"{place.column.label} and {rate.column.label}"
-    return _agreement(names, pieces, looked.span, turning=turning)
+    pieces = _in_si(looked, place, rate)
+    return _agreement(names, pieces, looked.span, turning=place.is_attitude)
 
 
-def _agreement(
-    names: str, pieces: Sequence[tuple[Array, Array, Array]], span: int, *, turning: bool
-) -> list[Finding]:
-    """Finding that a place, or an attitude, of (time, place, rate) does not move as it says."""
-    moved = turning_rate if turning else lambda t, x: np.diff(x, axis=0) / np.diff(t)[:, None]
-    both = [[moved(_ends(t, span), _ends(x, span)), _means(rate, span)] for t, x, rate in pieces]
-    derived, measured = np.concatenate([np.empty((2, 0, 3)), *both], axis=1).reshape(2, -1)
+def _agreement(names: str, pieces: Sequence[Piece], span: int, *, turning: bool) -> list[Finding]:
+    """Finding that a place, or an attitude, does not move as its rate says."""
+    moved = turning_rate if turning else _velocity
+    derived, measured = _changes(pieces, span, moved).reshape(2, -1)
     size, other = np.linalg.norm(derived), np.linalg.norm(measured)
     floor = 0.05 * np.sqrt(len(derived))  # rad/s or m/s: less is noise
     if len(derived) < 30 or max(size, other) < floor or not (size > 0 and other > 0):
@@ -259,25 +270,22 @@ def _order_findings(looked: _Stretches, attitude: Quantity, place: Quantity) -> 
 def _forces(
     looked: _Stretches, attitude: Quantity, force: Quantity, speed: Quantity | None
 ) -> tuple[list[Finding], list[dict[str, Any]]]:
-    felt, apart, changes = [], [], []
     items = (attitude, force) if speed is None else (attitude, force, speed)
     scale = force.si_factor / force.factor
-    for time, parts in looked.of(*items):
-        world = rotate(parts[0], parts[1] * scale)
-        felt.append(world)
-        if speed is not None:
-            ends, stamps = _ends(parts[2], looked.span), _ends(time, looked.span)
-            ends = ends * (speed.si_factor / speed.factor)
-            change = np.diff(ends, axis=0) / np.diff(stamps)[:, None]
-            changes.append(change)
-            apart.append(_means(world, looked.span) - [0.0, 0.0, GRAVITY] - change)
-    if not felt:
+    stretches = [
+        (time, others, rotate(turned, felt * scale))
+        for time, (turned, felt, *others) in looked.of(*items)
+    ]
+    if not stretches:
         return [], []
-    mean = np.concatenate(felt).mean(axis=0)
+    mean = np.concatenate([world for _, _, world in stretches]).mean(axis=0)
     name = force.column.label
     fact: dict[str, Any] = {"specific_force": name, "mean_in_world": mean.tolist()}
     if speed is not None:
-        less, change = np.concatenate(apart), np.concatenate(changes)
+        si = speed.si_factor / speed.factor
+        pieces = [(time, moving * si, world) for time, (moving,), world in stretches]
+        change, means = _changes(pieces, looked.span)
+        less = means - [0.0, 0.0, GRAVITY] - change
         fact["velocity"] = speed.column.label
         fact["residual_mean"] = less.mean(axis=0).tolist()
         fact["residual_rms"] = np.sqrt((less**2).mean(axis=0)).tolist()

@@ -103,9 +103,6 @@ class NetcdfWriter:
             variable[rows] = column
         self._rows = rows.stop
 
-    def close(self) -> None:
-        """End of the samples; the file is closed as it is published."""
-
     def _variable(self, name: str, unit: str, facts: dict[str, Any]) -> Any:
         variable = self._file.createVariable(
             variable_name(name), "f8", ("time",), chunksizes=(self._chunk,)
@@ -128,9 +125,9 @@ class CsvWriter:
     """
 
     def __init__(self, path: Path, plan: Plan, air: AirWords) -> None:
-        self._file = path.open("w", encoding="utf-8", newline="")
-        if air != AirWords():
-            self._file.write(f"{AIR_LINE.decode()}{air.model_dump_json()}\n")
+        self._path = path
+        stated = f"{AIR_LINE.decode()}{air.model_dump_json()}\n"
+        path.write_bytes(b"" if air == AirWords() else stated.encode())
         labels = [label for item in plan.items for label in item.column.labels]
         self._append(pd.DataFrame(columns=["time", *labels, *plan.zero]), header=True)
 
@@ -138,12 +135,8 @@ class CsvWriter:
         """Append samples: time (k,) [s] and values of all labels (k, n) in their units."""
         self._append(pd.DataFrame(np.column_stack([time, values])), header=False)
 
-    def close(self) -> None:
-        """Complete the file."""
-        self._file.close()
-
     def _append(self, rows: pd.DataFrame, *, header: bool) -> None:
-        rows.to_csv(self._file, header=header, index=False, lineterminator="\n")
+        rows.to_csv(self._path, mode="a", header=header, index=False, lineterminator="\n")
 
 
 Writer: TypeAlias = NetcdfWriter | CsvWriter
@@ -266,8 +259,7 @@ def _written(
         if isinstance(draft, NetcdfDraft)
         else CsvWriter(draft.path, plan, mapping.air)
     )
-    with closing(writer):
-        samples, duration = _write(writer, spool, base, mapping.gap, progress)
+    samples, duration = _write(writer, spool, base, mapping.gap, progress)
     if samples < 2:
         raise LogError(
             f"{source}: expected samples with all inputs and an output, found {samples} "

@@ -246,17 +246,13 @@ def _surveyed(
             requests = tuple(part.request for part in parts)
             survey_streams(log, requests, total, surveys=surveys, progress=progress)
             return parts, surveys, ""
-        except ColumnError as problem:
-            fewer = [part.without(problem.column, _reason(log, problem)) for part in parts]
-            if fewer == parts:
-                return parts, surveys, _reason(log, problem)
-            parts = fewer
         except LogError as problem:
-            return parts, surveys, _reason(log, problem)
-
-
-def _reason(log: LogFile, problem: LogError) -> str:
-    return str(problem).removeprefix(f"{log.path}: ")
+            reason, fewer = str(problem).removeprefix(f"{log.path}: "), parts
+            if isinstance(problem, ColumnError):
+                fewer = [part.without(problem.column, reason) for part in parts]
+            if fewer == parts:
+                return parts, surveys, reason
+            parts = fewer
 
 
 def _topic_facts(part: _Part, survey: StreamSurvey, origin: int) -> TopicFacts:

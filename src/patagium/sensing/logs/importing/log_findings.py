@@ -125,11 +125,8 @@ def _matrix_findings(item: Quantity, spool: Spool, path: Path) -> list[Finding]:
     if item.order != "matrix":
         return []
     name, rows, bad, worst = item.column.label, 0, 0, np.empty((0, 9))
-    count = spool.surveys[item.stream].stamps.kept
-    for begin in range(0, count, CHUNK):
-        end = min(begin + CHUNK, count)
-        matrices = spool.values_of(item.stream, begin, end)[:, list(item.places)]
-        matrices = matrices[np.isfinite(matrices).all(axis=1)]
+    for block in spool.blocks_of(item):
+        matrices = block[np.isfinite(block).all(axis=1)]
         lost = matrices[~is_rotation(matrices)]
         rows, bad = rows + len(matrices), bad + len(lost)
         worst = lost[:1] if not len(worst) else worst
@@ -158,8 +155,7 @@ def _range_findings(item: Quantity, spool: Spool) -> list[Finding]:
     if ends[0] >= low - margin and ends[1] <= high + margin:
         return []
     count, outside = spool.surveys[item.stream].stamps.kept, 0
-    for begin in range(0, count, CHUNK):
-        rows = spool.values_of(item.stream, begin, min(begin + CHUNK, count))[:, places]
+    for rows in spool.blocks_of(item):
         outside += int(((rows < low - margin) | (rows > high + margin)).any(axis=1).sum())
     text = (
         f"{outside} of {count} rows leave the stated range [{low:g}, {high:g}] {words.unit}: "

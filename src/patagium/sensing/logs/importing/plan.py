@@ -240,7 +240,7 @@ def _take_names(column: ValueColumn, taken: set[str], where: str) -> None:
     for label in column.labels:
         name = variable_name(label)
         if name in taken:
-            raise LogError(f"{where}.name: expected one that is not taken, found {label!r}")
+            raise LogError(f"{where}.name: expected a name of its own, found {label!r} twice")
         if not _SOUND.fullmatch(name) or len(name.encode()) > LONGEST_NAME:
             raise LogError(
                 f"{where}.name: expected at most {LONGEST_NAME} bytes, the first a letter, a digit "

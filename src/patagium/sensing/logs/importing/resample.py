@@ -8,6 +8,7 @@ a gap of a quantity. Neglected: aliasing; nothing is filtered before it is resam
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from math import ceil
@@ -94,6 +95,13 @@ class Spool:
         file.seek(begin * columns * 8)
         content = np.fromfile(file, float, (end - begin) * columns)
         return content.reshape(-1, columns)
+
+    def blocks_of(self, item: Quantity) -> Iterator[Array]:
+        """Components of a quantity, some rows at a time, (k, size) in the unit of the log."""
+        count = self.surveys[item.stream].stamps.kept
+        for begin in range(0, count, CHUNK):
+            end = min(begin + CHUNK, count)
+            yield self.values_of(item.stream, begin, end)[:, list(item.places)]
 
     def _keep(self, block: Block, advances: Bools) -> Array:
         """Rows of a block that are kept, which go to the files."""
@@ -231,18 +239,13 @@ def after_gaps(spool: Spool, base: TimeBase, begin: int, gap: float) -> int:
     return begin
 
 
+@np.errstate(all="ignore")  # numbers of a damaged log may be of any size
 def resampled(spool: Spool, item: Quantity, stamps: Stamps, gap: float) -> tuple[Array, Bools]:
     """Quantity at given increasing stamps, (k,) [ns].
 
     Returns:
         Values in the unit of the item, (k, 1), (k, 3) or (k, 4), and whether each is valid, (k,).
     """
-    with np.errstate(all="ignore"):  # numbers of a damaged log may be of any size
-        values, valid = _resampled(spool, item, stamps, gap)
-    return values, valid & np.isfinite(values).all(axis=1)
-
-
-def _resampled(spool: Spool, item: Quantity, stamps: Stamps, gap: float) -> tuple[Array, Bools]:
     known = spool.stamps_of(item.stream)
     begin = max(0, int(np.searchsorted(known, stamps[0], "right")) - 1 - _MARGIN)
     end = min(len(known), int(np.searchsorted(known, stamps[-1], "left")) + 1 + _MARGIN)
@@ -262,7 +265,8 @@ def _resampled(spool: Spool, item: Quantity, stamps: Stamps, gap: float) -> tupl
     valid &= ~np.isin(stamps, np.array(known[begin:end])[~finite])
     origin = own[0]
     seconds, wanted = (own - origin) / SECOND, (stamps - origin) / SECOND
-    return _between(spool, item, seconds, values, np.clip(wanted, 0.0, seconds[-1])), valid
+    found = _between(spool, item, seconds, values, np.clip(wanted, 0.0, seconds[-1]))
+    return found, valid & np.isfinite(found).all(axis=1)
 
 
 def _between(spool: Spool, item: Quantity, seconds: Array, values: Array, wanted: Array) -> Array:

@@ -10,9 +10,11 @@ Neglected: a sensor whose rate changes; single rows that were lost within the ji
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from patagium.arrays import Array
+from patagium.arrays import Array, Bools
 from patagium.errors import LogError
 from patagium.sensing.logs.files.channels import NO_STAMP, Stamps
 
@@ -79,26 +81,27 @@ def restamped(stamps: Stamps, rate: float, gap: float, where: str) -> tuple[Stam
 def _set_back(late: Array, step: float) -> tuple[Array, int]:
     """Time by which the clock was set back before each row, (k,) [ns], and how often."""
     back, found = np.zeros(len(late)), 0
-    ends = [0, *(np.flatnonzero(np.diff(late) < -_BACK * step) + 1).tolist(), len(late)]
-    for before, place, following in zip(ends, ends[1:-1], ends[2:], strict=False):
-        earlier = late[max(before, place - _WINDOW) : place]
-        change = np.median(late[place : min(following, place + _WINDOW)]) - np.median(earlier)
+    for place, change, _ in _jumps(late, np.diff(late) < -_BACK * step):
         if change < -_BACK * step:  # else the rows before only waited to be written
             back[place:] += change
             found += 1
     return back, found
 
 
-def _lost(late: Array, step: float, gap: float) -> tuple[Array, Stamps]:
-    """Number of rows lost before each row, (k,), and the rows after a gap."""
-    after = np.flatnonzero(np.diff(late) > (gap - 1.0) * step) + 1
-    lost, found = np.zeros(len(late)), []
-    ends = [0, *after.tolist(), len(late)]
+def _jumps(late: Array, far: Bools) -> Iterator[tuple[int, float, float]]:
+    """Rows after a far step; how much later the rows beside it are, and their spread [ns]."""
+    ends = [0, *(np.flatnonzero(far) + 1).tolist(), len(late)]
     for before, place, following in zip(ends, ends[1:-1], ends[2:], strict=False):
         earlier = late[max(before, place - _WINDOW) : place]
         later = late[place : min(following, place + _WINDOW)]
         spread = max(float(np.ptp(np.quantile(one, _SPREAD))) for one in (earlier, later))
-        change = float(np.median(later) - np.median(earlier))
+        yield place, float(np.median(later) - np.median(earlier)), spread
+
+
+def _lost(late: Array, step: float, gap: float) -> tuple[Array, Stamps]:
+    """Number of rows lost before each row, (k,), and the rows after a gap."""
+    lost, found = np.zeros(len(late)), []
+    for place, change, spread in _jumps(late, np.diff(late) > (gap - 1.0) * step):
         if change > max(spread, step / 2):  # else the rows only waited to be written
             lost[place:] += np.rint(change / step)
             found.append(place)

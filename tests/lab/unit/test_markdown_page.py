@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patagium.report import Link, Note, PageSection, Table, figures, picture, write_page
-from patagium.report.page import MARK, markdown_prose, table_text
+from patagium.report import KeyNumber, Link, Note, PageSection, Table, figures, picture
+from patagium_lab.markdown import MARK, markdown_page, markdown_prose, table_text
+from patagium_lab.study import Page
 
 HOSTILE = (
     "a * b * c, _x_ and x_1_2, <b>no</b>, 5 < 6 & 7, &amp; $x$, [1] [2](3), back\\slash, "
@@ -52,7 +53,7 @@ def test_a_page_and_its_pictures(tmp_path: Path) -> None:
             "Third", [Table(("a",), [[1.0]], "Numbers"), picture(figure, "Once more", "png")]
         ),
     ]
-    path = write_page(tmp_path / "page.md", "Title", sections, summary="Sum.", facts={"by": "us"})
+    path = Page("Title", "Sum.", {"by": "us"}, sections).write(tmp_path / "page.md")
     text = path.read_text("utf-8")
     assert text.startswith(f"{MARK}\n\n# Title\n\nSum.\n\n## First, of two\n")
     assert "> But" in text and "[Elsewhere](there.html)" in text and "*Numbers*" in text
@@ -66,10 +67,15 @@ def test_a_page_and_its_pictures(tmp_path: Path) -> None:
     assert all(f"](page/{name})" in text for name in drawn)
 
 
+def test_a_page_begins_with_its_opening(tmp_path: Path) -> None:
+    opening = [KeyNumber("3 %", "Of <air>.", "Right: 5 %."), "Said."]
+    sections = [PageSection("One", ["First."])]
+    text = Page("T", "", {}, sections, opening).write(tmp_path / "r.md").read_text("utf-8")
+    assert "## At a glance\n\n**3 %**: Of <air>. Right: 5 %." in text.replace("\\", "")
+
+
 def _block(text: str) -> str:
     """A paragraph as it stands on a page."""
-    from patagium.report.page import markdown_page
-
     page, pictures = markdown_page("t", [PageSection("s", [text])], "", {}, "f")
     assert not pictures
     return page.split("## s\n\n")[1]
