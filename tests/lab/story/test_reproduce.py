@@ -19,8 +19,6 @@ from patagium_lab.reproduction.page import RESULTS, page
 from patagium_lab.reproduction.plan import LIMITS, ReproductionPlan
 from patagium_lab.reproduction.run import run
 from patagium_lab.reproduction.unsteady_trials import unsteady_trials
-from patagium_lab.rivals import symbolic_rival
-from patagium_lab.rivals.compiled import SHORT_FLAGS
 from patagium_lab.study import write_study
 from patagium_lab.targets import verdict
 
@@ -78,10 +76,7 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
             early.update(part=part, page=(out / "report.html").read_text(encoding="utf-8"))
 
     plan = ReproductionPlan.of(quick=True)
-    with pytest.MonkeyPatch.context() as patch:
-        # nobody reads here how fast the rival's long text is, which GCC optimizes for ten seconds
-        patch.setattr(symbolic_rival, "SHORT_FLAGS", ("-O0", *SHORT_FLAGS[1:]))
-        report, results = write_study(out, plan, run, page, progress)
+    report, results = write_study(out, plan, run, page, progress)
     results.only(RESULTS).write(out / "results.md")
     return {
         "out": out,
