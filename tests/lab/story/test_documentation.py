@@ -44,7 +44,6 @@ SHORTER = {
     "--along speed=2.5:6": "--along speed=3.95:4.05",
     '--speed "4 m/s" -o best.nc': '--speed "4 m/s" --harmonics 1 -o best.nc',
     "--front 4,5,6": "--front 4 --harmonics 2",
-    "for seed in range(4)]": "for seed in range(1)]",
 }
 FEW_STATES = re.compile(r"(air|calibrate|choose|gallery|robot_file|api/\w+)\.md")
 """Pages that fly so briefly that their equations take longer to compile than to interpret."""
