@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import gc
 from importlib.metadata import version as installed
 from typing import Any
 
 from docutils import nodes
 from latex2mathml.converter import convert
 from sphinx.application import Sphinx
+
+gc.disable()  # the pages are trees without end: seeking garbage is a quarter of the time
 
 project = "patagium"
 author = "The patagium maintainers"

@@ -59,6 +59,7 @@ def test_no_cycle_in_still_air_gains_energy_and_shares_stay_shares(
     assert (work < 0).all()
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_numbers_stay_finite_at_rest_and_at_any_state(
     aerobat: Robot, rng: np.random.Generator
 ) -> None:

@@ -12,13 +12,21 @@ from patagium.dynamics import equations
 from patagium.errors import ParameterError
 from patagium.native import compiler_name
 from patagium.robot import load_robot
+from patagium_lab.rivals import symbolic_rival
+from patagium_lab.rivals.compiled import SHORT_FLAGS
 from patagium_lab.rivals.symbolic_code import c_text, stored_code
-from patagium_lab.rivals.symbolic_rival import lambdified, symbolic_rival, symengine_code
+from patagium_lab.rivals.symbolic_rival import lambdified, symengine_code
 
 FILE = Path(__file__).parents[3].parent / "shared" / "data" / "lagrange_vectors.npz"
 ROUNDING = 1e-10  # thousands of unsimplified terms cancel
 
 needs_compiler = pytest.mark.skipif(compiler_name() is None, reason="needs a C compiler")
+
+
+@pytest.fixture(autouse=True)
+def compiled_as_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rival's long text is called a few times here, and GCC optimizes it for ten seconds."""
+    monkeypatch.setattr(symbolic_rival, "SHORT_FLAGS", ("-O0", *SHORT_FLAGS[1:]))
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +40,9 @@ def vectors() -> dict[str, np.ndarray]:
 @needs_compiler
 def test_stored_c_on_the_reference_vectors(vectors) -> None:
     robot = load_robot("aerobat-published")
-    rival = symbolic_rival(robot, stored_code(robot), shared=True, quantities=("bias",))
+    rival = symbolic_rival.symbolic_rival(
+        robot, stored_code(robot), shared=True, quantities=("bias",)
+    )
     for q, v, coriolis, gravity in _columns(vectors, "q", "qd", "Cqd", "G"):
         (bias,) = rival.calls["bias"].evaluate([q, v, *rival.extra])
         _assert_close(bias, coriolis + gravity)
@@ -67,7 +77,7 @@ def test_other_robots_are_refused() -> None:
 def test_symengine_derives_any_robot(random_machine, rng: np.random.Generator) -> None:
     pytest.importorskip("symengine", reason="SymEngine comes with the extra `bench`")
     robot = random_machine(1)
-    rival = symbolic_rival(robot, symengine_code(robot), shared=True)
+    rival = symbolic_rival.symbolic_rival(robot, symengine_code(robot), shared=True)
     q, v = rng.uniform(-1, 1, robot.dof), rng.normal(size=robot.dof)
     mass_matrix, bias = rival.calls["both"].evaluate([q, v, *rival.extra])
     symbols = ca.SX.sym("q", robot.dof), ca.SX.sym("v", robot.dof)

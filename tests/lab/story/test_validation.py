@@ -20,6 +20,21 @@ from patagium_lab.validation.cases.plunge import FINITE_LAGS
 from patagium_lab.validation.cases.robotic_fly import HORIZONTAL, VERTICAL, measured
 from patagium_lab.validation.plan import CASES, ValidationPlan
 
+FEW_STATES = ("measured_wing", "pitching_section")
+"""Cases whose equations take longer to compile than to interpret."""
+
+
+def interpreted_case(compute):
+    """The case's function, with equations on CasADi's virtual machine."""
+
+    def interpreted():
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("PATAGIUM_TOLD_WITHOUT_COMPILER", "none")
+            patch.setenv("PATAGIUM_COMPILER", "none")
+            return compute()
+
+    return interpreted
+
 
 @pytest.fixture(scope="module")
 def command(tmp_path_factory):
@@ -30,7 +45,14 @@ def command(tmp_path_factory):
     """
     page = tmp_path_factory.mktemp("validation") / "page.html"
     out = StringIO()
-    with redirect_stdout(out), pytest.raises(SystemExit) as left:
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        redirect_stdout(out),
+        pytest.raises(SystemExit) as left,
+    ):
+        for case in FEW_STATES:
+            module = import_module(f"patagium_lab.validation.cases.{case}")
+            patch.setattr(module, "compute", interpreted_case(module.compute))
         only = [word for case in CASES if "monarch" not in case for word in ("--only", case)]
         run(["validate", *only, "-o", str(page), "--json"])
     assert not left.value.code
