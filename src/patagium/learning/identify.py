@@ -85,37 +85,33 @@ def identify(
     count, flight = np.size(getattr(flight, "time", ())), with_force(flight)
     chosen = learner or default_learner(flight if robot is None else robot, every=every)
     given = {"learner_given": learner is not None, "every_given": every is not None}
-    known: dict[str, Any]
     words = {} if isinstance(flight, LogTable) else _flight_words(flight, chosen, count)
     if isinstance(flight, LogTable):
         _refuse_for_tables(inputs, robot)
         first = scaling_samples(flight)
         time, x, y = flight.time[first:], flight.x[first:], flight.y[first:]
-        step = usual_step(flight.time)
-        taken = table_every(chosen, step) if every is None else every
-        gaps = flight.gaps[flight.gaps > first] - first
-        known = {"names": flight.output_names, "units": flight.output_units, "gaps": gaps}
+        taken = table_every(chosen, usual_step(time)) if every is None else every
+        known: dict[str, Any] = {"names": flight.output_names, "units": flight.output_units}
+        known["gaps"] = flight.gaps[flight.gaps > first] - first
     else:
         time, x, y, units = samples(flight, chosen.network, inputs, robot)
         _know_ranges(chosen, x, y)
         motion, period = None, None if isinstance(flight, ForceSamples) else gait_period(flight)
         if named_horizons(horizons) and not isinstance(flight, ForceSamples):
             motion = robot_motion(flight, robot or robot_of(flight), chosen.network, inputs, period)
-        step = usual_step(time)
-        taken = chosen_every(chosen, step, period) if every is None else every
+        taken = chosen_every(chosen, usual_step(time), period) if every is None else every
         known = {"units": units, "std": stds(flight, chosen.network), "gaps": find_gaps(time)}
         known |= {"motion": motion, "period": period}
     _check_horizons(horizons, float(time[-1] - time[0]))
     result = stream(chosen, time, x, y, every=taken, horizons=horizons, progress=progress, **known)
-    result.scores["chosen"] = words | choices(chosen, taken, step, **given)
+    result.scores["chosen"] = words | choices(chosen, taken, usual_step(time), **given)
     result.scores["verdict"] += _noise_words(known.get("std"), y[len(y) // 2 :], result.scores)
-    if isinstance(chosen.network, LinearStripNetwork) and not isinstance(flight, LogTable):
-        if isinstance(flight, ForceSamples) or "air" in flight.attrs:  # no simulation has "air"
-            result.scores["verdict"] += what_if(flight, chosen.network)
     if isinstance(flight, LogTable):
         result.scores["gaps_found"] = flight.describe_gaps()
         result.scores.update(samples=len(flight.time), samples_that_scaled=first)
         inputs = flight.input_names
+    elif isinstance(chosen.network, LinearStripNetwork):
+        result.scores["verdict"] += what_if(flight, chosen.network)
     return replace(result, inputs=None if inputs is None else tuple(inputs))
 
 

@@ -1,4 +1,4 @@
-"""What if a sign, a zero, a clock or the wind of a log were another: mistakes that the air shows.
+"""Mistakes of a log that the air shows: signs, zeros, clocks and wind.
 
 The force of the air is nearly linear in a few dimensionless weights of known size, whatever the air
 (`LinearStripNetwork`). For each mistake that laboratories make, the log is turned back as if it had
@@ -50,7 +50,7 @@ class _Change:
         words: What would be other.
         motion: Sign of each coordinate, (n,) [1].
         forces: Sign of each force that is known, (n,) [1].
-        order: Coordinate whose place each takes, (n,).
+        order: Coordinate that takes each place, (n,) [1].
     """
 
     words: str
@@ -174,11 +174,12 @@ def what_if(log: xr.Dataset | ForceSamples, network: LinearStripNetwork) -> list
     """Warning of what a log would be explained by several times better, if anything; or nothing.
 
     Args:
-        log: Flight, or measured forces.
+        log: Imported flight, or measured forces; a simulation makes no such mistakes.
         network: Strips of the robot in the air of the log, with the outputs that are measured.
     """
     robot = network.robot
-    if robot.coordinate_count > robot.dof:  # quaternions have no signs of angles
+    simulated = isinstance(log, xr.Dataset) and "air" not in log.attrs  # imported flights have it
+    if simulated or robot.coordinate_count > robot.dof:  # quaternions have no signs of angles
         return []
     if network.attached:  # has a memory, so that samples may not be taken anywhere
         network = LinearStripNetwork(robot, network.air, network.measured)
