@@ -83,7 +83,7 @@ class Bounds:
         self.arrays["bound_step"][:] = self.arrays["bound_rest"][:] = 0.0
 
     def expect(self, x: Array, y: Array) -> None:
-        """Know beforehand the ranges of a log, which may begin at rest; 2 % may lie outside.
+        """Take the ranges of a log, which may begin at rest; 2 % may lie outside.
 
         Args:
             x: Inputs, (N, n_x) [units of x].

@@ -111,7 +111,7 @@ class FilterLearner(Learner):
         return snippet(type(self).__name__, facts) + self._network._repr_html_()
 
     def expect(self, x: Array, y: Array) -> None:
-        """Know beforehand the ranges of a recorded log, by which faults of sensors are judged.
+        """Take the ranges of a recorded log, by which faults of sensors are judged.
 
         Args:
             x: Inputs, (N, n_x) [units of x].
