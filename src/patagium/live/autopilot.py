@@ -128,6 +128,8 @@ class Autopilot:
             numbers = [one.numbers.get(name, -1) for name in tracker.sensors]
             track.numbers, track.memory = self._address(numbers, np.int32), tracker.memory
         base, self._regulator = floating_base(tracker.robot), self._of(regulator)
+        euler = euler_function()
+        self._kept.append(euler)
         self._struct = AUTOPILOT.type(
             sensors=len(widths),
             tracks=len(filters),
@@ -142,7 +144,7 @@ class Autopilot:
             widths=self._address(widths, np.int32),
             track=ctypes.addressof(self._tracks),
             turn=None if base is None else self._address(base.turn, np.int32),
-            euler=euler_function().address,
+            euler=euler.address,
             packet=self._address(np.zeros(1 + 3 * n + forces)),
             regulator=ctypes.addressof(self._regulator),
         )

@@ -20,6 +20,7 @@ from patagium.native import compiler_name, library, load_functions, load_kernel
 from patagium.native import function as function_module
 from patagium.native.compiler import compiler_accepts, compiler_command
 from patagium.native.emit import emit
+from patagium.sensing.motion.frame_model import euler_function
 
 needs_compiler = pytest.mark.skipif(compiler_name() is None, reason="no C compiler here")
 
@@ -395,3 +396,14 @@ def test_texts_for_many_states_alone_are_compiled_briefly_but_for_kernels():
         with pytest.raises(KeyboardInterrupt):
             load_functions("brief", lambda: functions.values(), label="t", many_only=[*functions])
     assert made == [({"plain_batch.c", "calling_batch.c"}, {"plain_batch.c": "-Og"})]
+
+
+def test_what_was_interpreted_without_a_compiler_is_compiled_with_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The autopilot calls it by its address: none was kept for ever, and its first call crashed."""
+    with monkeypatch.context() as without:
+        without.setenv("PATAGIUM_TOLD_WITHOUT_COMPILER", "none")
+        without.setenv("PATAGIUM_COMPILER", "none")
+        assert euler_function().address is None
+    assert euler_function().address is not None

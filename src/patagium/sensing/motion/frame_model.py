@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from math import atan2, cos, sin, sqrt
 
 import casadi as ca
@@ -287,7 +286,6 @@ def euler_rates(angles: ca.SX, spin: ca.SX, spin_rate: ca.SX) -> tuple[ca.SX, ca
     return ca.substitute(rates, turned, angles), ca.substitute(second, turned, angles)
 
 
-@cache
 def euler_function() -> NativeFunction:
     """Compiled function (angles, spin, spin rate) -> rates, second rates, and their Jacobian.
 
