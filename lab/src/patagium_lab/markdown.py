@@ -65,7 +65,7 @@ def markdown_prose(text: str) -> str:
 
 
 def table_text(table: Table) -> str:
-    """A table without its caption; columns of numbers flush right."""
+    """Table without its caption, with columns of numbers aligned to the right."""
     rules = ["---:" if table.numeric(i) else "---" for i in range(len(table.columns))]
     rows = [
         [markdown_prose(cell).replace("|", "\\|") for cell in row]

@@ -1,4 +1,4 @@
-"""Outputs of a verb: a failure is printed, and the other outputs are written all the same."""
+"""Output files of a command: the error of one is printed, and the others are still written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mistakes of a log that the air shows: signs, zeros, clocks and wind.
+"""Mistakes in a log that the force of the air reveals: signs, zeros, clocks and wind.
 
 The force of the air is nearly linear in a few dimensionless weights of known size, whatever the air
 (`LinearStripNetwork`). For each mistake that laboratories make, the log is turned back as if it had

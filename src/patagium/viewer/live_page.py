@@ -650,7 +650,7 @@ class LivePage:
         return rows
 
     def _learner_rows(self, letter: Any, rate: float) -> list[list[Row]]:
-        """Group of rows about the learner at its samples a second; none without a learner."""
+        """Table rows about the learner and its rate of samples; none without a learner."""
         if self._subject.network is None:
             return []
         rows = [

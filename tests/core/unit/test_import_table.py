@@ -260,7 +260,7 @@ def test_numbers_that_a_recorder_made_are_asked_for(
     ],
 )
 def test_an_encoder_that_jumps_or_holds_is_told(tmp_path: Path, fault: str, words: str) -> None:
-    """A counter that was reset and drop-outs to 0 were taken for motion: errors of .5 rad."""
+    """A reset counter and drop-outs to zero are faults of the encoder, not motion of the joint."""
     time, rng = 0.002 * np.arange(3000), np.random.default_rng(2)
     angle = 0.6 * np.sin(6 * np.pi * time) / (1 + np.exp(8 - 8 * time))
     angle += 3e-4 * rng.normal(size=3000)
@@ -294,7 +294,7 @@ def test_an_encoder_that_jumps_or_holds_is_told(tmp_path: Path, fault: str, word
 
 
 def test_a_column_of_text_is_refused_by_its_words(tmp_path: Path) -> None:
-    """The column was said to be absent."""
+    """The message names the text that is no number, not a missing column."""
     path, mapping = tmp_path / "log.csv", tmp_path / "map.yaml"
     rows = [f"{0.01 * k},{k},1.{k}D-01" for k in range(100)]
     path.write_text("\n".join(["t [s],angle [rad],lift [N]", *rows]))

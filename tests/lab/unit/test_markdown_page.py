@@ -1,4 +1,4 @@
-"""A page as Markdown says what the same page says in HTML, its pictures in files beside it."""
+"""A Markdown page has the content of the HTML page, with its pictures as separate files."""
 
 from __future__ import annotations
 

@@ -174,7 +174,7 @@ Piece: TypeAlias = tuple[Array, Array, Array]
 def _changes(
     pieces: Sequence[Piece], span: int, moved: Callable[[Array, Array], Array] = _velocity
 ) -> Array:
-    """Rates over spans as the places changed and as they were measured, (2, m, n) [SI]."""
+    """Mean rates over spans, from the change of position and as measured, (2, m, n) [SI]."""
     both = [[moved(_ends(t, span), _ends(x, span)), _means(rate, span)] for t, x, rate in pieces]
     return np.concatenate(both, axis=1) if both else np.empty((2, 0, 1))
 

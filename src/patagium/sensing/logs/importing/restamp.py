@@ -89,7 +89,7 @@ def _set_back(late: Array, step: float) -> tuple[Array, int]:
 
 
 def _jumps(late: Array, far: Bools) -> Iterator[tuple[int, float, float]]:
-    """Rows after a far step; how much later the rows beside it are, and their spread [ns]."""
+    """Rows after a large step in time, the delay of the rows after it, and their spread [ns]."""
     ends = [0, *(np.flatnonzero(far) + 1).tolist(), len(late)]
     for before, place, following in zip(ends, ends[1:-1], ends[2:], strict=False):
         earlier = late[max(before, place - _WINDOW) : place]
