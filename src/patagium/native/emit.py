@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -30,9 +31,13 @@ EACH = "each_"
 
 LONG_BODY = 600
 """Statements in one C function of many states; a longer body is cut into parts."""
+LONG_SINGLE = 12_000, 1000
+"""Statements in one C function of one state, and in each of its parts where it has more: such code
+takes some percent longer to run, and half as long to compile."""
 UNITS = 4
 """Texts, beside the first, that the parts of a long body are written to."""
 _VALUES = re.compile(r"\b(?:t\d+|(?:co)?sine\d+_\d+)\b")
+_ARRAYS = re.compile(r"\b(?:angle\d+|(?:co)?sine\d+|call\d+_[ar]\d+)\b")
 
 _BINARY = {
     ca.OP_ADD: "({0} + {1})",
@@ -57,6 +62,31 @@ class _Node:
     inputs: tuple[int, ...]
     detail: tuple[float, ...] = ()
     callee: str = ""
+
+
+class _Array(NamedTuple):
+    """Statement that makes an array.
+
+    Attributes:
+        kind: C type of a number.
+        name: Its name in C.
+        size: Number of its entries.
+        values: C texts of them; none where a call writes them.
+    """
+
+    kind: str
+    name: str
+    size: int
+    values: Sequence[str] = ()
+
+    def __str__(self) -> str:
+        given = f" = {{{', '.join(self.values)}}}" if self.values else ""
+        return f"  {self.kind} {self.name}[{self.size}]{given};"
+
+    @property
+    def assignments(self) -> list[str]:
+        """Statements that give it its values where it is a place in memory."""
+        return [f"  {self.name}[{k}] = {value};" for k, value in enumerate(self.values)]
 
 
 class _Graph:
@@ -187,28 +217,43 @@ def dense_graph(function: ca.Function, calls: bool) -> _Graph:
     return _Graph(ca.Function(function.name(), inputs, outputs), calls)
 
 
-def emit(function: ca.Function) -> str:
-    """C text of a function of one state: a translation unit that defines `name`."""
-    texts = dict[str, str]()
-    main = _one_state("void", function, dense_graph(function, calls=True), texts)
-    return "\n".join([*_header(function), *texts.values(), main, ""])
+def emit(function: ca.Function) -> list[str]:
+    """C texts of a function of one state, the first of which defines `name`.
+
+    A very long body is several texts, which compile at the same time.
+
+    Args:
+        function: An SX function.
+    """
+    graph, texts = dense_graph(function, calls=True), dict[str, str]()
+    head = f"void {function.name()}(const double *const *arg, double *const *res)"
+    pointers, statements = _pointers(function), _statements_of_one(graph, texts)
+    most, length = LONG_SINGLE
+    top = [*_header(function), *_includes(graph), *texts.values()]
+    if len(statements) <= most:
+        return ["\n".join([*top, f"{head} {{", *pointers, *map(str, statements), "}", ""])]
+    parts = _in_parts(function.name(), _ONE, pointers, statements, length)
+    main = [*(f"{one};" for one in parts.heads), f"{head} {{", *parts.calls, "}"]
+    return _units(top, [*top, *main], parts)
 
 
-def _one_state(kind: str, function: ca.Function, graph: _Graph, texts: dict[str, str]) -> str:
-    """Text of a C function of one state; texts of functions that it calls are added to `texts`."""
+def _statements_of_one(graph: _Graph, texts: dict[str, str]) -> list[str | _Array]:
+    """Statements of code for one state; texts of functions that it calls are added to `texts`."""
     for name, callee in graph.callees.items():
         if name.startswith(EACH) and name not in texts:
             inner = _Graph(callee, calls=True)
-            texts[name] = _one_state("static __attribute__((noinline)) void", callee, inner, texts)
+            lines = [*_pointers(callee), *map(str, _statements_of_one(inner, texts))]
+            head = f"static __attribute__((noinline)) void {name}"
+            head += "(const double *const *arg, double *const *res) {"
+            texts[name] = "\n".join([*_includes(inner), head, *lines, "}"])
 
-    def angle_block(group: list[int], number: int) -> list[str]:
+    def angle_block(group: list[int], number: int) -> list[str | _Array]:
         padded = -(-len(group) // 8) * 8
-        values = ", ".join(_operand(graph, k) for k in group)
-        return [
-            f"  double angle{number}[{padded}] = {{{values}}}, sine{number}[{padded}],"
-            f" cosine{number}[{padded}];",
-            f"  sincos_many({padded}, angle{number}, sine{number}, cosine{number});",
-        ]
+        angles = [*(_operand(graph, k) for k in group), *["0.0"] * (padded - len(group))]
+        names = [f"{stem}{number}" for stem in ("angle", "sine", "cosine")]
+        arrays = [_Array("double", one, padded) for one in names]
+        arrays[0] = arrays[0]._replace(values=angles)
+        return [*arrays, f"  sincos_many({padded}, {', '.join(names)});"]
 
     def load(argument: int, entry: int) -> str:
         return f"a{argument}[{entry}]"
@@ -217,9 +262,7 @@ def _one_state(kind: str, function: ca.Function, graph: _Graph, texts: dict[str,
         return f"  r{result}[{entry}] = {value};"
 
     dialect = _Dialect("double", "scalar_", load, store, angle_block, "{0}{1}[{2}]")
-    head = f"{kind} {function.name()}(const double *const *arg, double *const *res) {{"
-    body = [*_pointers(function), *_Writer(graph, dialect).statements(), "}"]
-    return "\n".join([*_includes(graph), head, *body])
+    return _Writer(graph, dialect).statements()
 
 
 def emit_batch(function: ca.Function) -> list[str]:
@@ -236,8 +279,8 @@ def emit_batch(function: ca.Function) -> list[str]:
     sizes = [function.size1_in(k) * function.size2_in(k) for k in range(function.n_in())]
     tiles = _tiles(sizes, shared)
 
-    def angle_block(group: list[int], number: int) -> list[str]:
-        block = []
+    def angle_block(group: list[int], number: int) -> list[str | _Array]:
+        block = list[str | _Array]()
         for position, angle in enumerate(group):
             sine, cosine = f"sine{number}_{position}", f"cosine{number}_{position}"
             call = f"  lanes_sincos({_operand(graph, angle)}, &{sine}, &{cosine});"
@@ -254,30 +297,27 @@ def emit_batch(function: ca.Function) -> list[str]:
 
     dialect = _Dialect("lanes", "lanes_", load, store, angle_block, "{0}{1}_{2}")
     statements = _Writer(graph, dialect).statements()
-    heads, parts = list[str](), list[str]()
+    top, parts = [*_header(function), *_includes(graph)], _Parts([], [], [])
     if len(statements) > LONG_BODY:
         given = [f"  const double *const x{k} = tile[{k}]; (void)x{k};" for k in range(len(sizes))]
-        heads, parts, statements = _in_parts(name, [*_pointers(function), *given], statements)
+        parts = _in_parts(name, _MANY, [*_pointers(function), *given], statements, LONG_BODY)
         held = ", ".join("0" if common else f"x{k}" for k, common in enumerate(shared))
-        statements.insert(0, f"  const double *const tile[] = {{{held}}};")
+        statements = [f"  const double *const tile[] = {{{held}}};", *parts.calls]
     lines = [
         *_header(function),
         " /* arguments state by state, results entry by entry (rows of `stride` states) */",
         *_includes(graph),
-        *(f"{head};" for head in heads),
+        *(f"{head};" for head in parts.heads),
         f"void {name}_batch(const double *const *arg, double *const *res, long count,"
         " long stride) {",
         *_pointers(function),
         "  for (long k = 0; k < count; k += LANES) {",
         *tiles,
-        *statements,
+        *map(str, statements),
         "  }",
         "}",
     ]
-    head = [*_header(function), *_includes(graph)]
-    groups = (parts[k::UNITS] for k in range(min(UNITS, len(parts))))
-    units = [lines, *([*head, *group] for group in groups)]
-    return ["\n".join([*unit, ""]) for unit in units]
+    return _units(top, lines, parts)
 
 
 def _tiles(sizes: list[int], shared: list[bool]) -> list[str]:
@@ -290,36 +330,81 @@ def _tiles(sizes: list[int], shared: list[bool]) -> list[str]:
     return lines
 
 
+class _Parts(NamedTuple):
+    """Functions that a long body is cut into.
+
+    Attributes:
+        heads: Head of each.
+        texts: Each, as text.
+        calls: Statements that call them.
+    """
+
+    heads: list[str]
+    texts: list[str]
+    calls: list[str]
+
+
+class _Held(NamedTuple):
+    """What parts of a body get from it.
+
+    Attributes:
+        kind: C type of a number.
+        parameters: Their parameters, besides arguments, results and numbers held.
+        given: What is given for them.
+    """
+
+    kind: str
+    parameters: str = ""
+    given: str = ""
+
+
+_ONE = _Held("double")
+_MANY = _Held("lanes", ", const double *const *tile, long k, long stride", ", tile, k, stride")
+
+
 def _in_parts(
-    name: str, pointers: list[str], statements: list[str]
-) -> tuple[list[str], list[str], list[str]]:
-    """Long body as functions of some statements each: their heads, they, and calls of them.
+    name: str, of: _Held, pointers: list[str], statements: Sequence[str | _Array], length: int
+) -> _Parts:
+    """Long body as functions of some statements each.
 
     Compilers hand out registers in a time that grows with the square of a function's length.
     What a part computes for later ones goes through memory, in places used again when free.
     """
-    pieces = [statements[k : k + LONG_BODY] for k in range(0, len(statements), LONG_BODY)]
+    arrays, most = dict[str, int](), 0
+    lines = list[str]()
+    for one in statements:
+        if isinstance(one, _Array):
+            arrays[one.name] = most
+            most += one.size
+        lines += one.assignments if isinstance(one, _Array) else [one]
+    pieces = [lines[k : k + length] for k in range(0, len(lines), length)]
     words = [set(_VALUES.findall("\n".join(piece))) for piece in pieces]
     last = {word: k for k, found in enumerate(words) for word in found}
-    takes = "const double *const *arg, double *const *res, const double *const *tile"
-    places: dict[str, int] = {}
-    free: list[int] = []
-    heads, parts, most = [], [], 0
+    places, free, parts = dict[str, int](), list[int](), _Parts([], [], [])
     for k, piece in enumerate(pieces):
+        used = sorted(set(_ARRAYS.findall("\n".join(piece))) & arrays.keys())
+        body = [f"  double *const {array} = held + {arrays[array]};" for array in used]
         kept = sorted(words[k] & places.keys())
-        lines = [f"  const lanes {word} = held[{places[word]}];" for word in kept]
+        body += [f"  const {of.kind} {word} = held[{places[word]}];" for word in kept]
         free += [places.pop(word) for word in kept if last[word] == k]
-        lines += piece
+        body += piece
         for word in sorted(word for word in words[k] - set(kept) if last[word] > k):
             places[word] = free.pop() if free else most
             most = max(most, places[word] + 1)
-            lines.append(f"  held[{places[word]}] = {word};")
-        shared = f'__attribute__((visibility("hidden"))) void {name}_part{k}'
-        heads.append(f"{shared}({takes},\n  lanes *held, long k, long stride)")
-        body = [*pointers, "  (void)held; (void)k; (void)stride;", *lines]
-        parts.append("\n".join([f"{heads[k]} {{", *body, "}"]))
-    calls = [f"  {name}_part{k}(arg, res, tile, held, k, stride);" for k in range(len(pieces))]
-    return heads, parts, [f"  lanes held[{max(most, 1)}];", *calls]
+            body.append(f"  held[{places[word]}] = {word};")
+        takes = f"const double *const *arg, double *const *res, {of.kind} *held{of.parameters}"
+        hidden = '__attribute__((visibility("hidden")))'
+        parts.heads.append(f"{hidden} void {name}_part{k}({takes})")
+        parts.texts.append("\n".join([f"{parts.heads[k]} {{", *pointers, *body, "}"]))
+        parts.calls.append(f"  {name}_part{k}(arg, res, held{of.given});")
+    parts.calls.insert(0, f"  {of.kind} held[{max(most, 1)}];")
+    return parts
+
+
+def _units(top: list[str], first: list[str], parts: _Parts) -> list[str]:
+    """Texts of a body and of its parts, which begin alike."""
+    groups = (parts.texts[k::UNITS] for k in range(min(UNITS, len(parts.texts))))
+    return ["\n".join([*unit, ""]) for unit in (first, *([*top, *group] for group in groups))]
 
 
 def _header(function: ca.Function) -> list[str]:
@@ -375,7 +460,7 @@ class _Dialect:
         prefix: Prefix of the names of C functions.
         load: C text that reads an entry of an argument.
         store: C statement that writes an entry of a result.
-        angle_block: C statements that take the sines and cosines of a group of angles.
+        angle_block: Statements that take the sines and cosines of a group of angles.
         angle_value: Format of a sine or cosine: stem, number of the group, place in it.
     """
 
@@ -383,7 +468,7 @@ class _Dialect:
     prefix: str
     load: Callable[[int, int], str]
     store: Callable[[int, int, str], str]
-    angle_block: Callable[[list[int], int], list[str]]
+    angle_block: Callable[[list[int], int], list[str | _Array]]
     angle_value: str
 
 
@@ -392,7 +477,7 @@ class _Writer:
 
     def __init__(self, graph: _Graph, dialect: _Dialect) -> None:
         self._graph, self._dialect = graph, dialect
-        self._lines: list[str] = []
+        self._lines: list[str | _Array] = []
         self._written = [node.op == ca.OP_CONST for node in graph.nodes]
         self._angles: dict[int, tuple[int, int]] = {}
         self._lists: dict[tuple[int, ...], str] = {}
@@ -400,7 +485,7 @@ class _Writer:
         for result, entry, k in graph.outputs:
             self._stores.setdefault(k, []).append((result, entry))
 
-    def statements(self) -> list[str]:
+    def statements(self) -> list[str | _Array]:
         """All statements of the graph."""
         graph, store = self._graph, self._dialect.store
         for number, group in enumerate(graph.angle_levels()):
@@ -427,9 +512,11 @@ class _Writer:
         block = self._call_block(k)
         for own, other in enumerate(self._graph.nodes):
             block += self._statements(own) if other.inputs == (k,) else []
-        self._lines.append("\n".join(block))
+        if self._dialect.kind == "lanes":  # whose arrays no part finds in another
+            block = ["\n".join(map(str, block))]
+        self._lines += block
 
-    def _call_block(self, k: int) -> list[str]:
+    def _call_block(self, k: int) -> list[str | _Array]:
         """Statements that call a kernel, `<kernel>_<kind>(count, sizes, in, out)`, or `each_...`.
 
         Numbers that `each_` was given before, or gave, are not copied again.
@@ -437,20 +524,21 @@ class _Writer:
         callee = self._graph.callees[self._graph.nodes[k].callee]
         kind, each = self._dialect.kind, callee.name().startswith(EACH)
         nothing = "lanes_broadcast(0.0)" if kind == "lanes" else "0.0"
-        block, given, results, first, own = list[str](), list[str](), list[str](), 0, k + 1
+        block, given, results = list[str | _Array](), list[str](), list[str]()
+        first, own = 0, k + 1
         for place in range(callee.n_in()):
             held = self._graph.nodes[k].inputs[first : first + callee.nnz_in(place)]
             first += len(held)
             if not each or held not in self._lists:
                 name = self._lists[held] = f"call{k}_a{place}"
-                values = ", ".join(self._argument(i) for i in held) or nothing
-                block.append(f"  {kind} {name}[] = {{{values}}};")
+                values = [self._argument(i) for i in held] or [nothing]
+                block.append(_Array(kind, name, len(values), values))
             given.append(self._lists[held])
         for place in range(callee.n_out()):
             count, name = callee.nnz_out(place), f"call{k}_r{place}"
             self._lists[tuple(range(own, own + count))] = name
             own += count
-            block.append(f"  {kind} {name}[{count}];")
+            block.append(_Array(kind, name, count))
             results.append(name)
         into = f"(const {kind} *const[]){{{', '.join(given)}}}"
         out = f"({kind} *const[]){{{', '.join(results)}}}"
@@ -458,7 +546,7 @@ class _Writer:
             return [*block, f"  {callee.name()}({into}, {out});"]
         kernel, sizes = kernel_of(callee.name())
         listed = f"(const int[]){{{', '.join(sizes)}}}"
-        return [*block, f"  {kernel}_{kind}({len(sizes)}, {listed},", f"    {into}, {out});"]
+        return [*block, f"  {kernel}_{kind}({len(sizes)}, {listed},\n    {into}, {out});"]
 
     def _statements(self, k: int) -> list[str]:
         """Statements of the value of a node, and of the results that it is."""

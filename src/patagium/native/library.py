@@ -159,11 +159,11 @@ def _code(
 ) -> Code:
     units, flags = dict[str, str](), dict[str, str]()
     for name, function in functions.items():
-        if name not in many_only:
-            units[f"{name}.c"] = emit(function)
-            continue
-        for k, text in enumerate(emit_batch(function)):
-            units[f"{name}_batch{k or ''}.c"] = text
-            if flag and not calls_kernels(function):  # which are loops
-                flags[f"{name}_batch{k or ''}.c"] = flag
+        many = name in many_only
+        stem = f"{name}_batch" if many else name
+        texts = emit_batch(function) if many else emit(function)
+        own = {f"{stem}{k or ''}.c": text for k, text in enumerate(texts)}
+        if flag and many and not calls_kernels(function):  # which are loops
+            flags |= dict.fromkeys(own, flag)
+        units |= own
     return Code(units, [astuple(_signature(function)) for function in functions.values()], flags)

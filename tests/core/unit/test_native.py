@@ -107,7 +107,7 @@ def each_of_three():
 def test_a_function_of_each_strip_is_written_once_and_called(choice, monkeypatch, rng):
     monkeypatch.setenv("PATAGIUM_COMPILER", choice)
     called, plain = each_of_three()
-    text = emit(called)
+    (text,) = emit(called)
     assert text.count("each_piece(const double") == 1
     assert text.count("  each_piece(") == 3
     assert text.count("= {") == 3 + 2  # one list a call, x and the first `held` once

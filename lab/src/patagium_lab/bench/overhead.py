@@ -186,7 +186,7 @@ def _recursive(robot: Robot) -> Rival | str:
             "rival_both", [q, v, p], [mass_matrix, bias], ["q", "v", "parameters"], ["D", "h"]
         ),
     ]
-    sources = {f"{function.name()}.c": emit(function) for function in functions}
+    sources = {f"{function.name()}.c": "".join(emit(function)) for function in functions}
     derivation = time.process_time() - started
     library, seconds = compile_rival("our D and C v + G", sources, compiler, STRAIGHT_LINE)
     n = robot.dof

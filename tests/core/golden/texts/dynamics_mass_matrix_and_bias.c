@@ -10,7 +10,9 @@ void mass_matrix_and_bias(const double *const *arg, double *const *res) {
   double *restrict r1 = res[1]; (void)r1;
   const double t6 = a0[1];
   const double t23 = a0[0];
-  double angle0[8] = {t6, t23}, sine0[8], cosine0[8];
+  double angle0[8] = {t6, t23, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+  double sine0[8];
+  double cosine0[8];
   sincos_many(8, angle0, sine0, cosine0);
   const double t0 = a2[4];
   const double t1 = a2[3];

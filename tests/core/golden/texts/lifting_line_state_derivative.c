@@ -13,7 +13,9 @@ void state_derivative(const double *const *arg, double *const *res) {
   double *restrict r0 = res[0]; (void)r0;
   const double t0 = a0[1];
   const double t9 = a0[0];
-  double angle0[8] = {t0, t9}, sine0[8], cosine0[8];
+  double angle0[8] = {t0, t9, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+  double sine0[8];
+  double cosine0[8];
   sincos_many(8, angle0, sine0, cosine0);
   const double t1 = sine0[0];
   const double t2 = a1[0];
@@ -296,14 +298,14 @@ void state_derivative(const double *const *arg, double *const *res) {
   const double t295 = (t57 + t294);
   const double t296 = (t291 * t295);
   const double t297 = (t289 - t296);
-  double call298_a0[] = {t81, t85, t89};
-  double call298_a1[] = {t90, t92, t80};
-  double call298_a2[] = {t81, t106, t108, t81, t111, t113};
-  double call298_a3[] = {t194, t196, t198, t271, t273, t275};
-  double call298_a4[] = {t276, t276};
-  double call298_a5[] = {t282};
-  double call298_a6[] = {t297};
-  double call298_a7[] = {t291};
+  double call298_a0[3] = {t81, t85, t89};
+  double call298_a1[3] = {t90, t92, t80};
+  double call298_a2[6] = {t81, t106, t108, t81, t111, t113};
+  double call298_a3[6] = {t194, t196, t198, t271, t273, t275};
+  double call298_a4[2] = {t276, t276};
+  double call298_a5[1] = {t282};
+  double call298_a6[1] = {t297};
+  double call298_a7[1] = {t291};
   double call298_r0[1];
   double call298_r1[3];
   horseshoes_double(2, (const int[]){1, 1},

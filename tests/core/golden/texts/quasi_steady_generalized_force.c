@@ -12,7 +12,9 @@ void generalized_force(const double *const *arg, double *const *res) {
   double *restrict r0 = res[0]; (void)r0;
   const double t0 = a0[1];
   const double t14 = a0[0];
-  double angle0[8] = {t0, t14}, sine0[8], cosine0[8];
+  double angle0[8] = {t0, t14, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+  double sine0[8];
+  double cosine0[8];
   sincos_many(8, angle0, sine0, cosine0);
   const double t1 = sine0[0];
   const double t2 = a4[8];
@@ -104,7 +106,9 @@ void generalized_force(const double *const *arg, double *const *res) {
   const double t121 = (t107 * t120);
   const double t122 = a5[8];
   const double t123 = (t121 + t122);
-  double angle1[8] = {t111, t123}, sine1[8], cosine1[8];
+  double angle1[8] = {t111, t123, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+  double sine1[8];
+  double cosine1[8];
   sincos_many(8, angle1, sine1, cosine1);
   const double t3 = a5[0];
   const double t4 = a4[10];
