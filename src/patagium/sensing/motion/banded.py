@@ -119,7 +119,7 @@ class Information:
             residual: Residuals over their standard deviation, (N, k) [-].
         """
         first, count, values, wide = span * self.width, *rows.shape
-        library = _library()
+        library = load_kernel("banded")
         if library is not None:
             arrays = (self.matrix, self.gradient, *map(np.ascontiguousarray, (rows, residual)))
             library.banded_add(*_pointers(*arrays, first), *_sizes(count, values, wide))
@@ -184,7 +184,7 @@ class BandedCovariance:
             span: Span of each sample, (N,) [-].
             rows: Slopes of each sample over its standard deviation, (N, k, 6 width) [1/unit].
         """
-        library = _library()
+        library = load_kernel("banded")
         if library is None:
             carried = rows @ self.of_spans(span)
             return np.asarray(np.einsum("nkc,nkc->nk", carried, rows))
@@ -215,12 +215,6 @@ class BandedCovariance:
         return found
 
 
-@cache
-def _library() -> ctypes.CDLL | None:
-    """Compiled kernel; None without a compiler."""
-    return load_kernel("banded")
-
-
 def _pointers(*arrays: NDArray[Any]) -> list[ctypes.c_void_p]:
     return [ctypes.c_void_p(one.ctypes.data) for one in arrays]
 
@@ -236,7 +230,7 @@ def banded_inverse(matrix: Array, vector: Array) -> tuple[Array, Array] | None:
         matrix: Symmetric matrix A by rows, of row i the columns i - b to i, (size, b + 1).
         vector: Right side, (size,).
     """
-    library = _library()
+    library = load_kernel("banded")
     if library is None:
         return _inverse_in_python(matrix, vector)
     band = matrix.shape[1] - 1

@@ -8,7 +8,6 @@ fast for the time step of the flight.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -118,7 +117,7 @@ class Scene:
         Raises:
             ParameterError: If there is no such body.
         """
-        function = frame_function(self.robot, self.robot.body_index(body))
+        function = _frame_function(self.robot, self.robot.body_index(body))
         q, v, a = self.coordinates(times)
         origin, turn, spin, felt = (
             np.array(part) for part in function.batch(q, v, a, position, self.robot.parameters)
@@ -126,8 +125,7 @@ class Scene:
         return FrameMotion(origin, turn @ rotation, spin @ rotation, felt @ rotation)
 
 
-@lru_cache
-def frame_function(robot: Robot, body: int) -> NativeFunction:
+def _frame_function(robot: Robot, body: int) -> NativeFunction:
     """Compiled function (q, v, a, offset, parameters) -> motion of a frame on a body.
 
     Returns:
