@@ -154,3 +154,22 @@ def test_no_user_input_is_checked_by_assert() -> None:
         if isinstance(node, ast.Assert)
     ]
     assert guilty == []
+
+
+def test_no_compiled_function_is_kept_for_the_whole_process() -> None:
+    """One that was kept while no compiler was chosen would stay slow when one is."""
+    functions = [
+        (module.name, node)
+        for module in modules("patagium")
+        for node in module.nodes
+        if isinstance(node, ast.FunctionDef)
+    ]
+    assert any("load_functions(" in ast.unparse(node) for _, node in functions)
+    kept = [
+        f"{name}.{node.name}"
+        for name, node in functions
+        if {"cache", "lru_cache"}
+        & set(re.findall(r"\w+", " ".join(map(ast.unparse, node.decorator_list))))
+        and re.search(r"\bload_(functions|kernel)\(", ast.unparse(node))
+    ]
+    assert kept == []
