@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 import xarray as xr
@@ -50,13 +50,15 @@ class _Change:
         words: What would be other.
         motion: Sign of each coordinate, (n,) [1].
         forces: Sign of each force that is known, (n,) [1].
-        order: Coordinate that takes each place, (n,) [1].
+        order: Coordinate whose motion takes each place, (n,) [1].
+        known: Coordinate whose known force takes each place, (n,) [1].
     """
 
     words: str
     motion: Array
     forces: Array
     order: Indices
+    known: Indices
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,7 @@ class _Log:
     def changed(self, change: _Change) -> float:
         """Error of the log as it would be."""
         motion = self.motion[:, :, change.order] * change.motion
-        return self._error(motion, self.known[:, change.order] * change.forces)
+        return self._error(motion, self.known[:, change.known] * change.forces)
 
     def later(self, delay: float) -> float:
         """Error of the log with its joints as they are a delay [s] later."""
@@ -187,7 +189,7 @@ def what_if(log: xr.Dataset | ForceSamples, network: LinearStripNetwork) -> list
     record, own, ones = _Log(log, network, reach), np.arange(robot.dof), np.ones(robot.dof)
     if len(record.rows) < _SAMPLES[0] or not len(record.outputs):
         return []
-    stated = record.changed(_Change("", ones, ones, own))
+    stated = record.changed(_Change("", ones, ones, own, own))
     if not stated > _LEAST:
         return []
     found = {record.changed(one): one.words for one in reversed([*_changes(robot)])}
@@ -198,7 +200,8 @@ def what_if(log: xr.Dataset | ForceSamples, network: LinearStripNetwork) -> list
     words = "; or ".join(found[size] for size in sorted(found) if size <= _ALIKE * least)
     return [
         f"Warning: the air would explain this log {stated / least:.2g} times better if {words}. "
-        "Check signs, axes, zeros, clocks, wind and masses (mapping: `negated`, `offset`, `air`)."
+        "Check signs, axes, columns, zeros, clocks, wind and masses "
+        "(mapping: `negated`, `offset`, `air`)."
     ]
 
 
@@ -248,21 +251,34 @@ def _changes(robot: Robot) -> Iterator[_Change]:
         signs = ones.copy()
         signs[[robot.index(name) for name in names]] = -1.0
         forces = f"the {'force' if len(names) == 1 else 'forces'} of {words}"
-        yield _Change(f"{words} had the other sign", signs, ones, own)
-        yield _Change(f"{forces} had the other sign", ones, signs, own)
+        yield _Change(f"{words} had the other sign", signs, ones, own, own)
+        yield _Change(f"{forces} had the other sign", ones, signs, own, own)
         if not free.issuperset(names):
-            yield _Change(f"{words} and {forces} had the other sign", signs, signs, own)
-    if sides := _pairs(robot.dof_names):
+            yield _Change(f"{words} and {forces} had the other sign", signs, signs, own, own)
+    for exchanged, words, alone in _exchanges(robot, free):
         order = own.copy()
-        for left, right in sides:
-            places = [robot.index(left), robot.index(right)]
+        for one, other in exchanged:
+            places = [robot.index(one), robot.index(other)]
             order[places] = places[::-1]
-        yield _Change("left and right were exchanged", ones, ones, order)
+        yield _Change(f"{words} were exchanged", ones, ones, order, order)
+        if alone:
+            yield _Change(f"the angles of {words} were exchanged", ones, ones, order, own)
     for axis, turned in (("z pointed down", "y z pitch yaw"), ("x pointed back", "x y pitch roll")):
         names = turned.split()
         if free.intersection(names):
             signs = np.array([-1.0 if name in names else 1.0 for name in robot.dof_names])
-            yield _Change(f"{axis} (another sign of {', '.join(names)})", signs, ones, own)
+            yield _Change(f"{axis} (another sign of {', '.join(names)})", signs, ones, own, own)
+
+
+def _exchanges(
+    robot: Robot, free: Collection[str]
+) -> Iterator[tuple[Sequence[tuple[str, str]], str, bool]]:
+    """Pairs of columns that may be exchanged together, their name, and whether angles alone may."""
+    if sides := _pairs(robot.dof_names):
+        yield sides, "left and right", False
+    joints = [name for name in robot.dof_names if name not in free]
+    for one, other in combinations(joints, 2):
+        yield [(one, other)], f"{one} and {other}", True
 
 
 def _pairs(names: Sequence[str]) -> list[tuple[str, str]]:

@@ -44,6 +44,20 @@ def turned(names: str, parts: str) -> Mistake:
     return made
 
 
+def exchanged(parts: str) -> Mistake:
+    """Columns of two joints, one in the place of the other."""
+    places = [ROBOT.index("left_plunge"), ROBOT.index("left_elbow")]
+    order = np.arange(ROBOT.dof)
+    order[places] = places[::-1]
+
+    def made(flight: xr.Dataset) -> xr.Dataset:
+        return flight.assign(
+            {k: (flight[k].dims, flight[k].values[:, order]) for k in parts.split()}
+        )
+
+    return made
+
+
 def shifted(name: str, offset: float) -> Mistake:
     """A zero of a joint that is off."""
     return lambda flight: flight.assign(q=flight.q + offset * (flight.dof == name))
@@ -75,6 +89,8 @@ BASE = "x y z roll pitch yaw"
         (turned("y z pitch yaw", "q v a"), "z pointed down (another sign of y, z, pitch, yaw)"),
         (shifted("right_plunge", 0.1), "right_plunge were 5.7 deg less"),
         (late(6), "joints were stamped 6 ms earlier"),
+        (exchanged("q v a u1"), "if left_plunge and left_elbow were exchanged"),
+        (exchanged("q v a"), "if the angles of left_plunge and left_elbow were exchanged"),
     ],
 )
 def test_a_mistake_is_named(
