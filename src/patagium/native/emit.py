@@ -29,11 +29,11 @@ KERNELS = {f"{way}{name}": name for name in ("horseshoes", "table") for way in (
 EACH = "each_"
 """Beginning of the names of inner functions that are C functions of their own."""
 
-LONG_BODY = 600
-"""Statements in one C function of many states; a longer body is cut into parts."""
-LONG_SINGLE = 12_000, 1000
-"""Statements in one C function of one state, and in each of its parts where it has more: such code
-takes some percent longer to run, and half as long to compile."""
+LONG_BODY = {"lanes": 600, "double": 12_000}
+"""Most statements in one C function of many states, and of one: a longer body is cut into parts.
+One of one state then takes some percent longer to run, and two thirds as long to compile."""
+LONG_PART = {"lanes": 600, "double": 1000}
+"""Statements in each part."""
 UNITS = 4
 """Texts, beside the first, that the parts of a long body are written to."""
 _VALUES = re.compile(r"\b(?:t\d+|(?:co)?sine\d+_\d+)\b")
@@ -228,11 +228,10 @@ def emit(function: ca.Function) -> list[str]:
     graph, texts = dense_graph(function, calls=True), dict[str, str]()
     head = f"void {function.name()}(const double *const *arg, double *const *res)"
     pointers, statements = _pointers(function), _statements_of_one(graph, texts)
-    most, length = LONG_SINGLE
     top = [*_header(function), *_includes(graph), *texts.values()]
-    if len(statements) <= most:
+    if len(statements) <= LONG_BODY["double"]:
         return ["\n".join([*top, f"{head} {{", *pointers, *map(str, statements), "}", ""])]
-    parts = _in_parts(function.name(), _ONE, pointers, statements, length)
+    parts = _in_parts(function.name(), "double", {}, pointers, statements)
     main = [*(f"{one};" for one in parts.heads), f"{head} {{", *parts.calls, "}"]
     return _units(top, [*top, *main], parts)
 
@@ -298,9 +297,10 @@ def emit_batch(function: ca.Function) -> list[str]:
     dialect = _Dialect("lanes", "lanes_", load, store, angle_block, "{0}{1}_{2}")
     statements = _Writer(graph, dialect).statements()
     top, parts = [*_header(function), *_includes(graph)], _Parts([], [], [])
-    if len(statements) > LONG_BODY:
+    if len(statements) > LONG_BODY["lanes"]:
         given = [f"  const double *const x{k} = tile[{k}]; (void)x{k};" for k in range(len(sizes))]
-        parts = _in_parts(name, _MANY, [*_pointers(function), *given], statements, LONG_BODY)
+        more = {"tile": "const double *const *", "k": "long", "stride": "long"}
+        parts = _in_parts(name, "lanes", more, [*_pointers(function), *given], statements)
         held = ", ".join("0" if common else f"x{k}" for k, common in enumerate(shared))
         statements = [f"  const double *const tile[] = {{{held}}};", *parts.calls]
     lines = [
@@ -344,31 +344,24 @@ class _Parts(NamedTuple):
     calls: list[str]
 
 
-class _Held(NamedTuple):
-    """What parts of a body get from it.
-
-    Attributes:
-        kind: C type of a number.
-        parameters: Their parameters, besides arguments, results and numbers held.
-        given: What is given for them.
-    """
-
-    kind: str
-    parameters: str = ""
-    given: str = ""
-
-
-_ONE = _Held("double")
-_MANY = _Held("lanes", ", const double *const *tile, long k, long stride", ", tile, k, stride")
-
-
 def _in_parts(
-    name: str, of: _Held, pointers: list[str], statements: Sequence[str | _Array], length: int
+    name: str,
+    kind: str,
+    more: Mapping[str, str],
+    pointers: list[str],
+    statements: Sequence[str | _Array],
 ) -> _Parts:
     """Long body as functions of some statements each.
 
     Compilers hand out registers in a time that grows with the square of a function's length.
     What a part computes for later ones goes through memory, in places used again when free.
+
+    Args:
+        name: Name of the function.
+        kind: C type of a number.
+        more: Types of what parts are given besides, by name.
+        pointers: Statements that each part begins with.
+        statements: The body.
     """
     arrays, most = dict[str, int](), 0
     lines = list[str]()
@@ -377,27 +370,31 @@ def _in_parts(
             arrays[one.name] = most
             most += one.size
         lines += one.assignments if isinstance(one, _Array) else [one]
+    length = LONG_PART[kind]
     pieces = [lines[k : k + length] for k in range(0, len(lines), length)]
     words = [set(_VALUES.findall("\n".join(piece))) for piece in pieces]
     last = {word: k for k, found in enumerate(words) for word in found}
     places, free, parts = dict[str, int](), list[int](), _Parts([], [], [])
+    takes = [f"{kind} *held", *(f"{of} {one}" for one, of in more.items())]
     for k, piece in enumerate(pieces):
         used = sorted(set(_ARRAYS.findall("\n".join(piece))) & arrays.keys())
         body = [f"  double *const {array} = held + {arrays[array]};" for array in used]
         kept = sorted(words[k] & places.keys())
-        body += [f"  const {of.kind} {word} = held[{places[word]}];" for word in kept]
+        body += [f"  const {kind} {word} = held[{places[word]}];" for word in kept]
         free += [places.pop(word) for word in kept if last[word] == k]
         body += piece
         for word in sorted(word for word in words[k] - set(kept) if last[word] > k):
             places[word] = free.pop() if free else most
             most = max(most, places[word] + 1)
             body.append(f"  held[{places[word]}] = {word};")
-        takes = f"const double *const *arg, double *const *res, {of.kind} *held{of.parameters}"
-        hidden = '__attribute__((visibility("hidden")))'
-        parts.heads.append(f"{hidden} void {name}_part{k}({takes})")
+        parts.heads.append(
+            f'__attribute__((visibility("hidden"))) void {name}_part{k}('
+            + ", ".join(["const double *const *arg, double *const *res", *takes])
+            + ")"
+        )
         parts.texts.append("\n".join([f"{parts.heads[k]} {{", *pointers, *body, "}"]))
-        parts.calls.append(f"  {name}_part{k}(arg, res, held{of.given});")
-    parts.calls.insert(0, f"  {of.kind} held[{max(most, 1)}];")
+        parts.calls.append(f"  {name}_part{k}({', '.join(['arg, res, held', *more])});")
+    parts.calls.insert(0, f"  {kind} held[{max(most, 1)}];")
     return parts
 
 

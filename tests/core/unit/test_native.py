@@ -17,6 +17,7 @@ import pytest
 from patagium.errors import CompilerError, ParameterError, ShapeError
 from patagium.native import compiler as compiler_module
 from patagium.native import compiler_name, library, load_functions, load_kernel
+from patagium.native import emit as emit_module
 from patagium.native import function as function_module
 from patagium.native.compiler import compiler_accepts, compiler_command
 from patagium.native.emit import emit
@@ -118,6 +119,22 @@ def test_a_function_of_each_strip_is_written_once_and_called(choice, monkeypatch
     given = rng.normal(size=(9, 4))
     expected = [np.array(plain(one)).ravel() for one in given]
     np.testing.assert_allclose(compiled.batch(given), expected, rtol=ROUNDING, atol=ROUNDING)
+
+
+@needs_compiler
+def test_a_long_body_in_parts_is_the_same_function(monkeypatch, rng):
+    monkeypatch.setitem(emit_module.LONG_BODY, "double", 10)
+    monkeypatch.setitem(emit_module.LONG_PART, "double", 6)
+    called, plain = each_of_three()
+    assert len(emit(called)) > 2 and len(emit(every_operation()[0])) == 1 + emit_module.UNITS
+    functions = load_functions("in parts", lambda: [called, *every_operation()], label="test")
+    p, xs, ys = rng.normal(size=2), rng.normal(size=(20, 4)), rng.normal(size=20)
+    for x, y in zip(xs, ys, strict=True):
+        expected = np.array(plain(x)).ravel()
+        np.testing.assert_allclose(functions["outer"](x), expected, rtol=ROUNDING, atol=ROUNDING)
+        found = functions["many"](x, y, p)
+        for one, known in zip(found, casadi_values(x, y, p), strict=True):
+            np.testing.assert_allclose(one, known, rtol=ROUNDING, atol=ROUNDING)
 
 
 @needs_compiler
