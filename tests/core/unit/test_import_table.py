@@ -245,6 +245,8 @@ def test_numbers_that_a_recorder_made_are_asked_for(
     found = [one.text for one in pt.import_log(path, mapping, tmp_path / "log.nc").findings]
     assert len(found) == len(words), found
     assert all(word in text for word, text in zip(words, found, strict=True)), found
+    shown = [one.text for one in inspect_log(path).findings]
+    assert shown == found  # where the log is first looked at
 
 
 @pytest.mark.parametrize(
@@ -257,6 +259,8 @@ def test_numbers_that_a_recorder_made_are_asked_for(
         ("reset", "jumps 1 time(s), such as from"),
         ("dropouts", "time(s), such as from 0 to 0.59"),
         ("held", "change every 10 samples"),
+        ("stop", ""),
+        ("end", "at the end of its numbers, 0.4:"),
     ],
 )
 def test_an_encoder_that_jumps_or_holds_is_told(tmp_path: Path, fault: str, words: str) -> None:
@@ -277,6 +281,10 @@ def test_an_encoder_that_jumps_or_holds_is_told(tmp_path: Path, fault: str, word
         angle[600::60] = 0.0
     elif fault == "held":
         angle = angle[np.arange(3000) // 10 * 10]
+    elif fault == "stop":  # it is slow before it stands
+        angle = 4e-3 * np.round(0.5 * np.tanh(3 * angle) / 4e-3)
+    elif fault == "end":
+        angle = np.minimum(angle, 0.4)
     path, mapping = tmp_path / "log.csv", tmp_path / "map.yaml"
     columns = np.column_stack([time, angle])[kept]
     np.savetxt(path, columns, delimiter=",", header="t [s],turn [rad]", comments="")
@@ -291,6 +299,45 @@ def test_an_encoder_that_jumps_or_holds_is_told(tmp_path: Path, fault: str, word
     told = pt.import_log(path, mapping, tmp_path / "log.nc").findings
     found = [one.text for one in told if one.kind in ("jump", "held", "clipped")]
     assert len(found) == bool(words) and all(words in one for one in found), found
+    shown = [one.text for one in inspect_log(path).findings if one.kind == "jump"]
+    assert shown == [one for one in found if "jumps" in one]  # no robot is needed for it
+
+
+@pytest.mark.parametrize("layout", ["synchronised", "events", "same stamps"])
+def test_columns_filled_in_turn_have_samples_of_their_own(tmp_path: Path, layout: str) -> None:
+    """Rows of another sensor were missing numbers, so that nine samples of ten or all were lost."""
+    steps = {"theta": 1e-3, "lift": 2e-3, "z": 1e-2}
+    late = 0.7e-3 if layout == "events" else 0.0
+    parts = [
+        pd.DataFrame({"__time": (t := np.arange(0, 2, step) + k * late / 2), name: np.sin(9 * t)})
+        for k, (name, step) in enumerate(steps.items())
+    ]
+    table = pd.concat(parts).sort_values("__time", kind="stable")
+    if layout == "synchronised":
+        table = table.groupby("__time", as_index=False).first()
+    path = written(tmp_path, table)
+    inputs = [{"column": name, "unit": "rad"} for name in ("theta", "z")]
+    outputs = [{"column": "lift", "unit": "N"}]
+    time = {"column": "__time", "unit": "s"}
+    words = {"time": time, "inputs": inputs, "outputs": outputs}
+    with pytest.raises(LogError, match=r"theta 1000 Hz, z 100 Hz, lift 500 Hz"):
+        brought(path, words)
+    log = pt.load_log(brought(path, {**words, "time": time | {"rate": "1 kHz"}}).path)
+    assert log.sizes["time"] > 1980
+    truth = np.sin(9 * (log.time + late))
+    for name in steps:
+        np.testing.assert_allclose(log[name], truth, atol=2e-3 if name == "z" else 1e-4)
+        assert log[name].attrs["step_in_log"] == pytest.approx(steps[name])
+    seen = {one.name: one for one in inspect_log(path).topics}
+    assert {name: round(1 / one.rate, 6) for name, one in seen.items()} == steps
+    assert not any(channel.missing for one in seen.values() for channel in one.channels)
+
+
+def test_outputs_that_skip_rows_stay_beside_their_inputs(tmp_path: Path) -> None:
+    """A force of every second row, beside inputs in all rows, needs no other time base."""
+    table = frame()
+    table.loc[1::2, "fz"] = np.nan
+    assert brought(written(tmp_path, table)).samples == 150
 
 
 def test_a_column_of_text_is_refused_by_its_words(tmp_path: Path) -> None:

@@ -53,11 +53,13 @@ class Request(NamedTuple):
         topic: Name of the topic.
         base: Source of the stamps.
         fields: Paths of the numbers.
+        filled: Whether only rows count in which one of them is a number.
     """
 
     topic: str
     base: StampSource
     fields: tuple[str, ...]
+    filled: bool = False
 
 
 class Block(NamedTuple):

@@ -10,6 +10,7 @@ found by `consistency`.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -19,9 +20,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
 from patagium.arguments import Progress
-from patagium.arrays import Array, Bools, count_noise
+from patagium.arrays import Array, Bools, Indices, count_noise
 from patagium.sensing.logs.files.channels import NO_STAMP, Block, LogFile, Request, Stamps
 from patagium.sensing.logs.mapping import conversion
+from patagium.sensing.logs.table import find_gaps
 
 Keep = Callable[[Block, Bools], Array]
 
@@ -205,10 +207,12 @@ class StreamSurvey:
     Attributes:
         stamps: Statistics of its stamps.
         values: Statistics of its numbers.
+        first: Stamps and numbers of its first rows, by blocks, where they are kept.
     """
 
     def __init__(self, channels: int) -> None:
         self.stamps, self.values = StampSurvey(), ValueSurvey(channels)
+        self.first: list[tuple[Stamps, Array]] = []
 
 
 def survey_streams(
@@ -236,6 +240,10 @@ def survey_streams(
     """
     done = 0
     for block in log.blocks(wanted):
+        if wanted[block.key].filled:
+            own = [name != wanted[block.key].base.column for name in wanted[block.key].fields]
+            rows = np.isfinite(block.values[:, own]).any(axis=1)
+            block = block._replace(stamps=block.stamps[rows], values=block.values[rows])
         advances = surveys[block.key].stamps.add(block.stamps)
         values = block.values if keep is None else keep(block, advances)
         surveys[block.key].values.add(values)
@@ -245,26 +253,50 @@ def survey_streams(
 
 
 _FAR, _LEVELS, _CLIPPED, _RUN, _BESIDE, _SWING = 5.0, 50, 10, 3, 10, 0.3
+_ABRUPT = 8.0
+"""Step before a joint stands still over its count, and inverse over its usual step, of no motion
+that slows down."""
+_FASTER = 4.0
+"""Step of a jump over all those beside it; a sample that was lost makes one of two."""
+_ORDERED = re.compile(r"(?i)(^|[^a-z])(cmd|command|target|set_?point|desired|des|ref)")
+"""Names of commands, which are not measured."""
 
 
 def recorder_findings(
-    where: str, values: Array, *, measured: bool, joint: bool = False
+    where: str,
+    stamps: Stamps,
+    values: Array,
+    gap: float,
+    *,
+    measured: bool,
+    joint: bool = False,
+    turn: float = 0.0,
 ) -> list[Finding]:
     """Findings about numbers that a recorder made: marks of missing ones, clipped or held samples.
 
-    And jumps of joints: a step of ten times those before and after it, two samples apart.
+    And jumps of angles: a step that is apart from those before and after it, see `jumps_of`.
 
     Args:
         where: Name of the quantity.
-        values: Its first samples, (N,) [unit of the log]; NaN where some are missing.
+        stamps: Its first stamps, (N,) [ns].
+        values: Its numbers there, (N,) [unit of the log]; NaN where some are missing.
+        gap: Length from which a step is a gap, in median steps.
         measured: Whether they are measured, so that no command makes them stand still or end.
         joint: Whether they are those of an encoder, which may stand at a stop.
+        turn: A whole turn of an angle [unit of the log]; 0 of another quantity.
     """
-    whole, values = values, values[np.isfinite(values)]
+    ordered = _ORDERED.search(where) is not None
+    measured, joint = measured and not ordered, joint and not ordered
+    whole = np.insert(values, find_gaps(stamps, gap), np.nan)
+    seen = np.isfinite(whole)
+    if turn:
+        whole[seen] = np.unwrap(whole[seen], period=turn)
+    values = whole[seen]
     levels, counts = np.unique(values, return_counts=True)
     found: list[tuple[str, str]] = []
     if len(levels) < _LEVELS:
         return []
+    steps = np.abs(np.diff(values))
     for end, near, far in ((0, 1, -1), (-1, -2, 0)):
         mark, count = levels[end], int(counts[end])
         apart = abs(levels[near] - mark) > _FAR * abs(levels[near] - levels[far])
@@ -272,31 +304,55 @@ def recorder_findings(
             text = f"{mark:g} stands {count} time(s), far from all other numbers: if it marks what "
             found.append(("missing numbers", text + "is missing, leave these cells empty"))
         edges = np.flatnonzero(np.diff(np.r_[False, values == mark, False]))
-        runs = int((edges[1::2] - edges[::2] >= _RUN).sum())
-        if measured and mark and runs >= _RUN and count > _CLIPPED * counts[near] and not apart:
-            text = f"{count} of {len(values)} samples are at the end of its numbers, {mark:g}: if "
-            text += "the sensor or its amplifier is at the end of its range there, leave them empty"
-            found.append(("clipped", text))
-    steps = np.diff(np.flatnonzero(np.diff(values)))
-    every = float(np.median(steps))
-    if (measured or joint) and every > 1 and (np.abs(steps - every) < 1).mean() > 0.9:
+        begins = edges[::2][edges[1::2] - edges[::2] >= _RUN]
+        before = steps[begins[begins > 1] - 2]
+        usual = max(np.sqrt(np.mean(steps**2)) / _ABRUPT, _ABRUPT * abs(levels[near] - mark))
+        abrupt = joint and len(before) >= _RUN and np.median(before) > usual
+        if len(begins) >= _RUN and count > _CLIPPED * counts[near] and not apart:
+            if abrupt or (measured and mark):
+                text = f"{count} of {len(values)} samples are at the end of its numbers, {mark:g}: "
+                text += "if the sensor or its amplifier is at the end of its range there, leave "
+                found.append(("clipped", text + "them empty"))
+    changes = np.diff(np.flatnonzero(steps))
+    every = float(np.median(changes))
+    if (measured or joint) and every > 1 and (np.abs(changes - every) < 1).mean() > 0.9:
         if not count_noise(values):
             text = f"its numbers change every {every:g} samples: they are held between, and late; "
             found.append(("held", text + "import at the `rate` at which they change"))
-    if joint and len(whole) > 4 * _BESIDE:
-        step = np.nan_to_num(np.abs(np.diff(np.pad(whole, _BESIDE, mode="edge"))))
-        windows = sliding_window_view(step, 2 * _BESIDE + 1)
-        beside = np.delete(windows, np.s_[_BESIDE - 2 : _BESIDE + 3], axis=1).max(axis=1)
-        size = windows[:, _BESIDE]
-        jumps = np.flatnonzero(size > 10 * np.maximum(beside, count_noise(values)))
-        parts = np.split(whole, jumps + 1)
-        swing = max(float(np.nanmax(one) - np.nanmin(one)) for one in parts)
-        if len(jumps) and swing > _SWING * size.max():  # no positions that are held in turn
-            largest = whole[jumps[np.argmax(size[jumps])] :][:2]
-            text = f"it jumps {len(jumps)} time(s), such as from {largest[0]:g} to {largest[1]:g}: "
-            text += "leave bad samples empty; of a counter that was reset, import each part alone "
-            found.append(("jump", text + "(`start` and `end`)"))
+    jumps = jumps_of(whole) if joint or (turn and not ordered) else ()
+    if len(jumps):
+        largest = max((whole[k : k + 2] for k in jumps), key=lambda pair: abs(pair[1] - pair[0]))
+        text = f"it jumps {len(jumps)} time(s), such as from {largest[0]:g} to {largest[1]:g}: "
+        text += "leave bad samples empty; of a counter that was reset, import each part alone "
+        found.append(("jump", text + "(`start` and `end`)"))
     return [Finding("warning", where, kind, text) for kind, text in found]
+
+
+def jumps_of(values: Array) -> Indices:
+    """Samples of an angle after which it jumps, as no joint moves, (n_jumps,).
+
+    Args:
+        values: Angles without whole turns, (N,) [any unit]; NaN where some are missing.
+    """
+    if len(values) <= 4 * _BESIDE:
+        return np.empty(0, np.int64)
+    change = np.nan_to_num(np.diff(np.pad(values, _BESIDE, mode="edge")))
+    windows = sliding_window_view(change, 2 * _BESIDE + 1)
+    near = np.s_[_BESIDE - 2 : _BESIDE + 3]
+    others = np.delete(windows, near, axis=1)
+    usual = np.median(others, axis=1, keepdims=True)
+    size, away = np.abs(windows[:, _BESIDE]), windows[:, near] - usual  # 2 is the step itself
+    least = 10 * np.abs(others - usual).max(axis=1)
+    onward = 10 * (away[:, [1, 3]] * np.sign(away[:, 2:3])).max(axis=1)  # a motion of some samples
+    noise = 10 * count_noise(values[np.isfinite(values)])
+    jumps = np.flatnonzero(
+        (np.abs(away[:, 2]) > np.maximum(np.maximum(least, onward), noise))
+        & (size > _FASTER * np.abs(others).max(axis=1))
+    )
+    parts = [one[np.isfinite(one)] for one in np.split(values, jumps + 1)]
+    swing = max(float(np.ptp(one)) for one in parts if len(one))
+    held_in_turn = swing <= _SWING * size[jumps].max(initial=0.0)
+    return jumps[:0] if held_in_turn else jumps
 
 
 GRAVITY = 9.80665

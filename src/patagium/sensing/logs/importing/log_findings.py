@@ -26,7 +26,6 @@ from patagium.sensing.logs.importing.flight_findings import flight_findings, fli
 from patagium.sensing.logs.importing.plan import Plan, Quantity
 from patagium.sensing.logs.importing.resample import CHUNK, Spool, TimeBase
 from patagium.sensing.logs.mapping import TableMapping, conversion
-from patagium.sensing.logs.table import find_gaps
 
 
 def log_findings(
@@ -102,18 +101,19 @@ def _recorder_findings(
 ) -> list[Finding]:
     """Findings about numbers that the recorder made, in the first samples of a quantity."""
     count = min(CHUNK, spool.surveys[item.stream].stamps.kept)
-    gaps = find_gaps(spool.stamps_of(item.stream)[:count], gap)
-    first = np.insert(spool.values_of(item.stream, 0, count), gaps, np.nan, axis=0)
+    stamps, first = spool.stamps_of(item.stream)[:count], spool.values_of(item.stream, 0, count)
     single = item.column.size == 1
     measured = item.role == "output" or (item.si in ("N", "N m") and not single)
     joint = robot is not None and single and item.si in ("rad", "m")
-    found = []
-    for place in () if item.is_attitude else item.places:
-        numbers, seen = first[:, place], np.isfinite(first[:, place])
-        if joint and item.si == "rad":
-            numbers[seen] = np.unwrap(numbers[seen], period=2 * np.pi / item.si_factor)
-        found += recorder_findings(item.column.label, numbers, measured=measured, joint=joint)
-    return found
+    turn = 2 * np.pi / item.si_factor if single and item.si == "rad" else 0.0
+    return [
+        one
+        for place in (() if item.is_attitude else item.places)
+        for one in recorder_findings(
+            item.column.label, stamps, first[:, place], gap,
+            measured=measured, joint=joint, turn=turn,
+        )
+    ]  # fmt: skip
 
 
 def _matrix_findings(item: Quantity, spool: Spool, path: Path) -> list[Finding]:
