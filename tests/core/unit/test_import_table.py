@@ -267,7 +267,8 @@ def test_an_encoder_that_jumps_or_holds_is_told(tmp_path: Path, fault: str, word
     """A reset counter and drop-outs to zero are faults of the encoder, not motion of the joint."""
     time, rng = 0.002 * np.arange(3000), np.random.default_rng(2)
     angle = 0.6 * np.sin(6 * np.pi * time) / (1 + np.exp(8 - 8 * time))
-    angle += 3e-4 * rng.normal(size=3000)
+    truth = angle
+    angle = angle + 3e-4 * rng.normal(size=3000)
     kept = np.ones(3000, bool)
     if fault == "lost":
         kept[2000:2080] = False
@@ -301,6 +302,13 @@ def test_an_encoder_that_jumps_or_holds_is_told(tmp_path: Path, fault: str, word
     assert len(found) == bool(words) and all(words in one for one in found), found
     shown = [one.text for one in inspect_log(path).findings if one.kind == "jump"]
     assert shown == [one for one in found if "jumps" in one]  # no robot is needed for it
+    if fault in ("", "reset", "dropouts"):
+        motion = pt.estimate_motion(pt.sensor_log(tmp_path / "log.nc"))
+        known = motion.known.values
+        wrong = motion.q.values[known, 0] - np.interp(motion.time[known], time, truth)
+        assert known.mean() == pytest.approx(0.5 if fault == "reset" else 1.0, abs=0.01)
+        assert np.abs(wrong).max() < 1e-3  # reset: 0.5, which stays with the rest of the log
+        assert ("jumps: lost samples" in motion.findings) == bool(fault)
 
 
 @pytest.mark.parametrize("layout", ["synchronised", "events", "same stamps"])

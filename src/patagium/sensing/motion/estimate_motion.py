@@ -2,7 +2,7 @@
 
 Measurements of all rates are put on one time axis, each shifted by its clock and delay.
 Coordinates that one encoder alone sees are smoothed by themselves, the others together. Neglected:
-faults of sensors; biases of encoders and cameras.
+biases of encoders and cameras.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from patagium.sensing.motion.camera_faults import (
     on_regular_clock,
     open_gaps,
 )
+from patagium.sensing.motion.encoder_faults import steady_angles
 from patagium.sensing.motion.first_motion import Noise, first_motion, spectral_noise
 from patagium.sensing.motion.frame_model import (
     FrameModel,
@@ -56,6 +57,8 @@ UNKNOWN = (1e-1, 3e1, 3e2)
 """Least standard deviation of position [m, rad], rate and acceleration before any sample."""
 _APART = 5.0
 """Noise of a part over that of its spectrum from which sensors contradict each other."""
+_BRIEF = 3
+"""Samples of an encoder that may be lost without the motion being unknown."""
 _MEMORY = 0.02
 """Time over which driving noise may have built up the initial rates [s]."""
 
@@ -92,12 +95,14 @@ class MotionFits:
         fits: Fits of coordinates that no sensor links.
         stretches: Stretches of samples that were left out or could not be bridged.
         notes: Assumptions about stamps, in words.
+        lost: Stretches in which an encoder lost a joint [s].
     """
 
     robot: Robot
     fits: list[MotionFit]
     stretches: list[Stretch]
     notes: list[str]
+    lost: list[tuple[float, float]]
 
     def at(self, times: Array) -> SmoothedMotion:
         """Motion at given times, (M,) [s]."""
@@ -140,6 +145,8 @@ class MotionFits:
             found |= (times < fit.span[0]) | (times > fit.span[1])
             for begin, end in fit.gaps:
                 found |= (times > begin) & (times < end)
+        for begin, end in self.lost:
+            found |= (times >= begin) & (times <= end)
         return found
 
 
@@ -165,7 +172,7 @@ def fit_motion(robot: Robot, streams: Sequence[Stream], order: int, wanted: Arra
             "held leaves out `floating`, unless a load cell holds it, whose log needs its pose: "
             "columns of position and attitude, which may be constant"
         )
-    checked = _checked(streams)
+    checked = _checked(streams, robot)
     guess = first_motion(robot, checked.streams, checked.used)
     groups = [columns] if columns else []
     groups += [own for s in checked.streams if (own := alone(s, columns))]
@@ -181,7 +188,7 @@ def fit_motion(robot: Robot, streams: Sequence[Stream], order: int, wanted: Arra
         fits.append(fit)
         stretches += _unknown(fit, wanted)
     stretches.sort(key=lambda one: one.begin)
-    return MotionFits(robot, fits, stretches, checked.notes)
+    return MotionFits(robot, fits, stretches, checked.notes, checked.lost)
 
 
 @dataclass(frozen=True)
@@ -194,6 +201,7 @@ class _Checked:
         gaps: Gaps of the first cameras over which the way that the body turned is not known [s].
         stretches: Stretches of samples left out.
         notes: Assumptions about stamps, in words.
+        lost: Stretches in which an encoder lost a joint [s].
     """
 
     streams: list[Stream]
@@ -201,11 +209,12 @@ class _Checked:
     gaps: list[tuple[float, float]]
     stretches: list[Stretch]
     notes: list[str]
+    lost: list[tuple[float, float]]
 
 
-def _checked(streams: Sequence[Stream]) -> _Checked:
+def _checked(streams: Sequence[Stream], robot: Robot) -> _Checked:
     """Streams on regular clocks where these fit better, without the frames that contradict."""
-    found = _Checked([], {}, [], [], [])
+    found = _Checked([], {}, [], [], [], [])
     for s in streams:
         regular = None if isinstance(s.model, ImuModel) else on_regular_clock(s)
         if regular is not None:
@@ -215,6 +224,8 @@ def _checked(streams: Sequence[Stream]) -> _Checked:
                 "fits better: equal steps are taken"
             )
         stream = s if regular is None else regular
+        if isinstance(stream.model, EncoderModel):
+            stream = _without_jumps(stream, stream.model, robot, found)
         found.streams.append(stream)
         found.used[s.name] = np.ones(len(s.time), bool)
         if isinstance(s.model, CaptureModel):
@@ -224,6 +235,26 @@ def _checked(streams: Sequence[Stream]) -> _Checked:
     if camera is not None:
         found.gaps.extend(open_gaps(camera, found.used[camera.name]))
     return found
+
+
+def _without_jumps(stream: Stream, model: EncoderModel, robot: Robot, found: _Checked) -> Stream:
+    """Stream of an encoder without the angles that jump, whose stretches are added."""
+    rows = stream.rows.copy()
+    for k, column in enumerate(model.columns):
+        seen = np.flatnonzero(np.isfinite(rows[:, k]))
+        gone = seen[~steady_angles(rows[seen, k])]
+        if not len(gone):
+            continue
+        rows[gone, k] = np.nan
+        runs = np.split(gone, np.flatnonzero(np.diff(gone) > 1) + 1)
+        brief = [run for run in runs if len(run) <= _BRIEF]
+        runs = [run for run in runs if len(run) > _BRIEF]
+        found.lost.extend((float(stream.time[run[0]]), float(stream.time[run[-1]])) for run in runs)
+        for run in [*runs, np.concatenate(brief)] if brief else runs:
+            begin, end = stream.time[run[[0, -1]]].tolist()
+            words = f"{robot.dof_names[column]} jumps: lost samples, or a counter that was reset"
+            found.stretches.append(Stretch(begin, end, words, len(run)))
+    return replace(stream, rows=rows)
 
 
 def _unknown(fit: MotionFit, wanted: Array) -> list[Stretch]:

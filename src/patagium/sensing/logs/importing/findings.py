@@ -16,14 +16,14 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
 from patagium.arguments import Progress
-from patagium.arrays import Array, Bools, Indices, count_noise
+from patagium.arrays import Array, Bools, count_noise
 from patagium.sensing.logs.files.channels import NO_STAMP, Block, LogFile, Request, Stamps
 from patagium.sensing.logs.mapping import conversion
 from patagium.sensing.logs.table import find_gaps
+from patagium.sensing.motion.encoder_faults import jumps_of
 
 Keep = Callable[[Block, Bools], Array]
 
@@ -252,12 +252,10 @@ def survey_streams(
             progress(done, max(total, done))
 
 
-_FAR, _LEVELS, _CLIPPED, _RUN, _BESIDE, _SWING = 5.0, 50, 10, 3, 10, 0.3
+_FAR, _LEVELS, _CLIPPED, _RUN = 5.0, 50, 10, 3
 _ABRUPT = 8.0
 """Step before a joint stands still over its count, and inverse over its usual step, of no motion
 that slows down."""
-_FASTER = 4.0
-"""Step of a jump over all those beside it; a sample that was lost makes one of two."""
 _ORDERED = re.compile(r"(?i)(^|[^a-z])(cmd|command|target|set_?point|desired|des|ref)")
 """Names of commands, which are not measured."""
 
@@ -319,40 +317,13 @@ def recorder_findings(
         if not count_noise(values):
             text = f"its numbers change every {every:g} samples: they are held between, and late; "
             found.append(("held", text + "import at the `rate` at which they change"))
-    jumps = jumps_of(whole) if joint or (turn and not ordered) else ()
+    jumps = jumps_of(whole)[0] if joint or (turn and not ordered) else ()
     if len(jumps):
         largest = max((whole[k : k + 2] for k in jumps), key=lambda pair: abs(pair[1] - pair[0]))
         text = f"it jumps {len(jumps)} time(s), such as from {largest[0]:g} to {largest[1]:g}: "
         text += "leave bad samples empty; of a counter that was reset, import each part alone "
         found.append(("jump", text + "(`start` and `end`)"))
     return [Finding("warning", where, kind, text) for kind, text in found]
-
-
-def jumps_of(values: Array) -> Indices:
-    """Samples of an angle after which it jumps, as no joint moves, (n_jumps,).
-
-    Args:
-        values: Angles without whole turns, (N,) [any unit]; NaN where some are missing.
-    """
-    if len(values) <= 4 * _BESIDE:
-        return np.empty(0, np.int64)
-    change = np.nan_to_num(np.diff(np.pad(values, _BESIDE, mode="edge")))
-    windows = sliding_window_view(change, 2 * _BESIDE + 1)
-    near = np.s_[_BESIDE - 2 : _BESIDE + 3]
-    others = np.delete(windows, near, axis=1)
-    usual = np.median(others, axis=1, keepdims=True)
-    size, away = np.abs(windows[:, _BESIDE]), windows[:, near] - usual  # 2 is the step itself
-    least = 10 * np.abs(others - usual).max(axis=1)
-    onward = 10 * (away[:, [1, 3]] * np.sign(away[:, 2:3])).max(axis=1)  # a motion of some samples
-    noise = 10 * count_noise(values[np.isfinite(values)])
-    jumps = np.flatnonzero(
-        (np.abs(away[:, 2]) > np.maximum(np.maximum(least, onward), noise))
-        & (size > _FASTER * np.abs(others).max(axis=1))
-    )
-    parts = [one[np.isfinite(one)] for one in np.split(values, jumps + 1)]
-    swing = max(float(np.ptp(one)) for one in parts if len(one))
-    held_in_turn = swing <= _SWING * size[jumps].max(initial=0.0)
-    return jumps[:0] if held_in_turn else jumps
 
 
 GRAVITY = 9.80665
