@@ -361,6 +361,21 @@ def test_a_column_of_text_is_refused_by_its_words(tmp_path: Path) -> None:
         pt.import_log(path, mapping, tmp_path / "log.nc")
 
 
+def test_days_of_spreadsheets_and_matlab(tmp_path: Path) -> None:
+    """Days were asked whether they are seconds, and those of MATLAB had no stamp at all."""
+    days = {**WORDS, "time": {"column": "t", "unit": "d"}}
+    for first in (45321.51234, 739321.51234):
+        table = frame(t=first + 0.005 * np.arange(300) / 86400)
+        path = written(tmp_path, table)
+        seen = {one.kind: one.text for one in inspect_log(path).findings}
+        assert "perhaps d (days" in seen["unit of time"]
+        log = pt.load_log(brought(path, days).path)
+        np.testing.assert_allclose(log.time, 0.005 * np.arange(300), atol=1e-5)
+    path = written(tmp_path, frame(t=np.round(45321.5 + 0.005 * np.arange(300) / 86400, 6)))
+    with pytest.raises(LogError, match=r"perhaps d \(days"):
+        brought(path, {**WORDS, "time": {"column": "t", "unit": "s"}})
+
+
 def test_the_unit_of_time_is_doubted(tmp_path: Path) -> None:
     words = {**WORDS, "time": {"column": "t", "unit": "s", "start": None}}
     stamps = 1e5 * np.arange(300)

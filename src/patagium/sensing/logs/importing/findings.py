@@ -32,6 +32,8 @@ _BINS = 7600  # to 3e16 ns, a year
 _SCATTER = 0.7
 """Mean square step over the variance from which numbers are noise: 2 of white noise, (w dt)^2 of
 a motion."""
+_DAYS = (2e4, 9e5)
+"""Days since 1900 or the year 0, as spreadsheets and MATLAB count them, of the years 1954 on."""
 _NEAR = 0.1
 """Share of the median step below which a step is nearly a duplicate."""
 _SLOW = 0.2  # s: steps of a log of flight are shorter
@@ -404,13 +406,21 @@ def stamp_findings(
             f"the longest {stamps.longest / SECOND:.4g} s at {at:.6g} s; not bridged"
         )
         found.append(Finding("warning", where, "gap", text))
-    median = stamps.median
-    if written and not 2e-6 <= median <= _SLOW and math.isfinite(median):
-        fit = next((u for u, f in (("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9), ("s", 1e3), ("s", 1e6))
-                    if 2e-6 <= median * f <= 1.0), "another")  # fmt: skip
-        text = f"a median step of {median:.4g} s; is its unit perhaps {fit}?"
+    if written and (text := time_doubt(stamps)):
         found.append(Finding("warning", where, "unit of time", text))
     return found
+
+
+def time_doubt(stamps: StampSurvey) -> str:
+    """Doubt about the unit of stamps that a person wrote down, by their size; empty if none."""
+    median, first = stamps.median, (stamps.first or 0) / SECOND
+    if 2e-6 <= median <= _SLOW or not math.isfinite(median):
+        return ""
+    fit = next((u for u, f in (("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9), ("s", 1e3), ("s", 1e6))
+                if 2e-6 <= median * f <= 1.0), "another")  # fmt: skip
+    if median < _SLOW and _DAYS[0] < first < _DAYS[1]:
+        fit = "d (days, as spreadsheets and MATLAB count them)"
+    return f"a median step of {median:.4g} s; is its unit perhaps {fit}?"
 
 
 @dataclass(frozen=True)

@@ -241,14 +241,11 @@ def _parts(log: LogFile, topic: Topic) -> list[_Part]:
     if not lengths:
         whole = _Part(topic, topic.name)
         groups = filled_in_turn(log, whole.request)
-        return [
-            _Part(replace(topic, channels=held), names[0], filled=True)
-            for names in groups
-            for held in [
-                {n: c for n, c in topic.channels.items() if n in (*names, topic.base.column)}
-            ]
-        ]
-    parts = []
+        for names in groups if len(groups) > 1 else ():
+            kept = {*names, topic.base.column}
+            held = {name: one for name, one in topic.channels.items() if name in kept}
+            parts.append(_Part(replace(topic, channels=held), names[0], filled=True))
+        return parts or [whole]
     for place, rows in enumerate(lengths):
         held = {name: c for name, c in topic.channels.items() if c.rows == rows}
         base, guess = guessed_base(held, {})
