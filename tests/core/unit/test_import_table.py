@@ -311,6 +311,29 @@ def test_an_encoder_that_jumps_or_holds_is_told(tmp_path: Path, fault: str, word
         assert ("jumps: lost samples" in motion.findings) == bool(fault)
 
 
+@pytest.mark.parametrize(
+    ("speeds", "stated", "words"),
+    [((5, 5), 5, ""), ((5, 5), 0, "is 5 m/s in the mean"), ((4, 7), 5, "changes by 1.5 m/s")],
+)
+def test_a_wind_that_is_not_the_stated_one_is_told(
+    tmp_path: Path, speeds: tuple[float, float], stated: float, words: str
+) -> None:
+    """One wind is taken for all of a flight; the tunnel's own column contradicted it silently."""
+    time, rng = 0.002 * np.arange(2000), np.random.default_rng(1)
+    tunnel = np.repeat(speeds, 1000) + 0.1 * rng.normal(size=2000)
+    path, mapping = tmp_path / "log.csv", tmp_path / "map.yaml"
+    table = pd.DataFrame({"t": time, "turn": np.sin(9 * time), "tunnel": tunnel})
+    table.to_csv(path, index=False)
+    mapping.write_text(
+        f"robot: aerobat\ntime: {{column: t, unit: s}}\nair: {{wind: [-{stated}, 0, 0]}}\n"
+        "channels:\n  - {column: turn, unit: rad, name: q.left_plunge}\n"
+        "  - {column: tunnel, unit: m/s}\n"
+    )
+    told = pt.import_log(path, mapping, tmp_path / "log.nc").findings
+    found = [one.text for one in told if one.kind == "wind"]
+    assert len(found) == bool(words) and all(words in one for one in found), found
+
+
 @pytest.mark.parametrize("layout", ["synchronised", "events", "same stamps"])
 def test_columns_filled_in_turn_have_samples_of_their_own(tmp_path: Path, layout: str) -> None:
     """Rows of another sensor were missing numbers, so that nine samples of ten or all were lost."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,7 @@ from patagium.sensing.logs.importing.findings import (
 from patagium.sensing.logs.importing.flight_findings import flight_findings, flight_labels
 from patagium.sensing.logs.importing.plan import Plan, Quantity
 from patagium.sensing.logs.importing.resample import CHUNK, Spool, TimeBase
-from patagium.sensing.logs.mapping import TableMapping, conversion
+from patagium.sensing.logs.mapping import AirWords, TableMapping, conversion
 
 
 def log_findings(
@@ -70,6 +71,8 @@ def log_findings(
         found += _item_findings(item, spool.surveys[item.stream].values, known, still, others)
         found += _range_findings(item, spool)
         found += _recorder_findings(item, spool, gap, robot)
+        if robot is not None:
+            found += _wind_findings(item, spool.surveys[item.stream].values, mapping.air)
         found += _matrix_findings(item, spool, log.path)
         found += _stated_unit(item, plan, log)
     if robot is not None:
@@ -94,6 +97,29 @@ def _item_findings(
         text = f"expected quaternions of norm 1, found {norm:.4g} (rms); scaled to 1"
         found.append(Finding("warning", name, "attitude", text))
     return found
+
+
+def _wind_findings(item: Quantity, values: ValueSurvey, air: AirWords) -> list[Finding]:
+    """Finding that the wind in a log is not the one that the mapping states for all of it."""
+    name, places = item.column.label, list(item.places)
+    if item.si != "m/s" or _WIND.search(name) is None or not values.count[places].all():
+        return []
+    sizes = sizes_of(values, places, item.column.unit, item.column.offset)
+    speed, stated = float(np.linalg.norm(sizes.mean)), float(np.linalg.norm(air.wind))
+    spread = np.maximum(values.rms[places] ** 2 - values.mean[places] ** 2, 0.0)
+    change = float(np.sqrt(spread.sum())) * item.si_factor
+    text = f"is {speed:.3g} m/s in the mean, and `air` of the mapping says a wind of {stated:.3g}"
+    if change > max(_STEADY * speed, _CALM):
+        text = f"changes by {change:.2g} m/s (rms) about {speed:.3g}, and the wind of a log is one"
+        text += " for all of it: import each speed alone (`start` and `end` under time)"
+    elif abs(speed - stated) <= max(_STEADY * speed, _CALM):
+        return []
+    return [Finding("warning", name, "wind", text)]
+
+
+_WIND = re.compile(r"(?i)(^|[^a-z])(wind|tunnel)")
+_STEADY, _CALM = 0.1, 0.2
+"""Share of the wind, and wind [m/s], by which it may be another."""
 
 
 def _recorder_findings(
