@@ -24,6 +24,8 @@ _SHORT = 20
 """Samples that a joint may be lost for, and be where it can have moved to."""
 _SAME = 0.1
 """Share of the largest jump by which pieces at the same zero may differ."""
+_ABRUPT = 8.0
+"""Fastest step over one beside which a joint that stands still does not slow down."""
 _BACK = 40
 """Pieces over which a chain may leave out others."""
 
@@ -47,7 +49,7 @@ def jumps_of(values: Array) -> tuple[Indices, Array]:
         before * np.sign(away), after * np.sign(away)
     )  # of a motion of some samples
     scatter = np.maximum(np.abs(others - usual).max(axis=1), onward)
-    scatter = np.maximum(scatter, count_noise(values[np.isfinite(values)]))
+    scatter = np.maximum(scatter, 2 * count_noise(values[np.isfinite(values)]))
     size = np.abs(windows[:, _BESIDE])
     faster = size > _FASTER * np.abs(others).max(axis=1)
     jumps = np.flatnonzero(faster & (np.abs(away) > _AWAY * scatter))
@@ -98,18 +100,25 @@ def steady_angles(values: Array) -> Bools:
 
 
 def _with_ways_back(values: Array, jumps: Indices, away: Array) -> tuple[Indices, Array]:
-    """Jumps, and those too small to be one by which single samples come back from another.
+    """Jumps, and the other ends of what they begin or end, which are too small to be one.
 
     Where the angle goes on as if there were no jump, the sample before it and the one after it are
-    pieces of their own.
+    pieces of their own, and so is what stands still beside a jump and in the midst of a motion.
     """
     places = np.clip(jumps[:, None] + [-2, 0, 1, 3], 0, len(values) - 1)
     early, before, after, late = values[places].T
     stays = np.abs(late - early - 5 * (after - before - away)) > 0.5 * np.abs(away)
     apart = np.diff(np.pad(jumps, 1, constant_values=(-_BESIDE, len(values) + _BESIDE)))
+    steps = np.abs(np.diff(values))
     lone = ~stays & (apart[1:] > 3) & (apart[:-1] > 3)
-    every = np.concatenate([jumps, jumps[lone] - 1, jumps[lone] + 1])
-    sizes = np.concatenate([away, np.zeros(lone.sum()), -away[lone]])
+    moves = np.concatenate([[-1], np.flatnonzero(steps), [len(steps)]])
+    place = np.searchsorted(moves, jumps)  # a jump is a step, too
+    ends = np.concatenate([moves[place - 1], moves[place + 1]])  # of what stands still beside it
+    beyond = np.clip(ends + np.repeat([-1, 1], len(jumps)), 0, len(steps) - 1)
+    abrupt = steps[beyond] > np.delete(steps, jumps).max() / _ABRUPT
+    stuck = ends[abrupt & (np.abs(ends - np.tile(jumps, 2)) > _SHORT)]
+    every = np.concatenate([jumps, jumps[lone] - 1, jumps[lone] + 1, stuck])
+    sizes = np.concatenate([away, np.zeros(lone.sum()), -away[lone], np.zeros(len(stuck))])
     inside = (every >= 0) & (every < len(values) - 1)
-    order = np.argsort(every[inside], kind="stable")
-    return every[inside][order], sizes[inside][order]
+    ends, place = np.unique(every[inside], return_inverse=True)
+    return ends, np.bincount(place, sizes[inside]).astype(float)
