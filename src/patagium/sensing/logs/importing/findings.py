@@ -294,26 +294,10 @@ def recorder_findings(
         whole[seen] = np.unwrap(whole[seen], period=turn)
     values = whole[seen]
     levels, counts = np.unique(values, return_counts=True)
-    found: list[tuple[str, str]] = []
     if len(levels) < _LEVELS:
         return []
     steps = np.abs(np.diff(values))
-    for end, near, far in ((0, 1, -1), (-1, -2, 0)):
-        mark, count = levels[end], int(counts[end])
-        apart = abs(levels[near] - mark) > _FAR * abs(levels[near] - levels[far])
-        if apart and (count > 1 or {*f"{abs(mark):g}"} == {"9"}):
-            text = f"{mark:g} stands {count} time(s), far from all other numbers: if it marks what "
-            found.append(("missing numbers", text + "is missing, leave these cells empty"))
-        edges = np.flatnonzero(np.diff(np.r_[False, values == mark, False]))
-        begins = edges[::2][edges[1::2] - edges[::2] >= _RUN]
-        before = steps[begins[begins > 1] - 2]
-        usual = max(np.sqrt(np.mean(steps**2)) / _ABRUPT, _ABRUPT * abs(levels[near] - mark))
-        abrupt = joint and len(before) >= _RUN and np.median(before) > usual
-        if len(begins) >= _RUN and count > _CLIPPED * counts[near] and not apart:
-            if abrupt or (measured and mark):
-                text = f"{count} of {len(values)} samples are at the end of its numbers, {mark:g}: "
-                text += "if the sensor or its amplifier is at the end of its range there, leave "
-                found.append(("clipped", text + "them empty"))
+    found = _at_ends(values, steps, levels, counts.astype(float), measured=measured, joint=joint)
     stuck = _stuck(values, steps) if measured or joint else np.empty(0, np.int64)
     if len(stuck):
         text = f"it stands still in a motion and jumps on, {len(stuck)} time(s), such as at "
@@ -337,6 +321,30 @@ def recorder_findings(
         text += "leave bad samples empty; of a counter that was reset, import each part alone "
         found.append(("jump", text + "(`start` and `end`)"))
     return [Finding("warning", where, kind, text) for kind, text in found]
+
+
+def _at_ends(
+    values: Array, steps: Array, levels: Array, counts: Array, *, measured: bool, joint: bool
+) -> list[tuple[str, str]]:
+    """Marks of missing numbers and clipped samples, at the ends of the numbers."""
+    found: list[tuple[str, str]] = []
+    for end, near, far in ((0, 1, -1), (-1, -2, 0)):
+        mark, count = levels[end], int(counts[end])
+        apart = abs(levels[near] - mark) > _FAR * abs(levels[near] - levels[far])
+        if apart and (count > 1 or {*f"{abs(mark):g}"} == {"9"}):
+            text = f"{mark:g} stands {count} time(s), far from all other numbers: if it marks what "
+            found.append(("missing numbers", text + "is missing, leave these cells empty"))
+        edges = np.flatnonzero(np.diff(np.r_[False, values == mark, False]))
+        begins = edges[::2][edges[1::2] - edges[::2] >= _RUN]
+        before = steps[begins[begins > 1] - 2]
+        usual = max(np.sqrt(np.mean(steps**2)) / _ABRUPT, _ABRUPT * abs(levels[near] - mark))
+        abrupt = joint and len(before) >= _RUN and np.median(before) > usual
+        if len(begins) >= _RUN and count > _CLIPPED * counts[near] and not apart:
+            if abrupt or (measured and mark):
+                text = f"{count} of {len(values)} samples are at the end of its numbers, {mark:g}: "
+                text += "if the sensor or its amplifier is at the end of its range there, leave "
+                found.append(("clipped", text + "them empty"))
+    return found
 
 
 def _stuck(values: Array, steps: Array) -> Indices:

@@ -170,17 +170,39 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str) -> Plan:
         _item(role, column, keys.index(key), [streams[key].index(f) for f in fields], fields)
         for role, column, key, fields in found
     ]
-    count = Counter(name for name, _ in keys)
+    wanted, names, stamped = _requests(log, streams, items, whole=mapping.time.rate is None)
+    counts = tuple(topics[one.topic].count or topics[one.topic].about for one in wanted)
+    rates = _restamp_rates(mapping, stamped, source)
+    last = mapping.time.duplicates == "keep-last"
+    return Plan(tuple(wanted), tuple(names), tuple(items), counts, rates, last)
+
+
+def _requests(
+    log: LogFile,
+    streams: dict[tuple[str, StampSource], list[str]],
+    items: list[Quantity],
+    *,
+    whole: bool,
+) -> tuple[list[Request], list[str], list[str]]:
+    """Streams to read, with their names in messages and under `restamp`.
+
+    Args:
+        log: The open log.
+        streams: Fields of each topic and source of stamps.
+        items: Quantities, which are given their places in the streams.
+        whole: Whether rows are kept whole where all that is needed is in them.
+    """
+    count = Counter(name for name, _ in streams)
     wanted, names, stamped = list[Request](), list[str](), list[str]()
     for stream, ((name, base), every) in enumerate(streams.items()):
-        whole = Request(name, base, tuple(every))
+        every_row = Request(name, base, tuple(every))
         own = {k: item for k, item in enumerate(items) if item.stream == stream}
-        beside = [item for item in own.values() if item.needed and mapping.time.rate is None]
-        groups = filled_in_turn(log, whole, [every[k] for item in beside for k in item.places])
+        beside = [item for item in own.values() if item.needed and whole]
+        groups = filled_in_turn(log, every_row, [every[k] for item in beside for k in item.places])
         for group in groups:
             inside = {k: item for k, item in own.items() if every[item.places[0]] in group}
             if len(groups) == 1:
-                wanted.append(whole)
+                wanted.append(every_row)
                 names.append((name or "table") + f" by {base.column}" * (count[name] > 1))
                 stamped.append(name or base.column or "table")
             elif inside:
@@ -191,10 +213,7 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str) -> Plan:
             for k, item in inside.items():
                 places = tuple(wanted[-1].fields.index(every[place]) for place in item.places)
                 items[k] = replace(item, stream=len(wanted) - 1, places=places)
-    counts = tuple(topics[one.topic].count or topics[one.topic].about for one in wanted)
-    rates = _restamp_rates(mapping, stamped, source)
-    last = mapping.time.duplicates == "keep-last"
-    return Plan(tuple(wanted), tuple(names), tuple(items), counts, rates, last)
+    return wanted, names, stamped
 
 
 def filled_in_turn(log: LogFile, wanted: Request, beside: Sequence[str] = ()) -> list[list[str]]:
