@@ -218,9 +218,6 @@ def test_an_output_that_is_missing_costs_the_others_nothing(
         ("clipped", ["at the end of its numbers, -0.1:", "at the end of its numbers, 0.1:"]),
         ("held", ["change every 10 samples"]),
         ("counts", []),
-        ("stuck", ["it stands still in a motion and jumps on, 1 time(s)"]),
-        ("overflow", ["from one end of its numbers to the other"]),
-        ("sign", ["from one end of its numbers to the other"]),
     ],
 )
 def test_numbers_that_a_recorder_made_are_asked_for(
@@ -238,11 +235,6 @@ def test_numbers_that_a_recorder_made_are_asked_for(
         lift = lift[np.arange(1200) // 10 * 10]
     elif fault == "counts":
         lift = 0.005 * np.round(lift / 0.005)
-    elif fault == "stuck":
-        lift[500:561] = lift[500]
-    elif fault in ("overflow", "sign"):  # of numbers of 16 bits
-        counts = np.round(lift / 8e-6).astype(int) if fault == "overflow" else lift // 1e-5
-        lift = 1e-5 * (counts + 32768 * (fault == "overflow")) % 0.65536
     columns = np.column_stack([time, np.sin(4 * np.pi * time), lift])
     path, mapping = tmp_path / "log.csv", tmp_path / "map.yaml"
     np.savetxt(path, columns, delimiter=",", header="t [s],angle [rad],lift [N]", comments="")
@@ -313,14 +305,12 @@ def test_an_encoder_that_jumps_or_holds_is_told(tmp_path: Path, fault: str, word
     assert bool(found) == bool(words) and all(words in one for one in found), found
     shown = [one.text for one in inspect_log(path).findings if one.kind == "jump"]
     assert shown == [one for one in found if "it jumps" in one]  # no robot is needed for it
-    if fault in ("", "reset", "dropouts", "stuck"):
+    if fault in ("", "dropouts"):
         motion = pt.estimate_motion(pt.sensor_log(tmp_path / "log.nc"))
         known = motion.known.values
         wrong = motion.q.values[known, 0] - np.interp(motion.time[known], time, truth)
-        share = {"reset": 0.5, "stuck": 0.97}.get(fault, 1.0)
-        assert known.mean() == pytest.approx(share, abs=0.01)
-        assert np.abs(wrong).max() < 1e-3  # reset: 0.5, which stays with the rest of the log
-        assert ("jumps: lost samples" in motion.findings) == bool(fault)
+        assert known.all() and np.abs(wrong).max() < 1e-3  # of white noise of 3e-4
+        assert ("jumps and jumps back" in motion.findings) == bool(fault)
 
 
 @pytest.mark.parametrize(

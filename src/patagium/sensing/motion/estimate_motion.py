@@ -2,7 +2,7 @@
 
 Measurements of all rates are put on one time axis, each shifted by its clock and delay.
 Coordinates that one encoder alone sees are smoothed by themselves, the others together. Neglected:
-biases of encoders and cameras.
+counters of encoders that were reset; biases of encoders and cameras.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from patagium.sensing.motion.camera_faults import (
     on_regular_clock,
     open_gaps,
 )
-from patagium.sensing.motion.encoder_faults import steady_angles
+from patagium.sensing.motion.encoder_faults import dropped_out
 from patagium.sensing.motion.first_motion import Noise, first_motion, spectral_noise
 from patagium.sensing.motion.frame_model import (
     FrameModel,
@@ -57,8 +57,6 @@ UNKNOWN = (1e-1, 3e1, 3e2)
 """Least standard deviation of position [m, rad], rate and acceleration before any sample."""
 _APART = 5.0
 """Noise of a part over that of its spectrum from which sensors contradict each other."""
-_BRIEF = 3
-"""Samples of an encoder that may be lost without the motion being unknown."""
 _MEMORY = 0.02
 """Time over which driving noise may have built up the initial rates [s]."""
 
@@ -95,14 +93,12 @@ class MotionFits:
         fits: Fits of coordinates that no sensor links.
         stretches: Stretches of samples that were left out or could not be bridged.
         notes: Assumptions about stamps, in words.
-        lost: Stretches in which an encoder lost a joint [s].
     """
 
     robot: Robot
     fits: list[MotionFit]
     stretches: list[Stretch]
     notes: list[str]
-    lost: list[tuple[float, float]]
 
     def at(self, times: Array) -> SmoothedMotion:
         """Motion at given times, (M,) [s]."""
@@ -145,8 +141,6 @@ class MotionFits:
             found |= (times < fit.span[0]) | (times > fit.span[1])
             for begin, end in fit.gaps:
                 found |= (times > begin) & (times < end)
-        for begin, end in self.lost:
-            found |= (times >= begin) & (times <= end)
         return found
 
 
@@ -188,7 +182,7 @@ def fit_motion(robot: Robot, streams: Sequence[Stream], order: int, wanted: Arra
         fits.append(fit)
         stretches += _unknown(fit, wanted)
     stretches.sort(key=lambda one: one.begin)
-    return MotionFits(robot, fits, stretches, checked.notes, checked.lost)
+    return MotionFits(robot, fits, stretches, checked.notes)
 
 
 @dataclass(frozen=True)
@@ -201,7 +195,6 @@ class _Checked:
         gaps: Gaps of the first cameras over which the way that the body turned is not known [s].
         stretches: Stretches of samples left out.
         notes: Assumptions about stamps, in words.
-        lost: Stretches in which an encoder lost a joint [s].
     """
 
     streams: list[Stream]
@@ -209,12 +202,11 @@ class _Checked:
     gaps: list[tuple[float, float]]
     stretches: list[Stretch]
     notes: list[str]
-    lost: list[tuple[float, float]]
 
 
 def _checked(streams: Sequence[Stream], robot: Robot) -> _Checked:
     """Streams on regular clocks where these fit better, without the frames that contradict."""
-    found = _Checked([], {}, [], [], [], [])
+    found = _Checked([], {}, [], [], [])
     for s in streams:
         regular = None if isinstance(s.model, ImuModel) else on_regular_clock(s)
         if regular is not None:
@@ -225,7 +217,7 @@ def _checked(streams: Sequence[Stream], robot: Robot) -> _Checked:
             )
         stream = s if regular is None else regular
         if isinstance(stream.model, EncoderModel):
-            stream = _without_jumps(stream, stream.model, robot, found)
+            stream = _without_dropouts(stream, stream.model, robot, found)
         found.streams.append(stream)
         found.used[s.name] = np.ones(len(s.time), bool)
         if isinstance(s.model, CaptureModel):
@@ -237,23 +229,17 @@ def _checked(streams: Sequence[Stream], robot: Robot) -> _Checked:
     return found
 
 
-def _without_jumps(stream: Stream, model: EncoderModel, robot: Robot, found: _Checked) -> Stream:
-    """Stream of an encoder without the angles that jump, whose stretches are added."""
+def _without_dropouts(stream: Stream, model: EncoderModel, robot: Robot, found: _Checked) -> Stream:
+    """Stream of an encoder without the angles that jump and jump back; a stretch tells of them."""
     rows = stream.rows.copy()
     for k, column in enumerate(model.columns):
         seen = np.flatnonzero(np.isfinite(rows[:, k]))
-        gone = seen[~steady_angles(rows[seen, k])]
-        if not len(gone):
-            continue
-        rows[gone, k] = np.nan
-        runs = np.split(gone, np.flatnonzero(np.diff(gone) > 1) + 1)
-        brief = [run for run in runs if len(run) <= _BRIEF]
-        runs = [run for run in runs if len(run) > _BRIEF]
-        found.lost.extend((float(stream.time[run[0]]), float(stream.time[run[-1]])) for run in runs)
-        for run in [*runs, np.concatenate(brief)] if brief else runs:
-            begin, end = stream.time[run[[0, -1]]].tolist()
-            words = f"{robot.dof_names[column]} jumps: lost samples, or a counter that was reset"
-            found.stretches.append(Stretch(begin, end, words, len(run)))
+        gone = seen[dropped_out(rows[seen, k])]
+        if len(gone):
+            rows[gone, k] = np.nan
+            begin, end = stream.time[gone[[0, -1]]].tolist()
+            words = f"{robot.dof_names[column]} jumps and jumps back"
+            found.stretches.append(Stretch(begin, end, words, len(gone)))
     return replace(stream, rows=rows)
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arguments import Progress
-from patagium.arrays import Array, Bools, Indices, count_noise
+from patagium.arrays import Array, Bools, count_noise
 from patagium.sensing.logs.files.channels import NO_STAMP, Block, LogFile, Request, Stamps
 from patagium.sensing.logs.mapping import conversion
 from patagium.sensing.logs.table import find_gaps
@@ -258,7 +258,6 @@ _FAR, _LEVELS, _CLIPPED, _RUN = 5.0, 50, 10, 3
 _ABRUPT = 8.0
 """Step before a joint stands still over its count, and inverse over its usual step, of no motion
 that slows down."""
-_STUCK, _BITS = 20, (8, 12, 16, 24)
 _ORDERED = re.compile(r"(?i)(^|[^a-z])(cmd|command|target|set_?point|desired|des|ref)")
 """Names of commands, which are not measured."""
 
@@ -298,16 +297,6 @@ def recorder_findings(
         return []
     steps = np.abs(np.diff(values))
     found = _at_ends(values, steps, levels, counts.astype(float), measured=measured, joint=joint)
-    stuck = _stuck(values, steps) if measured or joint else np.empty(0, np.int64)
-    if len(stuck):
-        text = f"it stands still in a motion and jumps on, {len(stuck)} time(s), such as at "
-        text += f"{values[stuck[0]]:g}: if the sensor was stuck there, leave these cells empty"
-        found.append(("held", text))
-    wraps = 0 if turn else _wraps(values, steps, levels)
-    if wraps:
-        text = f"it jumps {wraps} time(s) from one end of its numbers to the other, {levels[0]:g} "
-        text += f"to {levels[-1]:g}: mend counts that overflow, or were read without their sign"
-        found.append(("wrapped", text))
     changes = np.diff(np.flatnonzero(steps))
     every = float(np.median(changes))
     if (measured or joint) and every > 1 and (np.abs(changes - every) < 1).mean() > 0.9:
@@ -345,33 +334,6 @@ def _at_ends(
                 text += "if the sensor or its amplifier is at the end of its range there, leave "
                 found.append(("clipped", text + "them empty"))
     return found
-
-
-def _stuck(values: Array, steps: Array) -> Indices:
-    """Samples from which numbers stand still in the midst of a motion, and then jump on."""
-    edges = np.flatnonzero(np.diff(np.r_[False, steps == 0.0, False]))
-    begins, ends = edges[::2], edges[1::2]  # of equal neighbors; the step at an end leads away
-    inside = (begins > 1) & (ends < len(steps)) & (ends - begins >= _STUCK)
-    begins, ends = begins[inside], ends[inside]
-    least = np.sqrt(np.mean(steps**2)) / 2
-    least = max(least, _ABRUPT * steps[steps > 0].min(initial=np.inf)) if len(begins) else least
-    arrives = np.minimum(steps[begins - 1], steps[begins - 2]) > least
-    return np.asarray(begins[arrives & (steps[ends] > 3 * least)], np.int64)
-
-
-def _wraps(values: Array, steps: Array, levels: Array) -> int:
-    """Number of steps by about as much as the numbers of 8, 12, 16 or 24 bits that they are."""
-    apart = np.diff(levels)
-    count = apart[apart > 1e-8 * (levels[-1] - levels[0])].min()  # less is rounding
-    size = count * 2.0 ** np.array(_BITS)
-    near = (levels[-1] - levels[0]) / size
-    whole = (levels - levels[0]) / count
-    if not ((near > 0.95) & (near < 1)).any() or np.abs(whole - whole.round()).max() > 0.1:
-        return 0
-    full = float(size[(near > 0.95) & (near < 1)][0])
-    far = steps > 0.9 * full
-    smooth = float(np.abs(np.diff(np.unwrap(values, period=full))).max()) < 0.1 * full
-    return int(far.sum()) if smooth and far.sum() >= _RUN else 0
 
 
 GRAVITY = 9.80665
