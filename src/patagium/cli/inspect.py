@@ -60,20 +60,22 @@ def inspect(
     unknown = [name for name in topic or () if name not in names]
     if unknown:
         raise LogError(f"{found.path}: holds no topic {unknown[0]!r}, but {', '.join(names)}")
-    for table in _tables(found, topic or (names if len(names) == 1 else ())):
+    tables = all(one.kind == "table" for one in found.topics)
+    shown = topic or (names if tables or len(names) == 1 else ())
+    for table in _tables(found, shown):
         show_table(table)
     show_findings(found.findings)
     for note in found.notes:
         typer.echo(f"Note: {note}")
-    if len(names) > 1 and not topic:
+    if not shown:
         if output is not None:
             raise ParameterError("--topic", f"topics of the mapping, such as {names[0]}", None)
         typer.echo("Numbers of a topic, and a mapping to begin from: --topic NAME; all: --json")
     elif output is not None:
-        write_whole(output, _mapping(found, topic or names))
+        write_whole(output, _mapping(found, shown))
     else:
         typer.echo("A map.yaml to begin from (-o map.yaml writes it):")
-        typer.echo(_mapping(found, topic or names), nl=False)
+        typer.echo(_mapping(found, shown), nl=False)
     mapping = output or "map.yaml"
     words = "patagium import" + " {}" * len(files) + " --mapping {}"
     bring = command(words, *files, mapping)
@@ -89,13 +91,16 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
         if found.topics[0].stamps == "rows":
             time = '{restamp: "??? Hz"}  # rate of the rows: no column of the table is read as time'
             time += "; else {column: NAME, unit: s}"
+    from patagium.sensing.logs.importing.inspection import FORCES
+
     inputs, outputs = list[str](), list[str]()
     for one in found.topics:
         place = "column"
         if one.name:
             place = f"topic: {json.dumps(one.name)}, field"
         if one.kind == "table" and one.name:  # some columns of a table, by their stamps
-            place = f"stamp: {json.dumps(one.stamps)}, column"
+            other = one.stamps != found.topics[0].stamps
+            place = f"stamp: {json.dumps(one.stamps)}, " * other + "column"
         for field in one.channels if one.name in topics else ():
             if not (field.name and field.low <= field.high):
                 continue  # an index, or a column without a number
@@ -103,8 +108,10 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
             unit = field.unit or ("s" if field.name == one.stamps else json.dumps("1"))
             text = f"{{{place}: {name}, unit: {unit}}}"
             if field.name == one.stamps:
-                time = time if one.name else text
-            elif field.unit in ("N", "N m", "N mm") or _FORCES.search(field.name):
+                text = f"{{column: {name}, unit: {unit}}}"
+                shared = f"{text[:-1]}, {time[1:]}" if "column" not in time else time
+                time = shared if one.name else text
+            elif field.unit in ("N", "N m", "N mm") or FORCES.search(field.name):
                 outputs.append(f"  - {text}")
             else:
                 inputs.append(f"  - {text}")
@@ -119,8 +126,6 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
 
 _UNIT = re.compile(r"\s*\[(?!\d+\])[^\]]*\]$")
 """Unit in the head of a column, which is no index."""
-_FORCES = re.compile(r"(?i)(^|[._/])([fmt][xyz]|force|lift|drag|thrust|moment|torque)(?![a-z])")
-"""Names of forces and moments."""
 
 
 def show_findings(findings: Sequence[Finding], *, err: bool = False) -> None:

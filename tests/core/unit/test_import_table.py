@@ -245,6 +245,8 @@ def test_numbers_that_a_recorder_made_are_asked_for(
     found = [one.text for one in pt.import_log(path, mapping, tmp_path / "log.nc").findings]
     assert len(found) == len(words), found
     assert all(word in text for word, text in zip(words, found, strict=True)), found
+    shown = [one.text for one in inspect_log(path).findings]
+    assert shown == found  # where the log is first looked at
 
 
 @pytest.mark.parametrize(
@@ -257,13 +259,17 @@ def test_numbers_that_a_recorder_made_are_asked_for(
         ("reset", "jumps 1 time(s), such as from"),
         ("dropouts", "time(s), such as from 0 to 0.59"),
         ("held", "change every 10 samples"),
+        ("stop", ""),
+        ("stuck", "1 time(s), such as"),
+        ("end", "at the end of its numbers, 0.4:"),
     ],
 )
 def test_an_encoder_that_jumps_or_holds_is_told(tmp_path: Path, fault: str, words: str) -> None:
     """A reset counter and drop-outs to zero are faults of the encoder, not motion of the joint."""
     time, rng = 0.002 * np.arange(3000), np.random.default_rng(2)
     angle = 0.6 * np.sin(6 * np.pi * time) / (1 + np.exp(8 - 8 * time))
-    angle += 3e-4 * rng.normal(size=3000)
+    truth = angle
+    angle = angle + 3e-4 * rng.normal(size=3000)
     kept = np.ones(3000, bool)
     if fault == "lost":
         kept[2000:2080] = False
@@ -277,6 +283,12 @@ def test_an_encoder_that_jumps_or_holds_is_told(tmp_path: Path, fault: str, word
         angle[600::60] = 0.0
     elif fault == "held":
         angle = angle[np.arange(3000) // 10 * 10]
+    elif fault == "stuck":
+        angle[1500:1590] = angle[1500]
+    elif fault == "stop":  # it is slow before it stands
+        angle = 4e-3 * np.round(0.5 * np.tanh(3 * angle) / 4e-3)
+    elif fault == "end":
+        angle = np.minimum(angle, 0.4)
     path, mapping = tmp_path / "log.csv", tmp_path / "map.yaml"
     columns = np.column_stack([time, angle])[kept]
     np.savetxt(path, columns, delimiter=",", header="t [s],turn [rad]", comments="")
@@ -290,7 +302,75 @@ def test_an_encoder_that_jumps_or_holds_is_told(tmp_path: Path, fault: str, word
     )
     told = pt.import_log(path, mapping, tmp_path / "log.nc").findings
     found = [one.text for one in told if one.kind in ("jump", "held", "clipped")]
+    assert bool(found) == bool(words) and all(words in one for one in found), found
+    shown = [one.text for one in inspect_log(path).findings if one.kind == "jump"]
+    assert shown == [one for one in found if "it jumps" in one]  # no robot is needed for it
+    if fault in ("", "dropouts"):
+        motion = pt.estimate_motion(pt.sensor_log(tmp_path / "log.nc"))
+        known = motion.known.values
+        wrong = motion.q.values[known, 0] - np.interp(motion.time[known], time, truth)
+        assert known.all() and np.abs(wrong).max() < 1e-3  # of white noise of 3e-4
+        assert ("jumps and jumps back" in motion.findings) == bool(fault)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "stated", "words"),
+    [((5, 5), 5, ""), ((5, 5), 0, "is 5 m/s in the mean"), ((4, 7), 5, "changes by 1.5 m/s")],
+)
+def test_a_wind_that_is_not_the_stated_one_is_told(
+    tmp_path: Path, speeds: tuple[float, float], stated: float, words: str
+) -> None:
+    """One wind is taken for all of a flight; the tunnel's own column contradicted it silently."""
+    time, rng = 0.002 * np.arange(2000), np.random.default_rng(1)
+    tunnel = np.repeat(speeds, 1000) + 0.1 * rng.normal(size=2000)
+    path, mapping = tmp_path / "log.csv", tmp_path / "map.yaml"
+    table = pd.DataFrame({"t": time, "turn": np.sin(9 * time), "tunnel": tunnel})
+    table.to_csv(path, index=False)
+    mapping.write_text(
+        f"robot: aerobat\ntime: {{column: t, unit: s}}\nair: {{wind: [-{stated}, 0, 0]}}\n"
+        "channels:\n  - {column: turn, unit: rad, name: q.left_plunge}\n"
+        "  - {column: tunnel, unit: m/s}\n"
+    )
+    told = pt.import_log(path, mapping, tmp_path / "log.nc").findings
+    found = [one.text for one in told if one.kind == "wind"]
     assert len(found) == bool(words) and all(words in one for one in found), found
+
+
+@pytest.mark.parametrize("layout", ["synchronised", "events", "same stamps"])
+def test_columns_filled_in_turn_have_samples_of_their_own(tmp_path: Path, layout: str) -> None:
+    """Rows of another sensor were missing numbers, so that nine samples of ten or all were lost."""
+    steps = {"theta": 1e-3, "lift": 2e-3, "z": 1e-2}
+    late = 0.7e-3 if layout == "events" else 0.0
+    parts = [
+        pd.DataFrame({"__time": (t := np.arange(0, 2, step) + k * late / 2), name: np.sin(9 * t)})
+        for k, (name, step) in enumerate(steps.items())
+    ]
+    table = pd.concat(parts).sort_values("__time", kind="stable")
+    if layout == "synchronised":
+        table = table.groupby("__time", as_index=False).first()
+    path = written(tmp_path, table)
+    inputs = [{"column": name, "unit": "rad"} for name in ("theta", "z")]
+    outputs = [{"column": "lift", "unit": "N"}]
+    time = {"column": "__time", "unit": "s"}
+    words = {"time": time, "inputs": inputs, "outputs": outputs}
+    with pytest.raises(LogError, match=r"theta 1000 Hz, z 100 Hz, lift 500 Hz"):
+        brought(path, words)
+    log = pt.load_log(brought(path, {**words, "time": time | {"rate": "1 kHz"}}).path)
+    assert log.sizes["time"] > 1980
+    truth = np.sin(9 * (log.time + late))
+    for name in steps:
+        np.testing.assert_allclose(log[name], truth, atol=2e-3 if name == "z" else 1e-4)
+        assert log[name].attrs["step_in_log"] == pytest.approx(steps[name])
+    seen = {one.name: one for one in inspect_log(path).topics}
+    assert {name: round(1 / one.rate, 6) for name, one in seen.items()} == steps
+    assert not any(channel.missing for one in seen.values() for channel in one.channels)
+
+
+def test_outputs_that_skip_rows_stay_beside_their_inputs(tmp_path: Path) -> None:
+    """A force of every second row, beside inputs in all rows, needs no other time base."""
+    table = frame()
+    table.loc[1::2, "fz"] = np.nan
+    assert brought(written(tmp_path, table)).samples == 150
 
 
 def test_a_column_of_text_is_refused_by_its_words(tmp_path: Path) -> None:
@@ -304,6 +384,21 @@ def test_a_column_of_text_is_refused_by_its_words(tmp_path: Path) -> None:
     )
     with pytest.raises(LogError, match="'lift' cannot be read as numbers: text such as '1.0D-01'"):
         pt.import_log(path, mapping, tmp_path / "log.nc")
+
+
+def test_days_of_spreadsheets_and_matlab(tmp_path: Path) -> None:
+    """Days were asked whether they are seconds, and those of MATLAB had no stamp at all."""
+    days = {**WORDS, "time": {"column": "t", "unit": "d"}}
+    for first in (45321.51234, 739321.51234):
+        table = frame(t=first + 0.005 * np.arange(300) / 86400)
+        path = written(tmp_path, table)
+        seen = {one.kind: one.text for one in inspect_log(path).findings}
+        assert "perhaps d (days" in seen["unit of time"]
+        log = pt.load_log(brought(path, days).path)
+        np.testing.assert_allclose(log.time, 0.005 * np.arange(300), atol=1e-5)
+    path = written(tmp_path, frame(t=np.round(45321.5 + 0.005 * np.arange(300) / 86400, 6)))
+    with pytest.raises(LogError, match=r"perhaps d \(days"):
+        brought(path, {**WORDS, "time": {"column": "t", "unit": "s"}})
 
 
 def test_the_unit_of_time_is_doubted(tmp_path: Path) -> None:

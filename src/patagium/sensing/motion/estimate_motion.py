@@ -2,7 +2,7 @@
 
 Measurements of all rates are put on one time axis, each shifted by its clock and delay.
 Coordinates that one encoder alone sees are smoothed by themselves, the others together. Neglected:
-faults of sensors; biases of encoders and cameras.
+counters of encoders that were reset; biases of encoders and cameras.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from patagium.sensing.motion.camera_faults import (
     on_regular_clock,
     open_gaps,
 )
+from patagium.sensing.motion.encoder_faults import dropped_out
 from patagium.sensing.motion.first_motion import Noise, first_motion, spectral_noise
 from patagium.sensing.motion.frame_model import (
     FrameModel,
@@ -165,7 +166,7 @@ def fit_motion(robot: Robot, streams: Sequence[Stream], order: int, wanted: Arra
             "held leaves out `floating`, unless a load cell holds it, whose log needs its pose: "
             "columns of position and attitude, which may be constant"
         )
-    checked = _checked(streams)
+    checked = _checked(streams, robot)
     guess = first_motion(robot, checked.streams, checked.used)
     groups = [columns] if columns else []
     groups += [own for s in checked.streams if (own := alone(s, columns))]
@@ -203,7 +204,7 @@ class _Checked:
     notes: list[str]
 
 
-def _checked(streams: Sequence[Stream]) -> _Checked:
+def _checked(streams: Sequence[Stream], robot: Robot) -> _Checked:
     """Streams on regular clocks where these fit better, without the frames that contradict."""
     found = _Checked([], {}, [], [], [])
     for s in streams:
@@ -215,6 +216,8 @@ def _checked(streams: Sequence[Stream]) -> _Checked:
                 "fits better: equal steps are taken"
             )
         stream = s if regular is None else regular
+        if isinstance(stream.model, EncoderModel):
+            stream = _without_dropouts(stream, stream.model, robot, found)
         found.streams.append(stream)
         found.used[s.name] = np.ones(len(s.time), bool)
         if isinstance(s.model, CaptureModel):
@@ -224,6 +227,20 @@ def _checked(streams: Sequence[Stream]) -> _Checked:
     if camera is not None:
         found.gaps.extend(open_gaps(camera, found.used[camera.name]))
     return found
+
+
+def _without_dropouts(stream: Stream, model: EncoderModel, robot: Robot, found: _Checked) -> Stream:
+    """Stream of an encoder without the angles that jump and jump back; a stretch tells of them."""
+    rows = stream.rows.copy()
+    for k, column in enumerate(model.columns):
+        seen = np.flatnonzero(np.isfinite(rows[:, k]))
+        gone = seen[dropped_out(rows[seen, k])]
+        if len(gone):
+            rows[gone, k] = np.nan
+            begin, end = stream.time[gone[[0, -1]]].tolist()
+            words = f"{robot.dof_names[column]} jumps and jumps back"
+            found.stretches.append(Stretch(begin, end, words, len(gone)))
+    return replace(stream, rows=rows)
 
 
 def _unknown(fit: MotionFit, wanted: Array) -> list[Stretch]:

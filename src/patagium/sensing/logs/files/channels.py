@@ -27,6 +27,8 @@ NO_STAMP = np.iinfo(np.int64).min
 """Stamp of a row without a usable stamp."""
 BLOCK = 1 << 16
 """Rows of a table that are read at once."""
+_DAY, _BEFORE_1970, _YEARS = 86400e9, 719529.0, 5e5
+"""A day [ns], days before 1970 in MATLAB's count from the year 0, and days that are of it."""
 _SHOWN = 12
 _CLOSE = 3
 
@@ -53,11 +55,13 @@ class Request(NamedTuple):
         topic: Name of the topic.
         base: Source of the stamps.
         fields: Paths of the numbers.
+        filled: Whether only rows count in which one of them is a number.
     """
 
     topic: str
     base: StampSource
     fields: tuple[str, ...]
+    filled: bool = False
 
 
 class Block(NamedTuple):
@@ -221,7 +225,10 @@ def nanoseconds(raw: NDArray[Any], factor: float) -> Stamps:
         inside = (raw >= -most) & (raw <= most) if raw.dtype.kind == "i" else raw <= most
         stamps = np.where(inside, raw, 0).astype(np.int64) * round(factor)
         return np.where(inside, stamps, NO_STAMP)
-    scaled = raw.astype(float) * factor
+    plain = raw.astype(float)
+    if factor == _DAY:
+        plain = np.where(plain > _YEARS, plain - _BEFORE_1970, plain)
+    scaled = plain * factor
     inside = np.abs(scaled) < 2.0**62
     return np.where(inside, np.rint(np.where(inside, scaled, 0.0)), NO_STAMP).astype(np.int64)
 

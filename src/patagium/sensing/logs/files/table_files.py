@@ -122,7 +122,7 @@ def unit_of_suffix(name: str) -> str:
     stem = written.lower()
     if stem.startswith("gyro") and stem.endswith("_rad"):
         return "rad/s"  # as PX4 has it
-    timed = TIME_NAME.match(stem) or _TIMED.search(stem)
+    timed = TIME_NAME.match(stem.rpartition(".")[2]) or _TIMED.search(stem)
     if timed and timed[timed.re.groups]:
         unit = timed[timed.re.groups]
         return "s" if unit.startswith("sec") else _UNITS.get(unit, unit)
@@ -144,7 +144,7 @@ def guessed_base(
     for column, factor in stamped.items():
         return StampSource("column", column, factor), ""
     for column in channels:
-        stem = column.lower().lstrip("#%").strip(" '*").rpartition(".")[2].rpartition("'/'")[2]
+        stem = column.lower().lstrip("#%").strip(" '*_").rpartition(".")[2].rpartition("'/'")[2]
         if match := TIME_NAME.match(stem):
             unit = (match[2] and unit_of_suffix(stem)) or channels[column].unit or "s"
             plain = not match[2] and unit == "s"

@@ -10,18 +10,20 @@ found by `consistency`.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
 from patagium.arguments import Progress
 from patagium.arrays import Array, Bools, count_noise
 from patagium.sensing.logs.files.channels import NO_STAMP, Block, LogFile, Request, Stamps
 from patagium.sensing.logs.mapping import conversion
+from patagium.sensing.logs.table import find_gaps
+from patagium.sensing.motion.encoder_faults import jumps_of
 
 Keep = Callable[[Block, Bools], Array]
 
@@ -30,6 +32,8 @@ _BINS = 7600  # to 3e16 ns, a year
 _SCATTER = 0.7
 """Mean square step over the variance from which numbers are noise: 2 of white noise, (w dt)^2 of
 a motion."""
+_DAYS = (2e4, 9e5)
+"""Days since 1900 or the year 0, as spreadsheets and MATLAB count them, of the years 1954 on."""
 _NEAR = 0.1
 """Share of the median step below which a step is nearly a duplicate."""
 _SLOW = 0.2  # s: steps of a log of flight are shorter
@@ -205,10 +209,12 @@ class StreamSurvey:
     Attributes:
         stamps: Statistics of its stamps.
         values: Statistics of its numbers.
+        first: Stamps and numbers of its first rows, by blocks, where they are kept.
     """
 
     def __init__(self, channels: int) -> None:
         self.stamps, self.values = StampSurvey(), ValueSurvey(channels)
+        self.first: list[tuple[Stamps, Array]] = []
 
 
 def survey_streams(
@@ -236,6 +242,10 @@ def survey_streams(
     """
     done = 0
     for block in log.blocks(wanted):
+        if wanted[block.key].filled:
+            own = [name != wanted[block.key].base.column for name in wanted[block.key].fields]
+            rows = np.isfinite(block.values[:, own]).any(axis=1)
+            block = block._replace(stamps=block.stamps[rows], values=block.values[rows])
         advances = surveys[block.key].stamps.add(block.stamps)
         values = block.values if keep is None else keep(block, advances)
         surveys[block.key].values.add(values)
@@ -244,27 +254,69 @@ def survey_streams(
             progress(done, max(total, done))
 
 
-_FAR, _LEVELS, _CLIPPED, _RUN, _BESIDE, _SWING = 5.0, 50, 10, 3, 10, 0.3
+_FAR, _LEVELS, _CLIPPED, _RUN = 5.0, 50, 10, 3
+_ABRUPT = 8.0
+"""Step before a joint stands still over its count, and inverse over its usual step, of no motion
+that slows down."""
+_ORDERED = re.compile(r"(?i)(^|[^a-z])(cmd|command|target|set_?point|desired|des|ref)")
+"""Names of commands, which are not measured."""
 
 
 def recorder_findings(
-    where: str, values: Array, *, measured: bool, joint: bool = False
+    where: str,
+    stamps: Stamps,
+    values: Array,
+    gap: float,
+    *,
+    measured: bool,
+    joint: bool = False,
+    turn: float = 0.0,
 ) -> list[Finding]:
     """Findings about numbers that a recorder made: marks of missing ones, clipped or held samples.
 
-    And jumps of joints: a step of ten times those before and after it, two samples apart.
+    And jumps of angles: a step that is apart from those before and after it, see `jumps_of`.
 
     Args:
         where: Name of the quantity.
-        values: Its first samples, (N,) [unit of the log]; NaN where some are missing.
+        stamps: Its first stamps, (N,) [ns].
+        values: Its numbers there, (N,) [unit of the log]; NaN where some are missing.
+        gap: Length from which a step is a gap, in median steps.
         measured: Whether they are measured, so that no command makes them stand still or end.
         joint: Whether they are those of an encoder, which may stand at a stop.
+        turn: A whole turn of an angle [unit of the log]; 0 of another quantity.
     """
-    whole, values = values, values[np.isfinite(values)]
+    ordered = _ORDERED.search(where) is not None
+    measured, joint = measured and not ordered, joint and not ordered
+    whole = np.insert(values, find_gaps(stamps, gap), np.nan)
+    seen = np.isfinite(whole)
+    if turn:
+        whole[seen] = np.unwrap(whole[seen], period=turn)
+    values = whole[seen]
     levels, counts = np.unique(values, return_counts=True)
-    found: list[tuple[str, str]] = []
     if len(levels) < _LEVELS:
         return []
+    steps = np.abs(np.diff(values))
+    found = _at_ends(values, steps, levels, counts.astype(float), measured=measured, joint=joint)
+    changes = np.diff(np.flatnonzero(steps))
+    every = float(np.median(changes))
+    if (measured or joint) and every > 1 and (np.abs(changes - every) < 1).mean() > 0.9:
+        if not count_noise(values):
+            text = f"its numbers change every {every:g} samples: they are held between, and late; "
+            found.append(("held", text + "import at the `rate` at which they change"))
+    jumps = jumps_of(whole)[0] if joint or (turn and not ordered) else ()
+    if len(jumps):
+        largest = max((whole[k : k + 2] for k in jumps), key=lambda pair: abs(pair[1] - pair[0]))
+        text = f"it jumps {len(jumps)} time(s), such as from {largest[0]:g} to {largest[1]:g}: "
+        text += "leave bad samples empty; of a counter that was reset, import each part alone "
+        found.append(("jump", text + "(`start` and `end`)"))
+    return [Finding("warning", where, kind, text) for kind, text in found]
+
+
+def _at_ends(
+    values: Array, steps: Array, levels: Array, counts: Array, *, measured: bool, joint: bool
+) -> list[tuple[str, str]]:
+    """Marks of missing numbers and clipped samples, at the ends of the numbers."""
+    found: list[tuple[str, str]] = []
     for end, near, far in ((0, 1, -1), (-1, -2, 0)):
         mark, count = levels[end], int(counts[end])
         apart = abs(levels[near] - mark) > _FAR * abs(levels[near] - levels[far])
@@ -272,31 +324,16 @@ def recorder_findings(
             text = f"{mark:g} stands {count} time(s), far from all other numbers: if it marks what "
             found.append(("missing numbers", text + "is missing, leave these cells empty"))
         edges = np.flatnonzero(np.diff(np.r_[False, values == mark, False]))
-        runs = int((edges[1::2] - edges[::2] >= _RUN).sum())
-        if measured and mark and runs >= _RUN and count > _CLIPPED * counts[near] and not apart:
-            text = f"{count} of {len(values)} samples are at the end of its numbers, {mark:g}: if "
-            text += "the sensor or its amplifier is at the end of its range there, leave them empty"
-            found.append(("clipped", text))
-    steps = np.diff(np.flatnonzero(np.diff(values)))
-    every = float(np.median(steps))
-    if (measured or joint) and every > 1 and (np.abs(steps - every) < 1).mean() > 0.9:
-        if not count_noise(values):
-            text = f"its numbers change every {every:g} samples: they are held between, and late; "
-            found.append(("held", text + "import at the `rate` at which they change"))
-    if joint and len(whole) > 4 * _BESIDE:
-        step = np.nan_to_num(np.abs(np.diff(np.pad(whole, _BESIDE, mode="edge"))))
-        windows = sliding_window_view(step, 2 * _BESIDE + 1)
-        beside = np.delete(windows, np.s_[_BESIDE - 2 : _BESIDE + 3], axis=1).max(axis=1)
-        size = windows[:, _BESIDE]
-        jumps = np.flatnonzero(size > 10 * np.maximum(beside, count_noise(values)))
-        parts = np.split(whole, jumps + 1)
-        swing = max(float(np.nanmax(one) - np.nanmin(one)) for one in parts)
-        if len(jumps) and swing > _SWING * size.max():  # no positions that are held in turn
-            largest = whole[jumps[np.argmax(size[jumps])] :][:2]
-            text = f"it jumps {len(jumps)} time(s), such as from {largest[0]:g} to {largest[1]:g}: "
-            text += "leave bad samples empty; of a counter that was reset, import each part alone "
-            found.append(("jump", text + "(`start` and `end`)"))
-    return [Finding("warning", where, kind, text) for kind, text in found]
+        begins = edges[::2][edges[1::2] - edges[::2] >= _RUN]
+        before = steps[begins[begins > 1] - 2]
+        usual = max(np.sqrt(np.mean(steps**2)) / _ABRUPT, _ABRUPT * abs(levels[near] - mark))
+        abrupt = joint and len(before) >= _RUN and np.median(before) > usual
+        if len(begins) >= _RUN and count > _CLIPPED * counts[near] and not apart:
+            if abrupt or (measured and mark):
+                text = f"{count} of {len(values)} samples are at the end of its numbers, {mark:g}: "
+                text += "if the sensor or its amplifier is at the end of its range there, leave "
+                found.append(("clipped", text + "them empty"))
+    return found
 
 
 GRAVITY = 9.80665
@@ -377,13 +414,21 @@ def stamp_findings(
             f"the longest {stamps.longest / SECOND:.4g} s at {at:.6g} s; not bridged"
         )
         found.append(Finding("warning", where, "gap", text))
-    median = stamps.median
-    if written and not 2e-6 <= median <= _SLOW and math.isfinite(median):
-        fit = next((u for u, f in (("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9), ("s", 1e3), ("s", 1e6))
-                    if 2e-6 <= median * f <= 1.0), "another")  # fmt: skip
-        text = f"a median step of {median:.4g} s; is its unit perhaps {fit}?"
+    if written and (text := time_doubt(stamps)):
         found.append(Finding("warning", where, "unit of time", text))
     return found
+
+
+def time_doubt(stamps: StampSurvey) -> str:
+    """Doubt about the unit of stamps that a person wrote down, by their size; empty if none."""
+    median, first = stamps.median, (stamps.first or 0) / SECOND
+    if 2e-6 <= median <= _SLOW or not math.isfinite(median):
+        return ""
+    fit = next((u for u, f in (("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9), ("s", 1e3), ("s", 1e6))
+                if 2e-6 <= median * f <= 1.0), "another")  # fmt: skip
+    if median < _SLOW and _DAYS[0] < first < _DAYS[1]:
+        fit = "d (days, as spreadsheets and MATLAB count them)"
+    return f"a median step of {median:.4g} s; is its unit perhaps {fit}?"
 
 
 @dataclass(frozen=True)

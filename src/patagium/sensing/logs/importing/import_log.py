@@ -27,7 +27,7 @@ from patagium.robot import Robot, load_robot, preset_names
 from patagium.sensing.logs.files.channels import LogFile
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.importing.consistency import consistency
-from patagium.sensing.logs.importing.findings import SECOND, Finding
+from patagium.sensing.logs.importing.findings import SECOND, Finding, time_doubt
 from patagium.sensing.logs.importing.flight_findings import zero_forces
 from patagium.sensing.logs.importing.log_findings import log_findings
 from patagium.sensing.logs.importing.plan import Plan, plan_import, variable_name
@@ -297,10 +297,12 @@ def _refuse_unusable(log: LogFile, spool: Spool, mapping: TableMapping) -> None:
                 else "say under time `duplicates: keep-first` (or keep-last) if they repeat a "
                 f"sample, or `restamp: {stamps.rate:.4g} Hz` if they were sampled evenly"
             )
+            doubt = time_doubt(stamps)
             raise LogError(
                 f"{log.path}: {name}: expected time that advances, but {lost} of {stamps.rows} "
                 f"rows do not come after those before them ({stamps.duplicates} repeat a stamp, "
-                f"steps back are up to {stamps.furthest_back / SECOND:.4g} s); {remedy}"
+                f"steps back are up to {stamps.furthest_back / SECOND:.4g} s); "
+                f"{doubt}{' If not, ' * bool(doubt)}{remedy}"
             )
     for item in spool.plan.items:
         asked = item.needed or item.role == "output"

@@ -7,18 +7,27 @@ judged by its stamps and missing entries alone.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from contextlib import closing, suppress
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from patagium.arguments import Progress, checked
-from patagium.arrays import brief
+from patagium.arrays import Array, Bools, brief
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import ColumnError, LogFile, Request, StampSource, Topic
+from patagium.sensing.logs.files.channels import (
+    Block,
+    ColumnError,
+    LogFile,
+    Request,
+    StampSource,
+    Topic,
+)
 from patagium.sensing.logs.files.message_files import NO_MESSAGE
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.files.table_files import TIME_NAME, guessed_base
@@ -28,11 +37,14 @@ from patagium.sensing.logs.importing.findings import (
     StreamSurvey,
     constant_findings,
     missing_findings,
+    recorder_findings,
     sizes_of,
     stamp_findings,
     survey_streams,
     unit_findings,
 )
+from patagium.sensing.logs.importing.plan import filled_in_turn
+from patagium.sensing.logs.importing.resample import CHUNK
 from patagium.sensing.logs.mapping import conversion
 
 GAP = 3.0
@@ -151,7 +163,10 @@ def inspect_log(
     with closing(open_log(paths, skip_rows=skip_rows)) as log:
         lost = [topic for topic in log.topics.values() if topic.problem]
         readable = [
-            part for topic in log.topics.values() if not topic.problem for part in _parts(topic)
+            part
+            for topic in log.topics.values()
+            if not topic.problem
+            for part in _parts(log, topic)
         ]
         readable, surveys, broken = _surveyed(log, readable, progress)
         starts = [one.stamps.first for one in surveys if one.stamps.first is not None]
@@ -160,6 +175,7 @@ def inspect_log(
         for part, survey in zip(readable, surveys, strict=True):
             facts.append(_topic_facts(part, survey, origin))
             found += _findings(part, survey)
+            found += _recorded(part, survey)
         facts += [_unreadable(topic) for topic in lost]
         found += [
             Finding("warning", topic.name, "unreadable", topic.problem)
@@ -184,10 +200,12 @@ class _Part:
     Attributes:
         topic: The topic with these numbers alone.
         label: Its name in results.
+        filled: Whether only rows count in which one of them is a number.
     """
 
     topic: Topic
     label: str
+    filled: bool = False
 
     @property
     def fields(self) -> list[str]:
@@ -198,7 +216,7 @@ class _Part:
     @property
     def request(self) -> Request:
         """Request for the numbers."""
-        return Request(self.topic.name, self.topic.base, tuple(self.fields))
+        return Request(self.topic.name, self.topic.base, tuple(self.fields), self.filled)
 
     def without(self, column: str, reason: str) -> _Part:
         """Part without a column, or the entries of a list, which are listed as not read."""
@@ -217,11 +235,17 @@ class _Part:
         return replace(self, topic=topic)
 
 
-def _parts(topic: Topic) -> list[_Part]:
+def _parts(log: LogFile, topic: Topic) -> list[_Part]:
     lengths = sorted({c.rows for c in topic.channels.values() if c.rows is not None}, reverse=True)
+    parts = list[_Part]()
     if not lengths:
-        return [_Part(topic, topic.name)]
-    parts = []
+        whole = _Part(topic, topic.name)
+        groups = filled_in_turn(log, whole.request)
+        for names in groups if len(groups) > 1 else ():
+            kept = {*names, topic.base.column}
+            held = {name: one for name, one in topic.channels.items() if name in kept}
+            parts.append(_Part(replace(topic, channels=held), names[0], filled=True))
+        return parts or [whole]
     for place, rows in enumerate(lengths):
         held = {name: c for name, c in topic.channels.items() if c.rows == rows}
         base, guess = guessed_base(held, {})
@@ -244,7 +268,8 @@ def _surveyed(
         total = sum(part.topic.count or part.topic.about for part in parts)
         try:
             requests = tuple(part.request for part in parts)
-            survey_streams(log, requests, total, surveys=surveys, progress=progress)
+            keep = partial(_keep, surveys)
+            survey_streams(log, requests, total, surveys=surveys, keep=keep, progress=progress)
             return parts, surveys, ""
         except LogError as problem:
             reason, fewer = str(problem).removeprefix(f"{log.path}: "), parts
@@ -253,6 +278,14 @@ def _surveyed(
             if fewer == parts:
                 return parts, surveys, reason
             parts = fewer
+
+
+def _keep(surveys: tuple[StreamSurvey, ...], block: Block, advances: Bools) -> Array:
+    """Numbers of a block; those of the first blocks of its stream are kept."""
+    one = surveys[block.key]
+    if not one.first or one.stamps.kept <= CHUNK:
+        one.first.append((block.stamps[advances], block.values[advances]))
+    return block.values
 
 
 def _topic_facts(part: _Part, survey: StreamSurvey, origin: int) -> TopicFacts:
@@ -331,6 +364,29 @@ def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
                 doubt = {"level": "note", "text": f"{one.text} Or is it an acceleration?"}
                 found.append(replace(one, **doubt) if "Twist" in topic.kind else one)
     return found
+
+
+def _recorded(part: _Part, survey: StreamSurvey) -> list[Finding]:
+    """Findings about numbers that the recorder made, in the first samples of a part."""
+    found: list[Finding] = []
+    if part.topic.base.kind == "rows" or not survey.first:
+        return found
+    stamps, rows = (np.concatenate(parts) for parts in zip(*survey.first, strict=True))
+    for k, name in enumerate(part.fields):
+        unit, turn = part.topic.channels[name].unit, 0.0
+        with suppress(LogError):
+            factor, si = conversion(unit, None, name)
+            turn = 2 * np.pi / factor if si == "rad" and not _COMPONENT.search(name) else 0.0
+        if unit and name != part.topic.base.column:
+            own, measured = f"{part.topic.name} {name}".strip(), FORCES.search(name) is not None
+            found += recorder_findings(own, stamps, rows[:, k], GAP, measured=measured, turn=turn)
+    return found
+
+
+FORCES = re.compile(r"(?i)(^|[._/])([fmt][xyz]|force|lift|drag|thrust|moment|torque)(?![a-z])")
+"""Names of forces and moments."""
+_COMPONENT = re.compile(r"(?i)([xyz]|\[\d+\])(\s*[\[(]\D*[\])])?$")
+"""Names of components of a vector, such as a rotation vector, whose sign changes."""
 
 
 def _vector(fields: list[str], k: int) -> list[int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +26,7 @@ from patagium.sensing.logs.importing.findings import (
 from patagium.sensing.logs.importing.flight_findings import flight_findings, flight_labels
 from patagium.sensing.logs.importing.plan import Plan, Quantity
 from patagium.sensing.logs.importing.resample import CHUNK, Spool, TimeBase
-from patagium.sensing.logs.mapping import TableMapping, conversion
-from patagium.sensing.logs.table import find_gaps
+from patagium.sensing.logs.mapping import AirWords, TableMapping, conversion
 
 
 def log_findings(
@@ -71,6 +71,8 @@ def log_findings(
         found += _item_findings(item, spool.surveys[item.stream].values, known, still, others)
         found += _range_findings(item, spool)
         found += _recorder_findings(item, spool, gap, robot)
+        if robot is not None:
+            found += _wind_findings(item, spool.surveys[item.stream].values, mapping.air)
         found += _matrix_findings(item, spool, log.path)
         found += _stated_unit(item, plan, log)
     if robot is not None:
@@ -97,23 +99,47 @@ def _item_findings(
     return found
 
 
+def _wind_findings(item: Quantity, values: ValueSurvey, air: AirWords) -> list[Finding]:
+    """Finding that the wind in a log is not the one that the mapping states for all of it."""
+    name, places = item.column.label, list(item.places)
+    if item.si != "m/s" or _WIND.search(name) is None or not values.count[places].all():
+        return []
+    sizes = sizes_of(values, places, item.column.unit, item.column.offset)
+    speed, stated = float(np.linalg.norm(sizes.mean)), float(np.linalg.norm(air.wind))
+    spread = np.maximum(values.rms[places] ** 2 - values.mean[places] ** 2, 0.0)
+    change = float(np.sqrt(spread.sum())) * item.si_factor
+    text = f"is {speed:.3g} m/s in the mean, and `air` of the mapping says a wind of {stated:.3g}"
+    if change > max(_STEADY * speed, _CALM):
+        text = f"changes by {change:.2g} m/s (rms) about {speed:.3g}, and the wind of a log is one"
+        text += " for all of it: import each speed alone (`start` and `end` under time)"
+    elif abs(speed - stated) <= max(_STEADY * speed, _CALM):
+        return []
+    return [Finding("warning", name, "wind", text)]
+
+
+_WIND = re.compile(r"(?i)(^|[^a-z])(wind|tunnel)")
+_STEADY, _CALM = 0.1, 0.2
+"""Share of the wind, and wind [m/s], by which it may be another."""
+
+
 def _recorder_findings(
     item: Quantity, spool: Spool, gap: float, robot: Robot | None
 ) -> list[Finding]:
     """Findings about numbers that the recorder made, in the first samples of a quantity."""
     count = min(CHUNK, spool.surveys[item.stream].stamps.kept)
-    gaps = find_gaps(spool.stamps_of(item.stream)[:count], gap)
-    first = np.insert(spool.values_of(item.stream, 0, count), gaps, np.nan, axis=0)
+    stamps, first = spool.stamps_of(item.stream)[:count], spool.values_of(item.stream, 0, count)
     single = item.column.size == 1
     measured = item.role == "output" or (item.si in ("N", "N m") and not single)
     joint = robot is not None and single and item.si in ("rad", "m")
-    found = []
-    for place in () if item.is_attitude else item.places:
-        numbers, seen = first[:, place], np.isfinite(first[:, place])
-        if joint and item.si == "rad":
-            numbers[seen] = np.unwrap(numbers[seen], period=2 * np.pi / item.si_factor)
-        found += recorder_findings(item.column.label, numbers, measured=measured, joint=joint)
-    return found
+    turn = 2 * np.pi / item.si_factor if single and item.si == "rad" else 0.0
+    return [
+        one
+        for place in (() if item.is_attitude else item.places)
+        for one in recorder_findings(
+            item.column.label, stamps, first[:, place], gap,
+            measured=measured, joint=joint, turn=turn,
+        )
+    ]  # fmt: skip
 
 
 def _matrix_findings(item: Quantity, spool: Spool, path: Path) -> list[Finding]:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections import Counter
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from patagium.arrays import Array
+from patagium.arrays import Array, Bools
 from patagium.errors import LogError
 from patagium.sensing.force.air_force import PARTS
 from patagium.sensing.logs.axes import attitude_in_ours, axes_of
@@ -25,6 +27,8 @@ from patagium.sensing.logs.mapping import TableMapping, ValueColumn, conversion
 
 LONGEST_NAME = 255
 """Longest name of a variable of a netCDF file [bytes]."""
+_ALIKE = 0.9
+"""Share of their rows in which columns that are filled together have a number."""
 _SOUND = re.compile(
     "[A-Za-z0-9_\x80-\ud7ff\ue000-\U0010ffff]"
     "(?:[^\0-\x1f\x7f\ud800-\udfff]*[^\0-\x20\x7f\ud800-\udfff])?"
@@ -162,18 +166,94 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str) -> Plan:
         if not any(name == topic.name for name, _ in streams):
             streams[(topic.name, _base(topic, None, mapping, source))] = []
     keys = list(streams)
-    items = tuple(
+    items = [
         _item(role, column, keys.index(key), [streams[key].index(f) for f in fields], fields)
         for role, column, key, fields in found
+    ]
+    wanted, names, stamped = _requests(log, streams, items, whole=mapping.time.rate is None)
+    counts = tuple(topics[one.topic].count or topics[one.topic].about for one in wanted)
+    rates = _restamp_rates(mapping, stamped, source)
+    last = mapping.time.duplicates == "keep-last"
+    return Plan(tuple(wanted), tuple(names), tuple(items), counts, rates, last)
+
+
+def _requests(
+    log: LogFile,
+    streams: dict[tuple[str, StampSource], list[str]],
+    items: list[Quantity],
+    *,
+    whole: bool,
+) -> tuple[list[Request], list[str], list[str]]:
+    """Streams to read, with their names in messages and under `restamp`.
+
+    Args:
+        log: The open log.
+        streams: Fields of each topic and source of stamps.
+        items: Quantities, which are given their places in the streams.
+        whole: Whether rows are kept whole where all that is needed is in them.
+    """
+    count = Counter(name for name, _ in streams)
+    wanted, names, stamped = list[Request](), list[str](), list[str]()
+    for stream, ((name, base), every) in enumerate(streams.items()):
+        every_row = Request(name, base, tuple(every))
+        own = {k: item for k, item in enumerate(items) if item.stream == stream}
+        beside = [item for item in own.values() if item.needed and whole]
+        groups = filled_in_turn(log, every_row, [every[k] for item in beside for k in item.places])
+        for group in groups:
+            inside = {k: item for k, item in own.items() if every[item.places[0]] in group}
+            if len(groups) == 1:
+                wanted.append(every_row)
+                names.append((name or "table") + f" by {base.column}" * (count[name] > 1))
+                stamped.append(name or base.column or "table")
+            elif inside:
+                held = [*dict.fromkeys(every[k] for one in inside.values() for k in one.places)]
+                wanted.append(Request(name, base, tuple(held), filled=True))
+                names.append(next(iter(inside.values())).column.label)
+                stamped.append(names[-1])
+            for k, item in inside.items():
+                places = tuple(wanted[-1].fields.index(every[place]) for place in item.places)
+                items[k] = replace(item, stream=len(wanted) - 1, places=places)
+    return wanted, names, stamped
+
+
+def filled_in_turn(log: LogFile, wanted: Request, beside: Sequence[str] = ()) -> list[list[str]]:
+    """Columns of a table that are filled in the same rows; one list unless some skip rows.
+
+    A column skips rows, and is not merely lost for a while, if most of its numbers in the first
+    rows of the table have none in the row before. Where there are several lists, the log notes it.
+
+    Args:
+        log: The open log.
+        wanted: The table with its columns; one without a column of stamps has one list.
+        beside: Columns all of which most rows of any column have, if that makes it one list.
+    """
+    fields = [name for name in wanted.fields if name != wanted.base.column]
+    found: list[tuple[Bools, list[str]]] = []
+    skips, first = False, None
+    if log.topics[wanted.topic].kind == "table" and wanted.base.kind == "column" and fields:
+        with suppress(LogError):  # of a column of text, which is told where it is read
+            first = next(iter(log.blocks((wanted._replace(fields=tuple(fields)),))), None)
+    if first is None:
+        return [[*wanted.fields]]
+    for name, filled in zip(fields, np.isfinite(first.values).T, strict=True):
+        rows = np.flatnonzero(filled)
+        skips |= len(rows) > 2 and float(np.median(np.diff(rows))) > 1.0
+        for mask, names in found:
+            if not len(rows) or (mask & filled).sum() >= _ALIKE * max(mask.sum(), len(rows)):
+                names.append(name)
+                break
+        else:
+            found.append((filled, [name]))
+    full = np.isfinite(first.values[:, [fields.index(name) for name in beside]]).all(axis=1)
+    if beside and all((mask & full).sum() >= _ALIKE * mask.sum() for mask, _ in found):
+        skips = False
+    if not skips or len(found) < 2:
+        return [[*wanted.fields]]
+    log.notes.append(
+        "columns are filled in turn; each is taken at the stamps of its own rows, and brought to "
+        f"the `rate` under time: {'; '.join(', '.join(names) for _, names in found)}"
     )
-    wanted = tuple(Request(name, base, tuple(streams[name, base])) for name, base in keys)
-    count = Counter(name for name, _ in keys)
-    names = tuple(
-        (name or "table") + f" by {base.column}" * (count[name] > 1) for name, base in keys
-    )
-    counts = tuple(topics[name].count or topics[name].about for name, _ in keys)
-    rates = _restamp_rates(mapping, keys, source)
-    return Plan(wanted, names, items, counts, rates, mapping.time.duplicates == "keep-last")
+    return [names for _, names in found]
 
 
 def rate_of(rate: str | float, where: str) -> float:
@@ -198,7 +278,7 @@ def rate_of(rate: str | float, where: str) -> float:
 
 
 def _restamp_rates(
-    mapping: TableMapping, keys: list[tuple[str, StampSource]], source: str
+    mapping: TableMapping, names: list[str], source: str
 ) -> tuple[float | None, ...]:
     """Rate at which each stream is restamped [Hz]; None for those that keep their stamps.
 
@@ -207,14 +287,13 @@ def _restamp_rates(
     """
     given, where = mapping.time.restamp, f"{source}: time.restamp"
     if given is None:
-        return (None,) * len(keys)
-    names = [name or base.column or "table" for name, base in keys]
+        return (None,) * len(names)
     if not isinstance(given, dict):
-        if len(keys) > 1:
+        if len(names) > 1:
             example = ", ".join(f"{name}: {given}" for name in names)
             raise LogError(
                 f"{where}: expected a rate for each stream, such as {{{example}}}, "
-                f"found {given!r} for {len(keys)} streams"
+                f"found {given!r} for {len(names)} streams"
             )
         return (rate_of(given, where),)
     unknown = [key for key in given if key not in names]
