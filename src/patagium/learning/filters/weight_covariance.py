@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from patagium.arrays import Array, Indices
-from patagium.errors import ParameterError, ShapeError, refuse_removed
+from patagium.errors import ParameterError, ShapeError
 from patagium.learning.filters.state import symmetric, unpacked
 from patagium.learning.models.structure import Layered, blocks_of
 from patagium.learning.settings import checked_structure
@@ -120,9 +120,8 @@ def covariance_from(weights: Layered, kind: str, lower: Array) -> BlockCovarianc
         lower: The triangles, as `packed` gives them.
 
     Raises:
-        ParameterError: If there is no such kind, or none any more.
+        ParameterError: If there is no such kind.
         ShapeError: If there are more or less numbers.
     """
-    refuse_removed("covariance", kind)
     sizes = [len(block) for block in blocks_of(weights, checked_structure(kind))]
     return block_covariance(weights, kind, [symmetric(one) for one in unpacked(lower, sizes)])
