@@ -94,6 +94,7 @@ def identify(
         known: dict[str, Any] = {"names": flight.output_names, "units": flight.output_units}
         known["gaps"] = flight.gaps[flight.gaps > first] - first
     else:
+        simulated = isinstance(flight, xr.Dataset) and "air" not in flight.attrs  # imported has it
         time, x, y, units = samples(flight, chosen.network, inputs, robot)
         _know_ranges(chosen, x, y)
         motion, period = None, None if isinstance(flight, ForceSamples) else gait_period(flight)
@@ -110,8 +111,8 @@ def identify(
         result.scores["gaps_found"] = flight.describe_gaps()
         result.scores.update(samples=len(flight.time), samples_that_scaled=first)
         inputs = flight.input_names
-    elif isinstance(chosen.network, LinearStripNetwork):
-        result.scores["verdict"] += what_if(flight, chosen.network)
+    elif isinstance(chosen.network, LinearStripNetwork) and not simulated:
+        result.scores["verdict"] += what_if(chosen.network, (time, x, y), known["std"], period)
     return replace(result, inputs=None if inputs is None else tuple(inputs))
 
 

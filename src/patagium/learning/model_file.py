@@ -23,8 +23,9 @@ from patagium.aerodynamics.description import aero_from_description, innermost
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.arguments import checked
 from patagium.arrays import Array, brief, real_array
-from patagium.errors import LogError, ParameterError, ShapeError, shown
+from patagium.errors import LogError, ParameterError, ShapeError, refuse_removed, shown
 from patagium.learning.filters.misfit import widened
+from patagium.learning.filters.state import packed
 from patagium.learning.filters.weight_covariance import (
     BlockCovariance,
     block_covariance,
@@ -294,21 +295,13 @@ def _kept(learner: Learner) -> BlockCovariance | None:
 
 
 def _packed(covariance: BlockCovariance) -> dict[str, str]:
-    kind, arrays = covariance.arrays()
-    words = {
-        name: base64.b64encode(array.astype("<f8").tobytes()).decode()
-        for name, array in arrays.items()
-    }
-    return {"kind": kind, **words}
+    lower = packed(covariance.parts).astype("<f8").tobytes()
+    return {"kind": covariance.structure, "lower": base64.b64encode(lower).decode()}
 
 
 def _unpacked(network: Network, words: Mapping[str, str]) -> BlockCovariance:
-    texts = dict(words)
-    kind = texts.pop("kind")
-    arrays = {
-        name: np.frombuffer(base64.b64decode(text, validate=True), "<f8").astype(float)
-        for name, text in texts.items()
-    }
-    for name, array in arrays.items():
-        center_of(name, array, array.size)
-    return covariance_from(network, kind, arrays)
+    refuse_removed("covariance", words["kind"])  # it had other arrays
+    content = base64.b64decode(words["lower"], validate=True)
+    lower = np.frombuffer(content, "<f8").astype(float)
+    center_of("lower", lower, lower.size)
+    return covariance_from(network, words["kind"], lower)

@@ -16,15 +16,12 @@ from functools import partial
 from itertools import combinations, product
 
 import numpy as np
-import xarray as xr
 from scipy.linalg import solve
 
 from patagium.arrays import Array, Bools, Indices, usual_step
 from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.robot import Robot
-from patagium.sensing.force.air_force import SampleForm, recorded, training_data
-from patagium.sensing.force.measured_force import ForceSamples
-from patagium.simulation import gait_period
+from patagium.sensing.force.air_force import SampleForm
 
 _BETTER = 5.0
 """Error as stated over that of a changed log from which the log is taken for mistaken [1]."""
@@ -91,32 +88,27 @@ class _Log:
     """Motion, and known forces, of a robot at some samples of a log.
 
     Args:
-        log: Flight, or measured forces.
         network: What explains their air, without memory.
+        log: Times (N,) [s]; x = [q, v, a], (N, 3 n); y, its outputs, and their std, (N, n_y).
         reach: Largest delay that will be asked for [s].
     """
 
-    def __init__(
-        self, log: xr.Dataset | ForceSamples, network: LinearStripNetwork, reach: float
-    ) -> None:
+    def __init__(self, network: LinearStripNetwork, log: Sequence[Array], reach: float) -> None:
         robot = self.robot = network.robot
-        if isinstance(log, ForceSamples):
-            self.time, force, std = log.time, log.force, np.nan_to_num(log.std)
-            whole = np.array([log.q, log.v, log.a])
-        else:
-            self.time, _, force = training_data(log, robot, with_added_mass=True)
-            whole, std = np.array([recorded(log, k, robot) for k in ("q", "v", "a")]), 0.0 * force
-        self.network, self.whole = network, whole
+        self.time, x, y, std = log
+        self.network, self.whole = network, np.array(np.split(x, 3, axis=1))
         self.joints = [k for k in range(robot.dof) if k not in robot.floating_dofs]
-        measured = [robot.index(name) for name in network.output_names]
-        counted = np.isfinite(force[:, measured]).sum(axis=0)
+        measured = np.array([robot.index(name) for name in network.output_names])
+        force = np.full((len(y), robot.dof), np.nan)
+        force[:, measured] = y
+        counted = np.isfinite(y).sum(axis=0)
         self.heard = np.flatnonzero((network.per_newton > 0) & (counted > 1))
-        self.outputs = np.array(measured)[self.heard]
+        self.outputs = measured[self.heard]
         inside = (self.time > self.time[0] + reach) & (self.time < self.time[-1] - reach)
         self.rows = self._spread(inside & np.isfinite(force[:, self.outputs].sum(axis=1)))
-        self.motion = whole[:, self.rows]
+        self.motion = self.whole[:, self.rows]
         self.known = self._needed(self.motion) - force[self.rows]
-        self.std = std[self.rows][:, self.outputs]
+        self.std = np.nan_to_num(std[self.rows][:, self.heard])
 
     def _spread(self, known: Bools) -> Indices:
         """Samples whose outputs are known and in which joints move, spread over the log."""
@@ -159,6 +151,8 @@ class _Log:
         """Error of the best weights, with their distance from the prior, over the variance [1]."""
         network, lever = self.network, self.network.per_newton[self.heard]
         y = (self._needed(motion) - known)[:, self.outputs]
+        if not np.isfinite(y).all():  # one side has no measured force to exchange
+            return np.inf
         size = y.std(axis=0)
         size = np.maximum(size, _SLIGHT * (size / lever).max() * lever)
         slopes = network.slopes(network.encode(np.hstack([*motion])))[:, self.heard]
@@ -172,21 +166,28 @@ class _Log:
         return float(_MISFIT**2 * (np.sum(apart**2) + weights @ weights) / missed.size)
 
 
-def what_if(log: xr.Dataset | ForceSamples, network: LinearStripNetwork) -> list[str]:
+def what_if(
+    network: LinearStripNetwork,
+    log: tuple[Array, Array, Array],
+    std: Array | None = None,
+    period: float | None = None,
+) -> list[str]:
     """Warning of what a log would be explained by several times better, if anything; or nothing.
 
     Args:
-        log: Imported flight, or measured forces; a simulation makes no such mistakes.
         network: Strips of the robot in the air of the log, with the outputs that are measured.
+        log: Times (N,) [s]; x and y of the network at each, as `samples` gives them.
+        std: Standard deviation of y, (N, n_y) [N, N m]; None: without noise.
+        period: Wingbeat [s]; None: the strongest period of the joint rates.
     """
-    robot = network.robot
-    simulated = isinstance(log, xr.Dataset) and "air" not in log.attrs  # imported flights have it
-    if simulated or robot.coordinate_count > robot.dof:  # quaternions have no signs of angles
+    robot, (time, x, y) = network.robot, log
+    if robot.coordinate_count > robot.dof:  # quaternions have no signs of angles
         return []
     if network.attached:  # has a memory, so that samples may not be taken anywhere
         network = LinearStripNetwork(robot, network.air, network.measured)
-    reach = _LONGEST * _period(log)
-    record, own, ones = _Log(log, network, reach), np.arange(robot.dof), np.ones(robot.dof)
+    reach = _LONGEST * (_strongest_period(time, x) if period is None else period)
+    record = _Log(network, (time, x, y, np.zeros_like(y) if std is None else std), reach)
+    own, ones = np.arange(robot.dof), np.ones(robot.dof)
     if len(record.rows) < _SAMPLES[0] or not len(record.outputs):
         return []
     stated = record.changed(_Change("", ones, ones, own, own))
@@ -233,12 +234,9 @@ def _best_numbers(numbers: Sequence[_Number]) -> dict[float, str]:
     return found
 
 
-def _period(log: xr.Dataset | ForceSamples) -> float:
-    """Wingbeat of a log: of its gait, or the strongest period of its joint rates [s]."""
-    known = gait_period(log) if isinstance(log, xr.Dataset) else None
-    if known is not None:
-        return known
-    v, time = np.asarray(log.v), np.asarray(log.time)
+def _strongest_period(time: Array, x: Array) -> float:
+    """Strongest period of the rates in x = [q, v, a] [s]."""
+    v = np.split(x, 3, axis=1)[1]
     power = np.abs(np.fft.rfft(v - v.mean(axis=0), axis=0)).sum(axis=1)[1:]
     return 1.0 / float(np.fft.rfftfreq(len(time), usual_step(time))[1:][np.argmax(power)])
 

@@ -12,8 +12,10 @@ import xarray as xr
 
 import patagium as pt
 from patagium.learning.models.linear_strip import LinearStripNetwork
+from patagium.learning.samples import samples, stds
 from patagium.learning.what_if import what_if
 from patagium.sensing.force.air_force import training_data
+from patagium.simulation import gait_period
 
 ROBOT = pt.load_robot("aerobat")
 Mistake = Callable[[xr.Dataset], xr.Dataset]
@@ -32,6 +34,12 @@ def flight() -> xr.Dataset:
 @pytest.fixture(scope="module")
 def network() -> LinearStripNetwork:
     return LinearStripNetwork(ROBOT)
+
+
+def asked(log: xr.Dataset | pt.sensing.ForceSamples, network: LinearStripNetwork) -> list[str]:
+    """Words on a log, as `identify` asks for them."""
+    period = gait_period(log) if isinstance(log, xr.Dataset) else None
+    return what_if(network, samples(log, network)[:3], stds(log, network), period)
 
 
 def turned(names: str, parts: str) -> Mistake:
@@ -96,26 +104,26 @@ BASE = "x y z roll pitch yaw"
 def test_a_mistake_is_named(
     flight: xr.Dataset, network: LinearStripNetwork, mistake: Mistake, words: str
 ) -> None:
-    (told,) = what_if(mistake(flight), network)
+    (told,) = asked(mistake(flight), network)
     assert words in told, told
 
 
 def test_wind_that_is_stated_wrongly_is_named(flight: xr.Dataset) -> None:
-    (told,) = what_if(flight, LinearStripNetwork(ROBOT, pt.Air(wind=(0.0, 0.6, 0.0))))
+    (told,) = asked(flight, LinearStripNetwork(ROBOT, pt.Air(wind=(0.0, 0.6, 0.0))))
     assert "if the wind along y were 0.6 m/s less" in told, told
 
 
 def test_a_right_log_is_not_asked_whatever_its_air_and_noise(
     flight: xr.Dataset, network: LinearStripNetwork, rng: np.random.Generator
 ) -> None:
-    assert what_if(flight, network) == []
+    assert asked(flight, network) == []
     noise = {
         k: flight[k] + 0.05 * flight[k].std("time").values * rng.normal(size=flight[k].shape)
         for k in "va"
     }
-    assert what_if(flight.assign(noise), network) == []
-    assert what_if(flight, LinearStripNetwork(ROBOT, attached=True)) == []
-    assert what_if(flight.isel(time=slice(50)), network) == []  # too short to tell
+    assert asked(flight.assign(noise), network) == []
+    assert asked(flight, LinearStripNetwork(ROBOT, attached=True)) == []
+    assert asked(flight.isel(time=slice(50)), network) == []  # too short to tell
 
 
 def test_measured_forces_are_asked_within_their_noise(rng: np.random.Generator) -> None:
@@ -135,9 +143,15 @@ def test_measured_forces_are_asked_within_their_noise(rng: np.random.Generator) 
         mount = flight.mount_force.values * np.where(np.array(ROBOT.dof_names) == "x", sign, 1.0)
         force = y + flight.mount_force.values - mount + std * rng.normal(size=y.shape)
         parts: Any = (time, q, v, force, covariance, ROBOT, "load cell", flight.a.values, air)
-        told = what_if(pt.sensing.ForceSamples(*parts), network)
+        told = asked(pt.sensing.ForceSamples(*parts), network)
         assert len(told) == len(words)
         assert all(one in told[0] for one in words), told
+
+
+def test_one_side_that_is_measured_is_asked_too(flight: xr.Dataset) -> None:
+    network = LinearStripNetwork(ROBOT, pt.Air(), ("left_plunge",))
+    (told,) = asked(turned("left_plunge", "u1")(flight), network)
+    assert "the force of left_plunge had the other sign" in told, told
 
 
 def test_slopes_times_weights_are_the_outputs(

@@ -6,14 +6,14 @@ never P as one matrix.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from patagium.arrays import Array, Indices
-from patagium.errors import ParameterError, ShapeError, refuse_removed
-from patagium.learning.filters.state import packed, symmetric, unpacked
+from patagium.errors import ParameterError, ShapeError
+from patagium.learning.filters.state import symmetric, unpacked
 from patagium.learning.models.structure import Layered, blocks_of
 from patagium.learning.settings import checked_structure
 
@@ -88,10 +88,6 @@ class BlockCovariance:
             seen += slope[:, block] @ part @ slope[:, block].T
         return seen
 
-    def arrays(self) -> tuple[str, dict[str, Array]]:
-        """Name of the structure; lower triangles of the blocks, one after the other."""
-        return self.structure, {"lower": packed(self.parts)}
-
 
 def block_covariance(weights: Layered, structure: str, parts: Sequence[Array]) -> BlockCovariance:
     """Covariance of the blocks of a structure.
@@ -115,20 +111,17 @@ def block_covariance(weights: Layered, structure: str, parts: Sequence[Array]) -
     return BlockCovariance(structure, blocks, tuple(parts))
 
 
-def covariance_from(weights: Layered, kind: str, arrays: Mapping[str, Array]) -> BlockCovariance:
-    """Covariance from the arrays of `BlockCovariance.arrays`.
+def covariance_from(weights: Layered, kind: str, lower: Array) -> BlockCovariance:
+    """Covariance from the lower triangles of its blocks, one after the other.
 
     Args:
         weights: Whose, a network or the part of it with weights.
         kind: Name of the structure.
-        arrays: Arrays by name.
+        lower: The triangles, as `packed` gives them.
 
     Raises:
-        KeyError: If an array is missing.
-        ParameterError: If there is no such kind, or none any more.
-        ShapeError: If an array has another length.
+        ParameterError: If there is no such kind.
+        ShapeError: If there are more or less numbers.
     """
-    refuse_removed("covariance", kind)
     sizes = [len(block) for block in blocks_of(weights, checked_structure(kind))]
-    parts = [symmetric(lower) for lower in unpacked(arrays["lower"], sizes)]
-    return block_covariance(weights, kind, parts)
+    return block_covariance(weights, kind, [symmetric(one) for one in unpacked(lower, sizes)])

@@ -19,7 +19,6 @@ from patagium.sensing.sensors.sensor import (
     FramedSensor,
     Reading,
     Signal,
-    limited,
     noise,
     stepped,
     vector,
@@ -106,13 +105,12 @@ class Imu(FramedSensor):
     def shown(self, scene: Scene, times: Array, errors: tuple[Array, ...]) -> Reading:
         """Reading of a scene at given times, (N,) [s]; see `Sensor.shown`."""
         motion = self._motion(scene, self.body, times)
-        measured, true = {}, {}
-        for part, quantity, units, (bias, white) in (
-            ("accelerometer", "specific_force", "m/s^2", errors[:2]),
-            ("gyroscope", "angular_rate", "rad/s", errors[2:]),
+        (most, fastest), measured, true = np.split(self.limit, 2), {}, {}
+        for part, quantity, units, truth, (bias, white), limit in (
+            ("accelerometer", "specific_force", "m/s^2", motion.specific_force, errors[:2], most),
+            ("gyroscope", "angular_rate", "rad/s", motion.angular_velocity, errors[2:], fastest),
         ):
-            truth = motion.specific_force if part == "accelerometer" else motion.angular_velocity
-            shown = limited(truth + bias + white, getattr(self, f"{part}_range"))
+            shown = np.clip(truth + bias + white, -limit, limit)
             measured[quantity] = Signal(
                 ("axis",), units, stepped(shown, getattr(self, f"{part}_step"))
             )

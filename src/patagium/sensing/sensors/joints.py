@@ -13,7 +13,7 @@ from patagium.arrays import Array
 from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
-from patagium.sensing.sensors.sensor import Reading, Sensor, Signal, limited, noise, stepped
+from patagium.sensing.sensors.sensor import Reading, Sensor, Signal, noise, stepped
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,7 +137,7 @@ class MotorCurrent(Sensor):
         white = self.std * rng.standard_normal(force.shape)
         true = sharp / self.force_per_current
         current = force / (self.force_per_current * (1.0 + error))
-        shown = stepped(limited(current + offset + white, self.range), self.resolution)
+        shown = stepped(np.clip(current + offset + white, -self.limit, self.limit), self.resolution)
         return Reading(
             {"current": Signal(("joint",), "A", shown)},
             {

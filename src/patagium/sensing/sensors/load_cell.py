@@ -19,7 +19,6 @@ from patagium.sensing.sensors.sensor import (
     FramedSensor,
     Reading,
     Signal,
-    limited,
     noise,
     stepped,
     vector,
@@ -116,9 +115,7 @@ class LoadCell(FramedSensor):
     @property
     def sample_std(self) -> Array:
         """Standard deviation of a sample by noise and rounding, (6,) [N, N m]."""
-        white = np.concatenate([self.force_std, self.moment_std])
-        step = np.concatenate([self.force_step, self.moment_step])
-        return np.asarray(np.hypot(white, step / np.sqrt(12.0)))
+        return np.asarray(np.hypot(self._pair("std"), self._pair("step") / np.sqrt(12.0)))
 
     @property
     def limit(self) -> Array:
@@ -136,9 +133,9 @@ class LoadCell(FramedSensor):
             seen = seen + seen @ np.asarray(self.cross_talk).T
         bias = self._pair("bias") * rng.standard_normal(6)
         white = self._pair("std") * rng.standard_normal(seen.shape)
-        shown = stepped(limited(seen + bias + white, self.limit), self._pair("step"))
+        shown = np.clip(seen + bias + white, -self.limit, self.limit)
         return Reading(
-            {"wrench": Signal(("component",), "N or N m", shown)},
+            {"wrench": Signal(("component",), "N or N m", stepped(shown, self._pair("step")))},
             {
                 "wrench": Signal(("component",), "N or N m", true),
                 "bias": Signal(("component",), "N or N m", np.broadcast_to(bias, true.shape)),

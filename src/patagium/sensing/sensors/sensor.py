@@ -279,11 +279,3 @@ def stepped(values: Array, step: Any) -> Array:
     width = np.broadcast_to(np.asarray(step, float), values.shape)
     safe = np.where(width > 0, width, 1.0)
     return np.where(width > 0, np.round(values / safe) * safe, values)
-
-
-def limited(values: Array, limit: Any) -> Array:
-    """Values clipped to plus and minus a limit, or unchanged if the limit is None."""
-    if limit is None:
-        return values
-    bound = np.asarray(limit, float)
-    return np.clip(values, -bound, bound)
