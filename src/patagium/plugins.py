@@ -1,4 +1,4 @@
-"""Plugins of installed packages: verbs, models of the air, steppings.
+"""Plugins of installed packages: verbs, models of the air.
 
 A package adds something by an entry point of one of the groups below. The laboratory in `lab/`
 adds the authors' verbs and the published air this way. Neglected: versions of plugins.
@@ -13,8 +13,6 @@ VERBS = "patagium.verbs"
 """Modules of verbs of `patagium study`: `NAME = module`; see `patagium.cli.main`."""
 AIR_MODELS = "patagium.air_models"
 """Functions `(robot, air, description) -> Aerodynamics` by the model's name."""
-STEPPINGS = "patagium.steppings"
-"""Functions that fly a robot another way than `simulate`, by name."""
 
 
 def plugins(group: str) -> dict[str, EntryPoint]:

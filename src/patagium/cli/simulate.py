@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from patagium.cli import live as live_options
-from patagium.cli.estimates import DENSITY, air_word, chosen_air
+from patagium.cli.estimates import air_word, chosen_air
 from patagium.cli.learner_options import LearnerChoice, with_learner_options
 from patagium.cli.mounting import MountKind, PathWords, Sizes, mount_from, sizes
 from patagium.cli.options import (
@@ -42,14 +42,9 @@ from patagium.limits import SWING, TILT
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from patagium.aerodynamics import AddedMass, Aerodynamics
+    from patagium.aerodynamics import Aerodynamics
     from patagium.robot import Robot
     from patagium.simulation.gait_models import Gait
-
-
-def _air_word(text: str) -> str:
-    """Word for a model of the air, as `air_word` reads it, or "published"."""
-    return text if text == "published" else air_word(text)
 
 
 _ANGLE = {"parser": quantity("rad", "an angle", SWING)}
@@ -76,7 +71,7 @@ PANELS = {
     "Mount": "mount load_cell arm arm_at arm_turn arm_shift",
     "Path of the mount": "path path_center path_size path_speed path_frequency path_along "
     "path_across path_attitude path_amplitude",
-    "Live view and comparison": "live_address settings stepping",
+    "Live view": "live_address settings",
 }
 """Options of each panel of the help; the usual ones come before, in none."""
 
@@ -125,8 +120,8 @@ def simulate(
     aero: Annotated[
         str,
         typer.Option(
-            parser=_air_word,
-            metavar="<quasi-steady|lifting-line|delaurier|FILE|published>",
+            parser=air_word,
+            metavar="<quasi-steady|lifting-line|delaurier|FILE>",
             help="Model of the air; FILE: a learned one (.json), that identify wrote.",
         ),
     ] = "quasi-steady",
@@ -210,10 +205,6 @@ def simulate(
         list[str] | None,
         typer.Option(help="Body or joint whose wrench to record: body. Repeat it."),
     ] = None,
-    stepping: Annotated[
-        Literal["prescribed", "published"],
-        typer.Option(help="Stepping of the joints; published for comparison with the paper only."),
-    ] = "prescribed",
     output: FlightOutput = Path("flight.nc"),
     figure: DrawingOption = None,
     live: live_options.LiveOption = False,
@@ -242,17 +233,8 @@ def simulate(
     own = None if any(one is not None for one in asked) else machine.cruise
     standing = not machine.floating or mount == "fixed"
     blown = wind or ((-own.speed, 0.0, 0.0) if own and standing else None)
-    around = {"density": density, "wind": blown, "ground": ground}
-    model, carried = _air_model(aero, machine, inflow, polar, added_mass, around)
-    if stepping == "published":
-        if time_step is None or duration is None:
-            raise ParameterError("--time-step, --duration", "both with --stepping published", None)
-        for option, given in (("--added-mass", added_mass), ("--live", shown and live)):
-            if given is not None:
-                raise ParameterError(option, "nothing with --stepping published", given)
-        flight = _published(machine, model, frequency, plunge, speed or 0.0, duration, time_step)
-        keep(flight, output, figure, as_json)
-        return
+    around: dict[str, Any] = {"density": density, "wind": blown, "ground": ground}
+    model, carried, _ = chosen_air(aero, machine, polar, inflow, factor=added_mass, **around)
     amplitudes = {"plunge": plunge, "elbow": elbow, "feather": feather}
     named = {"amplitude": amplitude, "phase": phase, "offset": offset}
     if own:
@@ -344,34 +326,6 @@ _LABELS = {
 }
 
 
-def _air_model(
-    aero: str,
-    machine: Robot,
-    inflow: bool,
-    polar: list[str] | None,
-    factor: float | None,
-    around: dict[str, Any],
-) -> tuple[Aerodynamics, AddedMass | None]:
-    """Model of the air and what wings carry of it, by the words of the command line."""
-    from patagium.aerodynamics import AddedMass, Air
-    from patagium.plugins import AIR_MODELS, plugin
-
-    if aero != "published":
-        model, carried, _ = chosen_air(aero, machine, polar, inflow, factor=factor, **around)
-        return model, carried
-    if inflow or polar is not None:
-        raise ParameterError("--aero", "another with --inflow or --polar", aero)
-    air = Air(**{"density": DENSITY} | {k: x for k, x in around.items() if x is not None})
-    found = _of_laboratory(plugin(AIR_MODELS, aero), "--aero")(machine, air)
-    return found, None if factor is None else AddedMass(machine, air, factor=factor)
-
-
-def _of_laboratory(found: Any, option: str) -> Any:
-    if found is None:
-        raise ParameterError(option, "the package patagium-lab for 'published'", "none installed")
-    return found
-
-
 def _gait(
     machine: Robot,
     kind: str | None,
@@ -447,24 +401,6 @@ def _fly(
         return simulation.simulate(
             machine, model, gait, throw=False, progress=progress, **conditions
         )
-
-
-def _published(
-    machine: Robot,
-    model: Aerodynamics,
-    frequency: float | None,
-    plunge: float | None,
-    speed: float,
-    duration: float,
-    time_step: float,
-) -> Any:
-    from patagium.plugins import STEPPINGS, plugin
-
-    if frequency is None or plunge is None:
-        raise ParameterError("--stepping published", "--frequency and --plunge with it", None)
-    how: Any = {"frequency": frequency, "amplitude": plunge, "speed": speed}
-    published = _of_laboratory(plugin(STEPPINGS, "published"), "--stepping")
-    return published(machine, model, duration=duration, time_step=time_step, **how)
 
 
 def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:

@@ -146,7 +146,7 @@ def test_simulate_understands_units_as_it_does_si(tmp_path: Path, speak: Speak) 
     "words",
     [
         ("--gait", "linkage", "--frequency", "5", "--mount", "fixed", "--wind", "-3,0,0 m/s"),
-        ("--gait", "still", "--pitch", "-5 deg", "--speed", "3", "--aero", "published"),
+        ("--gait", "still", "--pitch", "-5 deg", "--speed", "3", "--aero", "delaurier"),
     ],
 )
 def test_simulate_other_gaits_and_mounts(
@@ -165,19 +165,6 @@ def test_simulate_with_the_inertia_of_the_air(tmp_path: Path, speak: Speak) -> N
     words = ("simulate", "aerobat", *BEAT, *FLY, "--added-mass", "0.85", "-o", path, "--json")
     assert speak(*words).code == 0
     assert np.abs(pt.load_flight(path).added_mass_force.values).max() > 1e-3
-    refused = speak(*words, "--aero", "published", "--stepping", "published")
-    assert refused.code == 2 and "--added-mass" in refused.err
-
-
-def test_simulate_as_published(tmp_path: Path, speak: Speak) -> None:
-    path = tmp_path / "published.nc"
-    answer = speak(
-        "simulate", "aerobat-published", "--aero", "published", "--stepping", "published",
-        "--frequency", "15", "--plunge", "1", "--speed", "2", *FLY, "-o", path,
-    )  # fmt: skip
-    assert answer.code == 0, answer.err
-    assert "published" in answer.out
-    assert path.is_file()
 
 
 def test_simulate_keeps_what_was_flown_before_it_broke_down(tmp_path: Path, speak: Speak) -> None:
