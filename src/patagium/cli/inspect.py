@@ -91,8 +91,6 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
         if found.topics[0].stamps == "rows":
             time = '{restamp: "??? Hz"}  # rate of the rows: no column of the table is read as time'
             time += "; else {column: NAME, unit: s}"
-    from patagium.sensing.logs.importing.inspection import FORCES
-
     inputs, outputs = list[str](), list[str]()
     for one in found.topics:
         place = "column"
@@ -111,7 +109,7 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
                 text = f"{{column: {name}, unit: {unit}}}"
                 shared = f"{text[:-1]}, {time[1:]}" if "column" not in time else time
                 time = shared if one.name else text
-            elif field.unit in ("N", "N m", "N mm") or FORCES.search(field.name):
+            elif field.unit in ("N", "N m", "N mm") or _FORCES.search(field.name):
                 outputs.append(f"  - {text}")
             else:
                 inputs.append(f"  - {text}")
@@ -126,6 +124,8 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
 
 _UNIT = re.compile(r"\s*\[(?!\d+\])[^\]]*\]$")
 """Unit in the head of a column, which is no index."""
+_FORCES = re.compile(r"(?i)(^|[._/])([fmt][xyz]|force|lift|drag|thrust|moment|torque)(?![a-z])")
+"""Names of forces and moments."""
 
 
 def show_findings(findings: Sequence[Finding], *, err: bool = False) -> None:

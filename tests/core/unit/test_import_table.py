@@ -245,8 +245,6 @@ def test_numbers_that_a_recorder_made_are_asked_for(
     found = [one.text for one in pt.import_log(path, mapping, tmp_path / "log.nc").findings]
     assert len(found) == len(words), found
     assert all(word in text for word, text in zip(words, found, strict=True)), found
-    shown = [one.text for one in inspect_log(path).findings]
-    assert shown == found  # where the log is first looked at
 
 
 @pytest.mark.parametrize(
@@ -303,8 +301,6 @@ def test_an_encoder_that_jumps_or_holds_is_told(tmp_path: Path, fault: str, word
     told = pt.import_log(path, mapping, tmp_path / "log.nc").findings
     found = [one.text for one in told if one.kind in ("jump", "held", "clipped")]
     assert bool(found) == bool(words) and all(words in one for one in found), found
-    shown = [one.text for one in inspect_log(path).findings if one.kind == "jump"]
-    assert shown == [one for one in found if "it jumps" in one]  # no robot is needed for it
     if fault in ("", "dropouts"):
         motion = pt.estimate_motion(pt.sensor_log(tmp_path / "log.nc"))
         known = motion.known.values

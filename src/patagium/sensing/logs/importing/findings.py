@@ -209,12 +209,10 @@ class StreamSurvey:
     Attributes:
         stamps: Statistics of its stamps.
         values: Statistics of its numbers.
-        first: Stamps and numbers of its first rows, by blocks, where they are kept.
     """
 
     def __init__(self, channels: int) -> None:
         self.stamps, self.values = StampSurvey(), ValueSurvey(channels)
-        self.first: list[tuple[Stamps, Array]] = []
 
 
 def survey_streams(

@@ -7,27 +7,18 @@ judged by its stamps and missing entries alone.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from contextlib import closing, suppress
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from patagium.arguments import Progress, checked
-from patagium.arrays import Array, Bools, brief
+from patagium.arrays import brief
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import (
-    Block,
-    ColumnError,
-    LogFile,
-    Request,
-    StampSource,
-    Topic,
-)
+from patagium.sensing.logs.files.channels import ColumnError, LogFile, Request, StampSource, Topic
 from patagium.sensing.logs.files.message_files import NO_MESSAGE
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.files.table_files import TIME_NAME, guessed_base
@@ -37,14 +28,12 @@ from patagium.sensing.logs.importing.findings import (
     StreamSurvey,
     constant_findings,
     missing_findings,
-    recorder_findings,
     sizes_of,
     stamp_findings,
     survey_streams,
     unit_findings,
 )
 from patagium.sensing.logs.importing.plan import filled_in_turn
-from patagium.sensing.logs.importing.resample import CHUNK
 from patagium.sensing.logs.mapping import conversion
 
 GAP = 3.0
@@ -175,7 +164,6 @@ def inspect_log(
         for part, survey in zip(readable, surveys, strict=True):
             facts.append(_topic_facts(part, survey, origin))
             found += _findings(part, survey)
-            found += _recorded(part, survey)
         facts += [_unreadable(topic) for topic in lost]
         found += [
             Finding("warning", topic.name, "unreadable", topic.problem)
@@ -268,8 +256,7 @@ def _surveyed(
         total = sum(part.topic.count or part.topic.about for part in parts)
         try:
             requests = tuple(part.request for part in parts)
-            keep = partial(_keep, surveys)
-            survey_streams(log, requests, total, surveys=surveys, keep=keep, progress=progress)
+            survey_streams(log, requests, total, surveys=surveys, progress=progress)
             return parts, surveys, ""
         except LogError as problem:
             reason, fewer = str(problem).removeprefix(f"{log.path}: "), parts
@@ -278,14 +265,6 @@ def _surveyed(
             if fewer == parts:
                 return parts, surveys, reason
             parts = fewer
-
-
-def _keep(surveys: tuple[StreamSurvey, ...], block: Block, advances: Bools) -> Array:
-    """Numbers of a block; those of the first blocks of its stream are kept."""
-    one = surveys[block.key]
-    if not one.first or one.stamps.kept <= CHUNK:
-        one.first.append((block.stamps[advances], block.values[advances]))
-    return block.values
 
 
 def _topic_facts(part: _Part, survey: StreamSurvey, origin: int) -> TopicFacts:
@@ -364,29 +343,6 @@ def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
                 doubt = {"level": "note", "text": f"{one.text} Or is it an acceleration?"}
                 found.append(replace(one, **doubt) if "Twist" in topic.kind else one)
     return found
-
-
-def _recorded(part: _Part, survey: StreamSurvey) -> list[Finding]:
-    """Findings about numbers that the recorder made, in the first samples of a part."""
-    found: list[Finding] = []
-    if part.topic.base.kind == "rows" or not survey.first:
-        return found
-    stamps, rows = (np.concatenate(parts) for parts in zip(*survey.first, strict=True))
-    for k, name in enumerate(part.fields):
-        unit, turn = part.topic.channels[name].unit, 0.0
-        with suppress(LogError):
-            factor, si = conversion(unit, None, name)
-            turn = 2 * np.pi / factor if si == "rad" and not _COMPONENT.search(name) else 0.0
-        if unit and name != part.topic.base.column:
-            own, measured = f"{part.topic.name} {name}".strip(), FORCES.search(name) is not None
-            found += recorder_findings(own, stamps, rows[:, k], GAP, measured=measured, turn=turn)
-    return found
-
-
-FORCES = re.compile(r"(?i)(^|[._/])([fmt][xyz]|force|lift|drag|thrust|moment|torque)(?![a-z])")
-"""Names of forces and moments."""
-_COMPONENT = re.compile(r"(?i)([xyz]|\[\d+\])(\s*[\[(]\D*[\])])?$")
-"""Names of components of a vector, such as a rotation vector, whose sign changes."""
 
 
 def _vector(fields: list[str], k: int) -> list[int]:
