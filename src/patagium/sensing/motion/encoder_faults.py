@@ -19,6 +19,8 @@ _FASTER = 4.0
 """Step of a jump over all those beside it; a sample that was lost makes one of two."""
 _SWING = 0.3
 """Least motion between jumps over the largest of them: less is of positions held in turn."""
+_APART = 3
+"""Samples from a step from which others tell the motion."""
 _BRIEF = 3
 """Most samples between a jump and the one back that are a drop-out."""
 
@@ -33,22 +35,26 @@ def jumps_of(values: Array) -> tuple[Indices, Array]:
     if len(values) <= 4 * _BESIDE:
         return none
     change = np.nan_to_num(np.diff(np.pad(values, _BESIDE, mode="edge")))
-    windows = sliding_window_view(change, 2 * _BESIDE + 1)
-    near = np.s_[_BESIDE - 2 : _BESIDE + 3]
+    size = np.abs(change)
+    beside = [size[_BESIDE + k : len(size) - _BESIDE + k] for k in (-_APART, _APART)]
+    size = size[_BESIDE:-_BESIDE]
+    steps = np.flatnonzero(size > _FASTER * np.maximum(*beside))  # few, of which all is looked at
+    windows = sliding_window_view(change, 2 * _BESIDE + 1)[steps]
+    near = np.s_[_BESIDE - _APART + 1 : _BESIDE + _APART]
     others = np.delete(windows, near, axis=1)
     usual = np.median(others, axis=1, keepdims=True)
     before, away, after = (windows[:, near] - usual).T[1:4]
     onward = np.maximum(before, after, where=away > 0, out=-np.minimum(before, after))
     scatter = np.maximum(np.abs(others - usual).max(axis=1), onward)
     scatter = np.maximum(scatter, 2 * count_noise(values[np.isfinite(values)]))
-    size = np.abs(windows[:, _BESIDE])
-    faster = size > _FASTER * np.abs(others).max(axis=1)
-    jumps = np.flatnonzero(faster & (np.abs(away) > _AWAY * scatter))
+    faster = size[steps] > _FASTER * np.abs(others).max(axis=1)
+    found = faster & (np.abs(away) > _AWAY * scatter)
+    jumps, away = steps[found], away[found]
     parts = [one[np.isfinite(one)] for one in np.split(values, jumps + 1)]
     swing = max(float(np.ptp(one)) for one in parts if len(one))
     if not len(jumps) or swing <= _SWING * size[jumps].max():
         return none
-    return jumps, away[jumps]
+    return jumps, away
 
 
 def dropped_out(values: Array) -> Bools:
