@@ -102,7 +102,7 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
         for field in one.channels if one.name in topics else ():
             if not (field.name and field.low <= field.high):
                 continue  # an index, or a column without a number
-            name = json.dumps(field.name if one.name else _UNIT.sub("", field.name))
+            name = json.dumps(_UNIT.sub("", field.name) if one.kind == "table" else field.name)
             unit = field.unit or ("s" if field.name == one.stamps else json.dumps("1"))
             text = f"{{{place}: {name}, unit: {unit}}}"
             if field.name == one.stamps:

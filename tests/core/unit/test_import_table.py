@@ -20,6 +20,8 @@ from patagium.sensing.logs.importing.inspection import inspect_log
 from patagium.sensing.logs.mapping import parse_mapping
 from patagium.sensing.logs.record import LogRecord, is_log
 
+from ...spoken import Speak
+
 WORDS: dict[str, Any] = {
     "time": {"column": "t", "unit": "ms"},
     "inputs": [
@@ -360,6 +362,22 @@ def test_columns_filled_in_turn_have_samples_of_their_own(tmp_path: Path, layout
     seen = {one.name: one for one in inspect_log(path).topics}
     assert {name: round(1 / one.rate, 6) for name, one in seen.items()} == steps
     assert not any(channel.missing for one in seen.values() for channel in one.channels)
+
+
+def test_the_mapping_that_inspect_writes_imports_columns_of_plotjuggler(
+    tmp_path: Path, speak: Speak
+) -> None:
+    """Names that begin with a slash were refused, with their units in them."""
+    parts = [
+        pd.DataFrame(
+            {"__time": np.arange(0, 2, step), f"/{name}": np.sin(np.arange(0, 18, 9 * step))}
+        )
+        for name, step in (("wing/plunge [rad]", 1e-3), ("cell/lift [N]", 2e-3))
+    ]
+    path, mapping = written(tmp_path, pd.concat(parts).sort_values("__time")), tmp_path / "own.yaml"
+    assert speak("inspect", path, "-o", mapping).code == 0
+    log = pt.load_log(pt.import_log(path, mapping, tmp_path / "log.nc").path)
+    assert [*log.data_vars] == ["wing|plunge", "cell|lift"] and log.sizes["time"] > 1980
 
 
 def test_outputs_that_skip_rows_stay_beside_their_inputs(tmp_path: Path) -> None:

@@ -163,7 +163,7 @@ class ValueColumn(_Words):
     def label(self) -> str:
         """Name in results."""
         if self.name or isinstance(self.source, str):
-            return self.name or str(self.source)
+            return self.name or str(self.source).lstrip("/")
         return ",".join(self.source)
 
     @property
