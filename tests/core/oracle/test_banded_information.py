@@ -7,14 +7,13 @@ import pytest
 from scipy.interpolate import BSpline
 
 from patagium.errors import FilterDiverged
-from patagium.sensing.motion import banded
 from patagium.sensing.motion.banded import SEEN, Information, Knots
 
 
 @pytest.fixture(params=["compiled", "plain"], autouse=True)
-def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+def engine(request: pytest.FixtureRequest) -> None:
     if request.param == "plain":
-        monkeypatch.setattr(banded, "_library", lambda: None)
+        request.getfixturevalue("interpreted")
 
 
 def test_the_weights_are_those_of_a_spline(rng: np.random.Generator) -> None:
