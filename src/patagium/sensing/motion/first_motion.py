@@ -123,12 +123,7 @@ def spectral_density(time: Array, values: Array, order: int) -> float:
     if spectrum is None:
         return float("nan")
     misfit, density = spectrum.misfits(order, 0.0)
-    best = density[np.argmin(misfit.sum(axis=1).min(axis=0))]
-    return (
-        float(best)
-        if len(spectrum.power) == 1
-        else float(np.mean(density[np.argmin(misfit.min(axis=1), axis=1)]))
-    )
+    return float(np.mean(density[np.argmin(misfit.min(axis=1), axis=1)]))
 
 
 class Noise(NamedTuple):
