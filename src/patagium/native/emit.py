@@ -34,6 +34,7 @@ LONG_BODY = {"lanes": 600, "double": 12_000}
 One of one state then takes some percent longer to run, and two thirds as long to compile."""
 LONG_PART = {"lanes": 600, "double": 1000}
 """Statements in each part."""
+_TAKES = "const double *const *arg, double *const *res"
 UNITS = 4
 """Texts, beside the first, that the parts of a long body are written to."""
 _VALUES = re.compile(r"\b(?:t\d+|(?:co)?sine\d+_\d+)\b")
@@ -65,7 +66,7 @@ class _Node:
 
 
 class _Array(NamedTuple):
-    """Statement that makes an array.
+    """Declaration of an array in C.
 
     Attributes:
         kind: C type of a number.
@@ -226,7 +227,7 @@ def emit(function: ca.Function) -> list[str]:
         function: An SX function.
     """
     graph, texts = dense_graph(function, calls=True), dict[str, str]()
-    head = f"void {function.name()}(const double *const *arg, double *const *res)"
+    head = f"void {function.name()}({_TAKES})"
     pointers, statements = _pointers(function), _statements_of_one(graph, texts)
     top = [*_header(function), *_includes(graph), *texts.values()]
     if len(statements) <= LONG_BODY["double"]:
@@ -242,8 +243,7 @@ def _statements_of_one(graph: _Graph, texts: dict[str, str]) -> list[str | _Arra
         if name.startswith(EACH) and name not in texts:
             inner = _Graph(callee, calls=True)
             lines = [*_pointers(callee), *map(str, _statements_of_one(inner, texts))]
-            head = f"static __attribute__((noinline)) void {name}"
-            head += "(const double *const *arg, double *const *res) {"
+            head = f"static __attribute__((noinline)) void {name}({_TAKES}) {{"
             texts[name] = "\n".join([*_includes(inner), head, *lines, "}"])
 
     def angle_block(group: list[int], number: int) -> list[str | _Array]:
@@ -308,8 +308,7 @@ def emit_batch(function: ca.Function) -> list[str]:
         " /* arguments state by state, results entry by entry (rows of `stride` states) */",
         *_includes(graph),
         *(f"{head};" for head in parts.heads),
-        f"void {name}_batch(const double *const *arg, double *const *res, long count,"
-        " long stride) {",
+        f"void {name}_batch({_TAKES}, long count, long stride) {{",
         *_pointers(function),
         "  for (long k = 0; k < count; k += LANES) {",
         *tiles,
@@ -375,7 +374,7 @@ def _in_parts(
     words = [set(_VALUES.findall("\n".join(piece))) for piece in pieces]
     last = {word: k for k, found in enumerate(words) for word in found}
     places, free, parts = dict[str, int](), list[int](), _Parts([], [], [])
-    takes = [f"{kind} *held", *(f"{of} {one}" for one, of in more.items())]
+    takes = [_TAKES, f"{kind} *held", *(f"{of} {one}" for one, of in more.items())]
     for k, piece in enumerate(pieces):
         used = sorted(set(_ARRAYS.findall("\n".join(piece))) & arrays.keys())
         body = [f"  double *const {array} = held + {arrays[array]};" for array in used]
@@ -387,11 +386,8 @@ def _in_parts(
             places[word] = free.pop() if free else most
             most = max(most, places[word] + 1)
             body.append(f"  held[{places[word]}] = {word};")
-        parts.heads.append(
-            f'__attribute__((visibility("hidden"))) void {name}_part{k}('
-            + ", ".join(["const double *const *arg, double *const *res", *takes])
-            + ")"
-        )
+        head = f"void {name}_part{k}({', '.join(takes)})"
+        parts.heads.append(f'__attribute__((visibility("hidden"))) {head}')
         parts.texts.append("\n".join([f"{parts.heads[k]} {{", *pointers, *body, "}"]))
         parts.calls.append(f"  {name}_part{k}({', '.join(['arg, res, held', *more])});")
     parts.calls.insert(0, f"  {kind} held[{max(most, 1)}];")
@@ -399,7 +395,7 @@ def _in_parts(
 
 
 def _units(top: list[str], first: list[str], parts: _Parts) -> list[str]:
-    """Texts of a body and of its parts, which begin alike."""
+    """C files: that of the function itself, then those of its parts, all with the same includes."""
     groups = (parts.texts[k::UNITS] for k in range(min(UNITS, len(parts.texts))))
     return ["\n".join([*unit, ""]) for unit in (first, *([*top, *group] for group in groups))]
 

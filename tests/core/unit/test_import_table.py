@@ -265,7 +265,7 @@ def test_numbers_that_a_recorder_made_are_asked_for(
     ],
 )
 def test_an_encoder_that_jumps_or_holds_is_told(tmp_path: Path, fault: str, words: str) -> None:
-    """A reset counter and drop-outs to zero are faults of the encoder, not motion of the joint."""
+    """Jumps of an encoder, by a counter reset or a lost signal, are not motion of the joint."""
     time, rng = 0.002 * np.arange(3000), np.random.default_rng(2)
     angle = 0.6 * np.sin(6 * np.pi * time) / (1 + np.exp(8 - 8 * time))
     truth = angle
@@ -378,8 +378,28 @@ def test_the_mapping_that_inspect_writes_imports_columns_of_plotjuggler(
     assert [*log.data_vars] == ["wing/plunge", "cell/lift"] and log.sizes["time"] > 1980
 
 
+def test_columns_of_a_second_clock_stay_on_it_beside_columns_filled_in_turn(tmp_path: Path) -> None:
+    """Quantities of the second stamps were taken for those of the first, and lost their places."""
+    parts = []
+    for name, step in (("theta", 1e-3), ("lift", 2e-3)):
+        time = np.arange(0, 2, step)
+        parts.append(pd.DataFrame({"t": time, "late": time + 0.5, name: np.sin(9 * time)}))
+    table = pd.concat(parts).sort_values("t", kind="stable")
+    table["heave"] = np.cos(9 * table["late"])
+    words = {
+        "time": {"column": "t", "unit": "s", "rate": "500 Hz"},
+        "inputs": [{"column": "theta", "unit": "rad"}],
+        "outputs": [{"column": "lift", "unit": "N"}],
+        "channels": [{"stamp": "late", "column": "heave", "unit": "m"}],
+    }
+    table = table.drop_duplicates("t", keep="last")
+    log = pt.load_log(brought(written(tmp_path, table), words).path)
+    for name, found in (("theta", np.sin), ("lift", np.sin), ("heave", np.cos)):
+        np.testing.assert_allclose(log[name], found(9 * (log.time + 0.5)), atol=1e-3)
+
+
 def test_outputs_that_skip_rows_stay_beside_their_inputs(tmp_path: Path) -> None:
-    """A force of every second row, beside inputs in all rows, needs no other time base."""
+    """A force measured in every second row, with inputs in all rows, needs no resampling."""
     table = frame()
     table.loc[1::2, "fz"] = np.nan
     assert brought(written(tmp_path, table)).samples == 150

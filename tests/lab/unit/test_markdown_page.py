@@ -1,4 +1,4 @@
-"""A Markdown page has the content of the HTML page, with its pictures as separate files."""
+"""The Markdown page says the same as the HTML page; its pictures are files of their own."""
 
 from __future__ import annotations
 

@@ -112,7 +112,7 @@ def block_covariance(weights: Layered, structure: str, parts: Sequence[Array]) -
 
 
 def covariance_from(weights: Layered, kind: str, lower: Array) -> BlockCovariance:
-    """Covariance from the lower triangles of its blocks, one after the other.
+    """Covariance from one array, in which the lower triangles of its blocks follow each other.
 
     Args:
         weights: Whose, a network or the part of it with weights.

@@ -62,7 +62,7 @@ def network_from_description(description: Mapping[str, Any]) -> Network:
 
 
 def steady_air(network: Network) -> Air | None:
-    """Air whose wind and density a network takes as known; None if it estimates or lacks them."""
+    """Air with the wind and density that a network is given; None if it estimates or needs none."""
     own: Air | None = getattr(getattr(network, "model", network), "air", None)
     learned = () if own is None else network.describe().get("estimate", ())
     return None if any(name.startswith(("wind", "density")) for name in learned) else own

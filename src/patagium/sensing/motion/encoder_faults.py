@@ -26,7 +26,7 @@ _BRIEF = 3
 
 
 def jumps_of(values: Array) -> tuple[Indices, Array]:
-    """Samples after which an angle jumps, (n_jumps,), and how far, less the motion, (n_jumps,).
+    """Index of the last sample before each jump of an angle, and its size, (n_jumps,) each.
 
     Args:
         values: Angles without whole turns, (N,) [any unit]; NaN where some are missing.

@@ -313,7 +313,7 @@ def recorder_findings(
 def _at_ends(
     values: Array, steps: Array, levels: Array, counts: Array, *, measured: bool, joint: bool
 ) -> list[tuple[str, str]]:
-    """Marks of missing numbers and clipped samples, at the ends of the numbers."""
+    """Warnings at the least and the largest number: marks of missing samples, clipped samples."""
     found: list[tuple[str, str]] = []
     for end, near, far in ((0, 1, -1), (-1, -2, 0)):
         mark, count = levels[end], int(counts[end])

@@ -192,11 +192,11 @@ def _requests(
         items: Quantities, which are given their places in the streams.
         whole: Whether rows are kept whole where all that is needed is in them.
     """
-    count = Counter(name for name, _ in streams)
+    count, owners = Counter(name for name, _ in streams), [item.stream for item in items]
     wanted, names, stamped = list[Request](), list[str](), list[str]()
     for stream, ((name, base), every) in enumerate(streams.items()):
         every_row = Request(name, base, tuple(every))
-        own = {k: item for k, item in enumerate(items) if item.stream == stream}
+        own = {k: item for k, item in enumerate(items) if owners[k] == stream}
         beside = [item for item in own.values() if item.needed and whole]
         groups = filled_in_turn(log, every_row, [every[k] for item in beside for k in item.places])
         for group in groups:

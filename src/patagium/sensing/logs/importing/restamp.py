@@ -89,7 +89,7 @@ def _set_back(late: Array, step: float) -> tuple[Array, int]:
 
 
 def _jumps(late: Array, far: Bools) -> Iterator[tuple[int, float, float]]:
-    """Rows after a large step in time, the delay of the rows after it, and their spread [ns]."""
+    """First row after each large step in time, the delay from there on, and its spread [ns]."""
     ends = [0, *(np.flatnonzero(far) + 1).tolist(), len(late)]
     for before, place, following in zip(ends, ends[1:-1], ends[2:], strict=False):
         earlier = late[max(before, place - _WINDOW) : place]
