@@ -460,7 +460,7 @@ def _close_knots(knots: Array, first: float, last: float, step: float) -> Array:
     after = knots[-1] + step * np.arange(max(ceil((last - knots[-1]) / step), 0) + 1)
     parts = np.ceil(np.diff(knots) / step).astype(int)
     pairs = zip(knots[:-1], knots[1:], parts, strict=True)
-    between = [np.linspace(*pair, count, endpoint=False) for *pair, count in pairs]
+    between = [np.linspace(a, b, count, endpoint=False) for a, b, count in pairs]
     return np.concatenate([before, *between, after])
 
 
