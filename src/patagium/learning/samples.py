@@ -19,7 +19,13 @@ from patagium.learning.models.network import Network, flight_terms
 from patagium.learning.models.registry import in_air, network_from_description, steady_air
 from patagium.learning.parameter_paths import Trained
 from patagium.robot import Robot
-from patagium.sensing.force.air_force import recorded, state_columns, training_data
+from patagium.sensing.force.air_force import (
+    recorded,
+    recorded_wind_change,
+    relative_to_wind,
+    state_columns,
+    training_data,
+)
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.simulation import air_of, robot_of
 
@@ -51,6 +57,8 @@ def samples(
 ) -> tuple[Array, Array, Array, list[str]]:
     """Training samples of a flight: inputs of a network, and what it should predict.
 
+    Where the wind of the flight changes, velocities of the base are those less the change.
+
     Args:
         flight: Record with q, v, a, u1; or measured forces.
         network: Its outputs are coordinates of the robot (generalized forces), or linear
@@ -81,6 +89,8 @@ def samples(
     if len(time) < 2:
         raise LogError(f"flight: expected two samples at least, found {len(time)}; fly longer")
     x = state if inputs is None else state[:, state_columns(machine, inputs)]
+    change = wind_change(flight, machine)
+    x = x if change is None else relative_to_wind(x, change, machine, inputs)
     if terms.acceleration and acceleration is not None:
         x = np.hstack([x, acceleration])
     balance = terms.strip_forces
@@ -95,6 +105,21 @@ def samples(
         raise ShapeError("outputs of the model", known, f"another robot's: {', '.join(names)}")
     columns = [machine.index(name) for name in names]
     return time, x, force[:, columns], [machine.force_units[k] for k in columns]
+
+
+def wind_change(flight: xr.Dataset | ForceSamples, robot: Robot | None = None) -> Array | None:
+    """Known wind of a flight less the steady one, (N, 3) [m/s], world axes; None for none.
+
+    None, too, for a robot without a floating body, which has no velocity that could be relative.
+
+    Args:
+        flight: Record of a flight, or measured forces.
+        robot: The machine; None for the one the flight carries.
+    """
+    if not isinstance(flight, ForceSamples):
+        return recorded_wind_change(flight, robot or robot_of(flight))
+    change = flight.air.uniform_wind_at(flight.time) - flight.air.wind
+    return change if (robot or flight.robot).floating and change.any() else None
 
 
 def other_air(network: Network, flight: xr.Dataset | ForceSamples) -> tuple[Air, str] | None:

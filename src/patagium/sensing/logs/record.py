@@ -27,6 +27,8 @@ from patagium.simulation.flight import air_of, quantities, robot_of
 FORMAT = "patagium log 1"
 AIR_LINE = b"# air "
 """Beginning of the first line of a text of packets in other air than that at rest at sea level."""
+WIND = ("wind.x", "wind.y", "wind.z")
+"""Names of the velocity of the air in a log that recorded it, world axes [m/s]."""
 LOADED = ("a record", "a motion")
 """Kinds of files that are read as they are; see `kind_of`."""
 _COMPONENTS = (".w", ".x", ".y", ".z")
@@ -220,6 +222,8 @@ class LogRecord:
             part: (("time", *quantities(robot)[part].dims), self.values(labels))
             for part, labels in self._parts(robot).items()
         }
+        if set(WIND) <= set(self.labels):
+            record["wind"] = (("time", "axis"), self.values(WIND))
         coordinates = {"time": ("time", self.time(), {"units": "s"}), "dof": list(robot.dof_names)}
         return xr.Dataset(record, coordinates, self._origin())
 
@@ -227,7 +231,7 @@ class LogRecord:
         """All quantities in memory; those of a flight as q, v, a, u1 of its coordinates."""
         base, used = xr.Dataset(attrs=self._origin()), set()
         if self.is_flight:
-            base = self.flight()
+            base = self.flight().drop_vars("wind", errors="ignore")  # one of those below
             used = {label for labels in self._parts(robot_of(base)).values() for label in labels}
         parts: dict[str, list[str]] = {}
         single = {one.rpartition(".")[0] for one in self.labels if one[-2:] not in _COMPONENTS}
