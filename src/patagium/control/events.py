@@ -114,9 +114,13 @@ class GustEvent(Event):
         return kind(self.velocity, self.time, self.length_time)
 
 
+_HEAVIEST = 1000
+"""Largest payload over the mass of the robot [1]."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class PayloadEvent(Event):
-    """Mass that is put on a body, as a point.
+    """Mass that is put on a body, as a point; at most a thousand times that of the robot.
 
     Args:
         time: When it is there [s].
@@ -138,6 +142,8 @@ class PayloadEvent(Event):
         """Machine with the payload, and the air around it."""
         body = robot.bodies[robot.body_index(self.body)]
         mass = positive("mass", self.mass)
+        if mass > _HEAVIEST * robot.mass:  # its mass matrix is singular to rounding
+            raise ParameterError("mass", f"at most {_HEAVIEST} times that of the robot", mass)
         where = body.center_of_mass if self.position is None else self.position
         point = _with_point(body, mass, np.array(triple("position", where)))
         return _around(robot.with_parameters(point), aero)

@@ -15,6 +15,7 @@ from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.model_file import Model, model_of
+from patagium.learning.models.memory import measured_inputs
 from patagium.learning.models.network import Network, flight_terms
 from patagium.learning.models.registry import in_air, network_from_description, steady_air
 from patagium.learning.parameter_paths import Trained
@@ -72,7 +73,7 @@ def samples(
     Raises:
         FlightError: If the flight misses a quantity.
         LogError: If there are less than two samples.
-        ShapeError: If the network's outputs are no coordinates of the robot.
+        ShapeError: If the network has other inputs, or outputs that are no coordinates.
         ParameterError: If an input has no such name, or measured forces cannot feed the network.
     """
     terms, flight = flight_terms(network), with_force(flight)
@@ -93,6 +94,9 @@ def samples(
     x = x if change is None else relative_to_wind(x, change, machine, inputs)
     if terms.acceleration and acceleration is not None:
         x = np.hstack([x, acceleration])
+    seen = measured_inputs(network)
+    if x.shape[1] not in (seen, network.inputs):
+        raise ShapeError("inputs", f"as many as the network sees, {seen}", x.shape[1])
     balance = terms.strip_forces
     if balance is not None:
         if isinstance(flight, ForceSamples):

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import patagium as pt
-from patagium.errors import FlightError, LogError
+from patagium.errors import FlightError, LogError, ShapeError
 from patagium.sensing.force.air_force import packet_columns
 
 GUST = pt.air.DrydenGust((0.6, 0.6, 0.6), (1.0, 1.0, 0.5), airspeed=4.0, seed=1)
@@ -92,11 +92,18 @@ def test_a_log_with_the_wind_in_it_needs_no_other_word(
     log = pt.load_log("log.nc")
     np.testing.assert_allclose(log["wind"], free["wind"], atol=1e-12)  # digits of the text
     assert worst(pt.identify(log)) < 1e-4 < 1e-2 < worst(pt.identify(log.drop_vars("wind")))
+    mapping["channels"][-1] = {"column": "wind_n", "unit": "m/s", "name": "wind.x"}  # type: ignore[index]
+    Path("map.yaml").write_text(json.dumps(mapping | {"air": {"wind": [0, 1, 2]}}), "utf-8")
+    told = pt.import_log("log.csv", "map.yaml", "log.nc").findings
+    assert not [one for one in told if one.kind == "wind"]
+    one = pt.load_log("log.nc")["wind"].values
+    np.testing.assert_allclose(one[:, 0], free["wind"].values[:, 0], atol=1e-12)
+    assert np.array_equal(one[:, 1:], np.tile([1.0, 2.0], (len(one), 1)))
     names = [{"column": f"wind_{axis}", "unit": "m/s"} for axis in "ned"]
     mapping["channels"][-1:] = names  # type: ignore[index]
     Path("map.yaml").write_text(json.dumps(mapping), "utf-8")
     told = pt.import_log("log.csv", "map.yaml", "log.nc").findings
-    assert any("`name: wind`, which is followed" in one.text for one in told)
+    assert any("`name: wind` of a vector (`frame`) is followed" in one.text for one in told)
 
 
 def test_a_wind_that_cannot_be_read_is_refused(gusty: xr.Dataset) -> None:
@@ -110,6 +117,14 @@ def test_a_wind_that_cannot_be_read_is_refused(gusty: xr.Dataset) -> None:
     lost["wind"] = gusty["wind"].isel(axis=0)
     with pytest.raises(FlightError, match=r"wind: expected \(time, axis\) in m/s"):
         pt.identify(lost)
+
+
+@pytest.mark.parametrize("inputs", [[], ["v.x", "q.pitch"]])
+def test_inputs_that_the_network_does_not_have_are_refused(
+    gusty: xr.Dataset, inputs: list[str]
+) -> None:
+    with pytest.raises(ShapeError, match="inputs: expected as many as the network sees, 42, found"):
+        pt.identify(gusty, inputs=inputs)
 
 
 def test_measured_forces_know_the_wind_of_their_log(gusty: xr.Dataset) -> None:

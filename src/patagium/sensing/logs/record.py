@@ -222,17 +222,15 @@ class LogRecord:
             part: (("time", *quantities(robot)[part].dims), self.values(labels))
             for part, labels in self._parts(robot).items()
         }
-        if set(WIND) <= set(self.labels):
-            record["wind"] = (("time", "axis"), self.values(WIND))
         coordinates = {"time": ("time", self.time(), {"units": "s"}), "dof": list(robot.dof_names)}
-        return xr.Dataset(record, coordinates, self._origin())
+        return xr.Dataset(record | self._wind(), coordinates, self._origin())
 
     def dataset(self) -> xr.Dataset:
         """All quantities in memory; those of a flight as q, v, a, u1 of its coordinates."""
-        base, used = xr.Dataset(attrs=self._origin()), set()
+        base, used = xr.Dataset(self._wind(), attrs=self._origin()), set(WIND)
         if self.is_flight:
-            base = self.flight().drop_vars("wind", errors="ignore")  # one of those below
-            used = {label for labels in self._parts(robot_of(base)).values() for label in labels}
+            base = self.flight()
+            used |= {label for labels in self._parts(robot_of(base)).values() for label in labels}
         parts: dict[str, list[str]] = {}
         single = {one.rpartition(".")[0] for one in self.labels if one[-2:] not in _COMPONENTS}
         for name in (label for label in self.labels if label not in used):
@@ -274,6 +272,15 @@ class LogRecord:
             for part in (*PARTS, *OPTIONAL_PARTS)
         }
         return {part: labels for part, labels in parts.items() if set(labels) <= set(self.labels)}
+
+    def _wind(self) -> dict[str, Any]:
+        """Velocity of the air (time, axis) by its name; components that lack are as stated."""
+        known = tuple(name for name in WIND if name in self._columns)
+        if not known:
+            return {}
+        wind = np.tile(self.air.wind, (self.count, 1))
+        wind[:, [WIND.index(name) for name in known]] = self.values(known)
+        return {"wind": (("time", "axis"), wind, {"units": self.units[known[0]]})}
 
     def _missing(self, robot: Robot) -> list[str]:
         wanted = [column.name for column in packet_columns(robot)[1:]]

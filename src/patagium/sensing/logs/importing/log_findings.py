@@ -103,12 +103,12 @@ def _item_findings(
 def _wind_findings(item: Quantity, values: ValueSurvey, air: AirWords) -> list[Finding]:
     """Finding that the wind in a log is not the one that the mapping states for all of it.
 
-    None of a vector named `wind`, which `identify` and `motion` follow.
+    None of one named `wind`, or `wind.x`, which `identify` and `motion` follow.
     """
     name, places = item.column.label, list(item.places)
     if item.si != "m/s" or _WIND.search(name) is None or not values.count[places].all():
         return []
-    if set(WIND) <= set(item.column.labels):
+    if set(WIND) & set(item.column.labels):
         return []
     sizes = sizes_of(values, places, item.column.unit, item.column.offset)
     speed, stated = float(np.linalg.norm(sizes.mean)), float(np.linalg.norm(air.wind))
@@ -119,7 +119,7 @@ def _wind_findings(item: Quantity, values: ValueSurvey, air: AirWords) -> list[F
         text = (
             f"changes by {change:.2g} m/s (rms) about {speed:.3g}, but the wind of the log is one"
         )
-        text += " for all of it: map it as a vector (`frame`) with `name: wind`, which is followed"
+        text += " for all of it: `name: wind` of a vector (`frame`) is followed, or `name: wind.x`"
     elif abs(speed - stated) <= max(_STEADY * speed, _CALM):
         return []
     return [Finding("warning", name, "wind", text)]
