@@ -114,10 +114,6 @@ class GustEvent(Event):
         return kind(self.velocity, self.time, self.length_time)
 
 
-_HEAVIEST = 1000
-"""Largest payload over the mass of the robot [1]."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class PayloadEvent(Event):
     """Mass that is put on a body, as a point; at most a thousand times that of the robot.
@@ -139,11 +135,14 @@ class PayloadEvent(Event):
         return f"a payload of {1e3 * self.mass:.4g} g on {self.body}"
 
     def changed(self, robot: Robot, aero: Aerodynamics) -> Machine:
-        """Machine with the payload, and the air around it."""
-        body = robot.bodies[robot.body_index(self.body)]
-        mass = positive("mass", self.mass)
-        if mass > _HEAVIEST * robot.mass:  # its mass matrix is singular to rounding
-            raise ParameterError("mass", f"at most {_HEAVIEST} times that of the robot", mass)
+        """Machine with the payload, and the air around it.
+
+        Raises:
+            ParameterError: If the mass is not positive, or its mass matrix singular to rounding.
+        """
+        body, mass = robot.bodies[robot.body_index(self.body)], positive("mass", self.mass)
+        if mass > 1000 * robot.mass:
+            raise ParameterError("mass", "at most 1000 times that of the robot", mass)
         where = body.center_of_mass if self.position is None else self.position
         point = _with_point(body, mass, np.array(triple("position", where)))
         return _around(robot.with_parameters(point), aero)

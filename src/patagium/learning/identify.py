@@ -105,8 +105,7 @@ def identify(
         known |= {"motion": motion, "period": period}
     _check_horizons(horizons, float(time[-1] - time[0]))
     result = stream(chosen, time, x, y, every=taken, horizons=horizons, progress=progress, **known)
-    made = choices(chosen, taken, usual_step(time), **given)
-    result.scores["chosen"] = words | made | words
+    result.scores["chosen"] = words | choices(chosen, taken, usual_step(time), **given) | words
     result.scores["verdict"] += _noise_words(known.get("std"), y[len(y) // 2 :], result.scores)
     if isinstance(flight, LogTable):
         result.scores["gaps_found"] = flight.describe_gaps()
