@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from patagium.aerodynamics import Air
 from patagium.arguments import Progress, checked
 from patagium.arrays import Array, Bools, usual_step
 from patagium.errors import LogError, Outcome, ParameterError
@@ -105,7 +106,7 @@ def identify(
         known |= {"motion": motion, "period": period}
     _check_horizons(horizons, float(time[-1] - time[0]))
     result = stream(chosen, time, x, y, every=taken, horizons=horizons, progress=progress, **known)
-    result.scores["chosen"] = words | choices(chosen, taken, usual_step(time), **given) | words
+    result.scores["chosen"] = words | choices(chosen, taken, usual_step(time), **given)
     result.scores["verdict"] += _noise_words(known.get("std"), y[len(y) // 2 :], result.scores)
     if isinstance(flight, LogTable):
         result.scores["gaps_found"] = flight.describe_gaps()
@@ -123,6 +124,8 @@ def _flight_words(
     words = go_on_in(learner, flight)
     if wind_change(flight, robot) is not None:
         words["wind"] = "as the flight has it at each sample"
+    elif getattr(learner.network, "air", Air()).gust is not None:
+        words["wind"] = "steady; its changes are errors of the network"
     if not isinstance(flight, ForceSamples):
         return words
     names, lost = ", ".join(flight.measured), count - len(flight.time)

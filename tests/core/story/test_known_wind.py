@@ -12,6 +12,8 @@ import patagium as pt
 from patagium.errors import FlightError, LogError, ShapeError
 from patagium.sensing.force.air_force import packet_columns
 
+from ...spoken import Speak
+
 GUST = pt.air.DrydenGust((0.6, 0.6, 0.6), (1.0, 1.0, 0.5), airspeed=4.0, seed=1)
 
 
@@ -43,6 +45,18 @@ def test_the_force_in_a_gust_is_learned_as_in_a_steady_wind(gusty: xr.Dataset) -
     still = flown(None)
     assert worst(pt.evaluate(still, known.model)) < 1e-4
     assert worst(pt.evaluate(gusty, pt.identify(still).model)) < 1e-3
+
+
+def test_numbers_of_a_model_are_estimated_in_a_known_gust(
+    gusty: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, speak: Speak
+) -> None:
+    """The steady wind is the model's; the gust of the first sample is none of it."""
+    monkeypatch.chdir(tmp_path)
+    pt.save_flight(gusty, "flight.nc")
+    said = speak("identify", "flight.nc", "--estimate", "polar.lift_amplitude=0.5", "--json")
+    scores = json.loads(said[1])
+    assert scores["nmse_second_half_worst"] < 1e-12  # the model is the truth
+    assert scores["chosen"]["wind"] == "as the flight has it at each sample"
 
 
 def test_a_gust_that_travels_is_known_by_its_mean_over_the_wings() -> None:

@@ -172,10 +172,10 @@ def numbers_of(model: Aerodynamics, added_mass: AddedMass | None) -> dict[str, f
         model: The air, around a robot.
         added_mass: What it carries along.
     """
-    robot, wind = model.robot, model.air.wind_at([0.0])[0]
+    robot = model.robot
     numbers = dict(zip(robot.parameter_names, robot.parameters.tolist(), strict=True))
     numbers |= dict(zip(model.parameter_names, model.parameters.tolist(), strict=True))
-    numbers |= dict(zip(WIND, wind.tolist(), strict=True))
+    numbers |= dict(zip(WIND, model.air.wind, strict=True))
     return numbers | ({} if added_mass is None else added_mass.factors)
 
 
