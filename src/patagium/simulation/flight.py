@@ -22,6 +22,7 @@ import xarray as xr
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, Air, LiftingLine
 from patagium.aerodynamics.added_mass import added_mass_from_description
+from patagium.aerodynamics.air import air_from_description
 from patagium.aerodynamics.description import aero_from_description
 from patagium.arguments import checked, of_kind
 from patagium.arrays import Array, rising
@@ -363,7 +364,8 @@ def air_of(flight: xr.Dataset) -> Air:
     if "air" not in flight.attrs and "aero" in flight.attrs:  # a log has no model
         return aero_of(flight).air
     with made_again("the log's air", FlightError):
-        return Air(**json_object(flight.attrs.get("air", "{}"), "air"))
+        stated = json_object(flight.attrs.get("air", "{}"), "air")
+        return air_from_description(Air().describe() | stated)
 
 
 def added_mass_of(flight: xr.Dataset) -> AddedMass | None:

@@ -108,18 +108,25 @@ def test_an_import_says_what_motion_lacks(folder: Path, capsys: pytest.CaptureFi
 def test_coordinates_of_a_floating_base_become_cameras(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """q.x, q.y and q.z were taken for one vector, whose attitude was then missing."""
+    """q.x, q.y and q.z were taken for one vector, whose attitude was then missing.
+
+    The wind beside them is that of the forces.
+    """
     time = np.arange(200) / 200.0
     turns = np.column_stack([0.1 * np.sin(9 * time), 0.2 * np.cos(9 * time), 0.5 * time])
-    rows = np.column_stack([time, time, 0 * time, -2.45 * time**2, turns])
-    header = "t,x,y,z,roll,pitch,yaw"
+    wind = np.sin(5 * time)
+    rows = np.column_stack([time, time, 0 * time, -2.45 * time**2, turns, wind])
+    header = "t,x,y,z,roll,pitch,yaw,gust"
     np.savetxt("flight.csv", rows, delimiter=",", header=header, comments="")
-    parts = [(name, "m" if name in "xyz" else "rad") for name in header.split(",")[1:]]
+    parts = [(name, "m" if name in "xyz" else "rad") for name in header.split(",")[1:-1]]
     words = [f"  - {{column: {name}, unit: {unit}, name: q.{name}}}" for name, unit in parts]
+    words.append("  - {column: gust, unit: m/s, name: wind.y}")
     text = "\n".join(["time: {column: t, unit: s}", "robot: brick.yaml", "channels:", *words])
     Path("map.yaml").write_text(text, "utf-8")
     said(["import", "flight.csv", "--map", "map.yaml", "-o", "log.nc"], capsys)
-    assert "cameras of body: 200 samples" in said(["motion", "log.nc"], capsys)
+    assert "cameras of body: 200 samples" in said(["motion", "log.nc", "-o", "motion.nc"], capsys)
+    air = pt.sensing.ForceSamples.of(pt.load_log("motion.nc")).air
+    np.testing.assert_allclose(air.wind_at(time)[:, 1], wind, atol=1e-12)  # digits of the text
 
 
 def test_an_imported_log_gives_the_same_in_python(
