@@ -94,9 +94,6 @@ def samples(
     x = x if change is None else relative_to_wind(x, change, machine, inputs)
     if terms.acceleration and acceleration is not None:
         x = np.hstack([x, acceleration])
-    seen = measured_inputs(network)
-    if x.shape[1] not in (seen, network.inputs):
-        raise ShapeError("inputs", f"as many as the network sees, {seen}", x.shape[1])
     balance = terms.strip_forces
     if balance is not None:
         if isinstance(flight, ForceSamples):
@@ -107,6 +104,9 @@ def samples(
     if not set(names) <= set(machine.dof_names):
         known = f"coordinates of robot {machine.name!r}: {', '.join(machine.dof_names)}"
         raise ShapeError("outputs of the model", known, f"another robot's: {', '.join(names)}")
+    seen = measured_inputs(network)
+    if x.shape[1] not in (seen, network.inputs):
+        raise ShapeError("inputs", f"as many as the network sees, {seen}", x.shape[1])
     columns = [machine.index(name) for name in names]
     return time, x, force[:, columns], [machine.force_units[k] for k in columns]
 

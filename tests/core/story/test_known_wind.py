@@ -133,6 +133,15 @@ def test_a_wind_that_cannot_be_read_is_refused(gusty: xr.Dataset) -> None:
         pt.identify(lost)
 
 
+def test_the_force_does_not_depend_on_how_fast_the_base_moves(free: xr.Dataset) -> None:
+    """Packets may have velocities relative to the wind, as `docs/stream.md` says."""
+    moved = free.copy(deep=True)
+    base = moved["v"].sel(dof=["x", "y", "z"])
+    moved["v"].loc[{"dof": ["x", "y", "z"]}] = base - moved["wind"].values
+    force, other = (pt.sensing.training_data(one)[2] for one in (free, moved))
+    np.testing.assert_allclose(other, force, atol=1e-12 * np.abs(force).max())  # rounding
+
+
 @pytest.mark.parametrize("inputs", [[], ["v.x", "q.pitch"]])
 def test_inputs_that_the_network_does_not_have_are_refused(
     gusty: xr.Dataset, inputs: list[str]
