@@ -21,7 +21,6 @@ from types import MappingProxyType
 from typing import Any
 
 from patagium.limits import PROBLEMS, SHOWN
-from patagium.removed import REMOVED
 
 __all__ = [
     "CompilerError",
@@ -121,16 +120,6 @@ def unknown_name(module: str, name: str, known: Iterable[str]) -> AttributeError
         known: Its public names, or a mapping from these to what to write today.
     """
     return AttributeError(f"module {module!r} has no attribute {name!r}{similar(name, known)}")
-
-
-def refuse_removed(where: str, name: object) -> None:
-    """Error of something that was removed; nothing for any other name.
-
-    Raises:
-        ParameterError: If it was removed; the message says what to take in its place.
-    """
-    if isinstance(name, str) and name in REMOVED:
-        raise ParameterError(where, f"{REMOVED[name]} ({name} was removed)", name)
 
 
 def suggest_names(module: str) -> None:

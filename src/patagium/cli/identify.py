@@ -28,7 +28,7 @@ from patagium.cli.learner_options import (
 from patagium.cli.options import LogArgument, MappingOption, ReportOption, ScoresOption, output_file
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import FLIGHT, progress_bar, say_json, say_next, show_table
-from patagium.errors import Interrupted, Outcome, ParameterError, command, refuse_removed
+from patagium.errors import Interrupted, Outcome, ParameterError, command
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -127,7 +127,7 @@ def identify(
             choice = replace(choice, settings=found | dict(given))
     elif estimate:
         if choice.network is not None:
-            refuse_removed("--network", "residual network")
+            raise ParameterError("--network", "none with --estimate", choice.network.value)
         network = grey_box(flight, estimate, aero)
     else:
         network = flight_network(flight, choice)
