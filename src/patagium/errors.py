@@ -136,27 +136,17 @@ def suggest_names(module: str) -> None:
     names["__getattr__"] = absent  # not declared, so that type checkers know what is absent
 
 
-def problem_lines(
+def told_problems(
     file: str, problems: Iterable[tuple[str, str, str]], lines: Mapping[str, int]
-) -> list[str]:
-    """Line of a message for each problem of a file.
-
-    Args:
-        file: The file.
-        problems: One `(path in the file, expected, found)` a problem.
-        lines: Number of the line of a path, where it is known.
-    """
-    return [
+) -> str:
+    """Lines of a message: the first few problems of a `RobotFileError`, and how many more."""
+    told = [
         f"{file}: {f'line {lines[where]}, ' if where in lines else ''}{where[:300] or 'file'}: "
         f"expected {want[:1000]}, found {got[:300]}"
         for where, want, got in problems
     ]
-
-
-def first_few(lines: list[str]) -> str:
-    """Lines of a message: the first few, and how many more there are."""
-    more = [f"and {len(lines) - PROBLEMS} more problems"] if len(lines) > PROBLEMS else []
-    return "\n".join([*lines[:PROBLEMS], *more])
+    more = [f"and {len(told) - PROBLEMS} more problems"] if len(told) > PROBLEMS else []
+    return "\n".join([*told[:PROBLEMS], *more])
 
 
 def plain(value: Any) -> Any:
@@ -182,7 +172,7 @@ class RobotFileError(PatagiumError, ValueError):
         problems: list[tuple[str, str, str]],
         lines: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
-        super().__init__(first_few(problem_lines(file, problems, lines)))
+        super().__init__(told_problems(file, problems, lines))
         self.file, self.problems = file, problems
 
 

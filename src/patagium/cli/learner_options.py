@@ -162,19 +162,16 @@ def _options(several: bool, file: str) -> Iterator[inspect.Parameter]:
         yield _parameter("settings", Path, typer.Option(help=help_text))
     network = "Network; by default linear_strip for a robot with wings, dense for tables."
     hidden = "Neurons of each hidden layer; 8,8 by default." + repeat
-    activations = "Activation of the hidden layers; softplus by default."
-    shown: dict[str, Any] = {"rich_help_panel": PANEL}
-    option = typer.Option(help=network, **_one_of(tuple(NetworkKind)), **shown)
-    yield _parameter("network", str, option)
-    option = typer.Option(parser=whole_numbers, metavar="N,N,...", help=hidden, **shown)
-    yield _parameter("hidden", many, option)
-    option = typer.Option(help=activations, **_one_of(ACTIVATIONS), **shown)
-    yield _parameter("activation", str, option)
-    learner = "Kind of the learner; extended by default."
-    option = typer.Option(help=learner, **_one_of(FILTERS), **shown)
-    yield _parameter("learner", str, option)
-    seed = typer.Option(help="Seed of the initial weights; 0 by default.", **shown)
-    yield _parameter("seed", int, seed)
+    activation = "Activation of the hidden layers; softplus by default."
+    layers: dict[str, Any] = {"parser": whole_numbers, "metavar": "N,N,..."}
+    for name, kind, text, reading in (
+        ("network", str, network, _one_of(tuple(NetworkKind))),
+        ("hidden", many, hidden, layers),
+        ("activation", str, activation, _one_of(ACTIVATIONS)),
+        ("learner", str, "Kind of the learner; extended by default.", _one_of(FILTERS)),
+        ("seed", int, "Seed of the initial weights; 0 by default.", {}),
+    ):
+        yield _parameter(name, kind, typer.Option(help=text, rich_help_panel=PANEL, **reading))
     for word, path, one in setting_options():
         yield _setting(word, path, one, several)
 
