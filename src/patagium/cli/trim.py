@@ -190,7 +190,6 @@ def _picture(found: Branch) -> Figure:
 
     family = found.orbits[0].family
     units = dict(zip(family.names, family.units, strict=True))
-
     changing = [name for name in found.free if name != found.along]
     figure, axes = panels(len(changing) + 1, 1, row_height=1.8)
     for panel, name in zip(axes[:, 0], changing, strict=False):
