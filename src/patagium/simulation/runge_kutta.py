@@ -89,11 +89,11 @@ def _met(pieces: CubicPieces, times: Array, delays: Array) -> Array:
         met = gusts_at_strips(pieces, times, delays.swapaxes(1, 2))
         return met.swapaxes(1, 2).reshape(count, -1)
     found = np.empty((count, GUST_COMPONENTS * strips))
-    cubics = np.ascontiguousarray(pieces.coefficients)
+    cubics, at = np.ascontiguousarray(pieces.coefficients), np.ascontiguousarray(times)
     library.met_by_strips(
         ctypes.c_long(count),
         ctypes.c_long(len(pieces.knots)),
-        *map(_pointer, (pieces.knots, cubics, np.ascontiguousarray(times))),
+        *map(_pointer, (pieces.knots, cubics, at)),
         ctypes.c_long(strips),
         _pointer(delays),
         _pointer(found),
