@@ -15,6 +15,7 @@ from patagium.cli.options import (
     JsonOption,
     PolarOption,
     RobotArgument,
+    SpeedOption,
     option_in,
     output_file,
 )
@@ -39,10 +40,7 @@ PANELS = {"Air and flight": "climb aero polar inflow density", "Files": "output 
 
 def optimize(
     robot: RobotArgument,
-    speed: Annotated[
-        float | None,
-        option_in("m/s", "a speed", "Mean speed forward, in m/s; free by default, 0 hovers."),
-    ] = None,
+    speed: SpeedOption = None,
     climb: Annotated[float, option_in("m/s", "a speed", "Mean speed upward, in m/s.")] = 0.0,
     goal: Annotated[
         Literal["power", "range", "speed"],

@@ -139,14 +139,12 @@ class NativeFunction:
         """
         self._check_count(arguments)
         with self._lock:
-            for position, (buffer, argument) in enumerate(
-                zip(self._inputs, arguments, strict=True)
-            ):
-                array = real_array(self.signature.names_in[position], argument)
+            given = zip(self.signature.names_in, self._inputs, arguments, strict=True)
+            for name, buffer, argument in given:
+                array = real_array(name, argument)
                 if array.shape != buffer.shape and not array.size == buffer.size == 1:
                     many = " (`batch` takes many)" if array.shape[1:] == buffer.shape else ""
-                    name, expected = self.signature.names_in[position], f"{buffer.shape}{many}"
-                    raise ShapeError(name, expected, array.shape)
+                    raise ShapeError(name, f"{buffer.shape}{many}", array.shape)
                 buffer[...] = array
             self._run()
             if self._single:

@@ -631,15 +631,19 @@ def _mounted(
         *(replace(s, body=s.body + first) for s in robot.strips),
     )
 
-    def joined(name: str) -> tuple[Any, ...]:
-        own = getattr(robot, name)
-        return (*getattr(arm, name), *(own[i] for i in kept))
+    def joined(name: str, none: float = np.inf) -> tuple[Any, ...]:
+        """Values for the joints of both, `none` for those of one that has none; or ()."""
+        own, carriers = getattr(robot, name), getattr(arm, name)
+        if not own and not carriers:
+            return ()
+        own = own or (none,) * robot.dof
+        return (*(carriers or (none,) * arm.dof), *(own[i] for i in kept))
 
     def pairs(name: str) -> tuple[tuple[str, str], ...]:
         of_arm = tuple((prefix + one, prefix + other) for one, other in getattr(arm, name))
         return (*of_arm, *getattr(robot, name))
 
-    capacities: dict[str, Any] = {name: _capacity(name, robot, arm, kept) for name in CAPACITIES}
+    capacities: dict[str, Any] = {name: joined(name) for name in CAPACITIES}
     composed = Robot(
         name=f"{robot.name}-on-{arm.name}",
         bodies=bodies,
@@ -648,8 +652,8 @@ def _mounted(
         dof_units=joined("dof_units"),
         actuated=(*arm.actuated, *(dof[i] for i in robot.actuated if i in dof)),
         damping=joined("damping"),
-        stiffness=_capacity("stiffness", robot, arm, kept, 0.0),
-        rest=_capacity("rest", robot, arm, kept, 0.0),
+        stiffness=joined("stiffness", 0.0),
+        rest=joined("rest", 0.0),
         lower=joined("lower"),
         upper=joined("upper"),
         gravity=robot.gravity,
@@ -703,20 +707,6 @@ def finite_triple(name: str, values: ArrayLike) -> Axis:
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ParameterError(name, "three finite numbers", np.ravel(vector).tolist()[:6])
     return axis_of(vector)
-
-
-def _capacity(
-    name: str, robot: Robot, arm: Robot, kept: tuple[int, ...], none: float = np.inf
-) -> tuple[float, ...]:
-    """Values of a field for the joints of both robots; empty where neither has any.
-
-    Where one has none, `none` stands for its joints.
-    """
-    own, carriers = getattr(robot, name), getattr(arm, name)
-    if not own and not carriers:
-        return ()
-    own = own or (none,) * robot.dof
-    return (*(carriers or (none,) * arm.dof), *(own[i] for i in kept))
 
 
 def _check_names(robot: Robot, strips: tuple[Strip, ...]) -> None:
