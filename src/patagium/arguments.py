@@ -166,12 +166,10 @@ def _fits(value: Any, kind: Any) -> bool:
         kind = next((one for one in kind.__mro__ if vars(one).get("_is_runtime_protocol")), object)
     if isinstance(kind, type | UnionType):
         told = kind in type(value).__mro__  # a protocol may compile what it looks for
-        return (told or isinstance(value, kind)) and (origin is not np.ndarray or _is_real(value))
+        if not (told or isinstance(value, kind)):
+            return False
+        return origin is not np.ndarray or (value.dtype.kind in "fiu" and np.isfinite(value).all())
     return True
-
-
-def _is_real(value: Any) -> bool:
-    return value.dtype.kind in "fiu" and bool(np.isfinite(value).all())
 
 
 def _listed(value: Any) -> bool:

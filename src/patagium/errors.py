@@ -21,7 +21,6 @@ from types import MappingProxyType
 from typing import Any
 
 from patagium.limits import PROBLEMS, SHOWN
-from patagium.removed import REMOVED
 
 __all__ = [
     "CompilerError",
@@ -123,16 +122,6 @@ def unknown_name(module: str, name: str, known: Iterable[str]) -> AttributeError
     return AttributeError(f"module {module!r} has no attribute {name!r}{similar(name, known)}")
 
 
-def refuse_removed(where: str, name: object) -> None:
-    """Error of something that was removed; nothing for any other name.
-
-    Raises:
-        ParameterError: If it was removed; the message says what to take in its place.
-    """
-    if isinstance(name, str) and name in REMOVED:
-        raise ParameterError(where, f"{REMOVED[name]} ({name} was removed)", name)
-
-
 def suggest_names(module: str) -> None:
     """Let a module answer an unknown name with a similar one of its public names.
 
@@ -147,27 +136,17 @@ def suggest_names(module: str) -> None:
     names["__getattr__"] = absent  # not declared, so that type checkers know what is absent
 
 
-def problem_lines(
+def told_problems(
     file: str, problems: Iterable[tuple[str, str, str]], lines: Mapping[str, int]
-) -> list[str]:
-    """Line of a message for each problem of a file.
-
-    Args:
-        file: The file.
-        problems: One `(path in the file, expected, found)` a problem.
-        lines: Number of the line of a path, where it is known.
-    """
-    return [
+) -> str:
+    """Lines of a message: the first few problems of a `RobotFileError`, and how many more."""
+    told = [
         f"{file}: {f'line {lines[where]}, ' if where in lines else ''}{where[:300] or 'file'}: "
         f"expected {want[:1000]}, found {got[:300]}"
         for where, want, got in problems
     ]
-
-
-def first_few(lines: list[str]) -> str:
-    """Lines of a message: the first few, and how many more there are."""
-    more = [f"and {len(lines) - PROBLEMS} more problems"] if len(lines) > PROBLEMS else []
-    return "\n".join([*lines[:PROBLEMS], *more])
+    more = [f"and {len(told) - PROBLEMS} more problems"] if len(told) > PROBLEMS else []
+    return "\n".join([*told[:PROBLEMS], *more])
 
 
 def plain(value: Any) -> Any:
@@ -193,7 +172,7 @@ class RobotFileError(PatagiumError, ValueError):
         problems: list[tuple[str, str, str]],
         lines: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
-        super().__init__(first_few(problem_lines(file, problems, lines)))
+        super().__init__(told_problems(file, problems, lines))
         self.file, self.problems = file, problems
 
 

@@ -49,23 +49,6 @@ MOST_STEPS = 10**15
 
 def free_memory() -> int:
     """Memory that can be taken now [B], also where a control group allows less than there is."""
-    stated = _stated_memory()
-    if not stated:  # no Linux: half of what the machine has
-        stated = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2]
-    return max(min(stated), 0)
-
-
-def in_bytes(size: float) -> str:
-    """A number of bytes as a person reads it, such as '102 TiB'."""
-    for unit in ("B", "KiB", "MiB", "GiB", "TiB", "PiB"):
-        if size < 1024 or unit == "PiB":
-            break
-        size /= 1024
-    return f"{size:.3g} {unit}"
-
-
-def _stated_memory() -> list[int]:
-    """Free memory that Linux states, of the machine and of the control group [B]."""
     found = []
     try:
         lines = Path("/proc/meminfo").read_text().splitlines()
@@ -77,4 +60,15 @@ def _stated_memory() -> list[int]:
             found.append(int(most) - int((group / "memory.current").read_text()))
     except (OSError, StopIteration, ValueError, IndexError):
         pass
-    return found
+    if not found:  # no Linux: half of what the machine has
+        found = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2]
+    return max(min(found), 0)
+
+
+def in_bytes(size: float) -> str:
+    """A number of bytes as a person reads it, such as '102 TiB'."""
+    for unit in ("B", "KiB", "MiB", "GiB", "TiB", "PiB"):
+        if size < 1024 or unit == "PiB":
+            break
+        size /= 1024
+    return f"{size:.3g} {unit}"

@@ -40,9 +40,8 @@ class _Package(ModuleType):
     def __getattr__(self, name: str) -> Any:
         package, homes = self.__name__, self.__dict__["_homes"]
         if name not in homes:
-            from patagium.errors import refuse_removed, unknown_name
+            from patagium.errors import unknown_name
 
-            refuse_removed(package, name)
             known = dict[str, str]()  # none for importers, which ask for "__path__" and modules
             if name[0] != "_" and not find_spec(f"{package}.{name}"):
                 for space in (one for one, home in homes.items() if home == package):

@@ -12,6 +12,7 @@ import re
 import stat
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import Any, get_args
@@ -22,10 +23,9 @@ from patagium.errors import (
     LogError,
     PatagiumError,
     Unreadable,
-    first_few,
-    problem_lines,
     shown,
     similar,
+    told_problems,
 )
 from patagium.limits import ENTRIES, NESTING, SHOWN, YAML_TEXT, free_memory, in_bytes
 
@@ -208,19 +208,18 @@ def made_again(what: str, kind: type[PatagiumError] = LogError) -> Iterator[None
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML with each key once, of bounded depth and size, aliases written out."""
+    """YAML with each key once, of bounded depth and size, aliases written out or refused."""
 
-    aliases = True
-
-    def __init__(self, stream: Any) -> None:
+    def __init__(self, stream: Any, aliases: bool = True) -> None:
         super().__init__(stream)
+        self._aliases = aliases
         self._depth = self._entries = 0
         self._sizes: dict[int, int] = {}
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
         alias = self.check_event(yaml.AliasEvent)
-        if alias and not self.aliases:
+        if alias and not self._aliases:
             raise yaml.composer.ComposerError(None, None, "values written out, no alias", mark)
         before, self._depth = self._entries, self._depth + 1
         if self._depth > NESTING:
@@ -258,12 +257,6 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-class _PlainLoader(_Loader):
-    """YAML without aliases."""
-
-    aliases = False
-
-
 def parsed_yaml(text: str, name: str, *, aliases: bool = True) -> Any:
     """Content of a YAML text.
 
@@ -278,7 +271,7 @@ def parsed_yaml(text: str, name: str, *, aliases: bool = True) -> Any:
     if len(text) > YAML_TEXT:  # such as that of a robot in a flight or a network
         raise Unreadable(name, "", f"at most {YAML_TEXT} characters of YAML", f"{len(text)}")
     try:
-        return yaml.load(text, Loader=_Loader if aliases else _PlainLoader)  # noqa: S506
+        return yaml.load(text, Loader=partial(_Loader, aliases=aliases))  # type: ignore[arg-type] # noqa: S506
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}" if mark else ""
@@ -321,7 +314,7 @@ def refused(source: str, errors: Sequence[Any], model: Any, text: str = "") -> L
     """
     problems = faults(errors, model)
     lines = lines_of(text, [where for where, *_ in problems])
-    return LogError(first_few(problem_lines(source, problems, lines)))
+    return LogError(told_problems(source, problems, lines))
 
 
 def faults(errors: Sequence[Any], model: Any) -> list[tuple[str, str, str]]:

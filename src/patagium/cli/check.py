@@ -38,6 +38,7 @@ def check(
     Leaves with 0 when it can be used, with 2 and the reasons when not.
     """
     from patagium.aerodynamics.polar_files import is_polar
+    from patagium.learning import load_model
     from patagium.robot import load_robot, preset_names
 
     ending = file.suffix.lower()
@@ -51,7 +52,8 @@ def check(
     elif ending == ".nc":
         facts = _netcdf_facts(file, as_json)
     elif ending == ".json":
-        facts = _model_facts(file)
+        model = load_model(existing(file))
+        facts = {"kind": "model", "network": repr(model.network), "learned from": model.source}
     elif ending in (".yaml", ".yml") and (plan := _plan_facts(file)):
         facts = plan
     elif ending in (".yaml", ".yml", ".urdf") or str(file) in preset_names():
@@ -113,18 +115,13 @@ def _polar_facts(file: Path) -> dict[str, Any]:
     }
 
 
-def _model_facts(file: Path) -> dict[str, Any]:
-    from patagium.learning import load_model
-
-    model = load_model(existing(file))
-    return {"kind": "model", "network": repr(model.network), "learned from": model.source}
-
-
 def _netcdf_facts(file: Path, as_json: bool) -> dict[str, Any]:
+    from patagium.cli.simulate import flight_facts, flight_table
     from patagium.netcdf_file import kind_of
     from patagium.sensing import load_sensor_log
     from patagium.sensing.logs.record import LOADED, is_log, load_log
     from patagium.sensing.sensors.sense import is_sensor_log
+    from patagium.simulation import load_flight
 
     if is_log(file):
         return _log_facts(file, None)
@@ -133,7 +130,8 @@ def _netcdf_facts(file: Path, as_json: bool) -> dict[str, Any]:
         samples = {name: f"{one.sizes['time']} samples" for name, one in log.readings.items()}
         return {"kind": "sensor log", "robot": log.robot.name, **samples}
     if not (kind := kind_of(file)).startswith(LOADED):
-        return _flight_facts(file, as_json)
+        facts = {"kind": "flight", **flight_facts(load_flight(existing(file)))}
+        return facts if as_json else flight_table(facts)
     found = load_log(file)
     time, names = found["time"].values, found.data_vars
     return {
@@ -143,14 +141,6 @@ def _netcdf_facts(file: Path, as_json: bool) -> dict[str, Any]:
         "duration [s]": float(time[-1] - time[0]) if len(time) else 0.0,
         "quantities": [f"{name} [{found[name].attrs.get('units', '1')}]" for name in names],
     }
-
-
-def _flight_facts(file: Path, as_json: bool) -> dict[str, Any]:
-    from patagium.cli.simulate import flight_facts, flight_table
-    from patagium.simulation import load_flight
-
-    facts = {"kind": "flight", **flight_facts(load_flight(existing(file)))}
-    return facts if as_json else flight_table(facts)
 
 
 def _log_facts(file: Path, mapping: Path | None) -> dict[str, Any]:

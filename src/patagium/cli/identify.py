@@ -28,7 +28,7 @@ from patagium.cli.learner_options import (
 from patagium.cli.options import LogArgument, MappingOption, ReportOption, ScoresOption, output_file
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import FLIGHT, progress_bar, say_json, say_next, show_table
-from patagium.errors import Interrupted, Outcome, ParameterError, command, refuse_removed
+from patagium.errors import Interrupted, Outcome, ParameterError, command
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -127,7 +127,7 @@ def identify(
             choice = replace(choice, settings=found | dict(given))
     elif estimate:
         if choice.network is not None:
-            refuse_removed("--network", "residual network")
+            raise ParameterError("--network", "none with --estimate", choice.network.value)
         network = grey_box(flight, estimate, aero)
     else:
         network = flight_network(flight, choice)
@@ -150,8 +150,8 @@ def identify(
     outputs.attempt("model", lambda: keep_model(model, result.learner, result.inputs, file.name))
     if predictions is not None and outputs.attempt("predictions", lambda: result.save(predictions)):
         typer.echo(f"The predictions are in {predictions}", err=True)
+    flown = None if flight is None or "air" in flight.attrs else flight  # not of a log
     if report is not None:
-        flown = None if flight is None or "air" in flight.attrs else flight  # not of a log
         _report(result, file, flown, report, outputs)
     outputs.attempt("scores on stdout", lambda: show_scores(result.scores, as_json=as_json))
     if result.outcome is not Outcome.COMPLETED:
@@ -159,7 +159,7 @@ def identify(
         raise typer.Exit(2)
     outputs.check()
     if not as_json:
-        _say_what_next(file, mapping, model, flown=flight is not None and "air" not in flight.attrs)
+        _say_what_next(file, mapping, model, flown=flown is not None)
 
 
 def _say_what_next(file: Path, mapping: Path | None, model: Path, *, flown: bool) -> None:

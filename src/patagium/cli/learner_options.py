@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from patagium.cli.words import Numbers, WholeNumbers, existing, numbers, whole_numbers
-from patagium.errors import ParameterError, refuse_removed, similar
+from patagium.errors import ParameterError, similar
 from patagium.learning.settings import (
+    BLOCKS,
     FILTERS,
     Meaning,
-    checked_structure,
     leaves,
     settings_from,
     settings_of,
@@ -153,14 +153,6 @@ def nested(values: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def structure(text: str) -> Any:
-    """Structure of a covariance: `full`, `layer` or `node`; a rank says that it was removed."""
-    try:
-        return checked_structure({"rank": text} if text.isdecimal() else text)
-    except ParameterError as error:
-        raise typer.BadParameter(str(error)) from None
-
-
 def _options(several: bool, file: str) -> Iterator[inspect.Parameter]:
     """Parameters of a verb: file, learner, network, then one for each setting."""
     many: Any = list[WholeNumbers] if several else WholeNumbers
@@ -170,19 +162,16 @@ def _options(several: bool, file: str) -> Iterator[inspect.Parameter]:
         yield _parameter("settings", Path, typer.Option(help=help_text))
     network = "Network; by default linear_strip for a robot with wings, dense for tables."
     hidden = "Neurons of each hidden layer; 8,8 by default." + repeat
-    activations = "Activation of the hidden layers; softplus by default."
-    shown: dict[str, Any] = {"rich_help_panel": PANEL}
-    option = typer.Option(help=network, **_one_of("network", tuple(NetworkKind)), **shown)
-    yield _parameter("network", str, option)
-    option = typer.Option(parser=whole_numbers, metavar="N,N,...", help=hidden, **shown)
-    yield _parameter("hidden", many, option)
-    option = typer.Option(help=activations, **_one_of("activation", ACTIVATIONS), **shown)
-    yield _parameter("activation", str, option)
-    learner = "Kind of the learner; extended by default."
-    option = typer.Option(help=learner, **_one_of("learner", FILTERS), **shown)
-    yield _parameter("learner", str, option)
-    seed = typer.Option(help="Seed of the initial weights; 0 by default.", **shown)
-    yield _parameter("seed", int, seed)
+    activation = "Activation of the hidden layers; softplus by default."
+    layers: dict[str, Any] = {"parser": whole_numbers, "metavar": "N,N,..."}
+    for name, kind, text, reading in (
+        ("network", str, network, _one_of(tuple(NetworkKind))),
+        ("hidden", many, hidden, layers),
+        ("activation", str, activation, _one_of(ACTIVATIONS)),
+        ("learner", str, "Kind of the learner; extended by default.", _one_of(FILTERS)),
+        ("seed", int, "Seed of the initial weights; 0 by default.", {}),
+    ):
+        yield _parameter(name, kind, typer.Option(help=text, rich_help_panel=PANEL, **reading))
     for word, path, one in setting_options():
         yield _setting(word, path, one, several)
 
@@ -194,7 +183,7 @@ def _setting(word: str, path: str, one: Field[Any], several: bool) -> inspect.Pa
     plain, reading = _READINGS[str(one.type).removesuffix(" | None")]
     words = [meaning.text + ("" if meaning.unit in ("1", "y") else f" [{meaning.unit}]")]
     if meaning.choices:
-        plain, reading = str, _one_of(one.name, meaning.choices)
+        plain, reading = str, _one_of(meaning.choices)
     elif isfinite(meaning.low) or isfinite(meaning.high):
         words.append(meaning.range)
     if one.default is not None:
@@ -209,14 +198,10 @@ def _setting(word: str, path: str, one: Field[Any], several: bool) -> inspect.Pa
     return _parameter(word.replace("-", "_"), many, option)
 
 
-def _one_of(name: str, words: tuple[str, ...]) -> dict[str, Any]:
-    """Reading of an option for one of several words; a removed word names what replaces it."""
+def _one_of(words: tuple[str, ...]) -> dict[str, Any]:
+    """Reading of an option for one of several words."""
 
     def read(text: str) -> str:
-        try:
-            refuse_removed(name, text)
-        except ParameterError as error:
-            raise typer.BadParameter(str(error)) from None
         if text not in words:
             found = f"{text!r}{similar(text, words)}"
             raise typer.BadParameter(f"expected one of {', '.join(words)}, found {found}")
@@ -236,7 +221,7 @@ _READINGS: dict[str, tuple[Any, dict[str, Any]]] = {
     "int": (int, {}),
     "str": (str, {}),
     "Numbers": (Numbers, {"parser": numbers, "metavar": "NUMBER[,NUMBER...]"}),
-    "Structure": (Any, {"parser": structure, "metavar": "full|layer|node"}),
+    "Structure": (str, _one_of(BLOCKS)),
 }
 """Type of an option and how its text is read, for each type of a setting."""
 

@@ -38,18 +38,6 @@ LiveAddressOption = Annotated[
 ]
 
 
-class LiveChoice(NamedTuple):
-    """Live view of a simulation.
-
-    Attributes:
-        address: HOST:PORT; None: the default.
-        choice: Learner and network that learn from the simulated flight; None: nothing learns.
-    """
-
-    address: str | None
-    choice: LearnerChoice | None
-
-
 class Shown(NamedTuple):
     """Sinks and rhythms of the live view of a stream.
 
@@ -71,7 +59,7 @@ def live_stream(
     Raises:
         ParameterError: If an address is given without a page, or the page cannot be served.
     """
-    if not _served(live, address):
+    if not served(live, address):
         yield Shown()
         return
     from patagium.viewer.live_frames import Subject
@@ -105,26 +93,9 @@ def beside_stream(view: LiveView, pipeline: Pipeline, status: Status, intake: In
     return Shown((feed,), (Rhythm(PERIOD, tick),))
 
 
-def live_choice(live: bool, address: str | None, choice: LearnerChoice) -> LiveChoice | None:
-    """Live view of a simulation; None where there is to be none.
-
-    Args:
-        live: Whether there is to be one.
-        address: HOST:PORT.
-        choice: Learner and network; nothing learns where no option of theirs is given.
-
-    Raises:
-        ParameterError: If an option is given that only a live view has.
-    """
-    if _served(live, address):
-        return LiveChoice(address, choice if choice.given else None)
-    if choice.given:
-        raise ParameterError("options of a learner", "--live with it", "none")
-    return None
-
-
 def fly_live(
-    chosen: LiveChoice,
+    address: str | None,
+    choice: LearnerChoice | None,
     start: Callable[[Gait], Simulator],
     robot: Robot,
     gait: Gait,
@@ -133,7 +104,8 @@ def fly_live(
     """Flight in real time, shown and steered, until it is over or Ctrl-C.
 
     Args:
-        chosen: Live view.
+        address: HOST:PORT of the live view; None: the default.
+        choice: Learner and network that learn from the flight; None: nothing learns.
         start: Function that begins a flight with a gait.
         robot: Robot.
         gait: Gait until it is steered.
@@ -145,24 +117,27 @@ def fly_live(
     Raises:
         ParameterError: If the page cannot be served, or the learner cannot learn from a simulation.
     """
+    from patagium.live.pipeline import Pipeline
     from patagium.viewer.live_flight import LiveFlight, flight_subject
 
-    pipeline, every = _learning_along(chosen.choice, robot, air)
+    pipeline, every = None, 1
+    if choice is not None:
+        if choice.shape()[0] is NetworkKind.DENSE:
+            expected = "a network of wings, which needs no flight to begin"
+            raise ParameterError("network", expected, "dense")
+        network = winged_network(choice, robot, air)
+        pipeline, every = Pipeline(choice.learner(network), robot), choice.every or 1
     subject = flight_subject(robot, gait, pipeline)
     step = start(gait).time_step  # compiled before there is a page, and refused before
     stop = threading.Event()
-    with opened(subject, chosen.address) as view, interrupted([stop.set]):
+    with opened(subject, address) as view, interrupted([stop.set]):
         flying = LiveFlight(start, robot, gait, step, view, subject, pipeline, every)
         return flying.fly(stop, lambda: tell_if_ended(view, "the flight goes on"))
 
 
 @contextmanager
 def opened(subject: Subject, address: str | None) -> Iterator[LiveView]:
-    """Page whose address is printed on stderr.
-
-    Args:
-        subject: Subject that it shows.
-        address: HOST:PORT; None: the default.
+    """Page of a subject at HOST:PORT (None: the default), whose address is printed on stderr.
 
     Raises:
         ParameterError: If it cannot be served there.
@@ -184,22 +159,12 @@ def tell_if_ended(view: LiveView, otherwise: str) -> None:
         typer.echo(f"patagium: the live view ended ({reason}); {otherwise}", err=True)
 
 
-def _learning_along(
-    choice: LearnerChoice | None, robot: Robot, air: Air
-) -> tuple[Pipeline | None, int]:
-    """Pipeline of a learner with a simulation, and the number of samples for each it uses."""
-    from patagium.live.pipeline import Pipeline
+def served(live: bool, address: str | None) -> bool:
+    """Whether there is a live view.
 
-    if choice is None:
-        return None, 1
-    if choice.shape()[0] is NetworkKind.DENSE:
-        expected = "a network of wings, which needs no flight to begin"
-        raise ParameterError("network", expected, "dense")
-    network = winged_network(choice, robot, air)
-    return Pipeline(choice.learner(network), robot), choice.every or 1
-
-
-def _served(live: bool, address: str | None) -> bool:
+    Raises:
+        ParameterError: If an address is given without one.
+    """
     if address is not None and not live:
         raise ParameterError("--live-address", "--live with it", address)
     return live

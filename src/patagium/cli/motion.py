@@ -148,14 +148,10 @@ def _say(
         typer.echo(
             f"Noise of {one['sensor']}, {one['part']}: {one['std']:.3g} {one['unit']}{extra}."
         )
-    typer.echo(
-        f"The motion is known in {summary['known']:.1%} of {summary['duration']:.6g} s"
-        + (
-            f", its attitude to {degrees(summary['attitude_std']):.2g} deg (median)."
-            if "attitude_std" in summary
-            else "."
-        )
-    )
+    told = f"The motion is known in {summary['known']:.1%} of {summary['duration']:.6g} s"
+    if "attitude_std" in summary:
+        told += f", its attitude to {degrees(summary['attitude_std']):.2g} deg (median)"
+    typer.echo(f"{told}.")
     if summary["stretches"]:
         rows: list[list[Any]] = [
             [one["begin"], one["end"], one["reason"], one["frames"]] for one in summary["stretches"]

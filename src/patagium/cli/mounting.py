@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import typer
 
-from patagium.cli.words import Vector, existing, named_quantities, parts_of, quantity
+from patagium.cli.words import Numbers, Vector, existing, named_quantities, parts_of, quantity
 from patagium.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -20,13 +20,9 @@ MountKind: TypeAlias = Literal["free", "fixed", "carried", "arm"]
 """Mounts that hold the robot."""
 
 
-class Sizes(tuple[float, ...]):
-    """One to three lengths; no tuple to typer, which would want its length."""
-
-
-def sizes(text: str) -> Sizes:
+def sizes(text: str) -> Numbers:
     """Lengths such as "0.9,0.3 m"; a last unit holds for all."""
-    found = Sizes(map(quantity("m", "a length"), parts_of(text)))
+    found = Numbers(map(quantity("m", "a length"), parts_of(text)))
     if len(found) > 3:
         raise typer.BadParameter(f"expected one to three lengths such as 0.9,0.3 m, found {text!r}")
     return found
@@ -50,7 +46,7 @@ class PathWords:
 
     kind: str | None
     center: Vector | None
-    size: Sizes | None
+    size: Numbers | None
     speed: float | None
     frequency: float | None
     along: Vector | None
@@ -116,7 +112,7 @@ def _path(words: PathWords) -> Any:
 _ZERO = (0.0, 0.0, 0.0)
 
 
-def _sized(words: PathWords, count: int, what: str) -> Sizes:
+def _sized(words: PathWords, count: int, what: str) -> Numbers:
     if words.size is None or len(words.size) != count:
         raise ParameterError("--path-size", what, words.size)
     return words.size

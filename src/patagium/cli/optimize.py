@@ -15,6 +15,7 @@ from patagium.cli.options import (
     JsonOption,
     PolarOption,
     RobotArgument,
+    SpeedOption,
     option_in,
     output_file,
 )
@@ -39,10 +40,7 @@ PANELS = {"Air and flight": "climb aero polar inflow density", "Files": "output 
 
 def optimize(
     robot: RobotArgument,
-    speed: Annotated[
-        float | None,
-        option_in("m/s", "a speed", "Mean speed forward, in m/s; free by default, 0 hovers."),
-    ] = None,
+    speed: SpeedOption = None,
     climb: Annotated[float, option_in("m/s", "a speed", "Mean speed upward, in m/s.")] = 0.0,
     goal: Annotated[
         Literal["power", "range", "speed"],
@@ -93,31 +91,21 @@ def optimize(
         raise ParameterError("--figure", "--front with the speeds of the picture", None)
     machine = load_robot(robot)
     model, added, learned = orbit_air(aero, machine, polar, inflow, density, hovers=speed == 0)
+    asked: dict[str, Any] = {"climb": climb, "harmonics": harmonics, "added_mass": added}
     if front is not None:
         if speed is not None or output is not None or gait is not None or goal != "power":
             raise ParameterError("--front", "no --speed, --goal, --output or --gait with it", front)
         if len(front) > MOST_SPEEDS:
             raise ParameterError("--front", f"at most {MOST_SPEEDS} speeds", len(front))
-        given: dict[str, Any] = {"climb": climb, "harmonics": harmonics, "added_mass": added}
-        least = control.power_front(machine, front, model, **given)
-        _front(least, figure, as_json)
+        _front(control.power_front(machine, front, model, **asked), figure, as_json)
         return
-    options: dict[str, Any] = {"added_mass": added} | ({"free": free} if free else {})
+    asked |= {"speed": speed, "goal": goal} | ({"free": free} if free else {})
     if not as_json:
         typer.echo(
             "Searching a trimmed flight, then its best gait; many joints take minutes.", err=True
         )
     with progress_bar("Iterations, of 200 at most") as progress:
-        found = control.optimize(
-            machine,
-            model,
-            speed=speed,
-            climb=climb,
-            harmonics=harmonics,
-            goal=goal,
-            progress=progress,
-            **options,
-        )
+        found = control.optimize(machine, model, progress=progress, **asked)
     if not isinstance(found, control.OptimalGait):
         if as_json:
             answer(found.summary(), as_json=True)

@@ -46,6 +46,10 @@ MappingOption = Annotated[
     Path | None,
     typer.Option("--mapping", "--map", help="Meaning of the columns or fields of a log (YAML)."),
 ]
+SpeedOption = Annotated[
+    float | None,
+    option_in("m/s", "a speed", "Mean speed forward, in m/s; free by default, 0 hovers."),
+]
 DurationOption = Annotated[float | None, option_in("s", "a time", "Duration of the flight, in s.")]
 DensityOption = Annotated[
     float | None,

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias, Union
 import xarray as xr
 
 from pydantic import (  # isort: skip
-    AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, ValidationInfo,
+    AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo,
     create_model, model_validator,
 )  # fmt: skip
 from patagium.aerodynamics import QuasiSteady
@@ -36,7 +36,7 @@ from patagium.control.orbit import NoOrbit, Orbit
 from patagium.control.predictive import OrbitController, PredictiveController
 from patagium.control.route import Route
 from patagium.control.trimming import free_parameters, trim
-from patagium.errors import LogError, ParameterError, PatagiumError, positive, refuse_removed
+from patagium.errors import LogError, ParameterError, PatagiumError, positive
 from patagium.limits import ROBOT_FILE
 from patagium.reading import beside, parsed_yaml, refused, text_of
 from patagium.robot import Robot, load_robot
@@ -230,15 +230,8 @@ def _event_part(name: str, kind: type[Event]) -> Any:
     return create_model(kind.__name__, __base__=_EventPart, **given)
 
 
-def _kept(event: object) -> object:
-    """Event of a plan; refused where its type was removed."""
-    if isinstance(event, dict):
-        refuse_removed("type", event.get("type"))
-    return event
-
-
 _PARTS: Any = Union[tuple(_event_part(*one) for one in EVENTS.items())]  # noqa: UP007
-EventPart: TypeAlias = Annotated[_PARTS, Field(discriminator="type"), BeforeValidator(_kept)]
+EventPart: TypeAlias = Annotated[_PARTS, Field(discriminator="type")]
 
 
 class Plan(_Part):

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from patagium.cli import live as live_options
-from patagium.cli.estimates import air_word, chosen_air
+from patagium.cli.estimates import AirOption, chosen_air
 from patagium.cli.learner_options import LearnerChoice, with_learner_options
-from patagium.cli.mounting import MountKind, PathWords, Sizes, mount_from, sizes
+from patagium.cli.mounting import MountKind, PathWords, mount_from, sizes
 from patagium.cli.options import (
     DensityOption,
     DrawingOption,
@@ -27,6 +27,7 @@ from patagium.cli.options import (
 )
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import (
+    Numbers,
     Vector,
     answer,
     existing,
@@ -42,7 +43,6 @@ from patagium.limits import SWING, TILT
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from patagium.aerodynamics import Aerodynamics
     from patagium.robot import Robot
     from patagium.simulation.gait_models import Gait
 
@@ -117,14 +117,7 @@ def simulate(
     offset: Annotated[
         list[str] | None, typer.Option(help="Mean of a joint: elbow='-10 deg'. Repeat it.")
     ] = None,
-    aero: Annotated[
-        str,
-        typer.Option(
-            parser=air_word,
-            metavar="<quasi-steady|lifting-line|delaurier|FILE>",
-            help="Model of the air; FILE: a learned one (.json), that identify wrote.",
-        ),
-    ] = "quasi-steady",
+    aero: AirOption = "quasi-steady",
     polar: PolarOption = None,
     inflow: InflowOption = False,
     added_mass: Annotated[
@@ -163,7 +156,7 @@ def simulate(
         typer.Option(**_PLACE, help="Center of the path (start of a line), in m: 0.6,0,0.2."),
     ] = None,
     path_size: Annotated[
-        Sizes | None,
+        Numbers | None,
         typer.Option(
             parser=sizes,
             help="Radius, or length,width, or end minus start of a line, in m: 0.9,0.3.",
@@ -221,11 +214,15 @@ def simulate(
     exit code is then 2 or 130.
     With --live it flies as the clock goes, shown and steered in a browser (see `docs/live.md`).
     """
+    from patagium.cli.interruption import interruptible
     from patagium.robot import load_robot
     from patagium.simulation import gaits, mounts
-    from patagium.simulation.simulator import DURATION
+    from patagium.simulation import simulate as fly
+    from patagium.simulation.simulator import DURATION, Simulator
 
-    shown = live_options.live_choice(live, live_address, choice)
+    shown = live_options.served(live, live_address)
+    if choice.given and not shown:
+        raise ParameterError("options of a learner", "--live with it", "none")
     machine = load_robot(robot)
     if attitude is not None:
         machine = machine.with_attitude(attitude)
@@ -253,12 +250,18 @@ def simulate(
         pitch = own.pitch if pitch is None else pitch
     q, v = gaits.level_start(machine, speed or 0.0, pitch or 0.0)
     usual = machine.cruise.duration if machine.cruise else DURATION
-    conditions = {
+    conditions: dict[str, Any] = {
         "duration": usual if duration is None else duration,
         "time_step": time_step, "added_mass": carried, "mount": held,
         "load_cells": [mounts.load_cell(cell) for cell in load_cell or ()], "q": q, "v": v,
     }  # fmt: skip
-    flight = _fly(machine, model, moves, conditions, shown)
+    if shown:
+        start = partial(Simulator, machine, model, **conditions)
+        learns = choice if choice.given else None
+        flight = live_options.fly_live(live_address, learns, start, machine, moves, model.air)
+    else:
+        with progress_bar(f"Flying {machine.name}") as bar, interruptible(bar) as progress:
+            flight = fly(machine, model, moves, throw=False, progress=progress, **conditions)
     if not as_json:
         chosen = usual if duration is None else None
         _tell_choice(machine, flight, own is not None, chosen, time_step)
@@ -373,34 +376,11 @@ def _refuse_what_is_unused(kind: str, frequency: float | None, *named: Mapping[s
         "an amplitude": bool(sizes) and kind != "sinusoidal",
         "--phase": bool(leads) and kind != "sinusoidal",
         "--offset": bool(means)
-        and (table or (kind == "linkage" and set(means) - _LINKAGE_OFFSETS)),
+        and (table or (kind == "linkage" and set(means) - {"plunge", "elbow"})),
     }
     for option, wrong in unused.items():
         if wrong:
             raise ParameterError(option, f"nothing of the kind with --gait {kind}", "one")
-
-
-_LINKAGE_OFFSETS = {"plunge", "elbow"}
-
-
-def _fly(
-    machine: Robot,
-    model: Aerodynamics,
-    gait: Gait,
-    conditions: dict[str, Any],
-    shown: live_options.LiveChoice | None,
-) -> Any:
-    from patagium import simulation
-    from patagium.cli.interruption import interruptible
-    from patagium.simulation.simulator import Simulator
-
-    if shown is not None:
-        start = partial(Simulator, machine, model, **conditions)
-        return live_options.fly_live(shown, start, machine, gait, model.air)
-    with progress_bar(f"Flying {machine.name}") as bar, interruptible(bar) as progress:
-        return simulation.simulate(
-            machine, model, gait, throw=False, progress=progress, **conditions
-        )
 
 
 def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:

@@ -16,6 +16,7 @@ from patagium.cli.options import (
     JsonOption,
     PolarOption,
     RobotArgument,
+    SpeedOption,
     option_in,
     output_file,
 )
@@ -26,7 +27,6 @@ from patagium.cli.words import (
     heading,
     named_quantities,
     parts_of,
-    quantity,
     say_json,
     show_table,
 )
@@ -47,18 +47,14 @@ EXAMPLES = (
     "patagium trim dragonfly --speed 0 --free frequency --free fore_feather_offset --json",
 )
 PANELS = {"Air and flight": "aero polar inflow density beats", "Branch of orbits": "along figure"}
-_SPEED = {"parser": quantity("m/s", "a speed")}
 
 
 def trim(
     robot: RobotArgument,
-    speed: Annotated[
-        float | None,
-        typer.Option(**_SPEED, help="Mean speed forward, in m/s; free by default, 0 hovers."),
-    ] = None,
+    speed: SpeedOption = None,
     climb: Annotated[
         float | None,
-        typer.Option(**_SPEED, help="Mean speed upward, in m/s; 0 by default, free in a glide."),
+        option_in("m/s", "a speed", "Mean speed upward, in m/s; 0 by default, free in a glide."),
     ] = None,
     turn_rate: Annotated[
         float,
@@ -190,7 +186,6 @@ def _picture(found: Branch) -> Figure:
 
     family = found.orbits[0].family
     units = dict(zip(family.names, family.units, strict=True))
-
     changing = [name for name in found.free if name != found.along]
     figure, axes = panels(len(changing) + 1, 1, row_height=1.8)
     for panel, name in zip(axes[:, 0], changing, strict=False):

@@ -40,9 +40,8 @@ def usage_sentence(error: Any, words: Sequence[str]) -> str:
         beyond = error.message.rpartition("(")[2].removesuffix(")")
         place = max(i for i, word in enumerate(words) if f"{beyond} ".startswith(f"{word} "))
         former, found = words[place - 1], f"found {words[place]!r}; see {verb} --help"
-        flag = former.startswith("-")
         told = f"expected nothing after {former!r}"
-        if flag:
+        if former.startswith("-"):
             told = f"{former}: expected no value"
         return f"{told}, {found}"
     option = parameter.opts[0] if parameter.opts[0].startswith("-") else parameter.name

@@ -35,7 +35,7 @@ class WholeNumbers(tuple[int, ...]):
 
 
 class Numbers(tuple[float, ...]):
-    """Numbers in order."""
+    """Numbers in order; no tuple to typer either."""
 
 
 Progress = Callable[[int, int], None]

@@ -113,7 +113,7 @@ def cross(a: ca.SX, b: ca.SX) -> ca.SX:
 
 
 class Turn:
-    """A rotation about a fixed axis: R maps the turned axes' components to the axes before.
+    """Rodrigues' rotation about a fixed axis: R maps turned axes' components to the axes before.
 
     For a coordinate axis a vector costs four products and an inertia nine;
     for any other axis the full matrix is applied.
@@ -124,29 +124,30 @@ class Turn:
     """
 
     def __init__(self, axis: Axis, angle: ca.SX) -> None:
-        sine, cosine = ca.sin(angle), ca.cos(angle)
+        s, c = ca.sin(angle), ca.cos(angle)
+
+        def times(factor: float, value: ca.SX) -> ca.SX | float:
+            return factor * value if factor else 0.0  # an operation of CasADi takes 30 us
+
+        x, y, z = axis
+        xx, yy, zz = (k * k + times(1.0 - k * k, c) for k in axis)
+        xy, xz, yz = (times(k, 1 - c) for k in (x * y, x * z, y * z))
+        xs, ys, zs = (times(k, s) for k in axis)
+        entries = (xx, xy + zs, xz - ys, xy - zs, yy, yz + xs, xz + ys, yz - xs, zz)
+        self.matrix = ca.reshape(ca.vertcat(*entries), 3, 3)
         self.cyclic: tuple[int, int, int] | None = None
+        self.sine, self.cosine = s, c
         for k in range(3):
             if abs(axis[k]) == 1.0:
                 self.cyclic = (k, (k + 1) % 3, (k + 2) % 3)
-                sine = sine * axis[k]
-        self.sine, self.cosine = sine, cosine
-        self.matrix = rotation(axis, angle)
+                self.sine = s * axis[k]
 
     def outward(self, w: ca.SX) -> ca.SX:
-        """R^T w: components before the turn to components after it, (3, 1).
-
-        Args:
-            w: Vector, (3, 1) [any unit].
-        """
+        """R^T w of a vector, (3, 1) [any unit]: components before the turn to those after it."""
         return self.matrix.T @ w
 
     def inward(self, w: ca.SX) -> ca.SX:
-        """R w: components after the turn to components before it, (3, 1).
-
-        Args:
-            w: Vector, (3, 1) [any unit].
-        """
+        """R w of a vector, (3, 1) [any unit]: components after the turn to those before it."""
         return self.matrix @ w
 
     def inward_inertia(self, inertia: ca.SX) -> ca.SX:
@@ -195,26 +196,6 @@ class QuaternionTurn(Turn):
             ca.horzcat(xy + wz, 1 - (xx + zz), yz - wx),
             ca.horzcat(xz - wy, yz + wx, 1 - (xx + yy)),
         )
-
-
-def rotation(axis: Axis, angle: ca.SX) -> ca.SX:
-    """Rodrigues' rotation about a unit axis, (3, 3).
-
-    Args:
-        axis: Unit axis, (3,) [-].
-        angle: Angle, scalar [rad].
-    """
-    s, c = ca.sin(angle), ca.cos(angle)
-    x, y, z = axis
-
-    def times(factor: float, value: ca.SX) -> ca.SX | float:
-        return factor * value if factor else 0.0  # an operation of CasADi takes 30 us
-
-    xx, yy, zz = (k * k + times(1.0 - k * k, c) for k in axis)
-    xy, xz, yz = (times(k, 1 - c) for k in (x * y, x * z, y * z))
-    xs, ys, zs = (times(k, s) for k in axis)
-    entries = (xx, xy + zs, xz - ys, xy - zs, yy, yz + xs, xz + ys, yz - xs, zz)
-    return ca.reshape(ca.vertcat(*entries), 3, 3)
 
 
 def symmetric(matrix: ca.SX) -> ca.SX:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -216,17 +217,13 @@ class Dynamics(_Methods):
         self._functions = load_functions(
             robot.structure, lambda: _build(robot), label=f"{robot.name} dynamics"
         )
-        super().__init__(self._single)
-        self.batch = _Methods(self._many)
+        super().__init__(self._evaluated)
+        self.batch = _Methods(partial(self._evaluated, many=True))
         self._one_coordinate = robot.dof == 1 or len(robot.actuated) == 1
 
-    def _single(self, name: str, *arguments: ArrayLike) -> Any:
-        result = self._functions[name](*arguments, self._parameters)
-        self.robot.check_attitudes(arguments[0])
-        return self._restored(name, result)
-
-    def _many(self, name: str, *arguments: ArrayLike) -> Any:
-        result = self._functions[name].batch(*arguments, self._parameters)
+    def _evaluated(self, name: str, *arguments: ArrayLike, many: bool = False) -> Any:
+        function = self._functions[name]
+        result = (function.batch if many else function)(*arguments, self._parameters)
         self.robot.check_attitudes(arguments[0])
         return self._restored(name, result)
 

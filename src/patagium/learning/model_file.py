@@ -23,7 +23,7 @@ from patagium.aerodynamics.description import aero_from_description, innermost
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.arguments import checked
 from patagium.arrays import Array, brief, real_array
-from patagium.errors import LogError, ParameterError, ShapeError, refuse_removed, shown
+from patagium.errors import LogError, ParameterError, ShapeError, shown
 from patagium.learning.filters.misfit import widened
 from patagium.learning.filters.state import packed
 from patagium.learning.filters.weight_covariance import (
@@ -300,7 +300,6 @@ def _packed(covariance: BlockCovariance) -> dict[str, str]:
 
 
 def _unpacked(network: Network, words: Mapping[str, str]) -> BlockCovariance:
-    refuse_removed("covariance", words["kind"])  # it had other arrays
     content = base64.b64decode(words["lower"], validate=True)
     lower = np.frombuffer(content, "<f8").astype(float)
     center_of("lower", lower, lower.size)

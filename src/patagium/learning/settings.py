@@ -14,7 +14,7 @@ from math import inf, isfinite
 from textwrap import fill
 from typing import Any, Literal, NamedTuple, TypeAlias
 
-from patagium.errors import ParameterError, ShapeError, refuse_removed
+from patagium.errors import ParameterError, ShapeError
 
 FILTERS = ("cubature", "extended")
 """Learners whose weights a filter moves."""
@@ -576,12 +576,10 @@ def checked_structure(value: object) -> Structure:
     """A covariance structure as it is.
 
     Raises:
-        ParameterError: If it is none, or of low rank, {"rank": r}, which was removed.
+        ParameterError: If it is none.
     """
     if isinstance(value, str) and value in {*BLOCKS, *OWN_BLOCKS}:
         return value  # type: ignore[return-value]
-    if isinstance(value, Mapping) and set(value) == {"rank"}:
-        refuse_removed("covariance", "low rank")
     known = ", ".join(f'"{name}"' for name in (*BLOCKS, *sorted(OWN_BLOCKS)))
     raise ParameterError("covariance", f"one of {known}", value)
 

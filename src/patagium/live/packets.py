@@ -172,18 +172,15 @@ class TextPackets:
             self._places = self._read_header(fields)
             return None
         try:
-            return self._row(fields, self._places)
+            if len(fields) != self._fields:
+                raise ValueError(f"expected {self._fields} fields, found {len(fields)}")
+            row = [_number(fields[place]) for place in self._places]
+            if not isfinite(row[0]):
+                raise ValueError(f"expected a time, found {row[0]}")
+            return row
         except ValueError as problem:
             self._intake.refuse(f"line {self._line}: {problem}")
             return None
-
-    def _row(self, fields: list[bytes], places: list[int]) -> list[float]:
-        if len(fields) != self._fields:
-            raise ValueError(f"expected {self._fields} fields, found {len(fields)}")
-        row = [_number(fields[place]) for place in places]
-        if not isfinite(row[0]):
-            raise ValueError(f"expected a time, found {row[0]}")
-        return row
 
     def _read_header(self, fields: list[bytes]) -> list[int]:
         names = [name.strip().decode("utf-8-sig", "replace") for name in fields]

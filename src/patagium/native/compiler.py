@@ -168,33 +168,22 @@ def build(
     own = own or {}
     texts = [f"{name} {own.get(name, '')}\n{text}" for name, text in sources.items()]
     name = short_hash(header_digest(), machine_identity(compiler), *flags, *texts)
-    library = load_library(name)
-    if library is None:
-        with build_lock(name):
-            library = load_library(name) or _built(name, compiler, sources, flags, label, own)
-    return library
-
-
-def _built(
-    name: str,
-    compiler: Sequence[str],
-    sources: Mapping[str, str],
-    flags: Sequence[str],
-    label: str,
-    own: Mapping[str, str],
-) -> Library:
-    """Library that is compiled now, kept and recorded."""
-    started = time.perf_counter()
-    print(f"patagium: compiling {label}, kept for next time", end="", file=sys.stderr, flush=True)
-    end = ""
-    try:
-        digest = keep_library(_compiled(compiler, sources, flags, own))
-        seconds = time.perf_counter() - started
-        record_library(name, digest, seconds)
-        end = f" ... {seconds:.1f} s"
-    finally:
-        print(end, file=sys.stderr)
-    library = load_library(name)
+    if library := load_library(name):
+        return library
+    with build_lock(name):
+        if library := load_library(name):  # of another process
+            return library
+        started, end = time.perf_counter(), ""
+        told = f"patagium: compiling {label}, kept for next time"
+        print(told, end="", file=sys.stderr, flush=True)
+        try:
+            digest = keep_library(_compiled(compiler, sources, flags, own))
+            seconds = time.perf_counter() - started
+            record_library(name, digest, seconds)
+            end = f" ... {seconds:.1f} s"
+        finally:
+            print(end, file=sys.stderr)
+        library = load_library(name)
     if library is None:
         raise CompilerError(f"{label}: {shlex.join(compiler)} made a library that does not load")
     return library

@@ -52,38 +52,28 @@ class Signature:
         return cls(name, tuple(names_in), sizes[0], tuple(names_out), sizes[1])
 
 
-@dataclass(frozen=True)
-class Compiled:
-    """Machine code of a function.
-
-    Attributes:
-        function: `<name>` of one state, callable with pointers to arguments and results;
-            None where only that of many is compiled.
-        batch: Gives the library that holds `<name>_batch`, built at the first call.
-    """
-
-    function: Any
-    batch: Callable[[], ctypes.CDLL]
-
-
 class NativeFunction:
     """A function of arrays, compiled, or on CasADi's virtual machine without a compiler.
 
     Args:
         signature: Names and shapes.
         expression: Gives the CasADi function behind it.
-        compiled: Its machine code, or None without a compiler.
+        library: Gives the library that holds `<name>_batch`, built at the first call; None
+            without a compiler.
+        function: Machine code `<name>` of one state, callable with pointers to arguments and
+            results; None where only that of many is compiled.
     """
 
     def __init__(
         self,
         signature: Signature,
         expression: Callable[[], ca.Function],
-        compiled: Compiled | None,
+        library: Callable[[], ctypes.CDLL] | None = None,
+        function: Any = None,
     ) -> None:
         self.signature, self.name = signature, signature.name
         self.size_in, self.size_out = signature.sizes_in, signature.sizes_out
-        self._expression, self._compiled = expression, compiled
+        self._expression, self._library = expression, library
         self._batch_function: Any = None
         self._lock = threading.Lock()
         self._inputs = [_buffer(size) for size in self.size_in]
@@ -93,14 +83,13 @@ class NativeFunction:
         self._scalar = [size == (1, 1) for size in self.size_out]
         self._run: Callable[[], Any]
         self.address: int | None = None
-        if compiled is not None and compiled.function is None:
-            self._run = self._start_virtual_machine
-        elif compiled is not None:
-            function = compiled.function
+        if function is not None:
             self.address = ctypes.cast(function, ctypes.c_void_p).value
             arguments = _pointers(self._inputs)
             results = _pointers(self._outputs)
             self._run = lambda: function(arguments, results)
+        elif library is not None:
+            self._run = self._start_virtual_machine
         else:
             self._start_virtual_machine(call=False)
 
@@ -111,18 +100,28 @@ class NativeFunction:
         `void f(arg, res, long count, long stride)`: arguments state by state, those the same for
         all once; results entry by entry, rows of `stride` states, a multiple of the lanes.
         """
-        if self._compiled is None:
+        if self._library is None:
             return None
         return ctypes.cast(self._many(), ctypes.c_void_p).value
 
     def _many(self) -> Any:
         """The compiled code for many states."""
-        if self._batch_function is None and self._compiled is not None:
-            self._batch_function = getattr(self._compiled.batch(), f"{self.name}_batch")
+        if self._batch_function is None and self._library is not None:
+            self._batch_function = getattr(self._library(), f"{self.name}_batch")
         return self._batch_function
 
     def _start_virtual_machine(self, call: bool = True) -> None:
-        self._run = _virtual_machine(self._expression(), self._inputs, self._outputs)
+        function = self._expression()
+        given = function.sx_in()
+        results = [ca.densify(out) for out in function.call(given, True, False)]
+        dense = ca.Function(function.name(), given, results)
+        buffer, run = dense.buffer()
+        for k, array in enumerate(self._inputs):
+            buffer.set_arg(k, array.ravel(order="K").data)
+        for k, array in enumerate(self._outputs):
+            buffer.set_res(k, array.ravel(order="K").data)
+        keep = (dense, buffer)
+        self._run = lambda: run() and keep
         if call:
             self._run()
 
@@ -140,14 +139,12 @@ class NativeFunction:
         """
         self._check_count(arguments)
         with self._lock:
-            for position, (buffer, argument) in enumerate(
-                zip(self._inputs, arguments, strict=True)
-            ):
-                array = real_array(self.signature.names_in[position], argument)
+            given = zip(self.signature.names_in, self._inputs, arguments, strict=True)
+            for name, buffer, argument in given:
+                array = real_array(name, argument)
                 if array.shape != buffer.shape and not array.size == buffer.size == 1:
                     many = " (`batch` takes many)" if array.shape[1:] == buffer.shape else ""
-                    name, expected = self.signature.names_in[position], f"{buffer.shape}{many}"
-                    raise ShapeError(name, expected, array.shape)
+                    raise ShapeError(name, f"{buffer.shape}{many}", array.shape)
                 buffer[...] = array
             self._run()
             if self._single:
@@ -178,7 +175,7 @@ class NativeFunction:
             )
         ]
         count = self._batch_count(arrays)
-        if self._compiled is None:
+        if self._library is None:
             return self._batch_in_python(arrays, count)
         padded = _padded(count)
         blocks = []
@@ -302,20 +299,3 @@ def _buffer(size: Shape) -> Array:
 
 def _pointers(arrays: list[Array]) -> ctypes.Array[ctypes.c_void_p]:
     return (ctypes.c_void_p * max(len(arrays), 1))(*[array.ctypes.data for array in arrays])
-
-
-def _virtual_machine(
-    function: ca.Function, inputs: list[Array], outputs: list[Array]
-) -> Callable[[], Any]:
-    dense = ca.Function(
-        function.name(),
-        function.sx_in(),
-        [ca.densify(out) for out in function.call(function.sx_in(), True, False)],
-    )
-    buffer, run = dense.buffer()
-    for k, array in enumerate(inputs):
-        buffer.set_arg(k, array.ravel(order="K").data)
-    for k, array in enumerate(outputs):
-        buffer.set_res(k, array.ravel(order="K").data)
-    keep = (dense, buffer)
-    return lambda: run() and keep

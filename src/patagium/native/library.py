@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import astuple
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, TypeAlias
 
 import casadi as ca
 
@@ -26,7 +26,7 @@ from patagium.native.compiler import (
     machine_identity,
 )
 from patagium.native.emit import calls_kernels, emit, emit_batch
-from patagium.native.function import Compiled, NativeFunction, Signature
+from patagium.native.function import NativeFunction, Signature
 
 SPARED = (
     *("-fno-tree-pre", "-fno-code-hoisting", "-fno-tree-dse", "-fno-dse", "-fira-region=one"),
@@ -41,18 +41,8 @@ _SOURCES = (
 )
 
 
-class Code(NamedTuple):
-    """C text of functions.
-
-    Attributes:
-        units: File name to text.
-        signatures: Name, arguments and results of each function.
-        flags: Further flags of some of the files.
-    """
-
-    units: dict[str, str]
-    signatures: list[Any]
-    flags: dict[str, str]
+Code: TypeAlias = tuple[dict[str, str], list[Any], dict[str, str]]
+"""File name to C text, signature of each function, and further flags of some of the files."""
 
 
 def load_functions(
@@ -81,11 +71,14 @@ def load_functions(
         CompilerError: If the compiler refuses the generated text.
     """
     expressions = functools.cache(lambda: {made.name(): made for made in build_functions()})
-    expression = partial(_expression, expressions)
+
+    def expression(name: str) -> ca.Function:
+        return expressions()[name]
+
     compiler = compiler_command()
     if compiler is None:
         return {
-            name: NativeFunction(_signature(f), partial(expression, name), None)
+            name: NativeFunction(_signature(f), partial(expression, name))
             for name, f in expressions().items()
         }
 
@@ -103,10 +96,10 @@ def load_functions(
     for entry in library.facts:
         signature = Signature.from_list(entry)
         name = signature.name
-        compiled = Compiled(None, lambda: library.handle)
+        code: tuple[Any, ...] = (lambda: library.handle,)
         if name not in many_only:
-            compiled = Compiled(getattr(library.handle, name), partial(batch_library, name))
-        functions[name] = NativeFunction(signature, partial(expression, name), compiled)
+            code = partial(batch_library, name), getattr(library.handle, name)
+        functions[name] = NativeFunction(signature, partial(expression, name), *code)
     return functions
 
 
@@ -116,16 +109,14 @@ def _library(compiler: tuple[str, ...], key: str, code: Callable[[], Code], labe
     library = load_library(name)
     if library is None:
         with build_lock(name):
-            library = load_library(name) or _built(name, compiler, code(), label)
+            library = load_library(name)
+            if library is None:
+                units, signatures, flags = code()
+                spared = SPARED if compiler_accepts(compiler, SPARED) else ()
+                library = build(compiler, units, (*STRAIGHT_LINE, *spared), label, flags)
+                record_library(name, library.digest, signatures)
+                library = library._replace(facts=signatures)
     return library
-
-
-def _built(name: str, compiler: tuple[str, ...], code: Code, label: str) -> Library:
-    """Compiled library of some code, recorded under a name; compiled now if the cache lacks it."""
-    spared = SPARED if compiler_accepts(compiler, SPARED) else ()
-    library = build(compiler, code.units, (*STRAIGHT_LINE, *spared), label, code.flags)
-    record_library(name, library.digest, code.signatures)
-    return library._replace(facts=code.signatures)
 
 
 @functools.cache
@@ -150,10 +141,6 @@ def _signature(function: ca.Function) -> Signature:
     )
 
 
-def _expression(functions: Callable[[], dict[str, ca.Function]], name: str) -> ca.Function:
-    return functions()[name]
-
-
 def _code(
     functions: dict[str, ca.Function], many_only: Collection[str], flag: str | None = None
 ) -> Code:
@@ -166,4 +153,4 @@ def _code(
         if flag and many and not calls_kernels(function):  # which are loops
             flags |= dict.fromkeys(own, flag)
         units |= own
-    return Code(units, [astuple(_signature(function)) for function in functions.values()], flags)
+    return units, [astuple(_signature(function)) for function in functions.values()], flags

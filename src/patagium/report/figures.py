@@ -360,7 +360,8 @@ def machine(
         panel.set_aspect("equal")
         panel.set_xlim(high[view[0]], low[view[0]])  # y to the left, or x
         panel.set_ylim(low[view[1]], high[view[1]])
-    _draw_nose(above, (*outlines, seen)[0] if corners else None, 2.0 * room)
+    if corners:  # of an arm there are none
+        _draw_nose(above, (*outlines, seen)[0], 2.0 * room)
     above.set_title(f"{title}, from above")
     above.set_ylabel("x, forward [m]")
     behind.set_title("from behind")
@@ -550,9 +551,7 @@ def _draw_joints(
 _IN_PLANE = 0.5  # of an axis' unit length, for its arrow to be drawn in a view
 
 
-def _draw_nose(panel: Axes, outline: Array | None, length: float) -> None:
-    if outline is None:  # of an arm
-        return
+def _draw_nose(panel: Axes, outline: Array, length: float) -> None:
     front = (float(np.ptp(outline[:, 1]) / 2 + outline[:, 1].min()), float(outline[:, 0].max()))
     look = {"arrowstyle": "<-", "color": TRUTH, "linewidth": 1.6}
     tip = (front[0], front[1] + length)

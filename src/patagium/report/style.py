@@ -99,11 +99,6 @@ def width() -> float:
     return _look.get().width
 
 
-def height(rows: float) -> float:
-    """Height in the present use of something so high on a page, scaled like letters [inch]."""
-    return rows * _look.get().letters
-
-
 def round_down(value: float) -> float:
     """The largest of 1, 2, 5 times a power of ten that is not above it, for scales and grids."""
     power = 10.0 ** np.floor(np.log10(value))
@@ -166,7 +161,8 @@ def panels(rows: int, columns: int = 1, row_height: float = 1.7) -> tuple[Figure
     """An empty grid of panels, and its axes (rows, columns)."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width(), height(row_height * rows) + 0.5), layout="constrained")
+    tall = row_height * rows * _look.get().letters + 0.5
+    figure = Figure(figsize=(width(), tall), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False)
 
 

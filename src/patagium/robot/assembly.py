@@ -577,7 +577,9 @@ def _cut(segment: Segment) -> Iterator[tuple[Array, Array, Array, float, float]]
     edges = np.linspace(span[0], span[-1], segment.strips + 1)
     area = np.diff(_integral(span, chord, edges))
     along = np.array(segment.span_axis)
-    ahead, upward = _section_axes(along)
+    ahead = np.array([1.0, 0.0, 0.0])  # to the leading edge
+    upward = np.cross(ahead, along)
+    upward = -upward if upward[2] < 0 else upward
     for i in range(segment.strips):
         width = edges[i + 1] - edges[i]
         middle = (edges[i] + edges[i + 1]) / 2
@@ -588,15 +590,6 @@ def _cut(segment: Segment) -> Iterator[tuple[Array, Array, Array, float, float]]
         normal = np.cos(twist) * upward - np.sin(twist) * ahead
         point = np.array(segment.at) + middle * along + x * ahead
         yield point, forward, normal, mean_chord, width
-
-
-def _section_axes(along: Array) -> tuple[Array, Array]:
-    """Chord direction to the leading edge and upper normal of a span axis."""
-    ahead = np.array([1.0, 0.0, 0.0])
-    upward = np.cross(ahead, along)
-    if upward[2] < 0:
-        upward = -upward
-    return ahead, upward
 
 
 def _integral(span: Array, chord: Array, edges: Array) -> Array:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from patagium.arrays import Array
 from patagium.report.figures import Hinge, machine
 from patagium.report.still import solid_faces
-from patagium.robot.model import Joint, Robot
+from patagium.robot.model import Robot
 from patagium.robot.planform import mirrored_bodies, placed, poses, strip_corners
 from patagium.robot.solids import solids
 from patagium.robot.strip_chains import strip_chains
@@ -70,7 +70,8 @@ def _hinges(robot: Robot, q: Array) -> dict[str, Hinge]:
             sweep, ways = np.zeros((0, 3)), "no limits"
             if np.isfinite(limits).all():
                 sweep = _sweep(robot, q, index, far, joint.dof)
-                ways = _way(joint, limits)
+                unit, factor = ("deg", degrees(1)) if joint.kind == "revolute" else ("cm", 100.0)
+                ways = " to ".join(f"{factor * k:.0f}" for k in limits) + f" {unit}"
             words = "" if index in images else f"{joint.name}: about {_letter(axis)}, {ways}"
             if joint.kind == "prismatic":
                 words = words.replace("about", "along")
@@ -86,12 +87,6 @@ def _sweep(robot: Robot, q: Array, body: int, point: Array, dof: int) -> Array:
         turned[at] = value
         way.append(placed(poses(robot, turned)[body], point))
     return np.array(way)
-
-
-def _way(joint: Joint, limits: tuple[float, float]) -> str:
-    turns = joint.kind == "revolute"
-    low, high = (degrees(k) if turns else 100 * k for k in limits)
-    return f"{low:.0f} to {high:.0f} {'deg' if turns else 'cm'}"
 
 
 def _letter(axis: Array) -> str:

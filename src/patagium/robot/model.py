@@ -25,39 +25,10 @@ from patagium.errors import ParameterError
 from patagium.robot.amendment import amended_source, composed_source, source_with_attitude
 from patagium.robot.attitude import quaternion_from_angles, rotation_from_angles
 
-Attitudes = Sequence[tuple[int, ...]]
-"""Places in v of roll, pitch and yaw of every body whose attitude is a quaternion."""
-
 
 def repeated(names: Sequence[str]) -> list[str]:
     """Names that stand more than once."""
     return [name for i, name in enumerate(names) if name in names[:i]]
-
-
-def places_in_q(dof: int, attitudes: Attitudes) -> tuple[int, ...]:
-    """For each entry of v the place in q of what it moves; of roll that of qx, and so on."""
-    firsts = [min(dofs) for dofs in attitudes]
-    return tuple(i + sum(first <= i for first in firsts) for i in range(dof))
-
-
-def coordinate_names(dof_names: Sequence[str], attitudes: Attitudes) -> tuple[str, ...]:
-    """Names of the coordinates, in the order of q.
-
-    Args:
-        dof_names: Names in the order of v.
-        attitudes: Where quaternions are.
-    """
-    scalars: dict[int, str] = {}
-    others: dict[int, str] = {}
-    for dofs in attitudes:
-        stem = dof_names[dofs[0]].removesuffix("roll")
-        scalars[min(dofs)] = f"{stem}qw"
-        others |= {dof: f"{stem}q{letter}" for dof, letter in zip(dofs, "xyz", strict=True)}
-    names: list[str] = []
-    for i, name in enumerate(dof_names):
-        names += [scalars[i]] if i in scalars else []
-        names.append(others.get(i, name))
-    return tuple(names)
 
 
 Number: TypeAlias = "float | ca.SX"
@@ -75,11 +46,7 @@ CAPACITIES = ("speed_limit", "acceleration_limit", "effort_limit", "power_limit"
 
 
 def capacity_units(unit: str) -> tuple[str, ...]:
-    """SI units of `CAPACITIES` of a joint.
-
-    Args:
-        unit: Unit of the joint's coordinate, "m" or "rad".
-    """
+    """SI units of `CAPACITIES` of a joint whose coordinate is in "m" or "rad"."""
     return f"{unit}/s", f"{unit}/s^2", "N" if unit == "m" else "N m", "W"
 
 
@@ -287,7 +254,13 @@ class Robot:
     @cached_property
     def coordinate_names(self) -> tuple[str, ...]:
         """Names of the coordinates, in the order of q: those of v, but for a quaternion's."""
-        return coordinate_names(self.dof_names, self._attitudes)
+        names = [[name] for name in self.dof_names]
+        for dofs in self._attitudes:
+            stem = self.dof_names[dofs[0]].removesuffix("roll")
+            for dof, letter in zip(dofs, "xyz", strict=True):
+                names[dof] = [f"{stem}q{letter}"]
+            names[min(dofs)].insert(0, f"{stem}qw")
+        return tuple(name for own in names for name in own)
 
     @property
     def coordinate_count(self) -> int:
@@ -318,7 +291,8 @@ class Robot:
     @property
     def coordinate_indices(self) -> tuple[int, ...]:
         """For each entry of v the place in q of what it moves; of roll that of qx, and so on."""
-        return places_in_q(self.dof, self._attitudes)
+        firsts = [min(dofs) for dofs in self._attitudes]
+        return tuple(i + sum(first <= i for first in firsts) for i in range(self.dof))
 
     def floating_coordinates(self, body: Body) -> tuple[int, ...]:
         """Places in q of x, y, z and then roll, pitch, yaw or qw, qx, qy, qz; empty if held.
@@ -657,15 +631,19 @@ def _mounted(
         *(replace(s, body=s.body + first) for s in robot.strips),
     )
 
-    def joined(name: str) -> tuple[Any, ...]:
-        own = getattr(robot, name)
-        return (*getattr(arm, name), *(own[i] for i in kept))
+    def joined(name: str, none: float = np.inf) -> tuple[Any, ...]:
+        """Values for the joints of both, `none` for those of one that has none; or ()."""
+        own, carriers = getattr(robot, name), getattr(arm, name)
+        if not own and not carriers:
+            return ()
+        own = own or (none,) * robot.dof
+        return (*(carriers or (none,) * arm.dof), *(own[i] for i in kept))
 
     def pairs(name: str) -> tuple[tuple[str, str], ...]:
         of_arm = tuple((prefix + one, prefix + other) for one, other in getattr(arm, name))
         return (*of_arm, *getattr(robot, name))
 
-    capacities: dict[str, Any] = {name: _capacity(name, robot, arm, kept) for name in CAPACITIES}
+    capacities: dict[str, Any] = {name: joined(name) for name in CAPACITIES}
     composed = Robot(
         name=f"{robot.name}-on-{arm.name}",
         bodies=bodies,
@@ -674,8 +652,8 @@ def _mounted(
         dof_units=joined("dof_units"),
         actuated=(*arm.actuated, *(dof[i] for i in robot.actuated if i in dof)),
         damping=joined("damping"),
-        stiffness=_capacity("stiffness", robot, arm, kept, 0.0),
-        rest=_capacity("rest", robot, arm, kept, 0.0),
+        stiffness=joined("stiffness", 0.0),
+        rest=joined("rest", 0.0),
         lower=joined("lower"),
         upper=joined("upper"),
         gravity=robot.gravity,
@@ -714,11 +692,7 @@ def _carried(
 
 
 def axis_of(vector: Any) -> Axis:
-    """Three numbers as a tuple of floats, a zero without its sign.
-
-    Args:
-        vector: Three numbers, (3,) [any unit].
-    """
+    """Three numbers, (3,) [any unit], as a tuple of floats, a zero without its sign."""
     x, y, z = (float(k) + 0.0 for k in vector)
     return (x, y, z)
 
@@ -733,20 +707,6 @@ def finite_triple(name: str, values: ArrayLike) -> Axis:
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ParameterError(name, "three finite numbers", np.ravel(vector).tolist()[:6])
     return axis_of(vector)
-
-
-def _capacity(
-    name: str, robot: Robot, arm: Robot, kept: tuple[int, ...], none: float = np.inf
-) -> tuple[float, ...]:
-    """Values of a field for the joints of both robots; empty where neither has any.
-
-    Where one has none, `none` stands for its joints.
-    """
-    own, carriers = getattr(robot, name), getattr(arm, name)
-    if not own and not carriers:
-        return ()
-    own = own or (none,) * robot.dof
-    return (*(carriers or (none,) * arm.dof), *(own[i] for i in kept))
 
 
 def _check_names(robot: Robot, strips: tuple[Strip, ...]) -> None:

@@ -72,12 +72,11 @@ def strip_chains(robot: Robot) -> tuple[StripChain, ...]:
 def joined_images(robot: Robot, images: Iterable[Pair]) -> tuple[Pair, ...]:
     """Wings and their mirror images whose ends are nearer than half their mean chord."""
     places, chains = poses(robot), strip_chains(robot)
-    near = [
+    return tuple(
         pair
         for pair in images
         if any(_near(robot, places, *way) for way in _ways(robot, chains, pair))
-    ]
-    return tuple(near)
+    )
 
 
 def chain_words(robot: Robot) -> str:

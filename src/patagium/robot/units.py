@@ -125,7 +125,8 @@ def _factor(label: str, unit: str, expected: str, found: str) -> float:
         raise UnitMismatch(expected, f"{found} (unknown unit {label!r})") from None
     turns, wanted_turns = (dict(k.unit_items()).get("radian", 0) for k in (base, wanted))
     if base.dimensionality != wanted.dimensionality or turns != wanted_turns > 0:
-        raise UnitMismatch(expected, f"{found}, {_dimension(base)}")
+        kind = f"of dimension {base.dimensionality}" if base.dimensionality else "a pure number"
+        raise UnitMismatch(expected, f"{found}, {kind}")
     cycle = (2 * math.pi) ** turns if "Hz" in unit else 1.0  # 60 rpm are 1 Hz
     return float(base.magnitude) / (float(wanted.magnitude) * cycle)
 
@@ -153,10 +154,6 @@ def unit_for_pint(text: str) -> str:
     """
     raised = _DOT.sub("*", text.translate({ord("²"): "^2", ord("³"): "^3"}))
     return _TORQUE.sub(r"(\1 \2 \3\4)", _DIGIT.sub(r"\1^\2", raised))
-
-
-def _dimension(quantity: Any) -> str:
-    return f"of dimension {quantity.dimensionality}" if quantity.dimensionality else "a pure number"
 
 
 @cache

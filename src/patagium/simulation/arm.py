@@ -83,7 +83,7 @@ class Tool:
             q: Joint positions that put it there, (N, n) [rad, m].
             target: The path, x, y, z, roll, pitch, yaw, (N, 6) each [m, rad].
         """
-        twist, change = path_twist(target)
+        twist, change = _path_twist(target)
         _, _, jacobian = self.pose(q)
         v = solve_each(jacobian, twist)
         return PrescribedMotion(q, v, solve_each(jacobian, change - self.drift(q, v)))
@@ -118,12 +118,8 @@ def solve_each(matrices: Array, right: Array) -> Array:
     return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0], np.float64)
 
 
-def path_twist(motion: PrescribedMotion) -> tuple[Array, Array]:
-    """Velocity and acceleration of a path: linear, then angular, world axes, (N, 6) each.
-
-    Args:
-        motion: Of x, y, z, roll, pitch, yaw, (N, 6) each [m, rad].
-    """
+def _path_twist(motion: PrescribedMotion) -> tuple[Array, Array]:
+    """Velocity and acceleration of a path: linear, then angular, world axes, (N, 6) each [SI]."""
     angles, rates, second = (part[:, 3:] for part in motion)
     turned = rotation_from_angles(angles)
     spin = body_rates(angles, rates), body_accelerations(angles, rates, second)
@@ -133,11 +129,7 @@ def path_twist(motion: PrescribedMotion) -> tuple[Array, Array]:
 
 
 def rotation_vector(matrix: Array) -> Array:
-    """Axis times angle of rotations, (N, 3) [rad]; of a half turn one of its two axes.
-
-    Args:
-        matrix: Rotations, (N, 3, 3) [-].
-    """
+    """Axis times angle, (N, 3) [rad], of rotations, (N, 3, 3); of a half turn one of two axes."""
     skew = np.stack(
         [
             matrix[:, 2, 1] - matrix[:, 1, 2],
@@ -159,21 +151,11 @@ CLOSED = 1e-10
 """How far the tool may be from the path [m, rad]."""
 
 
-def check_branch(arm: Robot, tool: Tool, time: Array, target: PrescribedMotion, q: Array) -> float:
-    """Clearance from singularities of a branch that the arm can follow.
+def _check_branch(arm: Robot, tool: Tool, time: Array, target: PrescribedMotion, q: Array) -> float:
+    """Least singular value of the Jacobian, lengths in reaches of the arm, along a branch.
 
-    Args:
-        arm: The arm.
-        tool: Tool that follows the path.
-        time: Knots, (K,) [s].
-        target: The path there.
-        q: Joint positions there, (K, n) [rad, m]; not finite from where there are none.
-
-    Returns:
-        Least singular value of the Jacobian, lengths in reaches of the arm.
-
-    Raises:
-        PathError: At the first time when it cannot.
+    A `PathError` says when it cannot follow the branch q, (K, n) [rad, m], first; q is not
+    finite from where there is none.
     """
     sound = np.isfinite(q).all(axis=1)
     count = len(time) if sound.all() else int(np.argmin(sound))
@@ -217,17 +199,8 @@ def _check_limits(arm: Robot, tool: Tool, time: Array, motion: PrescribedMotion)
             raise PathError(time[k], arm.dof_names[joint], name, value, limit, unit)
 
 
-def check_period(arm: Robot, path: Path, q: Array) -> None:
-    """A periodic path must bring every joint back: a turn too many cannot go on for ever.
-
-    Args:
-        arm: The arm.
-        path: Path of the tool.
-        q: Joint positions over one period, (K, n) [rad, m].
-
-    Raises:
-        PathError: If a joint is elsewhere after a period.
-    """
+def _check_period(arm: Robot, path: Path, q: Array) -> None:
+    """A periodic path must bring every joint back: a turn too many cannot go on for ever."""
     if not path.period:
         return
     gone = np.abs(q[-1] - q[0])
@@ -363,8 +336,8 @@ def plan_arm(
     refused: PathError | None = None
     for branch in _branches(arm, tool, time, target, start):
         try:
-            clearance = check_branch(arm, tool, time, target, branch)
-            check_period(arm, path, branch)
+            clearance = _check_branch(arm, tool, time, target, branch)
+            _check_period(arm, path, branch)
         except PathError as error:
             if refused is None or error.time > refused.time:
                 refused = error

@@ -482,16 +482,12 @@ def carrier_of(flight: xr.Dataset) -> Carrier | None:
         tool = Tool(arm, words["at"], tuple(words["position"]), tuple(words["orientation"]))
         time = np.asarray(flight["time"].values, float)
         start = np.array(words["start"], float)
-        q = track_tool(tool, time, _placed(flight), start, _KNOTS)
+        robot = robot_of(flight)
+        position, rotation = poses_at(robot, np.asarray(flight["q"].values, float))
+        held = next(iter(robot.floating_bodies))
+        placed = position[:, held], rotation[:, held]
+        q = track_tool(tool, time, placed, start, _KNOTS)
         return Carrier(arm, words["at"], np.array(words["position"], float), q)
-
-
-def _placed(flight: xr.Dataset) -> tuple[Array, Array]:
-    """Position of the floating body, (N, 3) [m], and its rotation to the world, (N, 3, 3)."""
-    robot = robot_of(flight)
-    position, rotation = poses_at(robot, np.asarray(flight["q"].values, float))
-    held = next(iter(robot.floating_bodies))
-    return position[:, held], rotation[:, held]
 
 
 @checked

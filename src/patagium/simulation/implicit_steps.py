@@ -26,7 +26,7 @@ _HALVED = 10
 """Times that a correction is halved, at most."""
 
 
-def rate_jacobian(rate: Callable[..., Any], state: Array, *more: int) -> Array:
+def rate_jacobian(rate: Callable[..., Any], state: Array, *more: Any) -> Array:
     """Derivative of the rate by the state, (size, size) [1/s], by central differences.
 
     Args:

@@ -139,11 +139,6 @@ def mount_of(robot: Robot, mount: Mount | None) -> Mount:
     return mount
 
 
-def floating_coordinates(robot: Robot) -> tuple[int, ...]:
-    """Places in q of the floating bodies' coordinates, body by body."""
-    return tuple(i for body in robot.bodies for i in robot.floating_coordinates(body))
-
-
 def on_massless_mount(robot: Robot) -> Robot:
     """Machine on a massless floating body, whose six coordinates come first.
 
@@ -224,12 +219,11 @@ def with_load_cells(robot: Robot, cells: Sequence[InternalLoadCell]) -> Robot:
     Returns:
         A robot of 6 more coordinates a cell. With these at zero it moves as the original.
     """
-    # from the last place backwards, so that the others stay where they are
-    order = sorted(range(len(cells)), key=lambda k: _place(robot, cells[k].at), reverse=True)
     places = [_place(robot, cell.at) for cell in cells]
     names = [f"load cell {k}" for k in range(CELL_COORDINATES * len(cells))]
     machine = with_leading_coordinates(robot, names)
-    for k in order:
+    # from the last place backwards, so that the others stay where they are
+    for k in sorted(range(len(cells)), key=places.__getitem__, reverse=True):
         machine = _with_cell(machine, cells[k], places[k], CELL_COORDINATES * k)
     return machine
 

@@ -33,15 +33,13 @@ class GustField:
         meet: Delays of the strips, (4, n) [s, -], of (state, row, robot and aero parameters).
         constants: Robot and aero parameters.
         pieces: The gust from one time to another.
-        slowness: Inverse of the speed of the gust [s/m].
-        fastest: No part of the robot is faster [m/s].
+        drift: Fastest motion of a part of the robot over the speed of the gust [1].
     """
 
     meet: NativeFunction
     constants: tuple[Array, Array]
     pieces: Callable[[float, float], CubicPieces]
-    slowness: float
-    fastest: float
+    drift: float
 
     @property
     def strips(self) -> int:
@@ -58,7 +56,7 @@ class GustField:
             last: Last time [s].
         """
         delays = self._delays(states, rows)
-        reach = np.abs(delays[:, :, 1]).max() + self.fastest * self.slowness * (last - first)
+        reach = np.abs(delays[:, :, 1]).max() + self.drift * (last - first)
         earliest, latest = delays[:, :, 0].min(), delays[:, :, 0].max()
         return self.pieces(float(first - latest - reach), float(last - earliest + reach))
 
@@ -91,13 +89,11 @@ def _met(pieces: CubicPieces, times: Array, delays: Array) -> Array:
         met = gusts_at_strips(pieces, times, delays.swapaxes(1, 2))
         return met.swapaxes(1, 2).reshape(count, -1)
     found = np.empty((count, GUST_COMPONENTS * strips))
-    cubics = np.ascontiguousarray(pieces.coefficients)
-    at = np.ascontiguousarray(times)
+    cubics, at = np.ascontiguousarray(pieces.coefficients), np.ascontiguousarray(times)
     library.met_by_strips(
         ctypes.c_long(count),
         ctypes.c_long(len(pieces.knots)),
-        _pointer(pieces.knots),
-        _pointer(cubics),
+        *map(_pointer, (pieces.knots, cubics)),
         ctypes.c_double(pieces.decay_rate),
         _pointer(at),
         ctypes.c_long(strips),
@@ -121,8 +117,8 @@ class Equations:
         prepare: State where a step begins, from the state where the last one ended;
             None to leave it.
         recorded: Names of what `record` gives, in order.
-        robot_parameters: Parameters of the robot, (n_p,) [SI].
-        aero_parameters: Parameters of the aerodynamic model, (n_c,) [SI].
+        constants: Parameters of the robot, (n_p,), and of its air, (n_c,) [SI], which all functions
+            take after state and row.
         lower: Lower limit of each entry of the state, (size,).
         upper: Upper limit of each entry of the state, (size,).
         field: Gust that rows end with, or None.
@@ -132,16 +128,10 @@ class Equations:
     record: NativeFunction
     prepare: NativeFunction | None
     recorded: tuple[str, ...]
-    robot_parameters: Array
-    aero_parameters: Array
+    constants: tuple[Array, Array]
     lower: Array
     upper: Array
     field: GustField | None = None
-
-    @property
-    def constants(self) -> tuple[Array, Array]:
-        """Parameters that all functions take after state and row."""
-        return self.robot_parameters, self.aero_parameters
 
 
 @dataclass(frozen=True)
@@ -176,6 +166,10 @@ class Integration:
         time_step: Step [s].
         began: Time of the initial state [s].
         implicit: Whether steps are implicit (`LobattoStep`).
+
+    Attributes:
+        outcome: COMPLETED while all is well.
+        state: State now, (size,) [SI].
     """
 
     def __init__(
@@ -190,11 +184,14 @@ class Integration:
     ) -> None:
         self._equations, self._rows, self._time_step = equations, rows, time_step
         self._began = began
-        self._state = np.array(state, float)
-        self._samples = _room(equations, steps)
+        self.state = np.array(state, float)
+        kept = zip(equations.recorded, equations.record.size_out, strict=True)
+        self._samples = room_for(
+            {k: (steps + 1, n) if m == 1 else (steps + 1, m, n) for k, (n, m) in kept}
+        )
         self._implicit = implicit
         self._advance = self._loop()
-        self._outcome, self._which = Outcome.COMPLETED, -1
+        self.outcome, self._which = Outcome.COMPLETED, -1
         self.steps, self.done = steps, 0
         self._recorded = False
 
@@ -202,16 +199,6 @@ class Integration:
         """State without the compiled equations, which `change` gives it again."""
         compiled = "_equations", "_advance"
         return {name: value for name, value in vars(self).items() if name not in compiled}
-
-    @property
-    def outcome(self) -> Outcome:
-        """COMPLETED while all is well."""
-        return self._outcome
-
-    @property
-    def state(self) -> Array:
-        """State now, (size,) [SI]."""
-        return self._state
 
     def change(self, equations: Equations) -> None:
         """Go on with other equations of the same state, from the state as it is.
@@ -225,8 +212,9 @@ class Integration:
 
     def _loop(self) -> Advance:
         if self._implicit:
-            return _in_python(self._equations, LobattoStep())
-        return _compiled(self._equations) or _in_python(self._equations, _classic_step)
+            return _in_python(self._equations, self._time_step, LobattoStep())
+        given = self._equations, self._time_step
+        return _compiled(*given) or _in_python(*given, _classic_step)
 
     @property
     def run(self) -> IntegrationResult:
@@ -234,7 +222,7 @@ class Integration:
         if not self._recorded:
             self._chunk(0)
         kept = {name: values[: self.done + 1] for name, values in self._samples.items()}
-        ended = self._outcome, self._state, self._which, self._implicit
+        ended = self.outcome, self.state, self._which, self._implicit
         return IntegrationResult(kept, self.done, *ended)
 
     def advance(self, steps: int, progress: Progress | None = None) -> Outcome:
@@ -250,25 +238,25 @@ class Integration:
         """
         last = min(self.steps, self.done + steps)
         try:
-            while self._outcome is Outcome.COMPLETED and self.done < last:
+            while self.outcome is Outcome.COMPLETED and self.done < last:
                 self._chunk(min(CHUNK, last - self.done))
                 if progress is not None:
                     progress(self.done, self.steps)
         except Interrupted:
-            self._outcome = Outcome.INTERRUPTED
-        return self._outcome
+            self.outcome = Outcome.INTERRUPTED
+        return self.outcome
 
     def _chunk(self, count: int) -> None:
         half = 0.5 * self._time_step
         times = self._began + times_of(2 * self.done, 2 * count + 1, half)
         table = np.ascontiguousarray(self._rows(times))
-        states = np.empty((count + 1, self._state.size))
+        states = np.empty((count + 1, self.state.size))
         field, pieces = self._equations.field, None
         if field is not None:
-            pieces = field.gust_pieces(self._state[None], table[:1], times[0], times[-1])
-        stretch = Stretch(count, self._time_step, times, table, pieces)
+            pieces = field.gust_pieces(self.state[None], table[:1], times[0], times[-1])
         with np.errstate(all="ignore"):  # a state that breaks is an outcome, not a warning
-            self._outcome, taken, self._which = self._advance(stretch, self._state, states)
+            ended = self._advance(times, table, pieces, self.state, states)
+        self.outcome, taken, self._which = ended
         flown, states = slice(0, 2 * taken + 1, 2), states[: taken + 1]
         rows = table[flown]
         if field is not None and pieces is not None:
@@ -309,36 +297,11 @@ def times_of(first: int, count: int, time_step: float) -> Array:
     return times
 
 
-@dataclass(frozen=True)
-class Stretch:
-    """Steps that are taken in one call, with their table and gust.
-
-    Attributes:
-        count: Steps.
-        time_step: Step [s].
-        times: A time every half step, (2 count + 1,) [s].
-        table: A row every half step, (2 count + 1, row_size).
-        pieces: The gust that can be met, or None.
-    """
-
-    count: int
-    time_step: float
-    times: Array
-    table: Array
-    pieces: CubicPieces | None
-
-
-Advance: TypeAlias = Callable[[Stretch, Array, Array], tuple[Outcome, int, int]]
-
-
-def _room(equations: Equations, steps: int) -> dict[str, Array]:
-    shapes = equations.record.size_out
-    return room_for(
-        {
-            name: (steps + 1, rows) if columns == 1 else (steps + 1, columns, rows)
-            for name, (rows, columns) in zip(equations.recorded, shapes, strict=True)
-        }
-    )
+Advance: TypeAlias = Callable[
+    [Array, Array, CubicPieces | None, Array, Array], tuple[Outcome, int, int]
+]
+"""Loop over N steps, of times [s] and rows every half step, (2 N + 1, ...), the gust that can be
+met, the state, and room for states, (N + 1, size); gives outcome, steps taken and what broke."""
 
 
 def _record(
@@ -353,7 +316,7 @@ def _record(
         release(place)
 
 
-def _compiled(equations: Equations) -> Advance | None:
+def _compiled(equations: Equations, time_step: float) -> Advance | None:
     """The loop in C, or None without a compiler."""
     library = load_kernel("march")
     if library is None or equations.rate.address is None:
@@ -364,26 +327,27 @@ def _compiled(equations: Equations) -> Advance | None:
     meet = equations.field.meet.address if equations.field is not None else None
     strips = equations.field.strips if equations.field is not None else 0
 
-    def advance(stretch: Stretch, state: Array, states: Array) -> tuple[Outcome, int, int]:
-        row_size = stretch.table.shape[1]
+    def advance(
+        times: Array, table: Array, pieces: CubicPieces | None, state: Array, states: Array
+    ) -> tuple[Outcome, int, int]:
+        row_size = table.shape[1]
         knots, cubics, decay = np.empty(0), np.empty(0), 0.0
-        if stretch.pieces is not None:
-            knots, decay = stretch.pieces.knots, stretch.pieces.decay_rate
-            cubics = np.ascontiguousarray(stretch.pieces.coefficients)
+        if pieces is not None:
+            knots, decay = pieces.knots, pieces.decay_rate
+            cubics = np.ascontiguousarray(pieces.coefficients)
         room = np.empty(row_size + (GUST_COMPONENTS + 4) * strips)
         code = library.march(
             ctypes.c_void_p(prepare),
             ctypes.c_void_p(equations.rate.address),
-            ctypes.c_long(stretch.count),
-            ctypes.c_double(stretch.time_step),
+            ctypes.c_long(len(states) - 1),
+            ctypes.c_double(time_step),
             ctypes.c_long(size),
             _pointer(state),
             _pointer(equations.lower),
             _pointer(equations.upper),
             ctypes.c_long(row_size),
-            _pointer(stretch.table),
-            _pointer(equations.robot_parameters),
-            _pointer(equations.aero_parameters),
+            _pointer(table),
+            *map(_pointer, equations.constants),
             _pointer(states),
             _pointer(work),
             ctypes.byref(done),
@@ -394,7 +358,7 @@ def _compiled(equations: Equations) -> Advance | None:
             _pointer(knots),
             _pointer(cubics),
             ctypes.c_double(decay),
-            _pointer(stretch.times),
+            _pointer(times),
             _pointer(room),
         )
         return Outcome(code), done.value, which.value
@@ -416,21 +380,23 @@ def _classic_step(rate: Rate, state: Array, place: int, time_step: float) -> Arr
 
 
 def _in_python(
-    equations: Equations, one_step: Callable[[Rate, Array, int, float], Array]
+    equations: Equations,
+    time_step: float,
+    one_step: Callable[[Rate, Array, int, float], Array],
 ) -> Advance:
     """The loop of `kernels/march.c` in Python, statement by statement."""
-    constants = equations.constants
+    constants, field = equations.constants, equations.field
 
-    def advance(stretch: Stretch, state: Array, states: Array) -> tuple[Outcome, int, int]:
-        count, time_step, table = stretch.count, stretch.time_step, stretch.table
-
-        field, pieces = equations.field, stretch.pieces
+    def advance(
+        times: Array, table: Array, pieces: CubicPieces | None, state: Array, states: Array
+    ) -> tuple[Outcome, int, int]:
+        count = len(states) - 1
 
         def rate(reached: Array, place: int) -> Array:
             at = slice(place, place + 1)
             row = table[place]
             if field is not None and pieces is not None:
-                row = field.with_gust(reached[None], table[at], stretch.times[at], pieces)[0]
+                row = field.with_gust(reached[None], table[at], times[at], pieces)[0]
             return np.asarray(equations.rate(reached, row, *constants))
 
         for step in range(count + 1):

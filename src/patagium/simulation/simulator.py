@@ -230,6 +230,9 @@ class Simulator:
         load_cells: Six-axis load cells (`patagium.mounts.load_cell`) whose wrenches are recorded.
         aero_state: Initial states of the model of the air, (n_z,) [m/s, -]; zero by default.
 
+    Attributes:
+        time_step: Step that was given or chosen [s].
+
     Raises:
         ParameterError: If an argument is not what it may be.
         ShapeError: If q is not (n_q,) or v not (n,).
@@ -286,7 +289,7 @@ class Simulator:
             )
             time_step = chosen_step(*at_start, part, springs)
             duration = max(1, round(duration / time_step)) * time_step
-        self.steps, self._time_step = whole_steps(duration, time_step), time_step
+        self.steps, self.time_step = whole_steps(duration, time_step), time_step
         self._control_steps = _control_steps(gait, control_period, time_step)
         slopes = rate_slopes(self._equations, [state], rows, np.zeros(1)) if springs else []
         implicit = tightest_limit(slopes, time_step) is not None
@@ -328,12 +331,7 @@ class Simulator:
     @property
     def time(self) -> float:
         """Flown so far [s]."""
-        return self._integration.done * self._time_step
-
-    @property
-    def time_step(self) -> float:
-        """Time step [s]."""
-        return self._time_step
+        return self._integration.done * self.time_step
 
     @property
     def run(self) -> IntegrationResult:
@@ -356,7 +354,7 @@ class Simulator:
         if self._integration.advance(steps, progress) not in sound and flown:
             run, state_of = self.run, self._layout.state_of_sample
             known = self._equations, state_of, run.samples, self._rows, run.steps
-            self._cause = diagnose_step(*known, self.steps, self._time_step)  # or None
+            self._cause = diagnose_step(*known, self.steps, self.time_step)  # or None
         return self.outcome
 
     @property
@@ -448,12 +446,12 @@ class Simulator:
             raise ParameterError("controller", "a function or an object, no class", controller)
         period = period_of(controller, self._robot, self._gait, self._held, self._control_period)
         if period is not None:
-            self._control_steps = _control_steps(self._gait, period, self._time_step)
+            self._control_steps = _control_steps(self._gait, period, self.time_step)
         call = float(self._integration.done)
         while self.outcome is Outcome.COMPLETED and self._integration.done < self.steps:
             commands = controller(self.time, self.state)
             if (own := getattr(controller, "period", None)) is not None:  # may change on the way
-                call += own / self._time_step
+                call += own / self.time_step
                 self._control_steps = max(1, round(call) - self._integration.done)
             self._fly_period(commands, progress)
         return self.outcome
@@ -491,13 +489,13 @@ class Simulator:
         """Outcome of the flight so far, in words."""
         run, names, singular = self.run, self._layout.state_names, self._singular
         steps = run.steps if run.outcome is Outcome.COMPLETED else self.steps
-        time_step, cause = self._time_step, self._cause
+        time_step, cause = self.time_step, self._cause
         return outcome_message(run, names, self._equations, steps, time_step, singular, cause)
 
     def flight(self) -> xr.Dataset:
         """The flight so far; one that may go on shares its numbers, and is read-only."""
         run = self.run
-        time = times_of(0, run.steps + 1, self._time_step)
+        time = times_of(0, run.steps + 1, self.time_step)
         run.samples["wind"] = _wind(self._aero, run.samples, time)
         origin = replace(self._origin, gait=self._gait.describe())
         if self._commands:
@@ -610,15 +608,14 @@ def _equations(
     lower, upper = limits(layout.machine, layout.passive_coordinates, layout.passive, state)
     field = None
     if gust is not None:
-        slowness = 1.0 / gust.speed
-        field = GustField(functions["meet"], parameters, gust.pieces, slowness, SPEED_LIMIT)
+        drift = SPEED_LIMIT / gust.speed
+        field = GustField(functions["meet"], parameters, gust.pieces, drift)
     return Equations(
         rate=functions["rate"],
         record=functions["record"],
         prepare=functions.get("prepare"),
         recorded=recorded_names(layout),
-        robot_parameters=parameters[0],
-        aero_parameters=parameters[1],
+        constants=parameters,
         lower=lower,
         upper=upper,
         field=field,

@@ -22,7 +22,6 @@ from patagium.robot import Robot
 from patagium.simulation.mounts import (
     InternalLoadCell,
     Mount,
-    floating_coordinates,
     on_massless_mount,
     with_load_cells,
 )
@@ -194,7 +193,7 @@ def state_layout(
     works = WORKS if added_mass is None else (*WORKS, ADDED_WORK)
     places = machine.coordinate_indices
     driven = tuple(places[i] for i in machine.actuated)
-    kept = floating_coordinates(machine) if held else ()
+    kept = [k for body in machine.bodies for k in machine.floating_coordinates(body) if held]
     follows = {*range(hidden), *driven, *kept}
     return StateLayout(
         machine=machine,

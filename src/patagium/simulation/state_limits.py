@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, floor, log10
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -216,13 +215,10 @@ def rate_slopes(
         flown = np.array(states)
         pieces = field.gust_pieces(flown, table, times[0], times[-1])
         table = field.with_gust(flown, table, times, pieces)
-    slopes = []
-    for state, row in zip(states, table, strict=True):
-
-        def rate(reached: Array, row: Array = row) -> Any:
-            return equations.rate(reached, row, *equations.constants)
-
-        slopes.append(rate_jacobian(rate, state))
+    slopes = [
+        rate_jacobian(equations.rate, state, row, *equations.constants)
+        for state, row in zip(states, table, strict=True)
+    ]
     return [slope for slope in slopes if np.isfinite(slope).all()]
 
 

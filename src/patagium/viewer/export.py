@@ -145,7 +145,12 @@ def _write_mcap(library: Any, path: Path, record: xr.Dataset, topics: list[Topic
         writer.start(library=f"patagium {__version__}")
         about = {name: str(value) for name, value in record.attrs.items()}
         writer.add_metadata("patagium", about)
-        streams = [(_channel(writer, one), _messages(one)) for one in topics]
+        streams = []
+        for one in topics:
+            named = zip(one.labels, one.units, strict=True)
+            schema = _object(**{k: {"type": "number", "description": unit} for k, unit in named})
+            channel = _registered(writer, f"patagium.{one.name}", f"/{one.name}", schema)
+            streams.append((channel, _messages(one)))
         frames = body_frames(record)
         if frames:
             kind = "foxglove.FrameTransforms"
@@ -155,14 +160,6 @@ def _write_mcap(library: Any, path: Path, record: xr.Dataset, topics: list[Topic
             for channel, messages in streams:
                 writer.add_message(channel, time, next(messages).encode(), time, number)
         writer.finish()
-
-
-def _channel(writer: Any, topic: Topic) -> int:
-    """Channel of a topic with its schema."""
-    named = zip(topic.labels, topic.units, strict=True)
-    numbers = {label: {"type": "number", "description": unit} for label, unit in named}
-    schema = {"type": "object", "properties": numbers}
-    return _registered(writer, f"patagium.{topic.name}", f"/{topic.name}", schema)
 
 
 def _registered(writer: Any, name: str, topic: str, schema: dict[str, Any]) -> int:

@@ -9,7 +9,6 @@ lost. Samples between frames are not sent.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -170,9 +169,9 @@ class Subject:
             ("strip_force", "f8", (len(robot.strips) if self.strips else 0, 3)),
             ("weights", "f8", (weights,)),
             *(("trace", "f8", (TRACE, 1 + len(FORCES) * m)), ("traced", "i8")),
-            *((name, "f8") for name in ("posted", "load", "nmse", "coverage", "time_per_call")),
-            *((name, "f8") for name in ("pace", "frequency", "amplitude", "share")),
-            *((name, "i8") for name in ("samples", "failed", "resets")),
+            *((name, "f8") for name in ("load", "nmse", "coverage", "time_per_call")),
+            *((name, "f8") for name in ("frequency", "amplitude", "share")),
+            *((name, "i8") for name in ("samples", "failed")),
             *(("paused", "?"), ("ended", "?"), ("words", f"S{_WORDS}")),
         ]
 
@@ -207,8 +206,7 @@ class Feed:
         if self._last is None:
             return
         words = str(facts.pop("words", "")).encode()[:_WORDS]
-        posted = {"posted": time.monotonic(), "words": words}
-        self._letters.put(self._last | posted | facts)
+        self._letters.put(self._last | facts | {"words": words})
         self._last |= {"traced": 0}
 
     def _samples(self) -> dict[str, Any]:
@@ -235,17 +233,8 @@ class Feed:
         return np.hstack([np.concatenate(times), *forces])[:TRACE]
 
 
-def message_of_frame(letter: Any) -> str:
-    """Message of a frame."""
-    return bytes(letter["words"]).decode(errors="replace")
-
-
 def records_without_learner(force: Array) -> Records:
-    """Records of samples without a learner.
-
-    Args:
-        force: Force of the air, (N, m) [N, N m].
-    """
+    """Records of samples of the air's force, (N, m) [N, N m], without a learner."""
     m = force.shape[1]
     rows = np.full((len(force), 3 * m + 4), np.nan)
     rows[:, 2 * m : 3 * m], rows[:, -3:] = force, 0.0

@@ -29,7 +29,7 @@ from patagium.robot import Robot
 from patagium.robot.planform import strip_corners
 from patagium.robot.solids import Solid, solids, wing_tips
 from patagium.viewer.live_door import Door, is_number
-from patagium.viewer.live_frames import FORCES, Mailbox, Steering, Subject, message_of_frame
+from patagium.viewer.live_frames import FORCES, Mailbox, Steering, Subject
 from patagium.viewer.predicted_forces import strip_force_network
 from patagium.viewer.replay import center_of_mass, quaternions
 
@@ -626,7 +626,7 @@ class LivePage:
         pace = (float(letter["time"]) - since[1]) / passed
         groups = [self._flight_rows(letter, pace), *self._learner_rows(letter, rate)]
         self._numbers.content = _template().render(
-            words=message_of_frame(letter),
+            words=bytes(letter["words"]).decode(errors="replace"),
             ended=bool(letter["ended"]),
             groups=[*groups, self._picture_rows(sent)],
             key=[("true", TRUTH), *([("learned", COLORS[0])] if self._subject.network else [])],

@@ -97,18 +97,6 @@ def _radius(drawn: list[Solid]) -> float:
 _SINGULAR = 1e-3  # cosine of a pitch beyond which the angles say nothing of one direction
 
 
-class TotalForce(NamedTuple):
-    """On the robot, world axes.
-
-    Attributes:
-        force: F, (N, 3) [N].
-        moment: M, (N, 3) [N m]; None where the attitude's part is not known.
-    """
-
-    force: Array
-    moment: Array | None
-
-
 def floating_body(robot: Robot) -> tuple[int, Body] | None:
     """The body that floats, and its number; None if none or several do."""
     found = [*robot.floating_bodies.items()]
@@ -128,8 +116,10 @@ def total_force(
     q: Array,
     rotation: Array,
     arm: Array,
-) -> TotalForce | None:
+) -> tuple[Array, Array | None] | None:
     """Force and moment on the robot from generalized forces; None where they do not tell.
+
+    Both are in world axes, (N, 3) [N] and [N m]; the moment is None without the attitude's part.
 
     Args:
         robot: The machine.
@@ -148,7 +138,7 @@ def total_force(
     if force is None:
         return None
     if turning is None:
-        return TotalForce(force, None)
+        return force, None
     if not body.by_quaternion:
         angles = q[:, list(robot.floating_coordinates(body))[3:]]
         columns = [body_rates(angles, np.broadcast_to(e, angles.shape)) for e in np.eye(3)]
@@ -157,7 +147,7 @@ def total_force(
             ..., 0
         ]
     about_origin = (rotation @ turning[..., None])[..., 0]
-    return TotalForce(force, about_origin - np.cross(arm, force))
+    return force, about_origin - np.cross(arm, force)
 
 
 _BYTES = 1.4e6
@@ -371,10 +361,10 @@ def _arrows(
             np.asarray(shown[name].transpose("time", "strip", "axis").values, float)
             for name in ("strip_force", "strip_point")
         )
-        whole = whole or TotalForce(force.sum(axis=1), None)
+        whole = whole or (force.sum(axis=1), None)
         point = point - origin[:, None]
         guess = None if prediction is None else prediction.strips
-    if whole is None or not np.isfinite(whole.force).all() or not (strips or air.any()):
+    if whole is None or not np.isfinite(whole[0]).all() or not (strips or air.any()):
         return None
     told = std = None
     if prediction is not None:
@@ -384,11 +374,9 @@ def _arrows(
             along = [robot.dof_names[k] for k in floating[:3]]
             std = _columns(prediction.names, along, prediction.std)
     if told is None and guess is not None:
-        told = TotalForce(guess.sum(axis=1), None)
+        told = guess.sum(axis=1), None
     total, moment = told or (None, None)
-    return Arrows(
-        point, force, guess, center - origin, whole.force, total, whole.moment, moment, std
-    )
+    return Arrows(point, force, guess, center - origin, whole[0], total, whole[1], moment, std)
 
 
 def center_of_mass(robot: Robot, position: Array, rotation: Array) -> Array:

@@ -15,7 +15,6 @@ from types import ModuleType
 import pytest
 
 import patagium
-from patagium.errors import ParameterError
 
 ROOT = Path(__file__).parents[3]
 PUBLIC = {
@@ -106,32 +105,6 @@ def test_a_name_of_a_name_space_is_found_from_the_top(space: str) -> None:
         meant = rf"has no attribute '{name}'; did you mean patagium\.\w+\.(?i:{name})\?$"
         with pytest.raises(AttributeError, match=meant):
             getattr(patagium, name)
-
-
-@pytest.mark.parametrize(
-    ("module", "name", "instead"),
-    [
-        ("patagium.control", "WindEvent", r"GustEvent\(..., stays=True\)"),
-        ("patagium.sensing", "Kalman", "estimate_motion,"),
-        ("patagium.sensing", "momentum_force", "inverse_dynamics_force"),
-        ("patagium", "FlowNetwork", "LinearStripNetwork, the default,"),
-        ("patagium", "HiddenFlowNetwork", "LinearStripNetwork, the default,"),
-        ("patagium", "LowRank", 'covariance="layer",'),
-        ("patagium", "GradientLearner", "ExtendedLearner, the default,"),
-        ("patagium", "LinearLearner", "ExtendedLearner, which is least squares"),
-        ("patagium.learning", "FlowNetwork", "LinearStripNetwork, the default,"),
-        ("patagium.learning", "HiddenFlowNetwork", "LinearStripNetwork, the default,"),
-        ("patagium.learning", "LowRank", 'covariance="layer",'),
-        ("patagium.learning", "GradientLearner", "ExtendedLearner, the default,"),
-        ("patagium.learning", "LinearLearner", "ExtendedLearner, which is least squares"),
-    ],
-)
-def test_a_removed_name_says_what_takes_its_place(module: str, name: str, instead: str) -> None:
-    said = rf"^{module}: expected {instead} .*\({name} was removed\)"
-    with pytest.raises(ParameterError, match=said):
-        importlib.import_module(module).__getattr__(name)
-    with pytest.raises(ParameterError, match=said):
-        exec(f"from {module} import {name}")
 
 
 @pytest.mark.parametrize(

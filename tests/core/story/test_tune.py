@@ -189,7 +189,7 @@ def test_flights_are_left_out_and_must_be_of_one_robot_in_one_wind(
         (("--trials", 3), "trials: expected at least 8, found 3"),
         (
             ("--covariance", "square"),
-            'expected one of "full", "layer", "node"',
+            "expected one of full, layer, node",
         ),
         (("--mapping", "m.yaml"), "--mapping: expected a table"),
         (("--hidden", "8,0"), "expected positive whole numbers"),

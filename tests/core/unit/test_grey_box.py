@@ -232,16 +232,6 @@ def test_it_is_made_again(grey, log):
         assert np.array_equal(rows, network_inputs(grey, np.zeros(3), *log))
 
 
-def test_a_residual_network_was_removed(robot, grey):
-    former = {**grey.describe(), "beside": None}  # as files before hold it
-    assert network_from_description(former).describe() == grey.describe()
-    former["beside"] = pt.StripNetwork(robot, (4,), AIR).describe()
-    with pytest.raises(
-        ParameterError, match=r"LinearStripNetwork .* \(residual network was removed"
-    ):
-        network_from_description(former)
-
-
 def test_wandering_is_said_in_own_units(grey):
     assert grey.stds({"section.lift_slope": 0.005}) == pytest.approx([0, 0, 0.01])
     with pytest.raises(ParameterError, match="wandering"):

@@ -13,7 +13,6 @@ from patagium.viewer.live_frames import (
     Feed,
     Mailbox,
     Subject,
-    message_of_frame,
     records_without_learner,
 )
 
@@ -135,7 +134,7 @@ def test_a_frame_has_the_last_sample_and_a_thinned_trace(subject):
     trace = letter["trace"][: letter["traced"]]
     assert 3 <= len(trace) <= TRACE and (np.diff(trace[:, 0]) > 0).all()
     np.testing.assert_array_equal(trace[:, 1], trace[:, 0])  # time as the first force
-    assert message_of_frame(letter).startswith("all www")
+    assert letter["words"].startswith(b"all www")
     feed.post()
     assert box.take()[0]["traced"] == 0  # the same sample, plotted once
 

@@ -105,36 +105,10 @@ def test_many_weights_never_become_a_matrix(tmp_path: Path, rng: np.random.Gener
 
 
 @pytest.mark.parametrize(
-    ("kind", "instead"),
-    [
-        ("flow", "linear_strip, the default"),
-        ("hidden_flow", "linear_strip, the default"),
-        ("hidden_strip", "linear_strip, the default, which has lags where flow is attached"),
-        ("linear", "the extended filter, which is least squares"),
-    ],
-)
-def test_a_removed_network_names_what_takes_its_place(
-    kind: str, instead: str, tmp_path: Path, rng: np.random.Generator
-) -> None:
-    learner = taught(rng)
-    save_model(tmp_path / "model.json", learner)
-    words = json.loads((tmp_path / "model.json").read_text())
-    words["network"]["kind"] = kind
-    (tmp_path / "model.json").write_text(json.dumps(words))
-    with pytest.raises(LogError, match=f"expected {instead}"):
-        load_model(tmp_path / "model.json")
-    described = learner.describe()
-    described["network"] |= {"kind": kind}
-    with pytest.raises(ParameterError, match=f"expected {instead}"):
-        pt.learning.learner_from_description(described)
-
-
-@pytest.mark.parametrize(
     ("covariance", "message"),
     [
         ({"kind": "full", "lower": ""}, "lower triangles"),
         ({"kind": "round", "lower": ""}, "round"),
-        ({"kind": "low rank", "diagonal": "", "columns": ""}, "expected layer, which errs less"),
         ({"kind": "node"}, "lower"),
     ],
 )

@@ -26,7 +26,6 @@ from patagium.robot.attitude import (
     without_flips,
 )
 from patagium.robot.drawing import draw_robot
-from patagium.robot.model import coordinate_names, places_in_q
 from patagium.robot.planform import describe_robot, poses
 from patagium.sensing.force.air_force import packet_columns
 from patagium.viewer import replay
@@ -68,12 +67,10 @@ def test_a_robot_with_angles_is_as_it_was():
 
 def test_coordinates_may_stand_in_any_order():
     """qw before the first of roll, pitch and yaw, wherever the file puts them."""
-    names, attitudes = ("hinge", "yaw", "x", "roll", "y", "pitch", "z"), [(3, 5, 1)]
-    expected = ("hinge", "qw", "qz", "x", "qx", "y", "qy", "z")
-    assert coordinate_names(names, attitudes) == expected
-    assert places_in_q(7, attitudes) == (0, 2, 3, 4, 5, 6, 7)
-    text = AEROBAT.replace("[x, y, z, roll, pitch, yaw,", "[yaw, x, z, roll, pitch, y,")
+    text = AEROBAT.replace("[x, y, z, roll, pitch, yaw,", "[x, yaw, z, roll, pitch, y,")
     shuffled = load_robot_text(text).with_attitude("quaternion")
+    assert shuffled.coordinate_names[:7] == ("x", "qw", "qz", "z", "qx", "qy", "y")
+    assert shuffled.coordinate_indices == (0, *range(2, 15))
     straight = pt.load_robot("aerobat").with_attitude("quaternion")
     start = {"x": 1.0, "roll": 0.3, "pitch": -2.0, "yaw": 0.5, "left_elbow": 0.2}
     drawn = [poses(robot, robot.coordinates(**start)) for robot in (shuffled, straight)]

@@ -34,7 +34,7 @@ def run_of(stiffness, damping, time_step=STEP, steps=2000):
     )
     equations = Equations(
         functions["rate"], functions["record"], None, ("x", "row"),
-        np.array([stiffness, damping]), np.zeros(2), np.full(2, -1e3), np.full(2, 1e3),
+        (np.array([stiffness, damping]), np.zeros(2)), np.full(2, -1e3), np.full(2, 1e3),
     )  # fmt: skip
 
     def rows(time):

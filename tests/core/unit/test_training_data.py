@@ -115,7 +115,9 @@ def test_the_whole_state_is_seen_unless_told(flight: xr.Dataset) -> None:
 
 
 def test_networks_that_do_not_fit_the_flight_are_refused(flight: xr.Dataset) -> None:
-    with pytest.raises(ShapeError, match="inputs: expected as many as the network sees, 3, found 28"):
+    with pytest.raises(
+        ShapeError, match="inputs: expected as many as the network sees, 3, found 28"
+    ):
         identify(flight, learner(3, ("z",)))
     with pytest.raises(ShapeError, match="coordinates of robot 'aerobat'"):
         identify(flight, learner(28, ("lift",)))

@@ -314,16 +314,11 @@ def test_settings_written_by_hand_make_a_learner_and_come_back(tmp_path: Path) -
             "kind: deep",
             "network.kind: expected one of linear_strip, strip, dense, found 'deep'",
         ),
-        (
-            "kind: dense",
-            "kind: flow",
-            "kind of the network: expected linear_strip, the default, ",
-        ),
         ("[3]}", "[3], color: red}", "line 2, network.color: expected one of the keys"),
         ("covariance", "covarance", "learner.covarance: expected one of prior_std, "),
         (": 0.5", ": wide", "prior_std: expected "),
         ("layer", "square", 'covariance: expected one of "full", "layer", "node"'),
-        ("layer", "{rank: 2}", "covariance: expected layer, which errs less (low rank was"),
+        ("layer", "{rank: 2}", "covariance: expected one of"),
         (
             "covariance: layer",
             "noise_estimation: {span: 9}",

@@ -169,8 +169,7 @@ def _equations(robot: Robot, aero: Aerodynamics, state: Array) -> Equations:
         record=functions["record"],
         prepare=functions["prepare"],
         recorded=RECORDED,
-        robot_parameters=robot.parameters,
-        aero_parameters=np.asarray(aero.parameters, float),
+        constants=(robot.parameters, np.asarray(aero.parameters, float)),
         lower=lower,
         upper=upper,
     )

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from patagium.arguments import checked
-from patagium.errors import LogError, ParameterError, refuse_removed
+from patagium.errors import LogError, ParameterError
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.filter_learner import FilterLearner
@@ -34,8 +34,8 @@ def make_learner(kind: str, network: Any, settings: Any, seed: int = 0) -> Filte
     """New learner of a network; its settings a record, or plain values as a file holds them.
 
     Raises:
-        ParameterError: If the kind is unknown or was removed, or a setting is missing, out of its
-            range, or not of this learner.
+        ParameterError: If the kind is unknown, or a setting is missing, out of its range, or not of
+            this learner.
     """
     learner = _of_kind(kind)
     record = settings_from(kind, settings) if isinstance(settings, Mapping) else settings
@@ -50,8 +50,8 @@ def learner_from_description(description: Mapping[str, Any]) -> FilterLearner:
         description: Network and settings, as `describe()` gives them.
 
     Raises:
-        ParameterError: If the network is missing, a kind is unknown or was removed, a setting is
-            unknown, or a number out of its range.
+        ParameterError: If the network is missing, a kind or a setting is unknown, or a number
+            out of its range.
     """
     values = dict(description)
     for name in ("kind", "found"):
@@ -112,10 +112,9 @@ def _of_kind(kind: str) -> type[FilterLearner]:
     """Class of the learners of a kind.
 
     Raises:
-        ParameterError: If it is unknown or was removed.
+        ParameterError: If it is unknown.
     """
     if kind not in LEARNERS:
-        refuse_removed("learner", kind)
         raise ParameterError("learner", f"of kind {', '.join(LEARNERS)}", kind)
     return LEARNERS[kind]
 

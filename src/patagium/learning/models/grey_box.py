@@ -29,7 +29,7 @@ from patagium.aerodynamics.model import Aerodynamics
 from patagium.arguments import checked
 from patagium.arrays import Array, Indices
 from patagium.dynamics.equations import inverse, kirchhoff_force
-from patagium.errors import ParameterError, refuse_removed
+from patagium.errors import ParameterError
 from patagium.learning.models.dense import described
 from patagium.learning.models.memory import LagEquations, MemoryState, memory_in, row_size
 from patagium.learning.models.network import Encoding, FlightTerms, Network
@@ -268,15 +268,11 @@ class GreyBox(Network):
         """Inverse of `describe`.
 
         Raises:
-            ParameterError: If a key is missing or unknown, or it has a residual network, which
-                was removed.
+            ParameterError: If a key is missing or unknown.
             RobotFileError: If the text of the robot does not describe one.
         """
-        known = dict(description)
-        if known.pop("beside", None) is not None:
-            refuse_removed("residual", "residual network")
         keys = ("robot", "model", "estimate", "added_mass", "measured", "start")
-        values = described(cls.kind, known, keys)
+        values = described(cls.kind, description, keys)
         robot = load_robot_text(values.pop("robot"))
         added = values.pop("added_mass")
         return cls(

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from patagium.aerodynamics import Air
 from patagium.arguments import checked
-from patagium.errors import ParameterError, refuse_removed
+from patagium.errors import ParameterError
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.grey_box import GreyBox
 from patagium.learning.models.linear_strip import LinearStripNetwork
@@ -50,12 +50,11 @@ def network_from_description(description: Mapping[str, Any]) -> Network:
         description: What `describe` of a network gave.
 
     Raises:
-        ParameterError: If its kind is unknown or was removed, or a key is missing or unknown.
+        ParameterError: If its kind is unknown, or a key is missing or unknown.
         RobotFileError: If the text of its robot does not describe one.
     """
     kind = _KINDS.get(str(description.get("kind")))
     if kind is None:
-        refuse_removed("network", description.get("kind"))
         raise ParameterError("network", f"of kind {', '.join(_KINDS)}", description.get("kind"))
     network: Network = kind.from_description(description)
     return network

@@ -17,12 +17,11 @@ from pydantic import (
     Field,
     PositiveInt,
     ValidationError,
-    field_validator,
     model_validator,
 )
 
 from patagium.arguments import checked
-from patagium.errors import ParameterError, refuse_removed
+from patagium.errors import ParameterError
 from patagium.learning.learners.registry import make_learner
 from patagium.learning.models.network import Network
 from patagium.learning.models.registry import network_options
@@ -65,12 +64,6 @@ class NetworkSettings(BaseModel):
             own = {name: said[name] for name in network.options if said[name] != names}
         activation = said.get("activation")
         return cls(kind=said["kind"], hidden=network.hidden, activation=activation, options=own)
-
-    @field_validator("kind", mode="before")
-    @classmethod
-    def _not_removed(cls, kind: Any) -> Any:
-        refuse_removed("kind of the network", kind)
-        return kind
 
     @model_validator(mode="after")
     def _known(self) -> NetworkSettings:
