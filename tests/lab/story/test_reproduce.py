@@ -14,11 +14,14 @@ import pytest
 import xarray as xr
 
 from patagium.report import cell_text
+from patagium_lab.bench import overhead
 from patagium_lab.reproduction.cases import STRIPS
 from patagium_lab.reproduction.page import RESULTS, page
 from patagium_lab.reproduction.plan import LIMITS, ReproductionPlan
 from patagium_lab.reproduction.run import run
 from patagium_lab.reproduction.unsteady_trials import unsteady_trials
+from patagium_lab.rivals import symbolic_rival
+from patagium_lab.rivals.compiled import SHORT_FLAGS
 from patagium_lab.study import write_study
 from patagium_lab.targets import verdict
 
@@ -64,6 +67,17 @@ FIGURES = (
 )
 
 
+BRIEF_FLAGS = ("-O0", *SHORT_FLAGS[1:])
+"""Flags of the rival's long text, which GCC optimizes for long; no test reads its times."""
+compile_ahead = overhead.compile_ahead
+
+
+def compile_briefly(kind: str, name: str) -> None:
+    """The job that compiles ahead, with the flags of this test: it runs in a worker process."""
+    symbolic_rival.SHORT_FLAGS = BRIEF_FLAGS
+    compile_ahead(kind, name)
+
+
 @pytest.fixture(scope="module")
 def outcome(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     out = tmp_path_factory.mktemp("reproduction")
@@ -76,7 +90,10 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
             early.update(part=part, page=(out / "report.html").read_text(encoding="utf-8"))
 
     plan = ReproductionPlan.of(quick=True)
-    report, results = write_study(out, plan, run, page, progress)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(symbolic_rival, "SHORT_FLAGS", BRIEF_FLAGS)
+        patch.setattr(overhead, "compile_ahead", compile_briefly)
+        report, results = write_study(out, plan, run, page, progress)
     results.only(RESULTS).write(out / "results.md")
     return {
         "out": out,
