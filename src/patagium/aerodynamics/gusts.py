@@ -6,15 +6,16 @@ robot: each point of a wing meets it at its own time (Taylor's hypothesis), stri
 and along the chord from the edge that meets it first. A section answers to two averages over
 its chord, as thin airfoils do, whatever the direction the gust comes from; both are found here
 in closed form for a gust that is a cubic between knots. Where a chord is in the gust depends on
-the state (`strip_delays`); what is there is looked up between. Neglected: what the wing does to
-the gust, how the gust decays, the width of strips along the span.
+the state (`strip_delays`); what is there is looked up between. On its way it may decay as an
+exponential of time. Neglected: what the wing does to the gust, how large vortices outlive small
+ones, the width of strips along the span.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import ceil, exp, floor, sqrt
+from math import ceil, exp, floor, inf, sqrt
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import casadi as ca
@@ -38,6 +39,12 @@ from patagium.robot.model import Robot
 
 STEPS_PER_LENGTH = 50
 """Samples of Dryden turbulence in the time the shortest length scale takes to pass."""
+
+STEPS_PER_DECAY = 8
+"""Cubics that stand for the time in which a gust decays to 1/e: to 2e-7 of its velocity."""
+
+SHORTEST_DECAY = 0.001
+"""Least time in which a gust decays to 1/e [s]: shorter ones end before they arrive."""
 
 PIECES = 32
 """Cubics that stand for one minus cosine where it travels: to 2e-6 of its velocity."""
@@ -342,15 +349,18 @@ class CubicPieces:
     """A gust as cubics in time.
 
     In piece j velocity is sum_m a_jm (t - anchor_j)^m; the first and the last one are
-    constant and reach to infinity.
+    constant and reach to infinity. What was at the origin at t has by now lost a share of
+    1 - exp(r (t - now)); in a, the share until the anchor is still to be taken.
 
     Attributes:
         knots: Where pieces meet, (K,) [s].
         coefficients: a, (K + 1, 4, 3) [m/s, m/s^2, ...].
+        decay_rate: r [1/s].
     """
 
     knots: Array
     coefficients: Array
+    decay_rate: float = 0.0
 
     @property
     def anchors(self) -> Array:
@@ -360,7 +370,9 @@ class CubicPieces:
 
 @dataclass(frozen=True)
 class TravelingGust(NamedGust):
-    """A gust that sweeps over the robot, w(p, t) = g(t - n . (p - p0) / c).
+    """A gust that sweeps over the robot, w(p, t) = g(t - s) exp(-s/T), s = n . (p - p0) / c.
+
+    It decays on its way, so that before the origin, where s < 0, it is stronger than there.
 
     A wing element of chord 2b whose points lie at y b ahead of mid-chord, y = cos(theta), with
     g(y) what it meets there: the part of its lift that circulation gives follows, in place of
@@ -375,10 +387,11 @@ class TravelingGust(NamedGust):
         direction: Direction of travel, any length, world axes, (3,) [-].
         speed: How fast, relative to the ground, c [m/s]; that of the wind if the air carries it.
         origin: Point p0 that meets it at the profile's own time, world axes, (3,) [m].
+        decay_time: Time in which it falls to 1/e on its way, T [s]; None: it stays as it is.
 
     Raises:
         ParameterError: If a number is not finite, the direction zero, the speed not positive,
-            or the profile has no knots.
+            the decay time below `SHORTEST_DECAY`, or the profile has no knots.
         ShapeError: If a triple is not (3,).
 
     References:
@@ -390,6 +403,7 @@ class TravelingGust(NamedGust):
     direction: tuple[float, float, float]
     speed: float
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    decay_time: float | None = None
 
     name = "traveling"
 
@@ -401,6 +415,8 @@ class TravelingGust(NamedGust):
         if length == 0:
             raise ParameterError("direction", "a direction, not zero", self.direction)
         positive("speed", self.speed)
+        if self.decay_time is not None and not SHORTEST_DECAY <= self.decay_time < inf:
+            raise ParameterError("decay_time", f"at least {SHORTEST_DECAY} s", self.decay_time)
         object.__setattr__(self, "direction", tuple((direction / length).tolist()))
         object.__setattr__(self, "origin", origin)
 
@@ -421,17 +437,31 @@ class TravelingGust(NamedGust):
             last: Latest time that will be asked for [s].
         """
         knots = np.asarray(self.profile.knots(first, last), float)
+        rate = 0.0 if self.decay_time is None else 1.0 / self.decay_time
+        if rate:
+            knots = _close_knots(knots, first, last, 1.0 / (STEPS_PER_DECAY * rate))
         spans = np.diff(knots)
         thirds = np.arange(4) / 3
         times = knots[:-1, None] + spans[:, None] * thirds
         times[:, 3] = knots[1:]
         values = self.profile.velocity_at(times.ravel()).reshape(len(spans), 4, 3)
+        values = values * np.exp(rate * (times - knots[:-1, None]))[:, :, None]
         through = np.linalg.inv(np.vander(thirds, increasing=True))
         inner = np.einsum("mk,jka->jma", through, values)
         inner /= (spans[:, None] ** np.arange(4))[:, :, None]
         ends = np.zeros((2, 4, 3))
         ends[:, 0] = values[0, 0], values[-1, 3]
-        return CubicPieces(knots, np.concatenate([ends[:1], inner, ends[1:]]))
+        return CubicPieces(knots, np.concatenate([ends[:1], inner, ends[1:]]), rate)
+
+
+def _close_knots(knots: Array, first: float, last: float, step: float) -> Array:
+    """Knots from `first` to `last` that are not farther apart than a step, (K',) [s]."""
+    before = knots[0] - step * np.arange(max(ceil((knots[0] - first) / step), 0), 0, -1)
+    after = knots[-1] + step * np.arange(max(ceil((last - knots[-1]) / step), 0) + 1)
+    parts = np.ceil(np.diff(knots) / step).astype(int)
+    pairs = zip(knots[:-1], knots[1:], parts, strict=True)
+    between = [np.linspace(a, b, count, endpoint=False) for a, b, count in pairs]
+    return np.concatenate([before, *between, after])
 
 
 def gust_from_description(description: Mapping[str, Any]) -> Gust:
@@ -445,7 +475,8 @@ def gust_from_description(description: Mapping[str, Any]) -> Gust:
         return GustSum(tuple(profile_from_description(one) for one in description["gusts"]))
     if description.get("name") != "traveling":
         return profile_from_description(description)
-    values = {key: value for key, value in description.items() if key != "name"}
+    values = {"decay_time": None, **description}  # there where the gust decays
+    del values["name"]
     values["profile"] = profile_from_description(values.get("profile", {}))
     return from_field_values("gust traveling", TravelingGust, values)
 
@@ -468,6 +499,7 @@ def gusts_at_strips(pieces: CubicPieces, time: Array, delays: Array) -> Array:
     delay, spread, delay_rate, spread_rate = np.moveaxis(delays, 1, 0)
     middle = time[:, None] - delay
     shape = middle.shape
+    now = np.broadcast_to(time[:, None], shape).ravel()
     middle, spread = middle.ravel(), spread.ravel()
     rates = np.stack([1.0 - delay_rate.ravel(), -spread_rate.ravel()])
     side = np.where(spread < 0, -1.0, 1.0)  # of the chord that meets the latest part first
@@ -485,7 +517,9 @@ def gusts_at_strips(pieces: CubicPieces, time: Array, delays: Array) -> Array:
         between = side[left] * (_integrals(ends) - _integrals(begins[left]))
         offset = middle[left] - pieces.anchors[j]
         slopes = -spread[left], rates[:, left]
-        total[left] += _moments(pieces.coefficients[j], offset, *slopes, between)
+        fade = np.exp(pieces.decay_rate * (pieces.anchors[j] - now[left]))
+        cubics = pieces.coefficients[j] * fade[:, None, None]
+        total[left] += _moments(cubics, offset, *slopes, between, pieces.decay_rate)
         begins[left] = ends
         piece[left] += 1
         left = left[~final]
@@ -507,7 +541,12 @@ def _integrals(y: Array) -> Array:
 
 
 def _moments(
-    coefficients: Array, offset: Array, slope: Array, rates: Array, between: Array
+    coefficients: Array,
+    offset: Array,
+    slope: Array,
+    rates: Array,
+    between: Array,
+    decay_rate: float,
 ) -> Array:
     """Contribution of a part of the chord to mean, first moment and rate, (N, 3, 3).
 
@@ -522,7 +561,7 @@ def _moments(
     value = np.einsum("nma,mkn->kna", coefficients, powers)
     slopes = coefficients[:, 1:] * np.arange(1, 4)[:, None]
     change = np.einsum("nma,mkn->kna", slopes, powers[:3])
-    rate = change * rates[0][:, None]
+    rate = change * rates[0][:, None] - decay_rate * value
     rate[1:] += change[:-1] * rates[1][:, None]
     bent = between[:4] - between[2:]  # sin^2
     return np.stack(

@@ -96,10 +96,13 @@ def _met(pieces: CubicPieces, times: Array, delays: Array) -> Array:
     library.met_by_strips(
         ctypes.c_long(count),
         ctypes.c_long(len(pieces.knots)),
-        *(ctypes.c_void_p(array.ctypes.data) for array in (pieces.knots, cubics, at)),
+        _pointer(pieces.knots),
+        _pointer(cubics),
+        ctypes.c_double(pieces.decay_rate),
+        _pointer(at),
         ctypes.c_long(strips),
-        ctypes.c_void_p(delays.ctypes.data),
-        ctypes.c_void_p(found.ctypes.data),
+        _pointer(delays),
+        _pointer(found),
     )
     return found
 
@@ -363,9 +366,9 @@ def _compiled(equations: Equations) -> Advance | None:
 
     def advance(stretch: Stretch, state: Array, states: Array) -> tuple[Outcome, int, int]:
         row_size = stretch.table.shape[1]
-        knots, cubics = np.empty(0), np.empty(0)
+        knots, cubics, decay = np.empty(0), np.empty(0), 0.0
         if stretch.pieces is not None:
-            knots = stretch.pieces.knots
+            knots, decay = stretch.pieces.knots, stretch.pieces.decay_rate
             cubics = np.ascontiguousarray(stretch.pieces.coefficients)
         room = np.empty(row_size + (GUST_COMPONENTS + 4) * strips)
         code = library.march(
@@ -390,6 +393,7 @@ def _compiled(equations: Equations) -> Advance | None:
             ctypes.c_long(len(knots)),
             _pointer(knots),
             _pointer(cubics),
+            ctypes.c_double(decay),
             _pointer(stretch.times),
             _pointer(room),
         )

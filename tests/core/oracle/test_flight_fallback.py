@@ -87,7 +87,8 @@ def test_flight_in_a_gust_that_travels_is_the_same(both, kind, glider):
     profile = pt.air.RampGust((0.0, 0.5, 1.0), 0.0, 1e-3)
     if kind == "turbulence":
         profile = pt.air.DrydenGust((1.0, 0.5, 0.5), (0.3, 0.2, 0.1), airspeed=3.0, seed=1)
-    air = pt.Air(gust=pt.air.TravelingGust(profile, (-1.0, 0.3, 0.0), 3.0))
+    gust = pt.air.TravelingGust(profile, (-1.0, 0.3, 0.0), 3.0, decay_time=0.05)
+    air = pt.Air(gust=gust)
     aero, added = pt.QuasiSteady(robot, air), pt.AddedMass(robot, air)
     gait = pt.gaits.sinusoidal(robot, frequency=6.0, left_plunge=0.4, right_plunge=0.3)
     compared(

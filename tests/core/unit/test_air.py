@@ -77,6 +77,12 @@ def test_a_traveling_gust_is_no_part_of_a_uniform_wind() -> None:
     assert air.wind_at([0.25])[0, 0] == pytest.approx(2.0)
 
 
+def test_a_description_from_before_gusts_decayed_is_read() -> None:
+    told = Air(gust=TRAVELING).describe()
+    del told["gust"]["decay_time"]
+    assert air_from_description(told).gust == TRAVELING
+
+
 @pytest.mark.parametrize(
     "gust",
     [
@@ -86,6 +92,7 @@ def test_a_traveling_gust_is_no_part_of_a_uniform_wind() -> None:
         RampGust((1.0, 0.0, 0.0), 0.1, 0.3),
         TRAVELING,
         TravelingGust(DRYDEN, (0.0, 1.0, 0.0), 3.0),
+        TravelingGust(DRYDEN, (0.0, 1.0, 0.0), 3.0, decay_time=0.2),
     ],
 )
 def test_air_survives_its_description(gust: object) -> None:
@@ -108,6 +115,8 @@ def test_air_survives_its_description(gust: object) -> None:
         lambda: TravelingGust(DRYDEN, (0.0, 0.0, 0.0), 3.0),
         lambda: TravelingGust(DRYDEN, (1.0, 0.0, 0.0), 0.0),
         lambda: TravelingGust(DRYDEN, (1.0, 0.0, 0.0), np.inf),
+        lambda: TravelingGust(DRYDEN, (1.0, 0.0, 0.0), 1.0, decay_time=1e-4),
+        lambda: TravelingGust(DRYDEN, (1.0, 0.0, 0.0), 1.0, decay_time=np.nan),
         lambda: TravelingGust(TRAVELING, (1.0, 0.0, 0.0), 1.0),  # type: ignore[arg-type]
         lambda: air_from_description({**Air(gust=TRAVELING).describe(), "density": 0.0}),
         lambda: Air(gust=TRAVELING).require_uniform("air"),

@@ -108,6 +108,7 @@ def test_a_sharp_edge_at_another_speed_makes_miles_lift(ratio):
 
 
 @pytest.mark.parametrize("spread", [0.04, -0.04, 1e-7, 0.0, -0.4])
+@pytest.mark.parametrize("decay_time", [None, 0.1])
 @pytest.mark.parametrize(
     "profile",
     [
@@ -116,8 +117,8 @@ def test_a_sharp_edge_at_another_speed_makes_miles_lift(ratio):
         RampGust((1.0, 0.0, 1.0), 0.2, 0.05),
     ],
 )
-def test_chord_integrals_are_those_of_a_quadrature(profile, spread):
-    gust = TravelingGust(profile, UPSTREAM, 3.0)
+def test_chord_integrals_are_those_of_a_quadrature(profile, decay_time, spread):
+    gust = TravelingGust(profile, UPSTREAM, 3.0, decay_time=decay_time)
     time, step = np.array([0.0513, 0.2371, 0.3017, 0.6131]), 1e-6
     delays = np.tile(np.array([0.02, spread, 0.3, 0.2 * spread])[:, None], (len(time), 1, 1))
     met = gusts_at_strips(gust.pieces(-1.0, 2.0), time, delays)[:, :, 0]
@@ -125,9 +126,10 @@ def test_chord_integrals_are_those_of_a_quadrature(profile, spread):
     y = np.cos(angle)
 
     def met_at(ahead):
-        at = time[:, None] + ahead * step - (0.02 + 0.3 * ahead * step)
-        at = at - spread * (1 + 0.2 * ahead * step) * y
-        return profile.velocity_at(at.ravel()).reshape(len(time), len(y), 3)
+        late = 0.02 + 0.3 * ahead * step + spread * (1 + 0.2 * ahead * step) * y
+        at = time[:, None] + ahead * step - late
+        left = np.exp(-late / decay_time) if decay_time else np.ones_like(y)
+        return profile.velocity_at(at.ravel()).reshape(len(time), len(y), 3) * left[:, None]
 
     now, change = met_at(0), (met_at(1) - met_at(-1)) / (2 * step)
     scale = np.abs(now).max() + 1e-3

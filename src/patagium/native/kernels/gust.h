@@ -1,7 +1,8 @@
 /* What the strips of wings meet of a gust that travels: gusts.gusts_at_strips.
 
    A gust is a row of cubics in time between knots, constant before the first and after the
-   last one. The points of a chord, y = cos(angle) from -1 at the trailing to 1 at the leading
+   last one; what is met has lost a share of 1 - exp(decay (knot - time)) on its way. The points
+   of a chord, y = cos(angle) from -1 at the trailing to 1 at the leading
    edge, meet it at time - delay - spread y. Neglected: see gusts.py.
 */
 
@@ -43,28 +44,28 @@ static void gust_integrals(double y, double *found)
 
 /* What a part of the chord adds to the nine numbers.
 
-   a: (4, 3), g = sum_m a_m (offset + slope y)^m. rates: of offset and slope. between: integrals
-   of y^k over the part, (6,). */
+   a: (4, 3), g = fade sum_m a_m (offset + slope y)^m. rates: of offset and slope. between:
+   integrals of y^k over the part, (6,). decay: of g in time. */
 static void gust_add(const double *a, double offset, double slope, const double *rates,
-                     const double *between, double *met)
+                     const double *between, double fade, double decay, double *met)
 {
     double powers[4][4] = {{1.0}};
     for (int m = 1; m < 4; ++m)
         for (int k = 0; k <= m; ++k)
             powers[m][k] = powers[m - 1][k] * offset + (k ? powers[m - 1][k - 1] * slope : 0.0);
     for (int axis = 0; axis < 3; ++axis) {
-        double change[4] = {0.0};
+        double value[4] = {0.0}, change[4] = {0.0};
         for (int k = 0; k < 4; ++k) {
-            double value = 0.0;
             for (int m = k; m < 4; ++m)
-                value += a[3 * m + axis] * powers[m][k];
-            met[axis] += value * between[k] / PI;
-            met[3 + axis] += value * between[k + 1] / PI;
+                value[k] += fade * a[3 * m + axis] * powers[m][k];
+            met[axis] += value[k] * between[k] / PI;
+            met[3 + axis] += value[k] * between[k + 1] / PI;
             for (int m = k; m < 3; ++m)
-                change[k] += (m + 1) * a[3 * (m + 1) + axis] * powers[m][k];
+                change[k] += fade * (m + 1) * a[3 * (m + 1) + axis] * powers[m][k];
         }
         for (int k = 0; k < 4; ++k) {
-            const double rate = change[k] * rates[0] + (k ? change[k - 1] * rates[1] : 0.0);
+            const double rate = change[k] * rates[0] + (k ? change[k - 1] * rates[1] : 0.0) -
+                                decay * value[k];
             met[6 + axis] += rate * (between[k] - between[k + 2]) * (2.0 / PI);
         }
     }
@@ -73,9 +74,9 @@ static void gust_add(const double *a, double offset, double slope, const double 
 /* What all strips meet, (9, strips) with the strips one after the other.
 
    knot: (knots,). cubics: (knots + 1, 4, 3). delays: (4, strips), strip after strip: delay of
-   mid-chord, how much later the leading edge is, and the rates of both. */
-static void gust_meet(long knots, const double *knot, const double *cubics, double time,
-                      long strips, const double *delays, double *met)
+   mid-chord, how much later the leading edge is, and the rates of both. decay: [1/s]. */
+static void gust_meet(long knots, const double *knot, const double *cubics, double decay,
+                      double time, long strips, const double *delays, double *met)
 {
     for (long strip = 0; strip < strips; ++strip, delays += 4, met += MET) {
         const double middle = time - delays[0], spread = delays[1];
@@ -97,8 +98,10 @@ static void gust_meet(long knots, const double *knot, const double *cubics, doub
                 between[k] = side * (end[k] - begin[k]);
                 begin[k] = end[k];
             }
-            gust_add(cubics + 12 * piece, middle - knot[piece > 0 ? piece - 1 : 0], -spread, rates,
-                     between, met);
+            const double anchor = knot[piece > 0 ? piece - 1 : 0];
+            const double fade = decay > 0.0 ? exp(decay * (anchor - time)) : 1.0;
+            gust_add(cubics + 12 * piece, middle - anchor, -spread, rates, between, fade, decay,
+                     met);
             if (piece >= last)
                 break;
         }

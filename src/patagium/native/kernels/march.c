@@ -43,10 +43,10 @@ static int judge(long size, const double *state, const double *lower, const doub
 
    times: (count,). delays: (count, strips, 4). met: (count, strips, 9). */
 void met_by_strips(long count, long knots, const double *knot, const double *cubics,
-                   const double *times, long strips, const double *delays, double *met)
+                   double decay, const double *times, long strips, const double *delays, double *met)
 {
     for (long k = 0; k < count; ++k)
-        gust_meet(knots, knot, cubics, times[k], strips, delays + 4 * strips * k,
+        gust_meet(knots, knot, cubics, decay, times[k], strips, delays + 4 * strips * k,
                   met + MET * strips * k);
 }
 
@@ -59,12 +59,12 @@ void met_by_strips(long count, long knots, const double *knot, const double *cub
    samples: (steps + 1, size), the state at every whole step. work: (5, size).
    done: steps completed. which: index in the state of what went wrong, else -1.
    meet: NULL, or (state, row, ...) -> delays of the strips, (4, strips); the others only with
-   it: knot and cubics as in gust.h, times: (2 steps + 1,), room: (row_size + 13 strips,). */
+   it: knot, cubics and decay as in gust.h, times: (2 steps + 1,), room: (row_size + 13 strips,). */
 int march(function prepare, function rate, long steps, double time_step, long size,
           double *state, const double *lower, const double *upper, long row_size,
           const double *table, const double *robot, const double *aero, double *samples,
           double *work, long *done, long *which, function meet, long strips, long knots,
-          const double *knot, const double *cubics, const double *times, double *room)
+          const double *knot, const double *cubics, double decay, const double *times, double *room)
 {
     double *const trial = work;
     double *const slope[4] = {work + size, work + 2 * size, work + 3 * size, work + 4 * size};
@@ -99,8 +99,8 @@ int march(function prepare, function rate, long steps, double time_step, long si
                 arguments[1] = room;
                 results[0] = delays;
                 meet(arguments, results);
-                gust_meet(knots, knot, cubics, times[2 * step + rows_ahead[s]], strips, delays,
-                          room + row_size);
+                gust_meet(knots, knot, cubics, decay, times[2 * step + rows_ahead[s]], strips,
+                          delays, room + row_size);
             }
             results[0] = slope[s];
             rate(arguments, results);
