@@ -4,6 +4,7 @@ from patagium.aerodynamics.delaurier import DeLaurier as DeLaurier
 from patagium.aerodynamics.gusts import DrydenGust as DrydenGust
 from patagium.aerodynamics.gusts import OneMinusCosineGust as OneMinusCosineGust
 from patagium.aerodynamics.gusts import RampGust as RampGust
+from patagium.aerodynamics.gusts import RecordedGust as RecordedGust
 from patagium.aerodynamics.gusts import TravelingGust as TravelingGust
 from patagium.aerodynamics.indicial import FOUR_STATE as FOUR_STATE
 from patagium.aerodynamics.indicial import Indicial as Indicial

@@ -31,7 +31,7 @@ from patagium.aerodynamics.named_descriptions import (
 )
 from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.arguments import check_fields
-from patagium.arrays import Array, Indices, real_array
+from patagium.arrays import Array, Indices, brief, equal, real_array, rising
 from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import ParameterError, positive
@@ -313,13 +313,59 @@ def _recursion(decay: float, drive: Array) -> Array:
     return np.asarray(lfilter([1.0], [1.0, -decay], drive))
 
 
+@dataclass(frozen=True, eq=False)
+class RecordedGust(NamedGust):
+    """Wind that was measured: straight between samples, held before the first and after the last.
+
+    Args:
+        time: Increasing, (N >= 2,) [s].
+        velocity: Of the air beside the steady wind, world axes, (N, 3) [m/s].
+
+    Raises:
+        LogError: If the times do not increase.
+        ParameterError: If there are less than two, or a number is not finite.
+        ShapeError: If the velocity is not (N, 3).
+    """
+
+    time: Array
+    velocity: Array
+
+    name = "recorded"
+    __repr__ = brief
+    __eq__ = equal
+
+    def __post_init__(self) -> None:
+        time = rising(self.time)
+        if len(time) < 2:
+            raise ParameterError("time", "two at least", self.time)
+        velocity = real_array("velocity", self.velocity, (len(time), 3))
+        if not np.isfinite(velocity).all():
+            raise ParameterError("velocity", "finite numbers", "others")
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "velocity", velocity)
+
+    def velocity_at(self, time: Array) -> Array:
+        """Velocity, world axes, (N, 3) [m/s], at times (N,) [s]."""
+        columns = [np.interp(time, self.time, column) for column in self.velocity.T]
+        return np.stack(columns, axis=-1)
+
+    def knots(self, first: float, last: float) -> Array:
+        """Times between which the velocity is a straight line, (K >= 2,) [s]; see `Profile`."""
+        return self.time
+
+    def describe(self) -> dict[str, Any]:
+        """Description from which the object can be made again, as JSON-able values."""
+        numbers = {"time": self.time.tolist(), "velocity": self.velocity.tolist()}
+        return {"name": self.name, **numbers}
+
+
 def profile_from_description(description: Mapping[str, Any]) -> Profile:
     """The gust of `describe()`, one that can travel.
 
     Raises:
         ParameterError: If the name is unknown, or a key is missing or unknown.
     """
-    kinds: tuple[Any, ...] = OneMinusCosineGust, RampGust, DrydenGust
+    kinds: tuple[Any, ...] = OneMinusCosineGust, RampGust, DrydenGust, RecordedGust
     return from_named_description("gust", kinds, description)  # type: ignore[no-any-return]
 
 

@@ -116,7 +116,7 @@ class GustEvent(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class PayloadEvent(Event):
-    """Mass that is put on a body, as a point.
+    """Mass that is put on a body, as a point; at most a thousand times that of the robot.
 
     Args:
         time: When it is there [s].
@@ -135,9 +135,14 @@ class PayloadEvent(Event):
         return f"a payload of {1e3 * self.mass:.4g} g on {self.body}"
 
     def changed(self, robot: Robot, aero: Aerodynamics) -> Machine:
-        """Machine with the payload, and the air around it."""
-        body = robot.bodies[robot.body_index(self.body)]
-        mass = positive("mass", self.mass)
+        """Machine with the payload, and the air around it.
+
+        Raises:
+            ParameterError: If the mass is not positive, or its mass matrix singular to rounding.
+        """
+        body, mass = robot.bodies[robot.body_index(self.body)], positive("mass", self.mass)
+        if mass > 1000 * robot.mass:
+            raise ParameterError("mass", "at most 1000 times that of the robot", mass)
         where = body.center_of_mass if self.position is None else self.position
         point = _with_point(body, mass, np.array(triple("position", where)))
         return _around(robot.with_parameters(point), aero)

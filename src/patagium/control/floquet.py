@@ -148,7 +148,7 @@ def floquet(orbit: Orbit) -> Floquet:
     averaged, first = _averaged_rates(orbit, slopes), _first_order_rates(orbit, slopes)
     order = np.argsort(-np.abs(values), kind="stable")
     kept = [k for k in order if values[k].imag >= 0]
-    rates = np.array([_rate(values[k], period) for k in kept])
+    rates = np.emath.log(np.where(values == 0, 1e-300, values)[kept]) / period  # of 0: rounding
     near, nearer = _matched(rates, averaged), _matched(rates, first)
     shares = [_shares(frame.names, vectors[:, k]) for k in kept]
     names = _names(shares, rates, orbit)
@@ -159,11 +159,6 @@ def floquet(orbit: Orbit) -> Floquet:
         )
     )
     return Floquet(modes, _neutral(orbit), period, vectors[:, kept], frame.names)
-
-
-def _rate(multiplier: complex, period: float) -> complex:
-    """Rate of a multiplier [1/s]; that of rounding for one that is zero."""
-    return complex(np.log(complex(multiplier) or 1e-300) / period)
 
 
 def _neutral(orbit: Orbit) -> NDArray[np.complex128]:

@@ -248,12 +248,13 @@ def learner_choices(learner: Learner, *, given: bool) -> dict[str, str]:
     by = "set by you" if given else "the default"
     layers = ",".join(map(str, network.hidden)) or "linear in its weights"
     kind, air = described["network"]["kind"], getattr(network, "air", None)
-    unknown = air and (air.gust or air.ground is not None)
-    wind = {"wind": "steady; gusts and ground are errors of the network"}
+    wind = {"wind": "steady; its changes are errors of the network"}
+    ground = {"ground": "not known to the network, whose error its effect is"}
     told = "" if given else "; the first wingbeat"
     line = {"flow": f"attached, so a lifting line with lags{told}"}
     return {
-        **(wind if unknown else {}),
+        **(wind if air and air.gust else {}),
+        **(ground if air and air.ground is not None else {}),
         **(line if getattr(network, "attached", False) else {}),
         "network": f"{kind}, {layers}, {network.size} weights; {by}",
         "learner": f"{described['kind']}; {by}",

@@ -28,7 +28,7 @@ from patagium.learning.models.memory import network_inputs
 from patagium.learning.parameter_paths import Trained, parameter_scores
 from patagium.learning.propagation import robot_motion
 from patagium.learning.result import Check, Identification, check, record_of
-from patagium.learning.samples import go_on_in, in_flight, samples, stds, with_force
+from patagium.learning.samples import go_on_in, in_flight, samples, stds, wind_change, with_force
 from patagium.learning.scores import Scorer, persistence
 from patagium.learning.stream import MOST_CHECKS, late_samples, stream, thin, used_samples
 from patagium.learning.table_network import scaling_samples
@@ -85,7 +85,7 @@ def identify(
     count, flight = np.size(getattr(flight, "time", ())), with_force(flight)
     chosen = learner or default_learner(flight if robot is None else robot, every=every)
     given = {"learner_given": learner is not None, "every_given": every is not None}
-    words = {} if isinstance(flight, LogTable) else _flight_words(flight, chosen, count)
+    words = {} if isinstance(flight, LogTable) else _flight_words(flight, chosen, count, robot)
     if isinstance(flight, LogTable):
         _refuse_for_tables(inputs, robot)
         first = scaling_samples(flight)
@@ -105,7 +105,7 @@ def identify(
         known |= {"motion": motion, "period": period}
     _check_horizons(horizons, float(time[-1] - time[0]))
     result = stream(chosen, time, x, y, every=taken, horizons=horizons, progress=progress, **known)
-    result.scores["chosen"] = words | choices(chosen, taken, usual_step(time), **given)
+    result.scores["chosen"] = words | choices(chosen, taken, usual_step(time), **given) | words
     result.scores["verdict"] += _noise_words(known.get("std"), y[len(y) // 2 :], result.scores)
     if isinstance(flight, LogTable):
         result.scores["gaps_found"] = flight.describe_gaps()
@@ -117,10 +117,12 @@ def identify(
 
 
 def _flight_words(
-    flight: xr.Dataset | ForceSamples, learner: Learner, count: int
+    flight: xr.Dataset | ForceSamples, learner: Learner, count: int, robot: Robot | None
 ) -> dict[str, str]:
-    """Air that was not the learner's; measured forces, and how many samples are left out."""
+    """Air that was not the learner's, or changes; forces, and samples that are left out."""
     words = go_on_in(learner, flight)
+    if wind_change(flight, robot) is not None:
+        words["wind"] = "as the flight has it at each sample"
     if not isinstance(flight, ForceSamples):
         return words
     names, lost = ", ".join(flight.measured), count - len(flight.time)

@@ -30,7 +30,12 @@ from patagium.learning.forecast import FrozenModel, Motion, Repetition
 from patagium.learning.models.memory import ModelMemory
 from patagium.learning.models.network import Network, flight_terms
 from patagium.robot import Robot
-from patagium.sensing.force.air_force import SampleForm, recorded
+from patagium.sensing.force.air_force import (
+    SampleForm,
+    recorded,
+    recorded_wind_change,
+    relative_to_wind,
+)
 from patagium.simulation import added_mass_of
 
 _SLOPE = 1e-4  # m/s and rad/s, difference by which the slope of the force is found
@@ -45,6 +50,7 @@ class RobotMotion:
         time: Increasing, (N,) [s].
         motion: q (N, n_q), v and a (N, n) of the flight [SI].
         period: Wingbeat, where it is known beforehand [s].
+        change: Wind less the steady one, (N, 3) [m/s], held from the last sample; None for none.
 
     Attributes:
         passive: Degrees of freedom that are forecast by the equations.
@@ -57,6 +63,7 @@ class RobotMotion:
         time: Array,
         motion: tuple[Array, Array, Array],
         period: float | None,
+        change: Array | None = None,
     ) -> None:
         robot = form.robot
         self._form, self._robot, self._time = form, robot, time
@@ -66,6 +73,8 @@ class RobotMotion:
         self._all = Repetition(time, np.hstack(motion), period)
         self._sizes = np.cumsum([part.shape[1] for part in motion])[:-1]
         self._forces = np.zeros(robot.dof)
+        self._changes = np.zeros((len(time), 3)) if change is None else change
+        self._wind = self._changes[0]
         self._joints = [robot.coordinate_indices[i] for i in robot.actuated]
 
     def path(self, last: int, ahead: Array, model: FrozenModel) -> Array:
@@ -73,6 +82,7 @@ class RobotMotion:
 
         Where the joints do not repeat themselves yet, they are held where they are.
         """
+        self._wind = self._changes[last]
         ends = np.concatenate([[0.0], ahead])
         middles = (ends[1:] + ends[:-1]) / 2
         q_path, v_path, a_path = self._repeated(last, np.concatenate([ends, middles]))
@@ -125,7 +135,12 @@ class RobotMotion:
 
     def _row(self, q: Array, v: Array, a: Array) -> Array:
         """Measured inputs at a state, (n_measured,) [units of x]."""
-        return np.array(self._form.function(q, v, a, self._forces, self._form.parameters)[0])
+        x = self._form.function(q, v, a, self._forces, self._form.parameters)[0]
+        return np.asarray(self._relative(np.reshape(x, (1, -1)))[0])
+
+    def _relative(self, x: Array) -> Array:
+        """Measured inputs in the wind that is held, (N, n_measured) [units of x]."""
+        return relative_to_wind(x, self._wind, self._robot, self._form.inputs)
 
     def _mean_acceleration(
         self,
@@ -152,6 +167,7 @@ class RobotMotion:
             self._form.parameters,
         )
         x, wanted = (np.array(part).reshape(rows, -1) for part in both)
+        x = self._relative(x)
         recalled = memory.recall(weights, np.array([time]), x[:1])
         known = np.hstack([x, np.tile(recalled[0, x.shape[1] :], (rows, 1))])
         force = network.evaluate(known, weights)[:, self._outputs]
@@ -202,4 +218,5 @@ def robot_motion(
         return None
     q, v, a = (recorded(flight, name, robot) for name in ("q", "v", "a"))
     time = np.asarray(flight["time"].values, float)
-    return RobotMotion(form, network, time, (q, v, a), period)
+    change = recorded_wind_change(flight, robot)
+    return RobotMotion(form, network, time, (q, v, a), period, change)

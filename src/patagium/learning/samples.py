@@ -15,11 +15,18 @@ from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.model_file import Model, model_of
+from patagium.learning.models.memory import measured_inputs
 from patagium.learning.models.network import Network, flight_terms
 from patagium.learning.models.registry import in_air, network_from_description, steady_air
 from patagium.learning.parameter_paths import Trained
 from patagium.robot import Robot
-from patagium.sensing.force.air_force import recorded, state_columns, training_data
+from patagium.sensing.force.air_force import (
+    recorded,
+    recorded_wind_change,
+    relative_to_wind,
+    state_columns,
+    training_data,
+)
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.simulation import air_of, robot_of
 
@@ -51,6 +58,8 @@ def samples(
 ) -> tuple[Array, Array, Array, list[str]]:
     """Training samples of a flight: inputs of a network, and what it should predict.
 
+    Where the wind of the flight changes, velocities of the base are those less the change.
+
     Args:
         flight: Record with q, v, a, u1; or measured forces.
         network: Its outputs are coordinates of the robot (generalized forces), or linear
@@ -64,7 +73,7 @@ def samples(
     Raises:
         FlightError: If the flight misses a quantity.
         LogError: If there are less than two samples.
-        ShapeError: If the network's outputs are no coordinates of the robot.
+        ShapeError: If the network has other inputs, or outputs that are no coordinates.
         ParameterError: If an input has no such name, or measured forces cannot feed the network.
     """
     terms, flight = flight_terms(network), with_force(flight)
@@ -81,8 +90,13 @@ def samples(
     if len(time) < 2:
         raise LogError(f"flight: expected two samples at least, found {len(time)}; fly longer")
     x = state if inputs is None else state[:, state_columns(machine, inputs)]
+    change = wind_change(flight, machine)
+    x = x if change is None else relative_to_wind(x, change, machine, inputs)
     if terms.acceleration and acceleration is not None:
         x = np.hstack([x, acceleration])
+    seen = measured_inputs(network)
+    if x.shape[1] not in (seen, network.inputs):
+        raise ShapeError("inputs", f"as many as the network sees, {seen}", x.shape[1])
     balance = terms.strip_forces
     if balance is not None:
         if isinstance(flight, ForceSamples):
@@ -95,6 +109,21 @@ def samples(
         raise ShapeError("outputs of the model", known, f"another robot's: {', '.join(names)}")
     columns = [machine.index(name) for name in names]
     return time, x, force[:, columns], [machine.force_units[k] for k in columns]
+
+
+def wind_change(flight: xr.Dataset | ForceSamples, robot: Robot | None = None) -> Array | None:
+    """Known wind of a flight less the steady one, (N, 3) [m/s], world axes; None for none.
+
+    None, too, for a robot without a floating body, which has no velocity that could be relative.
+
+    Args:
+        flight: Record of a flight, or measured forces.
+        robot: The machine; None for the one the flight carries.
+    """
+    if not isinstance(flight, ForceSamples):
+        return recorded_wind_change(flight, robot or robot_of(flight))
+    change = flight.air.uniform_wind_at(flight.time) - flight.air.wind
+    return change if (robot or flight.robot).floating and change.any() else None
 
 
 def other_air(network: Network, flight: xr.Dataset | ForceSamples) -> tuple[Air, str] | None:

@@ -7,13 +7,21 @@ import json
 import numpy as np
 import pytest
 
-from patagium.aerodynamics import Air, DrydenGust, OneMinusCosineGust, RampGust, TravelingGust
+from patagium.aerodynamics import (
+    Air,
+    DrydenGust,
+    OneMinusCosineGust,
+    RampGust,
+    RecordedGust,
+    TravelingGust,
+)
 from patagium.aerodynamics.air import air_from_description
 from patagium.errors import ParameterError, ShapeError
 
 TRAVELING = TravelingGust(
     OneMinusCosineGust((1.0, 0.0, 0.0), 0.1, 0.3), (-3.0, 4.0, 0.0), 2.0, (1.0, 0.0, 0.5)
 )
+RECORDED = RecordedGust(np.array([0.0, 0.1, 0.3]), np.arange(9.0).reshape(3, 3))
 DRYDEN = DrydenGust((0.5, 0.3, 0.2), (4.0, 2.0, 1.0), airspeed=3.0, seed=3)
 
 
@@ -77,6 +85,14 @@ def test_a_traveling_gust_is_no_part_of_a_uniform_wind() -> None:
     assert air.wind_at([0.25])[0, 0] == pytest.approx(2.0)
 
 
+def test_a_recorded_gust_is_straight_between_samples_and_held_beyond() -> None:
+    found = RECORDED.velocity_at(np.array([-1.0, 0.05, 0.2, 9.0]))
+    np.testing.assert_allclose(found[:, 0], [0.0, 1.5, 4.5, 6.0], rtol=1e-12)  # rounding
+    traveling = TravelingGust(RECORDED, (1.0, 0.0, 0.0), 1.0).pieces(-1.0, 1.0)
+    assert np.array_equal(traveling.knots, RECORDED.time)
+    assert RecordedGust(RECORDED.time, RECORDED.velocity) == RECORDED != DRYDEN
+
+
 def test_a_description_from_before_gusts_decayed_is_read() -> None:
     told = Air(gust=TRAVELING).describe()
     del told["gust"]["decay_time"]
@@ -93,6 +109,8 @@ def test_a_description_from_before_gusts_decayed_is_read() -> None:
         TRAVELING,
         TravelingGust(DRYDEN, (0.0, 1.0, 0.0), 3.0),
         TravelingGust(DRYDEN, (0.0, 1.0, 0.0), 3.0, decay_time=0.2),
+        RECORDED,
+        TravelingGust(RECORDED, (0.0, 1.0, 0.0), 3.0),
     ],
 )
 def test_air_survives_its_description(gust: object) -> None:
@@ -116,6 +134,8 @@ def test_air_survives_its_description(gust: object) -> None:
         lambda: TravelingGust(DRYDEN, (1.0, 0.0, 0.0), 0.0),
         lambda: TravelingGust(DRYDEN, (1.0, 0.0, 0.0), np.inf),
         lambda: TravelingGust(DRYDEN, (1.0, 0.0, 0.0), 1.0, decay_time=1e-4),
+        lambda: RecordedGust(np.zeros(1), np.zeros((1, 3))),
+        lambda: RecordedGust(np.arange(2.0), np.full((2, 3), np.nan)),
         lambda: TravelingGust(DRYDEN, (1.0, 0.0, 0.0), 1.0, decay_time=np.nan),
         lambda: TravelingGust(TRAVELING, (1.0, 0.0, 0.0), 1.0),  # type: ignore[arg-type]
         lambda: air_from_description({**Air(gust=TRAVELING).describe(), "density": 0.0}),
@@ -142,6 +162,7 @@ def test_impossible_air_is_refused(wrong: object) -> None:
         lambda: Air().wind_at(0.0),
         lambda: OneMinusCosineGust((1.0,), 0.0, 1.0),  # type: ignore[arg-type]
         lambda: RampGust((1.0,), 0.0, 1.0),  # type: ignore[arg-type]
+        lambda: RecordedGust(np.arange(2.0), np.zeros((3, 3))),
         lambda: TravelingGust(DRYDEN, (1.0, 0.0), 1.0),  # type: ignore[arg-type]
     ],
 )

@@ -176,6 +176,7 @@ def test_masses_off_nominal_are_drawn_from_the_seed():
         (WingLossEvent(time=0.0, wing="left_wing", share=0.0), "above 0, up to 1"),
         (PayloadEvent(time=0.0, body="bod", mass=0.1), "did you mean body"),
         (PayloadEvent(time=0.0, body="body", mass=-0.1), "mass: expected a positive number"),
+        (PayloadEvent(time=0.0, body="body", mass=1e19), "mass: expected at most 1000 times"),
     ],
 )
 def test_what_cannot_happen_is_refused(event, said):

@@ -69,6 +69,7 @@ def things(robot: pt.Robot, flight: Any) -> dict[str, Any]:
             A.ReynoldsPolar(),
         ),
         *(gust, A.RampGust(up, 0.0, 0.1), A.TravelingGust(gust, up, 5.0), A.StallDelay(), table),
+        A.RecordedGust(np.arange(1e4), np.ones((10_000, 3))),
         A.DrydenGust((0.5, 0.5, 0.5), (0.5, 0.5, 0.5), airspeed=4.0, seed=2),
         A.measured_section(angle, np.sin(2 * angle), 0.1 + 0 * angle),
         pt.LiftingLine(robot).state_space(q, v),

@@ -87,6 +87,9 @@ def _sections() -> dict[str, Valid]:
             {"robot": seeds.robot()},
             ("air", "terms", "corrections", "attached"),
         ),
+        "RecordedGust": Valid(
+            air.RecordedGust, {"time": np.arange(3.0), "velocity": np.ones((3, 3))}
+        ),
         "RampGust": Valid(
             air.RampGust, {"velocity": (0.0, 0.0, 1.0), "start": 0.0, "length_time": 0.1}
         ),

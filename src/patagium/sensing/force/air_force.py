@@ -25,7 +25,7 @@ from patagium.errors import FlightError, LogError, ParameterError
 from patagium.native import NativeFunction, load_functions
 from patagium.robot import Robot
 from patagium.simulation import quantities, robot_of
-from patagium.simulation.flight import check_labels
+from patagium.simulation.flight import air_of, check_labels
 
 PARTS = ("q", "v", "a", "u1")
 """Quantities of each coordinate that every sample carries, in this order, after its time."""
@@ -204,6 +204,12 @@ class SampleForm:
         return ca.Function("air_force", [q, v, a, forces, p], [x, ca.densify(y)], names, ["x", "y"])
 
 
+def state_names(robot: Robot) -> list[str]:
+    """Names of q and v as inputs of a network: `q.roll`, `v.left_plunge`."""
+    q, v = robot.coordinate_names, robot.dof_names
+    return [*(f"q.{name}" for name in q), *(f"v.{name}" for name in v)]
+
+
 def state_columns(robot: Robot, inputs: Sequence[str]) -> list[int]:
     """Columns of named inputs in the state [q, v].
 
@@ -214,8 +220,7 @@ def state_columns(robot: Robot, inputs: Sequence[str]) -> list[int]:
     Raises:
         ParameterError: If there is no such name.
     """
-    names = [f"q.{name}" for name in robot.coordinate_names]
-    names += [f"v.{name}" for name in robot.dof_names]
+    names = state_names(robot)
     for name in inputs:
         if name not in names:
             raise ParameterError("inputs", f"names among {', '.join(names)}", name)
@@ -255,6 +260,51 @@ def training_data(
     x, y = form.function.batch(q, v, a, np.hstack([u1, *others]), form.parameters)
     count, time = len(q), rising(flight["time"].values)
     return time, np.array(x).reshape(count, -1), np.array(y).reshape(count, -1)
+
+
+def recorded_wind_change(flight: xr.Dataset, robot: Robot) -> Array | None:
+    """Recorded wind less the steady one of the flight, (N, 3) [m/s], world axes; None for none.
+
+    Raises:
+        FlightError: If the wind is no vector over time in m/s.
+        LogError: If a number of it is missing.
+    """
+    if "wind" not in flight or not robot.floating:
+        return None
+    wind = flight["wind"]
+    unit = wind.attrs.get("units", "m/s")
+    if {*wind.dims} != {"time", "axis"} or unit != "m/s":
+        raise FlightError(f"wind: expected (time, axis) in m/s, found {wind.dims} in {unit}")
+    change = real_array("wind", wind.transpose("time", "axis").values, ("N", 3))
+    change = change - air_of(flight).wind
+    if not np.isfinite(change).all():
+        at = float(flight["time"][int(np.argmin(np.isfinite(change).all(axis=1)))])
+        raise LogError(f"wind: expected finite numbers, found one that is not at t = {at:.6g} s")
+    return change if change.any() else None
+
+
+def relative_to_wind(
+    x: Array, change: Array, robot: Robot, inputs: Sequence[str] | None = None
+) -> Array:
+    """Inputs of a network in air that moves with a change of the wind, (N, n_x) [units of x].
+
+    Air that is the same everywhere acts on a robot by its velocity relative to it, so that a
+    network for steady wind serves. Neglected: the push of the wind's rate on the air's inertia.
+
+    Args:
+        x: q and v, or the named ones, and what else follows, (N, n_x) [units of x].
+        change: Wind less the steady one, (N, 3) or (3,) [m/s].
+        robot: The machine.
+        inputs: Names of what the network sees, such as `v.x`; None: q, then v.
+    """
+    names = state_names(robot) if inputs is None else list(inputs)
+    x = np.array(x)
+    for body in robot.floating_bodies.values():
+        for axis, dof in enumerate((body.floating_dofs or ())[:3]):
+            name = f"v.{robot.dof_names[dof]}"
+            if name in names:
+                x[:, names.index(name)] -= change[..., axis]
+    return x
 
 
 def recorded(flight: xr.Dataset, name: str, robot: Robot) -> Array:

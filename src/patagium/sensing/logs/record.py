@@ -27,6 +27,8 @@ from patagium.simulation.flight import air_of, quantities, robot_of
 FORMAT = "patagium log 1"
 AIR_LINE = b"# air "
 """Beginning of the first line of a text of packets in other air than that at rest at sea level."""
+WIND = ("wind.x", "wind.y", "wind.z")
+"""Names of the velocity of the air in a log that recorded it, world axes [m/s]."""
 LOADED = ("a record", "a motion")
 """Kinds of files that are read as they are; see `kind_of`."""
 _COMPONENTS = (".w", ".x", ".y", ".z")
@@ -221,14 +223,14 @@ class LogRecord:
             for part, labels in self._parts(robot).items()
         }
         coordinates = {"time": ("time", self.time(), {"units": "s"}), "dof": list(robot.dof_names)}
-        return xr.Dataset(record, coordinates, self._origin())
+        return xr.Dataset(record | self._wind(), coordinates, self._origin())
 
     def dataset(self) -> xr.Dataset:
         """All quantities in memory; those of a flight as q, v, a, u1 of its coordinates."""
-        base, used = xr.Dataset(attrs=self._origin()), set()
+        base, used = xr.Dataset(self._wind(), attrs=self._origin()), set(WIND)
         if self.is_flight:
             base = self.flight()
-            used = {label for labels in self._parts(robot_of(base)).values() for label in labels}
+            used |= {label for labels in self._parts(robot_of(base)).values() for label in labels}
         parts: dict[str, list[str]] = {}
         single = {one.rpartition(".")[0] for one in self.labels if one[-2:] not in _COMPONENTS}
         for name in (label for label in self.labels if label not in used):
@@ -270,6 +272,15 @@ class LogRecord:
             for part in (*PARTS, *OPTIONAL_PARTS)
         }
         return {part: labels for part, labels in parts.items() if set(labels) <= set(self.labels)}
+
+    def _wind(self) -> dict[str, Any]:
+        """Velocity of the air (time, axis) by its name; components that lack are as stated."""
+        known = tuple(name for name in WIND if name in self._columns)
+        if not known:
+            return {}
+        wind = np.tile(self.air.wind, (self.count, 1))
+        wind[:, [WIND.index(name) for name in known]] = self.values(known)
+        return {"wind": (("time", "axis"), wind, {"units": self.units[known[0]]})}
 
     def _missing(self, robot: Robot) -> list[str]:
         wanted = [column.name for column in packet_columns(robot)[1:]]

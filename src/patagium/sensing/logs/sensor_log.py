@@ -18,11 +18,17 @@ import numpy as np
 import xarray as xr
 from scipy.spatial.transform import Rotation
 
+from patagium.aerodynamics import Air, RecordedGust
 from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot, load_robot
-from patagium.sensing.force.air_force import PARTS, packet_columns, recorded
+from patagium.sensing.force.air_force import (
+    PARTS,
+    packet_columns,
+    recorded,
+    recorded_wind_change,
+)
 from patagium.sensing.logs.record import LogRecord, load_log
 from patagium.sensing.sensors import (
     Encoder,
@@ -58,7 +64,7 @@ def sensor_log(
     Attitudes with positions become motion capture, specific forces with angular rates inertial
     units, angles named after joints an encoder, their forces motor currents of one newton metre
     per ampere, and a force with a moment a load cell. A quantity belongs to the body whose name is
-    in its own, else to the floating body.
+    in its own, else to the floating body. A vector named `wind` is the air's, in the world.
 
     Args:
         log: File that `patagium import` wrote, or what `load_log` makes of it.
@@ -102,7 +108,13 @@ def sensor_log(
         )
     carried = any(isinstance(sensor, LoadCell) for sensor in sensors.values())
     mount = "load cell" if carried else ""
-    return SensorLog(readings, sensors, {}, machine, mount, air_of(table))
+    return SensorLog(readings, sensors, {}, machine, mount, _air(table, machine))
+
+
+def _air(table: xr.Dataset, robot: Robot) -> Air:
+    """Air of a log, with the wind that it recorded."""
+    air, change = air_of(table), recorded_wind_change(table, robot)
+    return air if change is None else replace(air, gust=RecordedGust(table["time"].values, change))
 
 
 _GROUPS: tuple[tuple[str, str, str, Any, dict[str, float]], ...] = (

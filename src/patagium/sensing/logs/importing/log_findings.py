@@ -27,6 +27,7 @@ from patagium.sensing.logs.importing.flight_findings import flight_findings, fli
 from patagium.sensing.logs.importing.plan import Plan, Quantity
 from patagium.sensing.logs.importing.resample import CHUNK, Spool, TimeBase
 from patagium.sensing.logs.mapping import AirWords, TableMapping, conversion
+from patagium.sensing.logs.record import WIND
 
 
 def log_findings(
@@ -100,9 +101,14 @@ def _item_findings(
 
 
 def _wind_findings(item: Quantity, values: ValueSurvey, air: AirWords) -> list[Finding]:
-    """Finding that the wind in a log is not the one that the mapping states for all of it."""
+    """Finding that the wind in a log is not the one that the mapping states for all of it.
+
+    None of one named `wind`, or `wind.x`, which `identify` and `motion` follow.
+    """
     name, places = item.column.label, list(item.places)
     if item.si != "m/s" or _WIND.search(name) is None or not values.count[places].all():
+        return []
+    if set(WIND) & set(item.column.labels):
         return []
     sizes = sizes_of(values, places, item.column.unit, item.column.offset)
     speed, stated = float(np.linalg.norm(sizes.mean)), float(np.linalg.norm(air.wind))
@@ -110,8 +116,10 @@ def _wind_findings(item: Quantity, values: ValueSurvey, air: AirWords) -> list[F
     change = float(np.sqrt(spread.sum())) * item.si_factor
     text = f"is {speed:.3g} m/s in the mean, and `air` of the mapping says a wind of {stated:.3g}"
     if change > max(_STEADY * speed, _CALM):
-        text = f"changes by {change:.2g} m/s (rms) about {speed:.3g}, and the wind of a log is one"
-        text += " for all of it: import each speed alone (`start` and `end` under time)"
+        text = (
+            f"changes by {change:.2g} m/s (rms) about {speed:.3g}, but the wind of the log is one"
+        )
+        text += " for all of it: `name: wind` of a vector (`frame`) is followed, or `name: wind.x`"
     elif abs(speed - stated) <= max(_STEADY * speed, _CALM):
         return []
     return [Finding("warning", name, "wind", text)]
