@@ -117,7 +117,24 @@ def test_a_log_with_the_wind_in_it_needs_no_other_word(
     mapping["channels"][-1:] = names  # type: ignore[index]
     Path("map.yaml").write_text(json.dumps(mapping), "utf-8")
     told = pt.import_log("log.csv", "map.yaml", "log.nc").findings
-    assert any("`name: wind` of a vector (`frame`) is followed" in one.text for one in told)
+    assert any("needs `name: wind` (a vector, with `frame`)" in one.text for one in told)
+
+
+def test_one_component_in_a_table_without_a_robot_is_a_column_as_any_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    time = 0.01 * np.arange(100)
+    pd.DataFrame({"t": time, "fan": np.cos(time), "lift": time}).to_csv("log.csv", index=False)
+    words = {
+        "time": {"column": "t", "unit": "s"},
+        "inputs": [{"column": "fan", "unit": "m/s", "name": "wind.x"}],
+        "outputs": [{"column": "lift", "unit": "N"}],
+    }
+    Path("map.yaml").write_text(json.dumps(words), "utf-8")
+    log = pt.load_log(pt.import_log("log.csv", "map.yaml", "log.nc").path)
+    np.testing.assert_allclose(log["wind.x"], np.cos(time), atol=1e-12)  # digits of the text
+    assert "wind" not in log
 
 
 def test_a_wind_that_cannot_be_read_is_refused(gusty: xr.Dataset) -> None:

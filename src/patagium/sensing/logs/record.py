@@ -227,7 +227,8 @@ class LogRecord:
 
     def dataset(self) -> xr.Dataset:
         """All quantities in memory; those of a flight as q, v, a, u1 of its coordinates."""
-        base, used = xr.Dataset(self._wind(), attrs=self._origin()), set(WIND)
+        wind = self._wind()
+        base, used = xr.Dataset(wind, attrs=self._origin()), set(WIND if wind else ())
         if self.is_flight:
             base = self.flight()
             used |= {label for labels in self._parts(robot_of(base)).values() for label in labels}
@@ -276,7 +277,7 @@ class LogRecord:
     def _wind(self) -> dict[str, Any]:
         """Velocity of the air (time, axis) by its name; components that lack are as stated."""
         known = tuple(name for name in WIND if name in self._columns)
-        if not known:
+        if not known or (len(known) < 3 and self.robot is None):  # else columns as any other
             return {}
         wind = np.tile(self.air.wind, (self.count, 1))
         wind[:, [WIND.index(name) for name in known]] = self.values(known)

@@ -116,10 +116,8 @@ def _wind_findings(item: Quantity, values: ValueSurvey, air: AirWords) -> list[F
     change = float(np.sqrt(spread.sum())) * item.si_factor
     text = f"is {speed:.3g} m/s in the mean, and `air` of the mapping says a wind of {stated:.3g}"
     if change > max(_STEADY * speed, _CALM):
-        text = (
-            f"changes by {change:.2g} m/s (rms) about {speed:.3g}, but the wind of the log is one"
-        )
-        text += " for all of it: `name: wind` of a vector (`frame`) is followed, or `name: wind.x`"
+        text = f"changes by {change:.2g} m/s (rms) about {speed:.3g}; a wind that changes needs "
+        text += "`name: wind` (a vector, with `frame`) or `name: wind.x`"
     elif abs(speed - stated) <= max(_STEADY * speed, _CALM):
         return []
     return [Finding("warning", name, "wind", text)]
