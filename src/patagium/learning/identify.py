@@ -120,7 +120,7 @@ def identify(
 def _flight_words(
     flight: xr.Dataset | ForceSamples, learner: Learner, count: int, robot: Robot | None
 ) -> dict[str, str]:
-    """Air that was not the learner's, or changes; forces, and samples that are left out."""
+    """Words about air, forces and left out samples of a flight, by what they describe."""
     words = go_on_in(learner, flight)
     if wind_change(flight, robot) is not None:
         words["wind"] = "as the flight has it at each sample"
