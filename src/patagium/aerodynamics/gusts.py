@@ -340,7 +340,8 @@ class RecordedGust(NamedGust):
             raise ParameterError("time", "two at least", self.time)
         velocity = real_array("velocity", self.velocity, (len(time), 3))
         if not np.isfinite(velocity).all():
-            raise ParameterError("velocity", "finite numbers", "others")
+            wrong = float(velocity[~np.isfinite(velocity)][0])
+            raise ParameterError("velocity", "finite numbers", wrong)
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "velocity", velocity)
 
@@ -351,7 +352,9 @@ class RecordedGust(NamedGust):
 
     def knots(self, first: float, last: float) -> Array:
         """Times between which the velocity is a straight line, (K >= 2,) [s]; see `Profile`."""
-        return self.time
+        begin, end = np.searchsorted(self.time, [first, last])
+        begin = min(max(begin - 1, 0), len(self.time) - 2)
+        return self.time[begin : max(end + 1, begin + 2)]
 
     def describe(self) -> dict[str, Any]:
         """Description from which the object can be made again, as JSON-able values."""

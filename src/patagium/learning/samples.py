@@ -112,7 +112,7 @@ def samples(
 
 
 def wind_change(flight: xr.Dataset | ForceSamples, robot: Robot | None = None) -> Array | None:
-    """Known wind of a flight less the steady one, (N, 3) [m/s], world axes; None for none.
+    """Change of a flight's wind from its steady part, (N, 3) [m/s], world axes; None: no change.
 
     None, too, for a robot without a floating body, which has no velocity that could be relative.
 

@@ -13,6 +13,7 @@ from patagium.aerodynamics import (
     LiftingLine,
     OneMinusCosineGust,
     RampGust,
+    RecordedGust,
     Section,
     TravelingGust,
 )
@@ -115,6 +116,7 @@ def test_a_sharp_edge_at_another_speed_makes_miles_lift(ratio):
         OneMinusCosineGust((0.3, -1.0, 2.0), 0.1, 0.3),
         DrydenGust((0.5, 0.3, 0.2), (0.4, 0.2, 0.1), airspeed=3.0, seed=3),
         RampGust((1.0, 0.0, 1.0), 0.2, 0.05),
+        RecordedGust(np.linspace(-0.2, 1.4, 30), np.sin(np.arange(90.0)).reshape(30, 3)),
     ],
 )
 def test_chord_integrals_are_those_of_a_quadrature(profile, decay_time, spread):

@@ -263,7 +263,7 @@ def training_data(
 
 
 def recorded_wind_change(flight: xr.Dataset, robot: Robot) -> Array | None:
-    """Recorded wind less the steady one of the flight, (N, 3) [m/s], world axes; None for none.
+    """Change of the recorded wind from its steady part, (N, 3) [m/s], world axes; None: no change.
 
     Raises:
         FlightError: If the wind is no vector over time in m/s.
@@ -286,7 +286,7 @@ def recorded_wind_change(flight: xr.Dataset, robot: Robot) -> Array | None:
 def relative_to_wind(
     x: Array, change: Array, robot: Robot, inputs: Sequence[str] | None = None
 ) -> Array:
-    """Inputs of a network, base velocities relative to the wind, (N, n_x) [units of x].
+    """Inputs of a network with base velocities relative to the wind, (N, n_x) [units of x].
 
     Air that is the same everywhere acts on a robot by its velocity relative to it, so that a
     network for steady wind serves. Neglected: the push of the wind's rate on the air's inertia.
