@@ -55,6 +55,19 @@ def test_a_bad_tail_does_not_cost_the_frames_before(rng: np.random.Generator) ->
     assert "nothing else confirms" in found[-1].reason
 
 
+@pytest.mark.parametrize("other", [40, 15])
+def test_before_a_gap_that_hides_the_turn_most_frames_count(
+    other: int, rng: np.random.Generator
+) -> None:
+    """The fewest were believed, swapped or not, if their turn seemed to go on over the gap."""
+    stream = camera(rng)
+    swapped(stream.rows, slice(0, other))
+    stream.rows[60:120] = np.nan
+    used, found = consistent_frames(stream)
+    assert used[120:].all() and not used[:other].any() and found
+    assert used[other:60].all() if other == 15 else not used[other:60].any()
+
+
 def test_held_frames_and_empty_quaternions_are_not_frames(rng: np.random.Generator) -> None:
     stream = camera(rng)
     stream.rows[50:60] = stream.rows[49]

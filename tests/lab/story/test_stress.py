@@ -38,7 +38,7 @@ from patagium_lab.attack.damage import (
 )
 from patagium_lab.attack.endurance import single_precision, steady_glide
 from patagium_lab.attack.faults import FAULTS
-from patagium_lab.attack.motion_capture import capture_rows
+from patagium_lab.attack.motion_capture import capture_row, capture_rows
 from patagium_lab.attack.plan import AttackPlan
 
 KINDS = (
@@ -221,3 +221,10 @@ def test_no_input_however_far_stops_a_screened_learner(structure, dtype) -> None
         learner.update([0.1, 0.2, 0.3], np.ones(2))
     assert np.isfinite(learner.weights).all()
     assert learner.events["out_of_range"] > 0 and learner.count > 61
+
+
+@pytest.mark.parametrize("seed", [44, 71, 132])
+def test_white_noise_of_cameras_is_not_taken_for_colored(seed: int) -> None:
+    """Frames that jitter, and turns summed in a tumble, looked so: two times too cautious."""
+    row = capture_row(seed)
+    assert 1 / 1.5 < row["ratio"] < 1.5  # what is asked of stated deviations

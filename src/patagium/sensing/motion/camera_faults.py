@@ -156,8 +156,17 @@ def consistent_frames(camera: Stream) -> tuple[Bools, list[Stretch]]:
     used = np.zeros(len(camera.rows), bool)
     for k in _longest_chain(steps, first, last):
         used[places[first[k] : last[k] + 1]] = True
+    used &= _shown_by_most(camera, seen, used)
     found += _left_out(camera.time, places, used)
     return used, found
+
+
+def _shown_by_most(camera: Stream, seen: Bools, used: Bools) -> Bools:
+    """Whether each frame lies between open gaps with more used frames than others, (N,)."""
+    part = np.searchsorted([begin for begin, _ in open_gaps(camera, seen)], camera.time)
+    count, of = np.bincount(part, used), np.bincount(part, seen)
+    shown = (2 * count >= of) | (count == count.max())
+    return np.asarray(shown[part], bool)
 
 
 def open_gaps(camera: Stream, used: Bools) -> list[tuple[float, float]]:

@@ -14,7 +14,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
+from scipy.special import softmax
 
 from patagium.arrays import Array, Bools, Indices
 from patagium.robot import Robot
@@ -30,12 +32,10 @@ from patagium.sensing.sensors import from_quaternion
 
 _SEGMENT, _MOST_SEGMENTS = 128, 24
 """Samples of a spectrum, and most spectra of a series."""
-_CORRELATIONS = (0.0, 0.2, 0.4, 0.55, 0.7)
+_CORRELATIONS = np.array([0.0, 0.2, 0.4, 0.55, 0.7])
 """Correlations of neighboring samples that are tried."""
 _LEVELS = np.array([0.5, 0.7, 1.0, 1.4, 2.0])
 """Densities of noise that are tried, over those at the highest frequencies."""
-_EVIDENCE = 4.0
-"""Gain of log-likelihood from which a correlation is believed."""
 _QUIET = 1e-12
 """Least standard deviation of a series over which a spectrum is formed [unit]."""
 
@@ -119,7 +119,7 @@ def spectral_density(time: Array, values: Array, order: int) -> float:
         values: Samples, (N,) [unit].
         order: Order of the derivative.
     """
-    spectrum = _Spectrum.of(time, values)
+    spectrum = _Spectrum.of(time, values, np.zeros_like(values))
     if spectrum is None:
         return float("nan")
     misfit, density = spectrum.misfits(order, 0.0)
@@ -152,27 +152,32 @@ class Noise(NamedTuple):
         return float(2 / np.pi * np.arctan(lowest * np.tan(0.5 * np.pi * share)) / share)
 
 
-def spectral_noise(time: Array, values: Array, order: int) -> Noise:
-    """Noise of samples, most likely for all columns together.
+def spectral_noise(time: Array, values: Array, order: int, noise: Array | None = None) -> Noise:
+    """Noise of samples, for all columns together: the mean over correlations as likely as shown.
 
     Args:
         time: Times of the samples, (N,) [s].
         values: Samples, (N, k) [unit].
         order: Order of the derivative of the motion that white noise drives.
+        noise: What is added to the values, known to be noise at equal steps, (N, k) [unit].
     """
-    spectra = [found for one in values.T if (found := _Spectrum.of(time, one)) is not None]
+    rests = np.zeros_like(values) if noise is None else noise
+    columns = zip(values.T, rests.T, strict=True)
+    found = [_Spectrum.of(time, *column) for column in columns]
+    spectra = [one for one in found if one is not None]
     if not spectra:
         return Noise(float("nan"), 0.0)
-    tried = []
-    for correlation in _CORRELATIONS:
+    misfits, variances = [], []
+    for correlation in _CORRELATIONS.tolist():
         misfit, variance = 0.0, []
         for one in spectra:
             by_noise = one.misfits(order, correlation)[0].min(axis=2).sum(axis=0)
             misfit += float(by_noise.min())
             variance.append(one.floor(correlation) * _LEVELS[np.argmin(by_noise)] / one.step)
-        tried.append((misfit, Noise(float(np.sqrt(np.mean(variance))), correlation)))
-    white, best = tried[0], min(tried, key=lambda one: one[0])
-    return best[1] if white[0] - best[0] > _EVIDENCE else white[1]
+        misfits.append(misfit)
+        variances.append(np.mean(variance))
+    likely = softmax(-np.array(misfits))
+    return Noise(float(np.sqrt(likely @ variances)), float(likely @ _CORRELATIONS))
 
 
 @dataclass(frozen=True)
@@ -190,19 +195,25 @@ class _Spectrum:
     step: float
 
     @classmethod
-    def of(cls, time: Array, values: Array) -> _Spectrum | None:
-        """Spectra of samples (N,); None if they are too few."""
+    def of(cls, time: Array, values: Array, noise: Array) -> _Spectrum | None:
+        """Spectra of values and noise together, (N,) each; None if they are too few.
+
+        Values are brought to equal steps by a cubic spline, noise as if it had them.
+        """
         step = float(np.median(np.diff(time)))
         ends = np.flatnonzero(np.diff(time) > 2.5 * step) + 1
         runs = list(zip([0, *ends.tolist()], [*ends.tolist(), len(time)], strict=True))
-        longest = max(b - a for a, b in runs)
-        length = min(_SEGMENT, longest)
+        length = min(_SEGMENT, max(b - a for a, b in runs))
         if length < 16:
             return None
         parts = []
         for a, b in runs:
+            if b - a < 16:
+                continue
             grid = np.arange(time[a], time[b - 1] + 0.5 * step, step)
-            whole = np.interp(grid, time[a:b], values[a:b])
+            places = (time[a:b] - time[a]) / step
+            whole = CubicSpline(time[a:b], values[a:b])(grid)
+            whole += np.interp(np.arange(len(grid)), np.rint(places), noise[a:b])
             parts.append(whole[: len(whole) // length * length].reshape(-1, length))
         series = np.concatenate(parts)
         if not len(series):

@@ -16,7 +16,7 @@ References:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -26,10 +26,17 @@ from patagium.arrays import Array, Bools, count_noise
 from patagium.robot import Robot
 from patagium.robot.attitude import without_flips
 from patagium.sensing.motion.banded import SEEN, Information, Knots
-from patagium.sensing.motion.first_motion import FirstMotion, Noise
+from patagium.sensing.motion.first_motion import FirstMotion, Noise, spectral_noise
 from patagium.sensing.motion.frame_model import floating_base
 from patagium.sensing.motion.motion_spline import MotionSpline, SplinePoint
-from patagium.sensing.motion.sensor_streams import FLOOR, Part, Stream
+from patagium.sensing.motion.sensor_streams import (
+    FLOOR,
+    CaptureModel,
+    Part,
+    Stream,
+    captured_motion,
+)
+from patagium.sensing.sensors import as_quaternion, from_quaternion
 
 _GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 """Places of two samples of a span whose mean square is that of a linear function."""
@@ -260,6 +267,30 @@ class MotionFit:
                 settled = 0
             elif moved < _ENOUGH:
                 return
+            else:
+                self._look_again()
+
+    def _look_again(self) -> None:
+        """Take the correlation of the noise of cameras from the spectrum about the present fit.
+
+        Sums of what a body turns between frames, which a first look takes, sum up noise where it
+        turns fast, and interpolation between stamps that jitter smooths it: both look colored.
+        """
+        for one in self.samples:
+            stream = one.stream
+            if not isinstance(stream.model, CaptureModel):
+                continue
+            found = self._linearized(one)
+            kept = found.valid.all(axis=1)
+            noise, rows = found.residual[kept], stream.rows[kept].copy()
+            rows[:, :3] -= noise[:, :3]
+            turn = from_quaternion(rows[:, 3:]) * Rotation.from_rotvec(-noise[:, 3:])
+            rows[:, 3:] = as_quaternion(turn)
+            smooth = captured_motion(replace(stream, time=stream.time[kept], rows=rows))
+            one.first = tuple(
+                spectral_noise(stream.time[kept], values, self.order, noise[:, place])
+                for values, (_, _, place) in zip(smooth, one.parts(), strict=True)
+            )
 
     def at(self, times: Array) -> tuple[Array, Array, Rotation | None]:
         """Levels (M, 3, n), their covariance (M, 3 n, 3 n), and the attitude at given times.
