@@ -24,7 +24,7 @@ from patagium.errors import LogError, ParameterError, positive
 from patagium.robot import Robot
 from patagium.robot.attitude import without_flips
 from patagium.sensing.motion.first_motion import spectral_noise
-from patagium.sensing.motion.frame_model import Motion, floating_base, with_euler_angles
+from patagium.sensing.motion.frame_model import floating_base, with_euler_angles
 from patagium.sensing.motion.motion_spline import conjugate, product
 from patagium.sensing.motion.sensor_streams import (
     CaptureModel,
@@ -303,8 +303,8 @@ class _Search:
     def _seen_by(self, unit: Stream) -> list[str]:
         """Names of the sensors that see coordinates which move an inertial unit."""
         rng = np.random.default_rng(0)
-        motion = Motion(rng.uniform(0.1, 1.0, (3, self.robot.dof)), np.eye(3))
-        slope = np.abs(unit.model.frame.inertial(motion)[1]).max(axis=(0, 1))  # type: ignore[attr-defined]
+        motion = rng.uniform(0.1, 1.0, (1, 3, self.robot.dof)), Rotation.identity(1)
+        slope = np.abs(unit.model.frame.inertials(*motion)[1]).max(axis=(0, 1, 2))  # type: ignore[attr-defined]
         moving = set(np.flatnonzero(slope > 0).tolist())
         return [name for name, track in self.tracks.items() if moving & set(track.columns)]
 

@@ -314,7 +314,7 @@ def coupled(robot: Robot, streams: Sequence[Stream]) -> list[int]:
     base = floating_base(robot)
     found = set() if base is None else {*base.place, *base.turn}
     rng = np.random.default_rng(0)
-    motion = Motion(rng.uniform(0.1, 1.0, (3, robot.dof)), np.eye(3))
+    motion = rng.uniform(0.1, 1.0, (1, 3, robot.dof)), Rotation.identity(1)
     seen: list[int] = []
     for s in streams:
         if isinstance(s.model, EncoderModel):
@@ -322,9 +322,9 @@ def coupled(robot: Robot, streams: Sequence[Stream]) -> list[int]:
             continue
         frame: FrameModel = s.model.frame  # type: ignore[attr-defined]
         if isinstance(s.model, ImuModel):
-            slope = np.abs(frame.inertial(motion)[1]).max(axis=(0, 1))
+            slope = np.abs(frame.inertials(*motion)[1]).max(axis=(0, 1, 2))
         else:
-            slope = np.abs(frame.pose(motion)[2]).max(axis=0)
+            slope = np.abs(frame.poses(*motion)[2]).max(axis=(0, 1))
         found |= set(np.flatnonzero(slope > 0).tolist())
     alone = {i for i in seen if seen.count(i) == 1} - found
     unseen = set(range(robot.dof)) - set(seen) - found
@@ -338,7 +338,7 @@ def coupled(robot: Robot, streams: Sequence[Stream]) -> list[int]:
 def initial_estimate(motion_filter: MotionFilter, streams: Sequence[Stream]) -> MotionEstimate:
     """Estimate before the first measurement: first samples with large standard deviations."""
     robot, order = motion_filter.robot, motion_filter.order
-    levels, attitude = np.zeros((order, robot.dof)), np.eye(3)
+    levels, attitude = np.zeros((order, robot.dof)), Rotation.identity(1)
     for column, (s, k) in encoded_coordinates(streams).items():
         seen = s.rows[np.isfinite(s.rows[:, k]), k]
         if len(seen) and column in motion_filter.columns:
@@ -346,10 +346,10 @@ def initial_estimate(motion_filter: MotionFilter, streams: Sequence[Stream]) -> 
     camera, base = first_camera(streams), floating_base(robot)
     if camera is not None and base is not None and isinstance(camera.model, CaptureModel):
         row = camera.rows[np.isfinite(camera.rows).all(axis=1)][0]
-        _, guessed, _ = camera.model.frame.pose(Motion(levels, attitude))
-        attitude = from_quaternion(row[3:]).as_matrix() @ guessed.T
-        place, _, _ = camera.model.frame.pose(Motion(levels, attitude))
-        levels[0, list(base.place)] += row[:3] - place
+        _, guessed, _ = camera.model.frame.poses(levels[None, :3], attitude)
+        attitude = from_quaternion(row[3:]) * guessed.inv()
+        place, _, _ = camera.model.frame.poses(levels[None, :3], attitude)
+        levels[0, list(base.place)] += row[:3] - place[0]
     biases = [s.model.bias_std for s in streams if s.model.biases]
     owed = [
         np.sqrt(motion_filter.density * _MEMORY ** (2 * (order - 1 - k) + 1)) for k in range(order)
@@ -358,7 +358,8 @@ def initial_estimate(motion_filter: MotionFilter, streams: Sequence[Stream]) -> 
     least = np.zeros((order, 1))
     least[:3, 0] = UNKNOWN
     std = np.concatenate([np.maximum(owed, least).ravel(), *biases])
-    return MotionEstimate(Motion(levels, attitude), np.zeros(6 * len(biases)), np.diag(std))
+    motion = Motion(levels, attitude.as_matrix()[0])
+    return MotionEstimate(motion, np.zeros(6 * len(biases)), np.diag(std))
 
 
 @checked

@@ -202,22 +202,19 @@ class _Spectrum:
         """
         step = float(np.median(np.diff(time)))
         ends = np.flatnonzero(np.diff(time) > 2.5 * step) + 1
-        runs = list(zip([0, *ends.tolist()], [*ends.tolist(), len(time)], strict=True))
-        length = min(_SEGMENT, max(b - a for a, b in runs))
-        if length < 16:
-            return None
-        parts = []
-        for a, b in runs:
+        wholes = []
+        for a, b in zip([0, *ends.tolist()], [*ends.tolist(), len(time)], strict=True):
             if b - a < 16:
                 continue
             grid = np.arange(time[a], time[b - 1] + 0.5 * step, step)
-            places = (time[a:b] - time[a]) / step
+            places = np.rint((time[a:b] - time[a]) / step)
             whole = CubicSpline(time[a:b], values[a:b])(grid)
-            whole += np.interp(np.arange(len(grid)), np.rint(places), noise[a:b])
-            parts.append(whole[: len(whole) // length * length].reshape(-1, length))
-        series = np.concatenate(parts)
-        if not len(series):
+            wholes.append(whole + np.interp(np.arange(len(grid)), places, noise[a:b]))
+        length = min(_SEGMENT, max(map(len, wholes), default=0))
+        if length < 16:
             return None
+        parts = [one[: len(one) // length * length].reshape(-1, length) for one in wholes]
+        series = np.concatenate(parts)
         series = series[:: -(-len(series) // _MOST_SEGMENTS)]
         line = np.linspace(-1.0, 1.0, length)
         window = np.hanning(length + 2)[1:-1]

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, cos, sin, sqrt
 
 import casadi as ca
 import numpy as np
@@ -22,39 +21,6 @@ from patagium.dynamics.rnea import body_accelerations
 from patagium.errors import ParameterError
 from patagium.native import NativeFunction, load_functions, named_function
 from patagium.robot import Robot
-
-_SMALL = 1e-6
-
-
-def rotation_matrix(vector: Array) -> Array:
-    """Rotation matrix, (3, 3) [-], of a rotation vector, (3,) [rad]."""
-    x, y, z = vector.tolist()
-    square = x * x + y * y + z * z
-    if square < _SMALL:
-        s, c = 1 - square / 6, 0.5 - square / 24
-    else:
-        angle = sqrt(square)
-        s, c = sin(angle) / angle, (1 - cos(angle)) / square
-    d = 1 - c * square
-    return np.array(
-        [
-            [d + c * x * x, c * x * y - s * z, c * x * z + s * y],
-            [c * x * y + s * z, d + c * y * y, c * y * z - s * x],
-            [c * x * z - s * y, c * y * z + s * x, d + c * z * z],
-        ]
-    )
-
-
-def rotation_vector(matrix: Array) -> Array:
-    """Rotation vector, (3,) [rad], of a rotation matrix, at most half a turn long."""
-    m = matrix.tolist()
-    axis = np.array([m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]]) / 2
-    sine, cosine = sqrt(float(axis @ axis)), (m[0][0] + m[1][1] + m[2][2] - 1) / 2
-    if sine > _SMALL:
-        return np.asarray(axis * (atan2(sine, cosine) / sine))
-    if cosine > 0:
-        return axis
-    return np.asarray(Rotation.from_matrix(matrix).as_rotvec())
 
 
 @dataclass(frozen=True)
@@ -140,20 +106,6 @@ class FrameModel:
         self.parameters = robot.parameters
         self.on_base = robot.bodies[index].floating_dofs is not None
 
-    def inertial(self, motion: Motion) -> tuple[Array, Array]:
-        """Specific force and angular rate in the frame's axes, (6,), and their Jacobian.
-
-        Returns:
-            Both, (6,) [m/s^2, rad/s], and the derivative with respect to the first three levels,
-            (6, 3, n).
-        """
-        seen, turn = self._in_reference(motion.levels[:3], motion.attitude)
-        value, slope = self.inertial_function(*seen, turn[2], self.offset, self.parameters)
-        n = self.robot.dof
-        jacobian = self._to_world(slope.reshape(6, 3, n), turn)
-        slopes = (self._both @ jacobian.reshape(6, -1)).reshape(6, 3, n)
-        return self._both @ value, slopes
-
     def inertials(self, levels: Array, attitude: Rotation) -> tuple[Array, Array]:
         """Specific force and angular rate in the frame's axes at many instants, and the slopes.
 
@@ -166,7 +118,7 @@ class FrameModel:
             Both, (N, 6) [m/s^2, rad/s], and the derivatives with respect to the levels,
             (N, 6, 3, n).
         """
-        seen, turn = self._in_reference(levels, attitude.as_matrix())
+        seen, turn = self._in_reference(levels, attitude)
         parts = [seen[:, k] for k in range(3)]
         found = self.inertial_function.batch(*parts, turn[:, 2], self.offset, self.parameters)
         value, slope = (np.array(part) for part in found)
@@ -186,7 +138,7 @@ class FrameModel:
             Positions (N, 3) [m]; rotations from the frame's axes to world axes, N; derivatives
             of position in world axes and of attitude in the frame's axes, (N, 6, n).
         """
-        seen, turn = self._in_reference(levels, attitude.as_matrix())
+        seen, turn = self._in_reference(levels, attitude)
         found = self.pose_function.batch(seen[:, 0], self.offset, self.parameters)
         position, rotation, moved, turned = (np.array(part) for part in found)
         slope = np.concatenate([turn @ moved, self.mount.T @ turned], axis=1)
@@ -194,9 +146,9 @@ class FrameModel:
         jacobian = self._to_world(slope[:, :, None], turn)[:, :, 0]
         return world, Rotation.from_matrix(turn @ rotation @ self.mount), jacobian
 
-    def _in_reference(self, levels: Array, turn: Array) -> tuple[Array, Array]:
-        """Levels in the axes of the reference, of one instant or many, and its rotation."""
-        seen = levels.copy()
+    def _in_reference(self, levels: Array, attitude: Rotation) -> tuple[Array, Array]:
+        """Levels in the axes of the reference, (N, 3, n), and its rotation, (N, 3, 3)."""
+        seen, turn = levels.copy(), attitude.as_matrix()
         if self.base is not None:
             place = list(self.base.place)
             seen[..., place] = levels[..., place] @ turn
@@ -205,24 +157,8 @@ class FrameModel:
     def _to_world(self, slope: Array, turn: Array) -> Array:
         if self.base is not None:
             place = list(self.base.place)
-            back = np.swapaxes(turn, -1, -2)
-            slope[..., place] = slope[..., place] @ (back if back.ndim == 2 else back[:, None])
+            slope[..., place] = slope[..., place] @ np.swapaxes(turn, 1, 2)[:, None]
         return slope
-
-    def pose(self, motion: Motion) -> tuple[Array, Array, Array]:
-        """Pose of the frame in the world, and its derivative with respect to the coordinates.
-
-        Returns:
-            Position (3,) [m]; rotation from the frame's axes to world axes, (3, 3) [-]; derivatives
-            of position in world axes and of attitude in the frame's axes, (6, n).
-        """
-        seen, turn = self._in_reference(motion.levels[:3], motion.attitude)
-        position, rotation, moved, turned = self.pose_function(
-            seen[0], self.offset, self.parameters
-        )
-        slope = np.vstack([turn @ moved, self.mount.T @ turned])
-        jacobian = self._to_world(slope.reshape(6, 1, -1), turn)[:, 0]
-        return turn @ position, turn @ rotation @ self.mount, jacobian
 
 
 def _functions(robot: Robot, body: int) -> list[ca.Function]:

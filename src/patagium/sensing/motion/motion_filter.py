@@ -23,13 +23,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import dtrsm
 from scipy.linalg.lapack import dgeqrf
+from scipy.spatial.transform import Rotation
 
 from patagium.arrays import Array
 from patagium.errors import FilterDiverged, Outcome
 from patagium.native import load_kernel
 from patagium.native.structs import MOTION_FILTER, MOTION_SENSOR
 from patagium.robot import Robot
-from patagium.sensing.motion.frame_model import FloatingBase, Motion, floating_base, rotation_matrix
+from patagium.sensing.motion.frame_model import FloatingBase, Motion, floating_base
 from patagium.sensing.motion.sensor_streams import (
     EncoderModel,
     ImuModel,
@@ -215,7 +216,7 @@ class MotionFilter:
         """
         main = self.order * len(self.columns)
         found = adjoint.copy()
-        half = None if self.turn is None else rotation_matrix(0.5 * turned)
+        half = None if self.turn is None else Rotation.from_rotvec(0.5 * turned).as_matrix()
         if half is not None:
             found[self.turn] = half @ found[self.turn]
         move, _ = self._blocks(span)
@@ -239,14 +240,20 @@ class MotionFilter:
         self, estimate: MotionEstimate, observations: Sequence[Observation]
     ) -> tuple[Array, Array, Array]:
         """Residuals of all observations, (k,), Jacobian, (k, s), and noise variances, (k,)."""
+        motion = (
+            estimate.motion.levels[None, :3],
+            Rotation.from_matrix(estimate.motion.attitude[None]),
+        )
         residuals, slopes, noise = [], [], []
         for observation in observations:
             model = self._models[observation.name]
-            bias = self.bias_of(estimate, observation.name) if model.biases else None
-            residual, slope, variance = model.residual(estimate.motion, observation, bias)
-            residuals.append(residual)
-            slopes.append(self._in_error_state(slope, observation.name))
-            noise.append(variance)
+            (residual,), (slope,) = model.residuals(*motion, observation.values[None])
+            if model.biases:
+                residual = residual - self.bias_of(estimate, observation.name)
+            seen = np.isfinite(residual)
+            residuals.append(residual[seen])
+            slopes.append(self._in_error_state(slope[seen], observation.name))
+            noise.append(model.variances[seen])
         if len(observations) == 1:
             return residuals[0], slopes[0], noise[0]
         return np.concatenate(residuals), np.vstack(slopes), np.concatenate(noise)
@@ -259,7 +266,7 @@ class MotionFilter:
         attitude = estimate.motion.attitude
         if self.turn is not None:
             turned = self.columns[self.turn]
-            attitude = attitude @ rotation_matrix(levels[0, turned])
+            attitude = attitude @ Rotation.from_rotvec(levels[0, turned]).as_matrix()
             levels[0, turned] = 0.0
         biases = estimate.biases + change[self.order * n :]
         return MotionEstimate(Motion(levels, attitude), biases, estimate.root)
@@ -270,7 +277,7 @@ class MotionFilter:
         moved = np.array(matrix)
         half = None
         if self.turn is not None:
-            half = rotation_matrix(-0.5 * turned)
+            half = Rotation.from_rotvec(-0.5 * turned).as_matrix()
             moved[self.turn] = half @ moved[self.turn]
         move, _ = self._blocks(span)
         main = moved[: self.order * n].reshape(self.order, -1)
@@ -305,7 +312,7 @@ class MotionFilter:
                 spin, spin_rate = motion.levels[1, columns], motion.levels[2, columns]
                 (a, b, c), (d, e, f) = spin.tolist(), spin_rate.tolist()
                 turned += span**3 / 12 * np.array([b * f - c * e, c * d - a * f, a * e - b * d])
-            attitude = attitude @ rotation_matrix(turned)
+            attitude = attitude @ Rotation.from_rotvec(turned).as_matrix()
             levels[0, columns] = 0.0
         return Motion(levels, attitude), turned
 

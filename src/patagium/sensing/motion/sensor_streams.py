@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from patagium.arrays import Array, Indices
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot
-from patagium.sensing.motion.frame_model import FrameModel, Motion, rotation_vector
+from patagium.sensing.motion.frame_model import FrameModel
 from patagium.sensing.sensors import Encoder, Imu, MotionCapture, SensorLog, from_quaternion
 from patagium.sensing.sensors.joints import joint_names
 from patagium.sensing.sensors.sensor import Sensor
@@ -65,14 +65,8 @@ class MeasurementModel(Protocol):
         """Samples of a reading, (N, k), in the unit of the sensor."""
         ...
 
-    def residual(
-        self, motion: Motion, observation: Observation, bias: Array | None
-    ) -> tuple[Array, Array, Array]:
-        """Residual (k,), its Jacobian in the levels (k, m', n), noise variance (k,)."""
-        ...
-
     def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
-        """Residuals of many samples (N, k), without biases, and Jacobian (N, k, m', n)."""
+        """Residuals of samples (N, k), without biases, and Jacobian (N, k, m', n)."""
         ...
 
 
@@ -124,16 +118,8 @@ class EncoderModel(_NoBias):
             rows[seen, k] = np.unwrap(np.append(0.0, rows[seen, k]))[1:]
         return rows
 
-    def residual(
-        self, motion: Motion, observation: Observation, bias: Array | None
-    ) -> tuple[Array, Array, Array]:
-        """Residual, Jacobian and noise variance of a sample; see `MeasurementModel`."""
-        seen = np.isfinite(observation.values)
-        residual = observation.values - motion.levels[0, self.columns]
-        return residual[seen], self._slope[seen], self.variances[seen]
-
     def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
-        """Residuals of many samples and their Jacobian; see `MeasurementModel`."""
+        """Residuals of samples and their Jacobian; see `MeasurementModel`."""
         slope = np.broadcast_to(self._slope, (len(rows), *self._slope.shape))
         return rows - levels[:, 0, self.columns], slope
 
@@ -170,16 +156,8 @@ class ImuModel:
         parts = ("specific_force", "angular_rate")
         return np.hstack([values_of(reading, name, 3) for name in parts])
 
-    def residual(
-        self, motion: Motion, observation: Observation, bias: Array | None
-    ) -> tuple[Array, Array, Array]:
-        """Residual, Jacobian and noise variance of a sample; see `MeasurementModel`."""
-        expected, slope = self.frame.inertial(motion)
-        residual = observation.values - expected - (0.0 if bias is None else bias)
-        return residual, slope, self.variances
-
     def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
-        """Residuals of many samples and their Jacobian; see `MeasurementModel`."""
+        """Residuals of samples and their Jacobian; see `MeasurementModel`."""
         expected, slope = self.frame.inertials(levels, attitude)
         return rows - expected, slope
 
@@ -205,18 +183,8 @@ class CaptureModel(_NoBias):
         """Position and quaternion, (N, 7) [m, 1]."""
         return np.hstack([values_of(reading, "position", 3), values_of(reading, "quaternion", 4)])
 
-    def residual(
-        self, motion: Motion, observation: Observation, bias: Array | None
-    ) -> tuple[Array, Array, Array]:
-        """Residual, Jacobian and noise variance of a sample; see `MeasurementModel`."""
-        position, attitude, slope = self.frame.pose(motion)
-        shown = from_quaternion(observation.values[3:]).as_matrix()
-        turned = rotation_vector(attitude.T @ shown)
-        residual = np.concatenate([observation.values[:3] - position, turned])
-        return residual, slope[:, None, :], self.variances
-
     def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
-        """Residuals of many samples and their Jacobian; see `MeasurementModel`."""
+        """Residuals of samples and their Jacobian; see `MeasurementModel`."""
         position, turned, slope = self.frame.poses(levels, attitude)
         seen = np.isfinite(rows).all(axis=1)
         residual = np.full((len(rows), 6), np.nan)
