@@ -65,6 +65,8 @@ _FOLLOWED = 0.1
 """Share of the frequencies that the motion takes, at first."""
 _HASTE = 1.4
 """Power of the change of a density by which its slow approach is sped up."""
+_EAGER = 11
+"""Steps after which all are half as long, for the last ones swing to and fro."""
 _QUIET, _EXACT = 5.0, 0.025
 """Noise of the spectrum over the least noise below which samples may be more exact than that, and
 how much: all where the motion follows less than 55 % of the noise, so that they tell it, and
@@ -256,7 +258,7 @@ class MotionFit:
         self._place(lambda times: guess.at(times, self.columns), first)
         settled = 0
         for k in range(_MOST_STEPS):
-            moved = self._step(robust=k > 1)
+            moved = self._step(k > 1, 1.0 if k < _EAGER else 0.5)
             settled += 1
             if settled % 3:
                 continue
@@ -338,7 +340,7 @@ class MotionFit:
             self.bridging[inside] = np.maximum(self.bridging[inside], free)
         self.liveliness = np.ones((self.knots.spans, len(self.columns)))
 
-    def _step(self, robust: bool) -> float:
+    def _step(self, robust: bool, pace: float) -> float:
         """One Gauss-Newton step; returns the largest relative change of what is learned."""
         information = Information(self.knots.count, self.width)
         linear = [self._linearized(one) for one in self.samples]
@@ -357,12 +359,13 @@ class MotionFit:
         if self.turn is not None:
             length = np.linalg.norm(change[:, self.turn], axis=1, keepdims=True)
             change[:, self.turn] *= np.minimum(1.0, _LONGEST_TURN / np.maximum(length, 1e-300))
+        change *= pace
         self.spline = self.spline.moved(change)
         std = np.sqrt(self.covariance.matrix[:, -1]).reshape(change.shape)
         moved = 0.3 * float((np.abs(change) / std).max())
         for one, found in zip(self.samples, linear, strict=True):
             moved = max(moved, self._learn_noise(one, found, change, robust))
-        return max(moved, self._learn_density(drive))
+        return max(moved, self._learn_density(drive, pace))
 
     def _linearized(self, one: Samples) -> _Linear:
         stream = one.stream
@@ -469,7 +472,7 @@ class MotionFit:
                 moved = max(moved, _learn_part(one, k, part, place, own, robust))
         return moved
 
-    def _learn_density(self, drive: Array) -> float:
+    def _learn_density(self, drive: Array, pace: float) -> float:
         """Update the densities by the number of well-determined parameters."""
         n, spans, step = len(self.columns), self.knots.spans, self.knots.step
         times = (self.knots.begin + step * (np.arange(spans)[:, None] + _GAUSS)).ravel()
@@ -483,7 +486,7 @@ class MotionFit:
         least = np.maximum(_LEAST_KNOWN, _LIKE_OTHERS * self._most_known(count)) / count
         ratio = np.maximum(np.clip(ratio, 1e-3, 1e3), np.minimum(least, 1.5) ** self.order)
         self._learn_liveliness(mean / drive[:, :n] / ratio, known)
-        ratio = ratio**_HASTE
+        ratio = ratio ** (_HASTE * pace)
         self.density = self.density * ratio
         return float(np.abs(np.log(ratio)).max()) / (2 * self.order)
 
