@@ -122,10 +122,14 @@ def _flight_words(
 ) -> dict[str, str]:
     """Words about air, forces and left out samples of a flight, by what they describe."""
     words = go_on_in(learner, flight)
-    if wind_change(flight, robot) is not None:
+    flown = robot or (flight.robot if isinstance(flight, ForceSamples) else robot_of(flight))
+    changes = wind_change(flight) is not None
+    if changes and flown.floating:
         words["wind"] = "as the flight has it at each sample"
-    elif getattr(learner.network, "air", Air()).gust is not None:
+    elif changes or getattr(learner.network, "air", Air()).gust is not None:
         words["wind"] = "steady; its changes are errors of the network"
+    if changes and not flown.floating:
+        words["wind"] += f", for no body of {flown.name} moves relative to it (`floating: true`)"
     if not isinstance(flight, ForceSamples):
         return words
     names, lost = ", ".join(flight.measured), count - len(flight.time)

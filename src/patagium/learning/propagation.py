@@ -218,5 +218,5 @@ def robot_motion(
         return None
     q, v, a = (recorded(flight, name, robot) for name in ("q", "v", "a"))
     time = np.asarray(flight["time"].values, float)
-    change = recorded_wind_change(flight, robot)
+    change = recorded_wind_change(flight)
     return RobotMotion(form, network, time, (q, v, a), period, change)

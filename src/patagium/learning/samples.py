@@ -90,7 +90,7 @@ def samples(
     if len(time) < 2:
         raise LogError(f"flight: expected two samples at least, found {len(time)}; fly longer")
     x = state if inputs is None else state[:, state_columns(machine, inputs)]
-    change = wind_change(flight, machine)
+    change = wind_change(flight)
     x = x if change is None else relative_to_wind(x, change, machine, inputs)
     if terms.acceleration and acceleration is not None:
         x = np.hstack([x, acceleration])
@@ -111,19 +111,16 @@ def samples(
     return time, x, force[:, columns], [machine.force_units[k] for k in columns]
 
 
-def wind_change(flight: xr.Dataset | ForceSamples, robot: Robot | None = None) -> Array | None:
+def wind_change(flight: xr.Dataset | ForceSamples) -> Array | None:
     """Change of a flight's wind from its steady part, (N, 3) [m/s], world axes; None: no change.
-
-    None, too, for a robot without a floating body, which has no velocity that could be relative.
 
     Args:
         flight: Record of a flight, or measured forces.
-        robot: The machine; None for the one the flight carries.
     """
     if not isinstance(flight, ForceSamples):
-        return recorded_wind_change(flight, robot or robot_of(flight))
+        return recorded_wind_change(flight)
     change = flight.air.uniform_wind_at(flight.time) - flight.air.wind
-    return change if (robot or flight.robot).floating and change.any() else None
+    return change if change.any() else None
 
 
 def other_air(network: Network, flight: xr.Dataset | ForceSamples) -> tuple[Air, str] | None:

@@ -1,6 +1,7 @@
 """A wind that changes and was recorded: learned with, imported, measured and forecast."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -196,3 +197,27 @@ def test_a_sensor_log_takes_the_wind_along() -> None:
     air = pt.sensor_log(log, robot).air
     np.testing.assert_allclose(air.wind_at(time), wind, atol=1e-15)  # rounding
     assert pt.sensor_log(log.drop_vars("wind"), robot).air.gust is None
+
+
+def test_a_robot_that_nothing_moves_through_the_air_is_told_so(
+    one_wing: Callable[..., pt.Robot],
+) -> None:
+    """The wind of its log was left out without a word."""
+    robot, time = one_wing("name: flap, axis: x"), 0.01 * np.arange(300)
+    wind = np.column_stack([-4 + np.sin(time), 0 * time, 0 * time])
+    flap = np.sin(9 * time)
+    log = xr.Dataset(
+        {
+            "wind": (("time", "axis"), wind, {"units": "m/s"}),
+            "q.flap": ("time", flap, {"units": "rad"}),
+        },
+        coords={"time": time},
+        attrs={"air": json.dumps({"wind": [-4.0, 0.0, 0.0]})},
+    )
+    air = pt.sensor_log(log, robot).air
+    np.testing.assert_allclose(air.wind_at(time), wind, atol=1e-15)  # rounding
+    columns = [one[:, None] for one in (flap, 9 * np.cos(9 * time), flap)]
+    spread, a = np.tile(1e-8 * np.eye(1), (300, 1, 1)), -81 * flap[:, None]
+    forces = pt.sensing.ForceSamples(time, *columns, spread, robot, "a test", a, air)
+    told = pt.identify(forces).scores["chosen"]["wind"]
+    assert "its changes are errors of the network, for no body of one_wing moves" in told

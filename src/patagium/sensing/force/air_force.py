@@ -262,14 +262,14 @@ def training_data(
     return time, np.array(x).reshape(count, -1), np.array(y).reshape(count, -1)
 
 
-def recorded_wind_change(flight: xr.Dataset, robot: Robot) -> Array | None:
+def recorded_wind_change(flight: xr.Dataset) -> Array | None:
     """Change of the recorded wind from its steady part, (N, 3) [m/s], world axes; None: no change.
 
     Raises:
         FlightError: If the wind is no vector over time in m/s.
         LogError: If a number of it is missing.
     """
-    if "wind" not in flight or not robot.floating:
+    if "wind" not in flight:
         return None
     wind = flight["wind"]
     unit = wind.attrs.get("units", "m/s")

@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 from scipy.spatial.transform import Rotation
 
-from patagium.aerodynamics import Air, RecordedGust
+from patagium.aerodynamics import RecordedGust
 from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError
@@ -108,13 +108,10 @@ def sensor_log(
         )
     carried = any(isinstance(sensor, LoadCell) for sensor in sensors.values())
     mount = "load cell" if carried else ""
-    return SensorLog(readings, sensors, {}, machine, mount, _air(table, machine))
-
-
-def _air(table: xr.Dataset, robot: Robot) -> Air:
-    """Air of a log, with the wind that it recorded."""
-    air, change = air_of(table), recorded_wind_change(table, robot)
-    return air if change is None else replace(air, gust=RecordedGust(table["time"].values, change))
+    air, change = air_of(table), recorded_wind_change(table)
+    if change is not None:
+        air = replace(air, gust=RecordedGust(found.time, change))
+    return SensorLog(readings, sensors, {}, machine, mount, air)
 
 
 _GROUPS: tuple[tuple[str, str, str, Any, dict[str, float]], ...] = (
