@@ -19,7 +19,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from patagium.arguments import checked
 from patagium.arrays import Array
-from patagium.errors import FilterDiverged, Outcome, ParameterError
+from patagium.errors import FilterDiverged, Outcome
 from patagium.learning.filters.weight_covariance import block_covariance
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.model_file import Model, model_of
@@ -27,9 +27,10 @@ from patagium.learning.models.memory import network_inputs
 from patagium.learning.samples import samples
 from patagium.learning.stream import Samples, checked_samples, used_samples
 from patagium.sensing.force.measured_force import ForceSamples
+from patagium.sensing.logs.table import find_gaps
 
 _CLOSE = 0.01  # steps shorter than that, in deviations, are the last
-_HALVINGS = 8
+_MOST_ROUNDS, _HALVINGS = 20, 8
 
 
 @checked
@@ -40,8 +41,6 @@ def refine(
     y: ArrayLike | None = None,
     *,
     every: int = 1,
-    gaps: ArrayLike = (),
-    rounds: int = 20,
 ) -> Model:
     """Most probable weights of a log, with their covariance.
 
@@ -54,25 +53,21 @@ def refine(
         x: Measured inputs of the network, (N, n_measured) [units of x].
         y: What was measured, (N, n_y) [unit of y]; NaN where it was not.
         every: 1 to use each sample, 100 to use one in 100.
-        gaps: First sample after each gap in time.
-        rounds: At most so many steps.
 
     Returns:
         A model with the covariance; `estimates` of its network reads it.
 
     Raises:
-        ParameterError: If there are no rounds.
         ShapeError: If the arrays do not fit each other or the network.
         LogError: If an input is not finite or time does not advance.
         FilterDiverged: If nothing finite comes of the learner's weights.
     """
-    if rounds < 1:
-        raise ParameterError("rounds", "at least 1", rounds)
     network = learner.network
     table: Any = time, x, y
     if isinstance(time, xr.Dataset | ForceSamples):
         table = samples(time, network)[:3]
-    log = checked_samples(network, table, gaps, None)
+    log = checked_samples(network, table, (), None)
+    log = replace(log, gaps=find_gaps(log.time))
     used = np.isin(np.arange(len(log.time)), used_samples(len(log.time), every, log.gaps))
     log = replace(log, y=np.where(used[:, None], log.y, np.nan))
     first, prior = learner.prior
@@ -80,7 +75,7 @@ def refine(
     cost, weights = min(begins, key=lambda begin: begin[0])  # the filter may have diverged
     if not np.isfinite(cost):
         raise FilterDiverged("the weights to begin with give nothing finite", Outcome.NOT_FINITE)
-    for _ in range(rounds):
+    for _ in range(_MOST_ROUNDS):
         gradient, information = _slopes(learner, log, weights)
         information[np.diag_indices_from(information)] += 1.0 / prior
         factor = cho_factor(information)

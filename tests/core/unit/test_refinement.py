@@ -39,7 +39,7 @@ def test_of_another_the_cost_is_minimal():
     teacher = np.array([1.0, -0.5, 0.3, 0.8, 1.0, 0.7, 0.1])
     y = network.evaluate(x, teacher) + 0.1 * draw.normal(size=(60, 1))
     learner = learned(network, x, y)
-    model = refine(learner, TIME, x, y, every=2, rounds=200)
+    model = refine(learner, TIME, x, y, every=2)
     first, prior = learner.prior
 
     def cost(weights):

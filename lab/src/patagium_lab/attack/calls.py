@@ -264,7 +264,7 @@ def _logs() -> dict[str, Valid]:
             ("horizons", "gaps"),
         ),
         "refine": Valid(
-            pt.refine, {"learner": seeds.learner(), **table, "rounds": 1}, ("every", "gaps")
+            pt.refine, {"learner": seeds.learner(), **table}, ("every",)
         ),
         "tune": Valid(
             pt.tune, {"flight": flight, "network": network, "every": 10, "trials": 8},
