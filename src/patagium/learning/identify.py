@@ -14,7 +14,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from patagium.aerodynamics import Air
 from patagium.arguments import Progress, checked
 from patagium.arrays import Array, Bools, usual_step
 from patagium.errors import LogError, Outcome, ParameterError
@@ -38,7 +37,7 @@ from patagium.learning.what_if import what_if
 from patagium.robot import Robot
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.sensing.logs.table import LogTable, find_gaps
-from patagium.simulation import gait_period, robot_of
+from patagium.simulation import air_of, gait_period, robot_of
 
 _BEYOND_NOISE = 10.0
 """Errors over the noise of a measured force from which they are no noise."""
@@ -123,10 +122,11 @@ def _flight_words(
     """Words about air, forces and left out samples of a flight, by what they describe."""
     words = go_on_in(learner, flight)
     flown = robot or (flight.robot if isinstance(flight, ForceSamples) else robot_of(flight))
+    air = flight.air if isinstance(flight, ForceSamples) else air_of(flight)
     changes = wind_change(flight) is not None
     if changes and flown.floating:
         words["wind"] = "as the flight has it at each sample"
-    elif changes or getattr(learner.network, "air", Air()).gust is not None:
+    elif changes or air.gust is not None:
         words["wind"] = "steady; its changes are errors of the network"
     if changes and not flown.floating:
         words["wind"] += f", for no body of {flown.name} moves relative to it (`floating: true`)"

@@ -221,3 +221,11 @@ def test_a_robot_that_nothing_moves_through_the_air_is_told_so(
     forces = pt.sensing.ForceSamples(time, *columns, spread, robot, "a test", a, air)
     told = pt.identify(forces).scores["chosen"]["wind"]
     assert "its changes are errors of the network, for no body of one_wing moves" in told
+
+
+def test_a_model_does_not_hold_the_wind_of_the_log_it_learned() -> None:
+    """Model files grew with their log, by all of its wind."""
+    air = pt.Air(wind=(-4.0, 0.0, 0.0), gust=pt.air.RecordedGust([0.0, 1.0], np.ones((2, 3))))
+    robot = pt.load_robot("aerobat")
+    for network in (pt.learning.LinearStripNetwork(robot, air), pt.StripNetwork(robot, air=air)):
+        assert network.describe()["air"] == pt.Air(wind=(-4.0, 0.0, 0.0)).describe()

@@ -102,7 +102,7 @@ class LinearStripNetwork(WingNetwork):
     ) -> None:
         if not robot.strips:
             raise ParameterError("robot", "a robot with wings", robot.name)
-        self.robot, self.air = robot, Air() if air is None else air
+        self.robot, self.air = robot, replace(air or Air(), gust=None)
         self._names = self.measured = robot.dof_names if measured is None else tuple(measured)
         rows = [robot.index(name) for name in self._names]
         self.surfaces = surfaces_of(robot)

@@ -68,11 +68,11 @@ def steady_air(network: Network) -> Air | None:
 
 
 def in_air(description: Any, air: Air) -> Any:
-    """Description of a network in which every model of the air has the wind and density of `air`.
+    """Description of a network whose models of the air have the steady wind and density of `air`.
 
     What the weights mean is relative to both, so that they stay.
     """
     if not isinstance(description, Mapping):
         return description
-    steady = {"wind": air.wind, "density": air.density}
+    steady = {"wind": air.wind, "density": air.density, "gust": None}
     return {k: {**v, **steady} if k == "air" else in_air(v, air) for k, v in description.items()}

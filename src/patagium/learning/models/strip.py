@@ -9,6 +9,7 @@ forces on anything but strips, section moments.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -94,7 +95,7 @@ class StripNetwork(WingNetwork):
             raise ParameterError("chord_fraction", "0 to 1, or None", chord_fraction)
         self.chord_fraction, self.rotation = chord_fraction, rotation
         self.coefficient_scale = float(coefficient_scale)
-        self.robot, self.air = robot, Air() if air is None else air
+        self.robot, self.air = robot, replace(air or Air(), gust=None)
         self.items = len(robot.strips)
         self.perceptron = Perceptron((2 + rotation, *hidden, _COEFFICIENTS), activation)
         self._names, self._matrix = _measurement(robot, measured)
