@@ -66,7 +66,7 @@ _FOLLOWED = 0.1
 _HASTE = 1.4
 """Power of the change of a density by which its slow approach is sped up."""
 _EAGER = 11
-"""Steps after which all are half as long, for the last ones swing to and fro."""
+"""Steps after which all are half as long, for the last ones swing back and forth."""
 _QUIET, _EXACT = 5.0, 0.025
 """Noise of the spectrum over the least noise below which samples may be more exact than that, and
 how much: all where the motion follows less than 55 % of the noise, so that they tell it, and
