@@ -315,7 +315,7 @@ def _recursion(decay: float, drive: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class RecordedGust(NamedGust):
-    """Wind that was measured: straight between samples, held before the first and after the last.
+    """Measured wind, linear between samples, constant before the first and after the last.
 
     Args:
         time: Increasing, (N >= 2,) [s].
@@ -351,7 +351,7 @@ class RecordedGust(NamedGust):
         return np.stack(columns, axis=-1)
 
     def knots(self, first: float, last: float) -> Array:
-        """Times between which the velocity is a straight line, (K >= 2,) [s]; see `Profile`."""
+        """Times between which the velocity changes linearly, (K >= 2,) [s]; see `Profile`."""
         begin, end = np.searchsorted(self.time, [first, last])
         begin = min(max(begin - 1, 0), len(self.time) - 2)
         return self.time[begin : max(end + 1, begin + 2)]

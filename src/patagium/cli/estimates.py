@@ -112,7 +112,6 @@ def grey_box(flight: xr.Dataset, words: Sequence[str], aero: GreyModel | None) -
     from patagium.aerodynamics import AddedMass
     from patagium.learning import GreyBox
     from patagium.learning.models.physical import FACTOR, written_unit
-    from patagium.learning.models.registry import in_air, network_from_description
     from patagium.simulation import added_mass_of
 
     parts = [part for word in words for part in word.split(",")]
@@ -124,8 +123,7 @@ def grey_box(flight: xr.Dataset, words: Sequence[str], aero: GreyModel | None) -
         added = added_mass_of(flight) or AddedMass(model.robot, model.air)
     still = "aero_state" in flight and not flight["aero_state"].values[0].any()
     start: Any = "still" if still and model.state_size else "steady"
-    network = GreyBox(model, estimate, added, start=start)
-    return network_from_description(in_air(network.describe(), model.air))
+    return GreyBox(model, estimate, added, start=start)
 
 
 def refined(result: Identification, flight: xr.Dataset, every: int) -> Identification:

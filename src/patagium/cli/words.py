@@ -35,7 +35,7 @@ class WholeNumbers(tuple[int, ...]):
 
 
 class Numbers(tuple[float, ...]):
-    """Numbers in order; no tuple to typer either."""
+    """Numbers in order, which typer takes for one value and not for several."""
 
 
 Progress = Callable[[int, int], None]

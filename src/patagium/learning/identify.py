@@ -129,7 +129,7 @@ def _flight_words(
     elif changes or air.gust is not None:
         words["wind"] = "steady; its changes are errors of the network"
     if changes and not flown.floating:
-        words["wind"] += f", for no body of {flown.name} moves relative to it (`floating: true`)"
+        words["wind"] += f", because no body of {flown.name} is floating (`floating: true`)"
     if not isinstance(flight, ForceSamples):
         return words
     names, lost = ", ".join(flight.measured), count - len(flight.time)

@@ -1,4 +1,4 @@
-"""A wind that changes and was recorded: learned with, imported, measured and forecast."""
+"""Learning, import, measured forces and forecasts in a recorded wind that changes."""
 
 import json
 from collections.abc import Callable
@@ -19,7 +19,7 @@ GUST = pt.air.DrydenGust((0.6, 0.6, 0.6), (1.0, 1.0, 0.5), airspeed=4.0, seed=1)
 
 
 def flown(gust: object, **given: object) -> xr.Dataset:
-    """Flight of an Aerobat on a stand, or free with a start."""
+    """Flight of an Aerobat that is held, or that flies freely where options say so."""
     robot = pt.load_robot("aerobat")
     aero = pt.QuasiSteady(robot, pt.Air(wind=(-4.0, 0.0, 0.0), gust=gust))  # type: ignore[arg-type]
     gait = pt.gaits.sinusoidal(robot, frequency=8.0, plunge=0.6)
@@ -51,7 +51,7 @@ def test_the_force_in_a_gust_is_learned_as_in_a_steady_wind(gusty: xr.Dataset) -
 def test_numbers_of_a_model_are_estimated_in_a_known_gust(
     gusty: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, speak: Speak
 ) -> None:
-    """The steady wind is the model's; the gust of the first sample is none of it."""
+    """The model holds the steady wind alone, without the gust at the first sample."""
     monkeypatch.chdir(tmp_path)
     pt.save_flight(gusty, "flight.nc")
     said = speak("identify", "flight.nc", "--estimate", "polar.lift_amplitude=0.5", "--json")
@@ -220,7 +220,7 @@ def test_a_robot_that_nothing_moves_through_the_air_is_told_so(
     spread, a = np.tile(1e-8 * np.eye(1), (300, 1, 1)), -81 * flap[:, None]
     forces = pt.sensing.ForceSamples(time, *columns, spread, robot, "a test", a, air)
     told = pt.identify(forces).scores["chosen"]["wind"]
-    assert "its changes are errors of the network, for no body of one_wing moves" in told
+    assert "its changes are errors of the network, because no body of one_wing is floating" in told
 
 
 def test_a_model_does_not_hold_the_wind_of_the_log_it_learned() -> None:
@@ -229,3 +229,8 @@ def test_a_model_does_not_hold_the_wind_of_the_log_it_learned() -> None:
     robot = pt.load_robot("aerobat")
     for network in (pt.learning.LinearStripNetwork(robot, air), pt.StripNetwork(robot, air=air)):
         assert network.describe()["air"] == pt.Air(wind=(-4.0, 0.0, 0.0)).describe()
+    blades = pt.QuasiSteady(robot, air)
+    carried = pt.air.AddedMass(robot, air)
+    for model in (blades, pt.air.Inflow(blades)):
+        grey = pt.GreyBox(model, {"polar.lift_amplitude": 0.5}, carried)
+        assert grey.model.air == grey.added_mass.air == pt.Air(wind=(-4.0, 0.0, 0.0))

@@ -98,6 +98,8 @@ class GreyBox(Network):
             raise ParameterError("start", '"steady" or "still"', start)
         if FACTOR in estimate and added_mass is None:
             raise ParameterError(FACTOR, "an added mass to go with it", None)
+        if model.air.gust is not None:
+            model, added_mass = changed_air(model, added_mass, ())
         robot = model.robot
         numbers = numbers_of(model, added_mass)
         self.model = model

@@ -210,7 +210,7 @@ def physical_parameters(
 def changed_air(
     model: Aerodynamics, added_mass: AddedMass | None, estimates: Sequence[Estimate]
 ) -> tuple[Aerodynamics, AddedMass | None]:
-    """Model of the air and its robot with other numbers.
+    """Model of the air and its robot with other numbers, in steady wind.
 
     Args:
         model: The model of the air.
@@ -224,7 +224,7 @@ def changed_air(
     robot, description = model.robot, model.describe()
     of_robot = {name: values.pop(name) for name in robot.parameter_names if name in values}
     machine = robot.with_parameters(of_robot) if of_robot else robot
-    for name, value in values.items():
+    for name, value in {"gust": None, **values}.items():
         if not name.startswith("added_mass."):
             _write(description, name, value, model.name)
     try:
@@ -242,9 +242,9 @@ def changed_air(
     return changed, AddedMass(machine, changed.air, factor=factor)
 
 
-def _write(description: Any, name: str, value: float, model: str) -> None:
+def _write(description: Any, name: str, value: float | None, model: str) -> None:
     """One number into the description of a model."""
-    path = f"air.{name}" if name in ("density", "ground", *WIND) else name
+    path = f"air.{name}" if name in ("density", "ground", "gust", *WIND) else name
     steps = re.findall(r"[^.\[\]]+", path)
     while "of" in description and steps[0] != description["model"]:
         description = description["of"]  # of the model under this one

@@ -275,7 +275,7 @@ class LogRecord:
         return {part: labels for part, labels in parts.items() if set(labels) <= set(self.labels)}
 
     def _wind(self) -> dict[str, Any]:
-        """Velocity of the air (time, axis) by its name; components that lack are as stated."""
+        """Wind over (time, axis); components that the log lacks are those of the stated wind."""
         known = tuple(name for name in WIND if name in self._columns)
         if not known or (len(known) < 3 and self.robot is None):  # else columns as any other
             return {}

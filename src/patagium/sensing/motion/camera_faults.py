@@ -156,17 +156,12 @@ def consistent_frames(camera: Stream) -> tuple[Bools, list[Stretch]]:
     used = np.zeros(len(camera.rows), bool)
     for k in _longest_chain(steps, first, last):
         used[places[first[k] : last[k] + 1]] = True
-    used &= _shown_by_most(camera, seen, used)
+    begins = [begin for begin, _ in _open_gaps(steps)]
+    part = np.searchsorted(begins, camera.time)  # between gaps that hide the turn most frames count
+    count, of = np.bincount(part, used), np.bincount(part, seen)
+    used &= ((2 * count >= of) | (count == count.max()))[part]
     found += _left_out(camera.time, places, used)
     return used, found
-
-
-def _shown_by_most(camera: Stream, seen: Bools, used: Bools) -> Bools:
-    """Whether each frame lies between open gaps with more used frames than others, (N,)."""
-    part = np.searchsorted([begin for begin, _ in open_gaps(camera, seen)], camera.time)
-    count, of = np.bincount(part, used), np.bincount(part, seen)
-    shown = (2 * count >= of) | (count == count.max())
-    return np.asarray(shown[part], bool)
 
 
 def open_gaps(camera: Stream, used: Bools) -> list[tuple[float, float]]:
@@ -179,8 +174,11 @@ def open_gaps(camera: Stream, used: Bools) -> list[tuple[float, float]]:
     time, rows = camera.time[used], camera.rows[used]
     if len(time) < 2 * _NEAR:
         return []
-    steps = _steps(time, rows)
-    span = np.diff(time)
+    return _open_gaps(_steps(time, rows))
+
+
+def _open_gaps(steps: _Steps) -> list[tuple[float, float]]:
+    time, span = steps.time, np.diff(steps.time)
     rate = np.maximum(
         np.linalg.norm(steps.rates[:-1, :3], axis=1), np.linalg.norm(steps.rates[1:, :3], axis=1)
     )

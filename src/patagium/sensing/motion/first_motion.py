@@ -153,13 +153,13 @@ class Noise(NamedTuple):
 
 
 def spectral_noise(time: Array, values: Array, order: int, noise: Array | None = None) -> Noise:
-    """Noise of samples, for all columns together: the mean over correlations as likely as shown.
+    """Noise of samples, one for all columns: the mean over correlations, by their likelihood.
 
     Args:
         time: Times of the samples, (N,) [s].
         values: Samples, (N, k) [unit].
         order: Order of the derivative of the motion that white noise drives.
-        noise: What is added to the values, known to be noise at equal steps, (N, k) [unit].
+        noise: Noise to add to the values, taken as sampled at equal steps, (N, k) [unit].
     """
     rests = np.zeros_like(values) if noise is None else noise
     columns = zip(values.T, rests.T, strict=True)

@@ -66,7 +66,7 @@ _FOLLOWED = 0.1
 _HASTE = 1.4
 """Power of the change of a density by which its slow approach is sped up."""
 _EAGER = 11
-"""Steps after which all are half as long, for the last ones swing back and forth."""
+"""Number of whole steps; later ones are half as long, because whole ones may oscillate."""
 _QUIET, _EXACT = 5.0, 0.025
 """Noise of the spectrum over the least noise below which samples may be more exact than that, and
 how much: all where the motion follows less than 55 % of the noise, so that they tell it, and
@@ -275,8 +275,9 @@ class MotionFit:
     def _look_again(self) -> None:
         """Take the correlation of the noise of cameras from the spectrum about the present fit.
 
-        Sums of what a body turns between frames, which a first look takes, sum up noise where it
-        turns fast, and interpolation between stamps that jitter smooths it: both look colored.
+        The first spectrum sums the rotations between frames, which accumulates noise where a body
+        turns fast, and interpolates between stamps that jitter, which smooths it: both make white
+        noise look correlated.
         """
         for one in self.samples:
             stream = one.stream
