@@ -247,6 +247,9 @@ def test_numbers_that_a_recorder_made_are_asked_for(
     found = [one.text for one in pt.import_log(path, mapping, tmp_path / "log.nc").findings]
     assert len(found) == len(words), found
     assert all(word in text for word, text in zip(words, found, strict=True)), found
+    told = {one.where: one for one in inspect_log(path).findings}
+    assert list(told) == ["lift [N]"] * (fault == "-999")  # no mapping says what is measured
+    assert all(one.level == "note" and words[0] in one.text for one in told.values())
 
 
 @pytest.mark.parametrize(
