@@ -12,16 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from patagium.arrays import Array
-from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
 from patagium.sensing.sensors.sensor import (
     FramedSensor,
     Reading,
     Signal,
+    bound,
     noise,
     stepped,
-    vector,
 )
 from patagium.simulation.flight import AXES
 
@@ -65,18 +64,8 @@ class Imu(FramedSensor):
     gyroscope_walk: float = noise()
     accelerometer_step: float = noise()
     gyroscope_step: float = noise()
-    accelerometer_range: float | None = None
-    gyroscope_range: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("accelerometer_density", "gyroscope_density"):
-            object.__setattr__(self, name, vector(name, getattr(self, name)))
-        for name in ("accelerometer_range", "gyroscope_range"):
-            if getattr(self, name) is not None:
-                positive(name, getattr(self, name))
-        super().__post_init__()
-        if not self.body:
-            raise ParameterError("body", "the name of a body", self.body)
+    accelerometer_range: float | None = bound()
+    gyroscope_range: float | None = bound()
 
     @property
     def accelerometer_std(self) -> Array:

@@ -13,7 +13,7 @@ from patagium.arrays import Array
 from patagium.errors import ParameterError, positive
 from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
-from patagium.sensing.sensors.sensor import Reading, Sensor, Signal, noise, stepped
+from patagium.sensing.sensors.sensor import Reading, Sensor, Signal, bound, noise, stepped
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,16 +98,13 @@ class MotorCurrent(Sensor):
     resolution: float = noise()
     offset_std: float = noise()
     torque_constant_std: float = noise()
-    range: float | None = None
-    bandwidth: float | None = None
+    range: float | None = bound()
+    bandwidth: float | None = bound()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joints", names("joints", self.joints))
         positive("torque_constant", self.torque_constant)
         positive("gear_ratio", self.gear_ratio)
-        for name in ("range", "bandwidth"):
-            if getattr(self, name) is not None:
-                positive(name, getattr(self, name))
         super().__post_init__()
 
     @property

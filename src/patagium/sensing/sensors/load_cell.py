@@ -12,22 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from patagium.arrays import Array, real_array
-from patagium.errors import FlightError, ParameterError, positive
+from patagium.errors import FlightError, ParameterError
 from patagium.sensing.sensors.scene import Scene, low_pass
 from patagium.sensing.sensors.sensor import (
     Axes,
     FramedSensor,
     Reading,
     Signal,
+    bound,
     noise,
     stepped,
-    vector,
 )
 from patagium.simulation.flight import WRENCH
-
-_PER_AXIS = ("force_std", "moment_std", "force_bias", "moment_bias")
-_STEPS = ("force_step", "moment_step")
-_RANGES = ("force_range", "moment_range")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,25 +70,17 @@ class LoadCell(FramedSensor):
     cross_talk: Axes | None = None
     force_step: float | tuple[float, ...] = noise()
     moment_step: float | tuple[float, ...] = noise()
-    force_range: float | tuple[float, ...] | None = None
-    moment_range: float | tuple[float, ...] | None = None
-    bandwidth: float | None = None
+    force_range: float | tuple[float, ...] | None = bound()
+    moment_range: float | tuple[float, ...] | None = bound()
+    bandwidth: float | None = bound()
 
     def __post_init__(self) -> None:
-        for name in (*_PER_AXIS, *_STEPS, *_RANGES):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, vector(name, getattr(self, name)))
-        for name in _RANGES:
-            if getattr(self, name) is not None:
-                positive(name, min(getattr(self, name)))
         if self.cross_talk is not None:
             matrix = real_array("cross_talk", self.cross_talk, (6, 6))
             if not np.isfinite(matrix).all():
                 raise ParameterError("cross_talk", "finite numbers", self.cross_talk)
             rows = tuple(tuple(float(x) for x in row) for row in matrix)
             object.__setattr__(self, "cross_talk", rows)
-        if self.bandwidth is not None:
-            positive("bandwidth", self.bandwidth)
         super().__post_init__()
 
     def scaled(self, factor: float) -> LoadCell:

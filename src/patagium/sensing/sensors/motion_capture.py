@@ -15,13 +15,7 @@ from patagium.arrays import Array, Bools
 from patagium.errors import ParameterError, finite, not_negative
 from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
-from patagium.sensing.sensors.sensor import (
-    FramedSensor,
-    Reading,
-    Signal,
-    noise,
-    vector,
-)
+from patagium.sensing.sensors.sensor import FramedSensor, Reading, Signal, noise
 from patagium.simulation.flight import AXES
 
 QUATERNION = ("w", "x", "y", "z")
@@ -62,15 +56,11 @@ class MotionCapture(FramedSensor):
     dropout_length: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("position_std", "attitude_std"):
-            object.__setattr__(self, name, vector(name, getattr(self, name)))
         if not 0 <= finite("dropout", self.dropout) < 1:
             raise ParameterError("dropout", "at least 0 and below 1", self.dropout)
         finite("dropout_length", self.dropout_length)
         not_negative(self, "dropout_length")
         super().__post_init__()
-        if not self.body:
-            raise ParameterError("body", "the name of a body", self.body)
 
     def errors(self, robot: Robot, count: int, rng: np.random.Generator) -> tuple[Array, ...]:
         """Errors of position and attitude, and whether a frame is lost; see `Sensor.errors`."""

@@ -27,7 +27,7 @@ Axes: TypeAlias = tuple[tuple[float, ...], ...]
 UPRIGHT: Axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Orientation of a sensor whose axes are those of its body."""
 
-_NOISE = {"noise": True}
+_NOISE, _BOUND = {"noise": True}, {"bound": True}
 _NEAR = 1.0 - 1e-3
 """Share of a range from which a reading may be cut off: a converter of 12 bits ends there."""
 HIDDEN = ("clock_offset", "clock_drift", "delay")
@@ -37,6 +37,11 @@ HIDDEN = ("clock_offset", "clock_drift", "delay")
 def noise(default: Any = 0.0) -> Any:
     """Field of a sensor with an error that `scaled` multiplies, not negative."""
     return field(default=default, metadata=_NOISE)
+
+
+def bound() -> Any:
+    """Field of a sensor with a size at which it saturates, or a bandwidth; None without one."""
+    return field(default=None, metadata=_BOUND)
 
 
 @dataclass(frozen=True)
@@ -98,10 +103,18 @@ class Sensor:
         if abs(self.clock_drift) >= 0.1:
             raise ParameterError("clock_drift", "less than 0.1 s/s", self.clock_drift)
         for entry in fields(self):
-            if entry.metadata == _NOISE:
-                value = getattr(self, entry.name)
-                if value is not None and not np.min(value) >= 0:
-                    raise ParameterError(entry.name, "zero or more", value)
+            name, value = entry.name, getattr(self, entry.name)
+            if name == "body" and value == "":
+                raise ParameterError(name, "the name of a body", value)
+            if value is None:
+                continue
+            if "tuple[float" in str(entry.type):
+                value = vector(name, value)
+                object.__setattr__(self, name, value)
+            if entry.metadata == _NOISE and not np.min(value) >= 0:
+                raise ParameterError(name, "zero or more", value)
+            if entry.metadata == _BOUND:
+                positive(name, float(np.min(value)))
         if not self.name:
             object.__setattr__(self, "name", type(self).__name__.lower())
 
@@ -229,7 +242,6 @@ class FramedSensor(Sensor):
     orientation: Axes = UPRIGHT
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", vector("position", self.position))
         object.__setattr__(self, "orientation", axes("orientation", self.orientation))
         super().__post_init__()
 
