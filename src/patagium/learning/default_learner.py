@@ -5,7 +5,7 @@ What was chosen, and from what, is kept with the scores of an identification (`c
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from math import ceil, nan
 from typing import Any
 
@@ -23,14 +23,14 @@ from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.models.physical import own_prior
 from patagium.learning.parameter_paths import Trained
-from patagium.learning.samples import samples, with_force
+from patagium.learning.samples import flown, samples, with_force
 from patagium.learning.scores import normalized_error
 from patagium.learning.settings import FilterSettings, Structure, settings_from
 from patagium.learning.table_network import network_for
 from patagium.robot import Robot
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.sensing.logs.table import LogTable
-from patagium.simulation import added_mass_of, air_of, gait_period, robot_of
+from patagium.simulation import added_mass_of, gait_period
 
 HIDDEN = (8, 8)
 """Neurons of each hidden layer of the default network of a table."""
@@ -50,7 +50,6 @@ _OVERHEAD, _OPERATION, _LOAD = 2e-5, 5e-10, 0.5
 def default_network(
     subject: xr.Dataset | ForceSamples | Robot,
     air: Air | None = None,
-    measured: Sequence[str] | None = None,
 ) -> Network:
     """Default network for the air of a robot with wings.
 
@@ -60,15 +59,12 @@ def default_network(
     Args:
         subject: Flight or measured forces, or a robot with strips, of whose air nothing is known.
         air: Air that it flies in; None: that of a flight or of forces, of a robot still air.
-        measured: Coordinates whose force is measured; None: those of measured forces, else all.
     """
     if isinstance(subject, Robot):
-        return LinearStripNetwork(subject, air, measured)
+        return LinearStripNetwork(subject, air)
     log: xr.Dataset | ForceSamples = with_force(subject)
-    if isinstance(log, xr.Dataset):
-        robot, air = robot_of(log), air or air_of(log)
-    else:
-        robot, air, measured = log.robot, air or log.air, measured or log.measured
+    robot, own = flown(log)
+    air, measured = air or own, log.measured if isinstance(log, ForceSamples) else None
     network = LinearStripNetwork(robot, air, measured)
     blades = _physics_error(network, log)
     if not blades > EXACT:
@@ -103,7 +99,6 @@ def default_learner(
     subject: xr.Dataset | ForceSamples | LogTable | Robot,
     air: Air | None = None,
     settings: FilterSettings | None = None,
-    seed: int = 0,
     every: int | None = None,
 ) -> FilterLearner:
     """Default learner of a flight, a table or a robot.
@@ -115,14 +110,13 @@ def default_learner(
         subject: What it learns from, or the robot that will send samples.
         air: Air that the robot flies in; None: that of a flight or of forces, of a robot still air.
         settings: Settings that are not to be found; None: all are.
-        seed: Seed of the initial weights.
         every: One sample of a table in so many will be used; None: as `table_every` says.
     """
     if isinstance(subject, LogTable):
         network: Network = network_for(subject, HIDDEN)
         own = settings or settings_from("extended", table_settings(subject, network, every))
-        return ExtendedLearner(network, own, seed=seed)
-    return ExtendedLearner(default_network(subject, air), settings, seed=seed)
+        return ExtendedLearner(network, own)
+    return ExtendedLearner(default_network(subject, air), settings)
 
 
 def table_settings(

@@ -28,16 +28,23 @@ from patagium.learning.models.memory import network_inputs
 from patagium.learning.parameter_paths import Trained, parameter_scores
 from patagium.learning.propagation import robot_motion
 from patagium.learning.result import Check, Identification, check, record_of
-from patagium.learning.samples import go_on_in, in_flight, samples, stds, wind_change, with_force
+from patagium.learning.samples import (
+    flown,
+    go_on_in,
+    in_flight,
+    samples,
+    stds,
+    wind_change,
+    with_force,
+)
 from patagium.learning.scores import Scorer, persistence
 from patagium.learning.stream import MOST_CHECKS, late_samples, stream, thin, used_samples
 from patagium.learning.table_network import scaling_samples
 from patagium.learning.verdict import frozen_scores, with_verdict
 from patagium.learning.what_if import what_if
-from patagium.robot import Robot
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.sensing.logs.table import LogTable, find_gaps
-from patagium.simulation import air_of, gait_period, robot_of
+from patagium.simulation import gait_period, robot_of
 
 _BEYOND_NOISE = 10.0
 """Errors over the noise of a measured force from which they are no noise."""
@@ -51,7 +58,6 @@ def identify(
     every: int | None = None,
     inputs: Sequence[str] | None = None,
     horizons: Horizons = None,
-    robot: Robot | None = None,
     progress: Progress | None = None,
 ) -> Identification:
     """Identification of the air's force from a flight, or of a table's outputs, sample by sample.
@@ -71,7 +77,6 @@ def identify(
         horizons: Times ahead for which outputs are forecast from samples up to a time alone, such
             as "100ms": the state of a robot in free flight is propagated by its equations with
             the learned force; other inputs are held, or repeat their last wingbeat.
-        robot: The machine; None for the one the flight carries.
         progress: Called now and then with samples done and samples in all.
 
     Returns:
@@ -80,14 +85,14 @@ def identify(
     Raises:
         FlightError: If the flight misses a quantity.
         ShapeError: If the network does not fit the inputs or the outputs.
-        ParameterError: If an input has no such name, or inputs or a robot are given for a table.
+        ParameterError: If an input has no such name, or inputs are given for a table.
     """
     count, flight = np.size(getattr(flight, "time", ())), with_force(flight)
-    chosen = learner or default_learner(flight if robot is None else robot, every=every)
+    chosen = learner or default_learner(flight, every=every)
     given = {"learner_given": learner is not None, "every_given": every is not None}
-    words = {} if isinstance(flight, LogTable) else _flight_words(flight, chosen, count, robot)
+    words = {} if isinstance(flight, LogTable) else _flight_words(flight, chosen, count)
     if isinstance(flight, LogTable):
-        _refuse_for_tables(inputs, robot)
+        _refuse_for_tables(inputs)
         first = scaling_samples(flight)
         time, x, y = flight.time[first:], flight.x[first:], flight.y[first:]
         taken = table_every(chosen, usual_step(time)) if every is None else every
@@ -95,11 +100,11 @@ def identify(
         known["gaps"] = flight.gaps[flight.gaps > first] - first
     else:
         simulated = isinstance(flight, xr.Dataset) and "air" not in flight.attrs  # imported has it
-        time, x, y, units = samples(flight, chosen.network, inputs, robot)
+        time, x, y, units = samples(flight, chosen.network, inputs)
         _know_ranges(chosen, x, y)
         motion, period = None, None if isinstance(flight, ForceSamples) else gait_period(flight)
         if named_horizons(horizons) and not isinstance(flight, ForceSamples):
-            motion = robot_motion(flight, robot or robot_of(flight), chosen.network, inputs, period)
+            motion = robot_motion(flight, robot_of(flight), chosen.network, inputs, period)
         taken = chosen_every(chosen, usual_step(time), period) if every is None else every
         known = {"units": units, "std": stds(flight, chosen.network), "gaps": find_gaps(time)}
         known |= {"motion": motion, "period": period}
@@ -117,19 +122,17 @@ def identify(
 
 
 def _flight_words(
-    flight: xr.Dataset | ForceSamples, learner: Learner, count: int, robot: Robot | None
+    flight: xr.Dataset | ForceSamples, learner: Learner, count: int
 ) -> dict[str, str]:
     """Words about air, forces and left out samples of a flight, by what they describe."""
-    words = go_on_in(learner, flight)
-    flown = robot or (flight.robot if isinstance(flight, ForceSamples) else robot_of(flight))
-    air = flight.air if isinstance(flight, ForceSamples) else air_of(flight)
+    words, (robot, air) = go_on_in(learner, flight), flown(flight)
     changes = wind_change(flight) is not None
-    if changes and flown.floating:
+    if changes and robot.floating:
         words["wind"] = "as the flight has it at each sample"
     elif changes or air.gust is not None:
         words["wind"] = "steady; its changes are errors of the network"
-    if changes and not flown.floating:
-        words["wind"] += f", because no body of {flown.name} is floating (`floating: true`)"
+    if changes and not robot.floating:
+        words["wind"] += f", because no body of {robot.name} is floating (`floating: true`)"
     if not isinstance(flight, ForceSamples):
         return words
     names, lost = ", ".join(flight.measured), count - len(flight.time)
@@ -174,11 +177,10 @@ def _noise_words(std: Array | None, y: Array, scores: Mapping[str, Any]) -> list
     return found
 
 
-def _refuse_for_tables(inputs: Sequence[str] | None, robot: Robot | None) -> None:
-    """Refuse what only a flight has."""
-    for name, value in (("inputs", inputs), ("robot", robot)):
-        if value is not None:
-            raise ParameterError(name, "None for a table, whose mapping says it", value)
+def _refuse_for_tables(inputs: Sequence[str] | None) -> None:
+    """Refuse inputs of a table."""
+    if inputs is not None:
+        raise ParameterError("inputs", "None for a table, whose mapping says it", inputs)
 
 
 @checked
@@ -188,7 +190,6 @@ def evaluate(
     *,
     every: int | None = None,
     inputs: Sequence[str] | None = None,
-    robot: Robot | None = None,
 ) -> Identification:
     """Scores of a model with frozen weights on a flight or a table it never saw.
 
@@ -200,7 +201,6 @@ def evaluate(
         every: The rival holds one measured sample in so many, and the model sees none; None: as
             many as `identify` would have used with this model.
         inputs: Names of what the network sees; None: those of the model's file, or q, then v.
-        robot: The machine; None for the one the flight carries.
 
     Returns:
         Scores and predictions, without updates.
@@ -208,11 +208,11 @@ def evaluate(
     Raises:
         FlightError: If the flight misses a quantity.
         ShapeError: If the network does not fit the inputs or the outputs.
-        ParameterError: If an input has no such name, or inputs or a robot are given for a table.
+        ParameterError: If an input has no such name, or inputs are given for a table.
         LogError: If a table has other inputs or outputs than the model.
     """
     if isinstance(flight, LogTable):
-        _refuse_for_tables(inputs, robot)
+        _refuse_for_tables(inputs)
         _check_columns(flight, model)
         rows, gaps, names = (flight.time, flight.x, flight.y), flight.gaps, flight.output_units
         taken = table_every(model, usual_step(flight.time)) if every is None else every
@@ -221,8 +221,8 @@ def evaluate(
         return result
     if inputs is None and isinstance(model, Model):
         inputs = model.inputs
-    model, told = in_flight(model, flight, robot)
-    time, x, y, units = samples(flight, model.network, inputs, robot)
+    model, told = in_flight(model, flight)
+    time, x, y, units = samples(flight, model.network, inputs)
     period = gait_period(flight) if isinstance(flight, xr.Dataset) else None
     taken = chosen_every(model, usual_step(time), period) if every is None else every
     std, gaps = stds(flight, model.network), find_gaps(time)

@@ -54,7 +54,6 @@ def samples(
     flight: xr.Dataset | ForceSamples,
     network: Network,
     inputs: Sequence[str] | None = None,
-    robot: Robot | None = None,
 ) -> tuple[Array, Array, Array, list[str]]:
     """Training samples of a flight: inputs of a network, and what it should predict.
 
@@ -65,7 +64,6 @@ def samples(
         network: Its outputs are coordinates of the robot (generalized forces), or linear
             functions of the strip forces (`measured`, taken from the flight's strips).
         inputs: Names of what it sees; None: q, then v. Then a, if it needs accelerations.
-        robot: The machine; None for that whose numbers the network learns, else the flight's.
 
     Returns:
         Time (N,) [s]; x (N, n_x); y (N, n_y); units of the outputs.
@@ -77,14 +75,14 @@ def samples(
         ParameterError: If an input has no such name, or measured forces cannot feed the network.
     """
     terms, flight = flight_terms(network), with_force(flight)
+    machine, _ = flown(flight)
     if isinstance(flight, ForceSamples):
-        machine = flight.robot if robot is None else robot
         time, state, force = flight.time, flight.state, flight.force
         acceleration = flight.a
         if terms.acceleration and acceleration is None:
             raise ParameterError("a", "accelerations, which the network sees", None)
     else:
-        machine = robot or terms.robot or robot_of(flight)
+        machine = terms.robot or machine  # whose numbers the network learns
         time, state, force = training_data(flight, machine, with_added_mass=terms.added_mass)
         acceleration = recorded(flight, "a", machine) if terms.acceleration else None
     if len(time) < 2:
@@ -111,6 +109,13 @@ def samples(
     return time, x, force[:, columns], [machine.force_units[k] for k in columns]
 
 
+def flown(flight: xr.Dataset | ForceSamples) -> tuple[Robot, Air]:
+    """Robot of a flight or of measured forces, and the air that it flew in."""
+    if isinstance(flight, ForceSamples):
+        return flight.robot, flight.air
+    return robot_of(flight), air_of(flight)
+
+
 def wind_change(flight: xr.Dataset | ForceSamples) -> Array | None:
     """Change of a flight's wind from its steady part, (N, 3) [m/s], world axes; None: no change.
 
@@ -128,28 +133,24 @@ def other_air(network: Network, flight: xr.Dataset | ForceSamples) -> tuple[Air,
     own = steady_air(network)
     if own is None:
         return None
-    air = flight.air if isinstance(flight, ForceSamples) else air_of(flight)
+    _, air = flown(flight)
     if (air.wind, air.density) == (own.wind, own.density):
         return None
     words = (f"wind {one.wind} m/s at {one.density:.4g} kg/m^3" for one in (air, own))
     return air, "; learned in ".join(words)
 
 
-def in_flight(
-    model: Trained, flight: xr.Dataset | ForceSamples, robot: Robot | None = None
-) -> tuple[Trained, list[str]]:
+def in_flight(model: Trained, flight: xr.Dataset | ForceSamples) -> tuple[Trained, list[str]]:
     """Model in the steady wind and the density of a flight, and what it did not learn, in words.
 
     Args:
         model: A learner or a model; its network may know no air and no robot.
         flight: Record of a flight, or measured forces.
-        robot: The machine; None for the one the flight carries.
     """
-    network, told = model.network, []
+    network, told, (robot, _) = model.network, [], flown(flight)
     known = getattr(getattr(network, "model", network), "robot", None)
-    flown = robot or (flight.robot if isinstance(flight, ForceSamples) else robot_of(flight))
-    if known is not None and known.strips != flown.strips:
-        told = [f"Warning: the wings of {flown.name} are not those that the model learned."]
+    if known is not None and known.strips != robot.strips:
+        told = [f"Warning: the wings of {robot.name} are not those that the model learned."]
     found = other_air(network, flight)
     if found is not None and isinstance(model, Model | Learner):
         network = network_from_description(in_air(network.describe(), found[0]))

@@ -106,12 +106,12 @@ def _interpolate(known: Array, values: Array, time: Array) -> Array | None:
 def _from_model(flight: xr.Dataset, robot: Robot, model: Trained, frames: Frames) -> Prediction:
     if isinstance(model.network, _WINGED):
         _check_strips(model.network, robot)
-    model, _ = in_flight(model, flight, robot)
+    model, _ = in_flight(model, flight)
     network = model.network
     inputs = model.inputs if isinstance(model, Model) else None
     if isinstance(network, StripNetwork):
         network = _with_measurements(network, list(robot.dof_names))
-    time, x, _, _ = samples(flight, network, inputs, robot)
+    time, x, _, _ = samples(flight, network, inputs)
     seen = network_inputs(network, model.weights, time, x)[frames]
     return Prediction(
         tuple(network.output_names),

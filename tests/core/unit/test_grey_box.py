@@ -134,9 +134,9 @@ def test_numbers_of_the_robot_and_added_mass_are_found_in_a_flight(robot):
     estimate = {"wing.mass": 0.001, "wing[1].chord": 0.01, "added_mass.factor": 0.3}
     grey = pt.GreyBox(pt.QuasiSteady(robot, AIR), estimate, pt.AddedMass(robot, AIR, factor=0.8))
     assert grey.flight_terms.acceleration and grey.flight_terms.added_mass
-    assert samples(flight, grey, robot=robot)[1].shape == (501, 9)
+    assert samples(flight, grey)[1].shape == (501, 9)
     learner = pt.ExtendedLearner(grey, measurement_std=1e-4)
-    result = pt.identify(flight, learner, every=5, robot=robot)
+    result = pt.identify(flight, learner, every=5)
     right = {"wing.mass": 0.005, "wing[1].chord": 0.1, "added_mass.factor": 1.0}
     for name, value in result.scores["parameter_value"].items():
         assert value == pytest.approx(right[name], rel=2e-3)  # linearized, little noise assumed
