@@ -205,14 +205,31 @@ class StreamSurvey:
 
     Args:
         channels: Number of channels.
+        look: Number of numbers, of all channels together, that are kept from its beginning.
 
     Attributes:
         stamps: Statistics of its stamps.
         values: Statistics of its numbers.
     """
 
-    def __init__(self, channels: int) -> None:
+    def __init__(self, channels: int, look: int = 0) -> None:
         self.stamps, self.values = StampSurvey(), ValueSurvey(channels)
+        self._room = look // max(1, channels)
+        self._first = [(np.empty(0, np.int64), np.empty((0, channels)))]
+
+    def add(self, stamps: Stamps, values: Array, advances: Bools) -> None:
+        """Add rows, (k,) [ns] and (k, n); the first whose stamps advance are kept."""
+        self.values.add(values)
+        rows = np.flatnonzero(advances)[: self._room]
+        self._room -= len(rows)
+        if len(rows):
+            self._first.append((stamps[rows], values[rows]))
+
+    @property
+    def first(self) -> tuple[Stamps, Array]:
+        """Rows that were kept: stamps (k,) [ns] and numbers (k, n)."""
+        stamps, values = zip(*self._first, strict=True)
+        return np.concatenate(stamps), np.concatenate(values)
 
 
 def survey_streams(
@@ -246,7 +263,7 @@ def survey_streams(
             block = block._replace(stamps=block.stamps[rows], values=block.values[rows])
         advances = surveys[block.key].stamps.add(block.stamps)
         values = block.values if keep is None else keep(block, advances)
-        surveys[block.key].values.add(values)
+        surveys[block.key].add(block.stamps, values, advances)
         done += len(block.stamps)
         if progress is not None:
             progress(done, max(total, done))

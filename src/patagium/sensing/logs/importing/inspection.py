@@ -10,24 +10,15 @@ import math
 from collections.abc import Sequence
 from contextlib import closing, suppress
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from patagium.arguments import Progress, checked
-from patagium.arrays import Array, Bools, brief
+from patagium.arrays import brief
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import (
-    Block,
-    ColumnError,
-    LogFile,
-    Request,
-    Stamps,
-    StampSource,
-    Topic,
-)
+from patagium.sensing.logs.files.channels import ColumnError, LogFile, Request, StampSource, Topic
 from patagium.sensing.logs.files.message_files import NO_MESSAGE
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.files.table_files import TIME_NAME, guessed_base
@@ -169,13 +160,13 @@ def inspect_log(
             if not topic.problem
             for part in _parts(log, topic)
         ]
-        readable, surveys, heads, broken = _surveyed(log, readable, progress)
+        readable, surveys, broken = _surveyed(log, readable, progress)
         starts = [one.stamps.first for one in surveys if one.stamps.first is not None]
         origin = min(starts, default=0)
         facts, found = [], []
-        for part, survey, head in zip(readable, surveys, heads, strict=True):
+        for part, survey in zip(readable, surveys, strict=True):
             facts.append(_topic_facts(part, survey, origin))
-            found += [*_findings(part, survey), *head.findings()]
+            found += [*_findings(part, survey), *_recorder_notes(part, survey)]
         facts += [_unreadable(topic) for topic in lost]
         found += [
             Finding("warning", topic.name, "unreadable", topic.problem)
@@ -255,66 +246,27 @@ def _parts(log: LogFile, topic: Topic) -> list[_Part]:
     return parts
 
 
-class _Head:
-    """First samples of a part."""
-
-    def __init__(self, part: _Part) -> None:
-        self._part, self._blocks = part, list[tuple[Stamps, Array]]()
-        self._room = _LOOK // max(1, len(part.fields))
-
-    def add(self, block: Block, advances: Bools) -> None:
-        """Keep the first rows whose stamps advance."""
-        rows = np.flatnonzero(advances)[: self._room]
-        self._room -= len(rows)
-        if len(rows):
-            self._blocks.append((block.stamps[rows], block.values[rows]))
-
-    def findings(self) -> list[Finding]:
-        """Notes about what a recorder made of the numbers, which need not be mapped."""
-        if not self._blocks:
-            return []
-        stamps, values = map(np.concatenate, zip(*self._blocks, strict=True))
-        topic, found = self._part.topic, list[Finding]()
-        for name, column in zip(self._part.fields, values.T, strict=True):
-            turn = 0.0
-            with suppress(LogError):  # a unit that the file states need not be one that we know
-                factor, si = conversion(topic.channels[name].unit, None, name)
-                turn = 2 * math.pi / factor if si == "rad" else 0.0
-            own = f"{topic.name} {name}".strip()
-            found += recorder_findings(own, stamps, column, GAP, measured=False, turn=turn)
-        return [replace(one, level="note") for one in found]
-
-
-def _keep(heads: list[_Head], block: Block, advances: Bools) -> Array:
-    """Values of a block, whose first rows its head keeps."""
-    heads[block.key].add(block, advances)
-    return block.values
-
-
 def _surveyed(
     log: LogFile, parts: list[_Part], progress: Progress | None
-) -> tuple[list[_Part], tuple[StreamSurvey, ...], list[_Head], str]:
+) -> tuple[list[_Part], tuple[StreamSurvey, ...], str]:
     """Statistics of the numeric columns of each part; other columns are dropped from it.
 
     Returns:
-        The parts, their statistics and first samples, and the reason why the file breaks off;
-        empty if it does not.
+        The parts, their statistics, and the reason why the file breaks off; empty if it does not.
     """
     while True:
-        surveys = tuple(StreamSurvey(len(part.fields)) for part in parts)
-        heads = [_Head(part) for part in parts]
+        surveys = tuple(StreamSurvey(len(part.fields), _LOOK) for part in parts)
         total = sum(part.topic.count or part.topic.about for part in parts)
         try:
             requests = tuple(part.request for part in parts)
-            keep = partial(_keep, heads)
-            survey_streams(log, requests, total, surveys=surveys, keep=keep, progress=progress)
-            return parts, surveys, heads, ""
+            survey_streams(log, requests, total, surveys=surveys, progress=progress)
+            return parts, surveys, ""
         except LogError as problem:
             reason, fewer = str(problem).removeprefix(f"{log.path}: "), parts
             if isinstance(problem, ColumnError):
                 fewer = [part.without(problem.column, reason) for part in parts]
             if fewer == parts:
-                return parts, surveys, heads, reason
+                return parts, surveys, reason
             parts = fewer
 
 
@@ -394,6 +346,19 @@ def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
                 doubt = {"level": "note", "text": f"{one.text} Or is it an acceleration?"}
                 found.append(replace(one, **doubt) if "Twist" in topic.kind else one)
     return found
+
+
+def _recorder_notes(part: _Part, survey: StreamSurvey) -> list[Finding]:
+    """Notes about what a recorder made of the first numbers, which need not be mapped."""
+    found, (stamps, values) = list[Finding](), survey.first
+    for name, column in zip(part.fields, values.T, strict=True):
+        turn = 0.0
+        with suppress(LogError):  # a unit that the file states need not be one that we know
+            factor, si = conversion(part.topic.channels[name].unit, None, name)
+            turn = 2 * math.pi / factor if si == "rad" else 0.0
+        own = f"{part.topic.name} {name}".strip()
+        found += recorder_findings(own, stamps, column, GAP, measured=False, turn=turn)
+    return [replace(one, level="note") for one in found]
 
 
 def _vector(fields: list[str], k: int) -> list[int]:
