@@ -19,14 +19,7 @@ from typing import Any, get_args
 
 import yaml
 
-from patagium.errors import (
-    LogError,
-    PatagiumError,
-    Unreadable,
-    shown,
-    similar,
-    told_problems,
-)
+from patagium.errors import LogError, PatagiumError, Unreadable, shown, similar, told_problems
 from patagium.limits import ENTRIES, NESTING, SHOWN, YAML_TEXT, free_memory, in_bytes
 
 _PIECE = 1 << 24  # B that are expanded at a time

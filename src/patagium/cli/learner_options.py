@@ -18,14 +18,7 @@ import typer
 
 from patagium.cli.words import Numbers, WholeNumbers, existing, numbers, whole_numbers
 from patagium.errors import ParameterError, similar
-from patagium.learning.settings import (
-    BLOCKS,
-    FILTERS,
-    Meaning,
-    leaves,
-    settings_from,
-    settings_of,
-)
+from patagium.learning.settings import BLOCKS, FILTERS, Meaning, leaves, settings_from, settings_of
 
 if TYPE_CHECKING:
     from patagium.aerodynamics import Air

@@ -19,12 +19,7 @@ import numpy as np
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.arrays import Array
 from patagium.robot import Robot
-from patagium.simulation.mounts import (
-    InternalLoadCell,
-    Mount,
-    on_massless_mount,
-    with_load_cells,
-)
+from patagium.simulation.mounts import InternalLoadCell, Mount, on_massless_mount, with_load_cells
 
 WORKS = ("joint_work", "air_work", "damping_work", "mount_work")
 ADDED_WORK = "added_mass_work"

@@ -30,12 +30,7 @@ from patagium.learning.samples import samples
 from patagium.learning.settings import Alternatives
 from patagium.learning.stream import Samples, used_samples
 from patagium.learning.tuning.left_out import Kinematics, LeftOut, kinematics_of, left_out
-from patagium.learning.tuning.prediction_score import (
-    Flown,
-    PredictionScore,
-    judged_trial,
-    moving,
-)
+from patagium.learning.tuning.prediction_score import Flown, PredictionScore, judged_trial, moving
 from patagium.learning.tuning.search import (
     DrawnTrial,
     SearchSpace,

@@ -23,12 +23,7 @@ from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot, load_robot
-from patagium.sensing.force.air_force import (
-    PARTS,
-    packet_columns,
-    recorded,
-    recorded_wind_change,
-)
+from patagium.sensing.force.air_force import PARTS, packet_columns, recorded, recorded_wind_change
 from patagium.sensing.logs.record import LogRecord, load_log
 from patagium.sensing.sensors import (
     Encoder,

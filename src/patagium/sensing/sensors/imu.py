@@ -14,14 +14,7 @@ import numpy as np
 from patagium.arrays import Array
 from patagium.robot import Robot
 from patagium.sensing.sensors.scene import Scene
-from patagium.sensing.sensors.sensor import (
-    FramedSensor,
-    Reading,
-    Signal,
-    bound,
-    noise,
-    stepped,
-)
+from patagium.sensing.sensors.sensor import FramedSensor, Reading, Signal, bound, noise, stepped
 from patagium.simulation.flight import AXES
 
 
