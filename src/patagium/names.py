@@ -61,3 +61,6 @@ class _Package(ModuleType):
 
     def __dir__(self) -> list[str]:
         return sorted(self.__dict__["_homes"])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return import_module, (self.__name__,)  # as any module is pickled for other processes

@@ -257,7 +257,10 @@ def _completed(choice: LearnerChoice, given: set[str], path: Path) -> LearnerCho
     """Choice completed by a file of settings, as far as the learner has them."""
     from patagium.learning import load_settings
 
-    found = load_settings(existing(path))
+    found, kinds = load_settings(existing(path)), [one.value for one in NetworkKind]
+    if found.network.kind not in kinds:
+        where, expected = f"{path}: network.kind", f"one of {', '.join(kinds)}"
+        raise ParameterError(where, f"{expected} on the command line", found.network.kind, kinds)
     kind = choice.kind if "kind" in given else found.learner.kind
     known = {one.name for one in settings_of(kind)}
     kept: dict[str, Any] = {}

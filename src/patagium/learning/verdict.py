@@ -96,7 +96,9 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
     if learned < 0.99 * count and (learned or scores["events"]):
         events = ", ".join(f"{name} {number}" for name, number in scores["events"].items())
         text = f"{count - learned} of the {count} samples to learn from taught nothing"
-        warnings.append(f"Warning: {text} (events so far: {events}).")
+        jumped = scores["events"].get("jumps", 0) > 0.05 * count
+        remedy = " Of inputs that may jump, say `network.inputs_jump = True` before." * jumped
+        warnings.append(f"Warning: {text} (events so far: {events}).{remedy}")
     if problem := scores.get("parameter_problem"):
         warnings.append(f"Warning: no flight is made in this air. {problem}.")
     unseen = scores.get("unseen_share", 0.0)

@@ -36,7 +36,8 @@ _LONGEST = 0.1
 """Largest delay that is looked for, as a share of a wingbeat [1]."""
 _OFFSET = 0.35  # rad, the largest offset of a joint that is looked for
 _WIND = 3.0  # m/s, likewise
-_PROMISING, _STEPS = 5, (0.1, 0.03, 0.01)  # numbers to find well; steps over the reach
+_PROMISING, _STEPS = 5, (0.1, 0.03, 0.01)  # numbers to find well; steps over the reach, after ...
+_COARSE = np.linspace(-1.0, 1.0, 9).tolist()  # ... the best of these
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,8 @@ class _Log:
         inside = (self.time > self.time[0] + reach) & (self.time < self.time[-1] - reach)
         self.rows = self._spread(inside & np.isfinite(force[:, self.outputs].sum(axis=1)))
         self.motion = self.whole[:, self.rows]
-        self.known = self._needed(self.motion) - force[self.rows]
+        self.needs = self._needed(self.whole) - force
+        self.known = self.needs[self.rows]
         self.std = np.nan_to_num(std[self.rows][:, self.heard])
 
     def _spread(self, known: Bools) -> Indices:
@@ -128,12 +130,16 @@ class _Log:
         motion = self.motion[:, :, change.order] * change.motion
         return self._error(motion, self.known[:, change.known] * change.forces)
 
-    def later(self, delay: float) -> float:
-        """Error of the log with its joints as they are a delay [s] later."""
-        motion, times = self.motion.copy(), self.time[self.rows] + delay
+    def later(self, forces: bool, delay: float) -> float:
+        """Error of the log with its joints, or their forces too, as they are a delay [s] later."""
+        motion, known, times = self.motion.copy(), self.known.copy(), self.time[self.rows] + delay
         for part, k in product(range(len(motion)), self.joints):
             motion[part, :, k] = np.interp(times, self.time, self.whole[part, :, k])
-        return self._error(motion, self.known)
+        for k in self.joints if forces else ():
+            there = np.isfinite(self.needs[:, k])
+            if there.any():
+                known[:, k] = np.interp(times, self.time[there], self.needs[there, k])
+        return self._error(motion, known)
 
     def moved(self, joints: Sequence[int], offset: float) -> float:
         """Error of the log with joints at an offset [rad] more."""
@@ -209,8 +215,11 @@ def what_if(
 def _numbers(record: _Log, reach: float) -> Iterator[_Number]:
     """Delay of the joints up to a reach [s], zeros of joints and pairs of them, and wind."""
     robot = record.robot
-    stamped = "joints were stamped {:.2g} ms {}", ("later", "earlier")
-    yield _Number(record.later, reach, 1e3, *stamped)
+    stamped, ways = "were stamped {:.2g} ms {}", ("later", "earlier")
+    yield _Number(partial(record.later, False), reach, 1e3, f"joints {stamped}", ways)
+    if np.nan_to_num(record.known[:, record.joints]).any():
+        words = f"joints and their forces {stamped}"
+        yield _Number(partial(record.later, True), reach, 1e3, words, ways)
     turning = [robot.dof_names[k] for k in record.joints if robot.dof_units[k] == "rad"]
     for names in (*_pairs(turning), *([name] for name in turning)):
         error = partial(record.moved, [robot.index(name) for name in names])
@@ -224,10 +233,10 @@ def _numbers(record: _Log, reach: float) -> Iterator[_Number]:
 
 def _best_numbers(numbers: Sequence[_Number]) -> dict[float, str]:
     """Errors with the best values of those numbers that promise most, and words on them."""
-    coarse = [one.nearer(0.0, one.reach / 4) for one in numbers]
-    errors, found = [one.error(value) for one, value in zip(numbers, coarse, strict=True)], {}
-    for k in np.argsort(errors)[:_PROMISING]:
-        one, value = numbers[k], coarse[k]
+    coarse = [min((one.error(k * one.reach), k) for k in _COARSE) for one in numbers]
+    found = {}
+    for k in sorted(range(len(numbers)), key=coarse.__getitem__)[:_PROMISING]:
+        one, value = numbers[k], coarse[k][1] * numbers[k].reach
         for fraction in _STEPS:
             value = one.nearer(value, fraction * one.reach)
         found[one.error(value)] = one.words.format(abs(one.scale * value), one.more[value > 0])

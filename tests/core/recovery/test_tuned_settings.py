@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -119,13 +120,43 @@ def test_hidden_widths_are_chosen_among_those_given() -> None:
     assert len(asked) == len(found.trials)
 
 
-def test_questions_without_an_answer_are_refused() -> None:
+def test_an_output_that_no_sensor_measures_leaves_the_scales_of_the_others() -> None:
+    """One column without a number gave all outputs one and the same noise."""
+    table = log()
+    table.y[:, 0], wide = np.nan, 1e3 * table.y[:, 1:]
+    table = replace(table, y=np.hstack([table.y, wide]), output_names=("c", "d", "e"),
+                    output_units=("1",) * 3, output_range=np.array([[-2.0, 2.0]] * 3))  # fmt: skip
+    found = tune(table, DenseNetwork(2, (4,), 3, "tanh"), every=1, trials=8, jobs=1)
+    std = np.array(found.best.learner.values["measurement_std"])
+    assert std[2] == pytest.approx(1e3 * std[1], rel=1e-2)  # three digits are kept
+
+
+class Own(DenseNetwork):
+    """Network of a user, with a kind of its own."""
+
+    kind = "own"
+
+
+def test_an_own_network_is_tuned_once_its_kind_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All trials ran before the file of settings refused the network."""
+    own = Own(2, (4,), 2, "tanh")
+    with pytest.raises(ParameterError, match=r"kind: expected one of dense, .*, found 'own'"):
+        tune(log(), own, every=1, trials=8, jobs=1)
+    monkeypatch.setattr("patagium.learning.models.registry._KINDS", {"own": Own})
+    found = tune(log(), own, every=1, trials=8, jobs=1)
+    assert found.best.network.kind == "own" and found.learner().network is own
+
+
+def test_questions_without_an_answer_are_refused(tmp_path: Path) -> None:
     still = log(samples=60)
     still.y[25:] = 1.0  # it moves, but not to the end
     with pytest.raises(ParameterError, match="flight: expected an output that moves"):
         tune(still, network(), every=1, jobs=1)
     with pytest.raises(ParameterError, match="jobs: expected a whole number"):
         tuned(jobs=0)
+    with pytest.raises(ParameterError, match="trials: expected at least 8, found 7"):
+        tuned(trials=7, journal=tmp_path / "trials.jsonl")
+    assert not list(tmp_path.iterdir())  # a journal of the refused question blocked the next
     with pytest.raises(ParameterError, match="different hidden layers"):
         tune(log(), [network(4), network(4)], every=1)
     with pytest.raises(ShapeError, match="network: expected shape 2 inputs, 2 outputs"):

@@ -133,3 +133,13 @@ def test_a_strip_network_learns_without_settings():
     scores = pt.identify(flight, learner, every=2).scores
     assert scores["nmse_second_half_worst"] < 3e-3
     assert min(v for v in scores["coverage_by_output"].values() if np.isfinite(v)) > 0.9
+
+
+def test_numbers_of_numpy_are_numbers():
+    """`NoiseEstimation(np.int64(50))` expected a whole number and found 50."""
+    settings = pt.learning.NoiseEstimation(np.int64(50)), pt.learning.Screening(np.float32(5), 50)
+    assert settings[0].memory == 50 and settings[1].outlier_std == 5.0
+    network = pt.DenseNetwork(3, np.array([4, 3]), 1)
+    assert network.hidden == (4, 3)
+    learner = pt.CubatureLearner(network, forgetting_factor=np.float32(0.5))
+    assert learner.settings.forgetting_factor == 0.5

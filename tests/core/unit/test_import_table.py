@@ -247,9 +247,31 @@ def test_numbers_that_a_recorder_made_are_asked_for(
     found = [one.text for one in pt.import_log(path, mapping, tmp_path / "log.nc").findings]
     assert len(found) == len(words), found
     assert all(word in text for word, text in zip(words, found, strict=True)), found
-    told = {one.where: one for one in inspect_log(path).findings}
-    assert list(told) == ["lift [N]"] * (fault == "-999")  # no mapping says what is measured
-    assert all(one.level == "note" and words[0] in one.text for one in told.values())
+    told = inspect_log(path).findings  # before a mapping
+    assert [one.text for one in told] == found and {one.level for one in told} <= {"note"}
+
+
+@pytest.mark.parametrize("most", [39.2, None])
+def test_an_inertial_unit_that_clips_is_told(tmp_path: Path, most: float | None) -> None:
+    """Clipped specific forces made forces that no interval held, and nothing was told."""
+    time, rng = 0.002 * np.arange(2000), np.random.default_rng(3)
+    force = np.array([0.0, 0.0, 9.81]) + 40 * np.sin(30 * time)[:, None] * np.array([0.5, 0, 1])
+    rows = force + 0.05 * rng.normal(size=force.shape)
+    rows = rows if most is None else np.clip(rows, -most, most)
+    path, mapping = tmp_path / "log.csv", tmp_path / "map.yaml"
+    header = "t [s],acc_x [m/s^2],acc_y [m/s^2],acc_z [m/s^2]"
+    columns = np.column_stack([time, rows])
+    np.savetxt(path, columns, delimiter=",", header=header, comments="")
+    mapping.write_text(
+        "about: x\ntime: {column: t, unit: s}\noutputs: [{name: m, column: acc_x, unit: m/s^2}]\n"
+        "inputs: [{name: imu.specific_force, column: [acc_x, acc_y, acc_z], unit: m/s^2,"
+        " frame: flu}]\n"
+    )
+    told = [one.where for one in pt.import_log(path, mapping, tmp_path / "log.nc").findings
+            if one.kind == "clipped"]  # fmt: skip
+    assert set(told) == ({"imu.specific_force"} if most else set())
+    seen = [one.where for one in inspect_log(path).findings if one.kind == "clipped"]
+    assert set(seen) == ({"acc_z [m/s^2]"} if most else set())
 
 
 @pytest.mark.parametrize(

@@ -71,12 +71,12 @@ def shifted(name: str, offset: float) -> Mistake:
     return lambda flight: flight.assign(q=flight.q + offset * (flight.dof == name))
 
 
-def late(samples: int) -> Mistake:
-    """Joints whose stamps come late."""
+def late(samples: int, names: str = "q v a") -> Mistake:
+    """Joints whose stamps come late, or their forces with them."""
 
     def made(flight: xr.Dataset) -> xr.Dataset:
         joints = flight.dof.isin([ROBOT.dof_names[k] for k in ROBOT.actuated])
-        moved = {k: flight[k].roll(time=samples).where(joints, flight[k]) for k in ("q", "v", "a")}
+        moved = {k: flight[k].roll(time=samples).where(joints, flight[k]) for k in names.split()}
         return flight.assign(moved).isel(time=slice(samples, None))
 
     return made
@@ -97,6 +97,7 @@ BASE = "x y z roll pitch yaw"
         (turned("y z pitch yaw", "q v a"), "z pointed down (another sign of y, z, pitch, yaw)"),
         (shifted("right_plunge", 0.1), "right_plunge were 5.7 deg less"),
         (late(6), "joints were stamped 6 ms earlier"),
+        (late(6, "q v a u1"), "if joints and their forces were stamped 6 ms earlier"),
         (exchanged("q v a u1"), "if left_plunge and left_elbow were exchanged"),
         (exchanged("q v a"), "if the angles of left_plunge and left_elbow were exchanged"),
     ],

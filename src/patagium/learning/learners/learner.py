@@ -164,6 +164,7 @@ def diverged(outcome: Outcome, count: int, x: Array, y: Array) -> FilterDiverged
     if outcome is Outcome.NOT_FINITE:
         reason = "the network's output or the new weights are not finite"
         remedy = "lower prior_std or the spread, or scale inputs and outputs"
+    remedy += "; where forgetting_factor is below 1, let prior_share take its place"
     return FilterDiverged(
         f"update {count + 1}: {reason}; the learner is as it was before; {remedy}", outcome
     )

@@ -19,7 +19,7 @@ import numpy as np
 
 from patagium.arguments import checked
 from patagium.arrays import Array, Indices
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, plain
 from patagium.learning.models.network import Encoding, Network
 from patagium.limits import WIDEST
 
@@ -58,7 +58,7 @@ class Perceptron:
     activation: str = "softplus"
 
     def __post_init__(self) -> None:
-        widths = tuple(self.widths)
+        widths = tuple(map(plain, self.widths))
         if len(widths) < 2 or any(not isinstance(w, int) or not 0 < w <= WIDEST for w in widths):
             expected = f"two or more positive integers of at most {WIDEST}"
             raise ParameterError("widths", expected, self.widths)

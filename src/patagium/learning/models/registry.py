@@ -38,7 +38,13 @@ def register_network(network: _Kind) -> _Kind:
 
 
 def network_options(kind: str) -> tuple[str, ...]:
-    """Arguments that only networks of a kind have; none of a dense one."""
+    """Arguments that only networks of a kind have; none of a dense one.
+
+    Raises:
+        ParameterError: If the kind is unknown.
+    """
+    if kind not in _KINDS:
+        raise ParameterError("kind", f"one of {', '.join(_KINDS)}", kind)
     return tuple(getattr(_KINDS[kind], "options", ()))
 
 

@@ -243,15 +243,10 @@ def search(
         seed: Seed of the draws.
         judge: Scores of several trials, larger is better, in their order.
 
-    Raises:
-        ParameterError: If the trials are too few.
-
     References:
         Bergstra et al. (2011), Algorithms for hyper-parameter optimization, NIPS 24; Akiba et
         al. (2019), Optuna: a next-generation hyperparameter optimization framework, KDD.
     """
-    if trials < LEAST_TRIALS:
-        raise ParameterError("trials", f"at least {LEAST_TRIALS}", trials)
     optuna = _optuna()
     study = optuna.create_study(direction="maximize")
     drawn: list[DrawnTrial] = []

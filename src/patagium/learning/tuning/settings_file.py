@@ -35,7 +35,7 @@ class NetworkSettings(BaseModel):
     """Network that the settings are for.
 
     Attributes:
-        kind: "linear_strip", "strip" or "dense".
+        kind: "linear_strip", "strip" or "dense"; or that of another network, for Python alone.
         hidden: Neurons of each hidden layer.
         activation: "softplus" or "tanh" of the hidden layers; None: that of the network.
         options: Other arguments of a network of wings by name, as its description holds them.
@@ -43,7 +43,7 @@ class NetworkSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    kind: Literal["linear_strip", "strip", "dense"]
+    kind: str
     hidden: tuple[PositiveInt, ...]
     activation: Literal["softplus", "tanh"] | None = None
     options: dict[str, Any] = Field(default_factory=dict)

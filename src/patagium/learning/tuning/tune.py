@@ -26,12 +26,14 @@ from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.learners.registry import LEARNERS, make_learner
 from patagium.learning.models.memory import measured_inputs
 from patagium.learning.models.network import Network
+from patagium.learning.models.registry import network_options
 from patagium.learning.samples import samples
 from patagium.learning.settings import Alternatives
 from patagium.learning.stream import Samples, used_samples
 from patagium.learning.tuning.left_out import Kinematics, LeftOut, kinematics_of, left_out
 from patagium.learning.tuning.prediction_score import Flown, PredictionScore, judged_trial, moving
 from patagium.learning.tuning.search import (
+    LEAST_TRIALS,
     DrawnTrial,
     SearchSpace,
     TrialJournal,
@@ -164,7 +166,11 @@ def tune(
         LogError: If the journal is of another question, or every trial was refused.
         OutputError: If the journal cannot be written, or another process writes it.
     """
+    if trials < LEAST_TRIALS:
+        raise ParameterError("trials", f"at least {LEAST_TRIALS}", trials)
     networks = _several("network", network)
+    for one in networks:
+        network_options(str(one.describe()["kind"]))  # one that no file can name is refused
     flights = _several("flight", flight)
     chosen = dict(settings or {})
     if covariance is not None:
@@ -357,8 +363,9 @@ def _problem(
     if any(hasattr(one, "own_misfit") for one in networks):  # which excludes the noise's search
         settings = {"measurement_std": None, "noise_estimation": None} | settings
     y, scored = exams[0].flown.y, exams[0].flown.scored
-    std = np.nanstd(y, axis=0)  # of outputs that never move: the middle of the others
-    std[~(std > 1e-9 * std.max())] = np.median(std[scored.any(axis=0)])
+    std, measured = np.zeros(y.shape[1]), np.isfinite(y).any(axis=0)
+    std[measured] = np.nanstd(y[:, measured], axis=0)
+    std[~(std > 1e-9 * std.max())] = np.median(std[scored.any(axis=0)])  # of those that move
     space = search_space(kind, list(by_hidden), std.tolist(), settings)
     return _Problem(by_hidden, space, seed, dict(zip(by_hidden, exams, strict=True)))
 

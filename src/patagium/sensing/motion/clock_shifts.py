@@ -128,7 +128,7 @@ def found_shifts(log: SensorLog) -> tuple[dict[str, float], str]:
         return {}, f"Clocks are taken as right: {problem}."
     told = found.told
     late = ", ".join(f"{name} {1e3 * value:.2f} ms" for name, value in told.items())
-    rest = ", ".join(name for name in found.seconds if name not in told)
+    rest = ", ".join([*(name for name in found.seconds if name not in told), *found.unlinked])
     return told, f"Clocks, found from the motion that the sensors share: {late}." + (
         f" Taken as right, for the motion does not tell them: {rest}." if rest else ""
     )
@@ -332,9 +332,8 @@ class _Search:
         curvature = _curvature(misfit, best) * len(times) / 2
         variance = np.diagonal(np.linalg.pinv(curvature, hermitian=True))
         std = np.sqrt(np.maximum(variance, 0.0))
-        return dict(zip(free, best.tolist(), strict=True)), dict(
-            zip(free, std.tolist(), strict=True)
-        )
+        seconds, stds = (dict(zip(free, one.tolist(), strict=True)) for one in (best, std))
+        return seconds, stds
 
     def _samples(self, unit: Stream) -> tuple[Array, Array]:
         tracks = [self.tracks[name] for name in self.links[unit.name]]

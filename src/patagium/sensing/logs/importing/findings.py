@@ -273,6 +273,8 @@ _FAR, _LEVELS, _CLIPPED, _RUN = 5.0, 50, 10, 3
 _ABRUPT = 8.0
 """Step before a joint stands still over its count, and inverse over its usual step, of no motion
 that slows down."""
+SENSED = ("N", "N m", "m/s^2", "rad/s")
+"""Units of sensors that saturate: load cells and inertial units."""
 _ORDERED = re.compile(r"(?i)(^|[^a-z])(cmd|command|target|set_?point|desired|des|ref)")
 """Names of commands, which are not measured."""
 

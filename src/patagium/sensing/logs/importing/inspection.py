@@ -24,6 +24,7 @@ from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.files.table_files import TIME_NAME, guessed_base
 from patagium.sensing.logs.importing.findings import (
     SECOND,
+    SENSED,
     Finding,
     StreamSurvey,
     constant_findings,
@@ -352,12 +353,12 @@ def _recorder_notes(part: _Part, survey: StreamSurvey) -> list[Finding]:
     """Notes about what a recorder made of the first numbers, which need not be mapped."""
     found, (stamps, values) = list[Finding](), survey.first
     for name, column in zip(part.fields, values.T, strict=True):
-        turn = 0.0
+        factor, si = 1.0, ""
         with suppress(LogError):  # a unit that the file states need not be one that we know
             factor, si = conversion(part.topic.channels[name].unit, None, name)
-            turn = 2 * math.pi / factor if si == "rad" else 0.0
+        turn = 2 * math.pi / factor if si == "rad" else 0.0
         own = f"{part.topic.name} {name}".strip()
-        found += recorder_findings(own, stamps, column, GAP, measured=False, turn=turn)
+        found += recorder_findings(own, stamps, column, GAP, measured=si in SENSED, turn=turn)
     return [replace(one, level="note") for one in found]
 
 

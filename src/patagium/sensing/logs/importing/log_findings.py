@@ -13,6 +13,7 @@ from patagium.sensing.logs.axes import is_rotation
 from patagium.sensing.logs.files.channels import LogFile
 from patagium.sensing.logs.files.table_files import unit_of_suffix
 from patagium.sensing.logs.importing.findings import (
+    SENSED,
     Finding,
     ValueSurvey,
     constant_findings,
@@ -135,7 +136,7 @@ def _recorder_findings(
     count = min(CHUNK, spool.surveys[item.stream].stamps.kept)
     stamps, first = spool.stamps_of(item.stream)[:count], spool.values_of(item.stream, 0, count)
     single = item.column.size == 1
-    measured = item.role == "output" or (item.si in ("N", "N m") and not single)
+    measured = item.role == "output" or (item.si in SENSED and not single)
     joint = robot is not None and single and item.si in ("rad", "m")
     turn = 2 * np.pi / item.si_factor if single and item.si == "rad" else 0.0
     return [
