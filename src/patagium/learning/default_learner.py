@@ -41,6 +41,7 @@ MEMORY, LEAST_MEMORY, FLOOR = 100.0, 1000, 0.005
 ATTACHED, EXACT = 0.2, 0.05
 """Error of a lifting line in the first wingbeat, over the variance, below which flow is attached;
 of blade elements, below which nothing else is looked for [1]."""
+_APART = 0.18  # of a wingbeat, between neighbors of the phases of the first twenty samples
 _LOOK = 1.0  # s that are looked at where no gait is known, ...
 _MOVES = 0.1  # ... from the first joint rate that is so much of the largest
 _OVERHEAD, _OPERATION, _LOAD = 2e-5, 5e-10, 0.5
@@ -181,12 +182,20 @@ def chosen_every(learner: Trained, step: float, period: float | None = None) -> 
     One hundred updates a second, or twenty a wingbeat where that is more, but at most 1000, and
     no more than the estimated time of an update allows (`update_time`). More often does not tell
     more: the errors of a model last for a part of a wingbeat, and a filter that takes them for
-    independent is too sure of itself.
+    independent is too sure of itself. Of a fast wingbeat it is up to half as many more, so that
+    samples do not fall on the same few phases of every beat.
     """
     wanted = UPDATE_RATE if period is None else max(UPDATE_RATE, PER_WINGBEAT / period)
     update = update_time(learner.network, _setting(learner, "covariance", "full"))
     rate = min(wanted, FASTEST, _LOAD / update)
-    return max(1, ceil((1 - 1e-4) / (rate * step)))
+    every = max(1, ceil((1 - 1e-4) / (rate * step)))
+    if period is None:
+        return every
+    for longer in range(every, every + every // 2 + 1):
+        phases = np.sort(np.arange(PER_WINGBEAT) * longer * step / period % 1.0)
+        if np.diff(phases, append=phases[0] + 1.0).max() < _APART:
+            return longer
+    return every
 
 
 def table_every(learner: Trained, step: float) -> int:

@@ -200,6 +200,10 @@ def test_the_share_of_the_samples_follows_rate_wingbeat_and_size() -> None:
     assert chosen_every(learner, 0.02) == 1  # a log slower than that is used whole
     assert chosen_every(learner, 1e-4, period=0.05) == 25  # twenty a wingbeat of 20 Hz
     assert chosen_every(learner, 1e-4, period=1e-3) >= 10  # never above 1 kHz
+    for frequency in (200.0, 220.0, 250.0, 333.0):  # always the same four phases were learned
+        every = chosen_every(learner, 1e-5, 1 / frequency)
+        phases = np.sort(np.arange(100) * every * 1e-5 * frequency % 1.0)
+        assert np.diff(phases).max() < 0.18, frequency
     large = pt.ExtendedLearner(pt.DenseNetwork(20, (60, 60), 14))
     assert chosen_every(large, 1e-3) > 100  # as far as a computer keeps up
     nodes = pt.ExtendedLearner(pt.DenseNetwork(20, (60, 60), 14), covariance="node")

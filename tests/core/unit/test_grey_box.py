@@ -349,3 +349,37 @@ def test_a_drag_below_zero_is_told_where_it_was_fitted_and_refused_in_use(robot)
     assert "'polar.zero_lift_drag': -0.05" in told and "narrower priors" in told
     with pytest.raises(ParameterError, match="narrower priors"):
         model.air()
+
+
+CLAMPED = """
+name: clamped_wing
+gravity: 9.81 m/s^2
+bodies:
+  wing:
+    joints:
+      - {name: plunge, axis: x}
+      - {name: feather, axis: -y}
+    mass: 6 g
+    center_of_mass: [-12 mm, 70 mm, 2 mm]
+    inertia: {xx: 90 g cm^2, yy: 12 g cm^2, zz: 101 g cm^2}
+wings:
+  - name: wing
+    segments:
+      - {body: wing, strips: 4, stations: [{span: 1 cm, leading: 2 cm, trailing: -6 cm},
+         {span: 20 cm, leading: 1.5 cm, trailing: -4 cm}]}
+"""
+
+
+def test_the_noise_of_a_small_robot_is_found(rng):
+    """It began at a hundredth of 1 N m whatever the robot: 400 times that of a feathering."""
+    robot = load_robot_text(CLAMPED, "clamped")
+    truth = pt.QuasiSteady(robot, AIR, polar=pt.air.DickinsonPolar(drag_offset=2.2))
+    gait = pt.gaits.sinusoidal(robot, frequency=4.0, plunge=0.6, feather=0.35)
+    flight = pt.simulate(robot, truth, gait, duration=3.0, time_step=1e-3)
+    noise = 0.05 * flight.aero_force.std("time").values
+    noisy = flight.u1 + noise * rng.normal(size=flight.u1.shape)
+    grey = pt.GreyBox(pt.QuasiSteady(robot, AIR), {"polar.drag_offset": 0.5})
+    learner = pt.ExtendedLearner(grey)
+    pt.identify(flight.assign(u1=noisy.assign_attrs(flight.u1.attrs)), learner, every=10)
+    found = learner.measurement_std / noise
+    assert ((found > 0.7) & (found < 1.5)).all(), found  # of 300 samples, a start at twice that

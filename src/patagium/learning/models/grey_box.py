@@ -31,6 +31,7 @@ from patagium.arrays import Array, Indices
 from patagium.dynamics.equations import inverse, kirchhoff_force
 from patagium.errors import ParameterError
 from patagium.learning.models.dense import described
+from patagium.learning.models.linear_strip import per_newton
 from patagium.learning.models.memory import LagEquations, MemoryState, memory_in, row_size
 from patagium.learning.models.network import Encoding, FlightTerms, Network
 from patagium.learning.models.physical import (
@@ -108,6 +109,7 @@ class GreyBox(Network):
         self.parameters = physical_parameters(estimate, numbers, robot)
         self._names = robot.dof_names if measured is None else tuple(measured)
         outputs = tuple(robot.index(name) for name in self._names)
+        self._scales = 9.81 * float(robot.mass) * per_newton(robot)[list(outputs), None]  # weight
         self.equations = GreyEquations(model, added_mass, self.parameters, outputs)
         scales = [parameter.scale for parameter in self.parameters]
         self._numbers = np.array([*numbers.values(), *scales])
@@ -182,13 +184,13 @@ class GreyBox(Network):
         return np.zeros(self._count)
 
     def encode(self, x: Array) -> Encoding:
-        """Samples as they are, (N, 1, n_x), with a readout of ones."""
-        readout = np.ones((len(x), self.outputs, 1))
+        """Samples as they are, (N, 1, n_x), and the scales of the outputs as a readout."""
+        readout = np.broadcast_to(self._scales, (len(x), *self._scales.shape))
         return Encoding(x[:, None, :], readout, np.zeros(self.outputs))
 
     def encode_one(self, x: Array) -> Encoding:
-        """One sample, (1, n_x), with a readout of ones."""
-        return Encoding(x[None], np.ones((self.outputs, 1)), np.zeros(self.outputs))
+        """One sample, (1, n_x), and the scales of the outputs as a readout."""
+        return Encoding(x[None], self._scales, np.zeros(self.outputs))
 
     def decode(self, encoding: Encoding, weights: Array) -> Array:
         """y of N encoded samples at weights (n,), (N, n_y)."""

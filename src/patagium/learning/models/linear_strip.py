@@ -112,7 +112,7 @@ class LinearStripNetwork(WingNetwork):
         self.items = len(robot.strips) + slots
         self.perceptron = Perceptron((_POLYNOMIALS + slots, OUTPUTS))
         self.offset = np.zeros(len(self._names))
-        self.per_newton = _per_newton(robot)[rows]
+        self.per_newton = per_newton(robot)[rows]
         self._parameters = np.array([*self.air.wind, self.air.density, *robot.parameters])
         chains = strip_chains(robot) if attached else ""
         made = load_functions(
@@ -310,7 +310,7 @@ def _functions(machine: Robot, rows: Sequence[int], attached: bool) -> list[ca.F
     return [encode, *lag_functions(given.sums.line, given.measured, parameters)]
 
 
-def _per_newton(robot: Robot) -> Array:
+def per_newton(robot: Robot) -> Array:
     """Root of the sum of squares of generalized forces of one newton on each strip, (n,) [1, m]."""
     wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
     forces = ca.SX.sym("forces", 3, len(robot.strips))
