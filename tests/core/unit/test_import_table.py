@@ -380,7 +380,7 @@ def test_columns_filled_in_turn_have_samples_of_their_own(tmp_path: Path, layout
         brought(path, words)
     log = pt.load_log(brought(path, {**words, "time": time | {"rate": "1 kHz"}}).path)
     assert log.sizes["time"] > 1980
-    truth = np.sin(9 * (log.time + late))
+    truth = np.sin(9 * (log.time + np.ceil(1e3 * late) * 1e-3))  # the stamps are those of theta
     for name in steps:
         np.testing.assert_allclose(log[name], truth, atol=2e-3 if name == "z" else 1e-4)
         assert log[name].attrs["step_in_log"] == pytest.approx(steps[name])
@@ -420,7 +420,7 @@ def test_columns_of_a_second_clock_stay_on_it_beside_columns_filled_in_turn(tmp_
     table = table.drop_duplicates("t", keep="last")
     log = pt.load_log(brought(written(tmp_path, table), words).path)
     for name, found in (("theta", np.sin), ("lift", np.sin), ("heave", np.cos)):
-        np.testing.assert_allclose(log[name], found(9 * (log.time + 0.5)), atol=1e-3)
+        np.testing.assert_allclose(log[name], found(9 * (log.time + 0.501)), atol=1e-3)  # theta's
 
 
 def test_outputs_that_skip_rows_stay_beside_their_inputs(tmp_path: Path) -> None:
@@ -566,3 +566,21 @@ def test_rows_without_a_structure_are_missing_numbers_not_zero(tmp_path: Path) -
         assert set(log.topics[""].channels) == {"t", "imu.gyro.x"}
         (block,) = log.blocks((Request("", StampSource("column", "t", 1e9), ("imu.gyro.x",)),))
     np.testing.assert_array_equal(block.values[:, 0], [3.0, np.nan, 5.0])
+
+
+def test_samples_of_the_rate_of_the_time_base_are_taken_as_they_are(tmp_path: Path) -> None:
+    """Halfway between its samples an inertial unit's noise was smoothed to a seventh."""
+    fast, slow = 0.001 + 0.005 * np.arange(400), 0.0035 + 0.01 * np.arange(200)
+    noise = np.random.default_rng(2).normal(size=400)
+    rows = pd.concat(
+        [pd.DataFrame({"t": fast, "a": noise}), pd.DataFrame({"t": slow, "b": np.sin(slow)})]
+    ).sort_values("t")
+    rows.to_csv(tmp_path / "log.csv", index=False)
+    (tmp_path / "map.yaml").write_text(
+        "about: x\ntime: {column: t, unit: s, rate: 200 Hz}\ninputs: [{column: b, unit: rad}]\n"
+        "outputs: [{column: a, unit: N}]\n"
+    )
+    pt.import_log(tmp_path / "log.csv", tmp_path / "map.yaml", tmp_path / "log.nc")
+    with LogRecord(tmp_path / "log.nc") as record:
+        found = record.table().y[:, 0]
+    np.testing.assert_allclose(found, noise[1 : 1 + len(found)], atol=1e-5)  # stamps of whole ns

@@ -140,6 +140,7 @@ class Spool:
         survey.stamps.add(np.array(held))
 
 
+_OWN_RATE = 0.01  # relative difference of rates below which a stream has that of the time base
 CHUNK = 1 << 16
 _MARGIN = 64
 """Rows read beyond both ends of a chunk, in case rows at the ends are no numbers."""
@@ -201,6 +202,11 @@ def time_base(spool: Spool, mapping: TableMapping, source: str) -> TimeBase:
     stream = _stream(plan, mapping, used, source, spool)
     if stream is None:
         rate = rate_of(time.rate or 0, f"{source}: time.rate")
+        alike = [k for k in used if abs(rate * spool.surveys[k].stamps.median - 1) < _OWN_RATE]
+        if alike:  # between samples of that rate, interpolation would smooth their noise
+            stamps = spool.stamps_of(max(alike, key=lambda k: begins[used.index(k)]))
+            place = int(np.searchsorted(stamps, begin - _OWN_RATE / rate * SECOND))
+            begin = int(stamps[min(place, len(stamps) - 1)])
         count = int((end - begin) / SECOND * rate * (1 + 1e-12)) + 1
         _enough(count if end > begin else 0, source, (end - begin) / SECOND)
         return TimeBase(begin, count, 1.0 / rate, None, 0)
