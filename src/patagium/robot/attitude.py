@@ -31,20 +31,6 @@ def quaternion_from_angles(angles: ArrayLike) -> Array:
     return np.stack(parts, axis=-1)
 
 
-def angles_from_quaternion(quaternion: ArrayLike) -> Array:
-    """Roll, pitch, yaw of a quaternion, (..., 3) [rad]; pitch within a quarter turn.
-
-    Args:
-        quaternion: qw, qx, qy, qz of any length but zero, (..., 4).
-    """
-    rotation = rotation_from_quaternion(quaternion)
-    forward, left, up = (rotation[..., 2, k] for k in range(3))  # of the body, above the horizon
-    roll = np.arctan2(left, up)
-    pitch = np.arctan2(-forward, np.hypot(left, up))
-    yaw = np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0])
-    return np.stack([roll, pitch, yaw], axis=-1)
-
-
 def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
     """Body axes to world axes, (..., 3, 3).
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from tests.flights import stored
 
 import patagium as pt
@@ -18,7 +19,6 @@ from patagium.live.record import StreamFile
 from patagium.report.figures import flight_overview
 from patagium.robot import load_robot_text, preset_text
 from patagium.robot.attitude import (
-    angles_from_quaternion,
     body_accelerations,
     body_rates,
     quaternion_from_angles,
@@ -29,6 +29,12 @@ from patagium.robot.drawing import draw_robot
 from patagium.robot.planform import describe_robot, poses
 from patagium.sensing.force.air_force import packet_columns
 from patagium.viewer import replay
+
+
+def _angles(quaternions):
+    """Roll, pitch, yaw, (..., 3) [rad], of quaternions qw, qx, qy, qz."""
+    return Rotation.from_quat(np.roll(quaternions, -1, axis=-1)).as_euler("ZYX")[..., ::-1]
+
 
 AEROBAT = preset_text("aerobat")
 
@@ -235,7 +241,7 @@ def test_a_flight_has_a_dimension_for_q(flight, pair, tmp_path):
     from patagium.simulation import robot_of
 
     assert robot_of(again) == robot
-    angles = angles_from_quaternion(flight.q.sel(coordinate=["qw", "qx", "qy", "qz"]).values)
+    angles = _angles(flight.q.sel(coordinate=["qw", "qx", "qy", "qz"]).values)
     assert np.ptp(angles[:, 0]) > 0.05
     with pytest.raises(FlightError, match="q: expected .*'coordinate'"):
         pt.save_flight(
@@ -261,7 +267,7 @@ def test_networks_that_know_the_wings_see_the_same(flight, pair):
     assert x.shape == (401, 17) and force.shape == (401, 8)
     # inverse dynamics of the recorded accelerations against the force that made them
     np.testing.assert_allclose(force, flight.aero_force.values, atol=1e-12)
-    angles, rates = angles_from_quaternion(x[:, 3:7]), x[:, 12:15]
+    angles, rates = _angles(x[:, 3:7]), x[:, 12:15]
     matrix = np.stack([body_rates(angles, np.tile(unit, (401, 1))) for unit in np.eye(3)], axis=-1)
     of_angles = np.linalg.solve(matrix, rates[..., None])[..., 0]
     other = np.hstack([x[:, :3], angles, x[:, 7:9], x[:, 9:12], of_angles, x[:, 15:]])
