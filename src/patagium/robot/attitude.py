@@ -31,24 +31,6 @@ def quaternion_from_angles(angles: ArrayLike) -> Array:
     return np.stack(parts, axis=-1)
 
 
-def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
-    """Body axes to world axes, (..., 3, 3).
-
-    R = 1 + 2 (w [u] + [u]^2) / |q|^2, with q = (w, u).
-
-    Args:
-        quaternion: qw, qx, qy, qz of any length but zero, (..., 4).
-    """
-    w, x, y, z = np.moveaxis(np.asarray(quaternion, float), -1, 0)
-    s = 2 / (w * w + x * x + y * y + z * z)
-    rows = [
-        [1 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)],
-        [s * (x * y + w * z), 1 - s * (x * x + z * z), s * (y * z - w * x)],
-        [s * (x * z - w * y), s * (y * z + w * x), 1 - s * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-
 def rotation_from_angles(angles: ArrayLike) -> Array:
     """Rotation matrices of Euler angles, (..., 3, 3), body axes to world axes.
 

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arrays import Array, real_array
-from patagium.robot.attitude import rotation_from_quaternion
 from patagium.robot.model import Body, Robot, Strip
 
 
@@ -48,7 +47,9 @@ def _motions(robot: Robot, body: Body, q: Array) -> Iterator[tuple[Array, Array]
         position, attitude = np.split(q[list(robot.floating_coordinates(body))], [3])
         yield unit, position
         if body.by_quaternion:
-            yield rotation_from_quaternion(attitude), still
+            sine = float(np.linalg.norm(attitude[1:]))
+            axis = attitude[1:] / (sine or 1.0)
+            yield _turn(axis, 2.0 * np.arctan2(sine, attitude[0])), still
         else:
             for axis, angle in zip(unit[::-1], attitude[::-1], strict=True):
                 yield _turn(axis, angle), still
