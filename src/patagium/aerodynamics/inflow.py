@@ -30,7 +30,7 @@ from patagium.dynamics.chain import cross, vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import positive
 from patagium.robot.model import Robot, Strip
-from patagium.robot.planform import carried_sides, placed, poses, strip_corners
+from patagium.robot.planform import BOTH_SIDES, inwards, placed, poses, strip_corners
 
 NUMBERS = ("induced_factor", "apparent_mass", "memory")
 """Parameters that follow those of the model, in their order."""
@@ -196,7 +196,9 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
         edges = np.vstack([placed(bodies[s.body], strip_corners(s)[:2]) for s in strips]) @ axes
         root = bodies[hinge][0] @ axes
         near, far = sorted((edges[:, 1].max() - root[1], root[1] - edges[:, 1].min()))
-        held = near > TANDEM * far or not _turned(robot, wing, bodies)  # on both sides of its hinge
+        held = near > BOTH_SIDES * far or not _turned(
+            robot, wing, bodies
+        )  # on both sides of its hinge
         one = wing, held, edges if held else np.array([root, tip @ axes])
         for group in groups:
             if held == group[0][1] and _near(one[2], group[0][2], held):
@@ -237,27 +239,21 @@ def _stroke(group: list[tuple[Wing, bool, Array]]) -> Stroke:
 def _wings(robot: Robot) -> Iterator[tuple[Wing, int, Array]]:
     """Wings, each with the body at its hinge and its tip; parts on one hinge are one wing."""
     bodies, parts = poses(robot), dict[Any, list[tuple[float, Wing, int, Array]]]()
-    for name in {strip.wing: None for strip in robot.strips}:
-        order = tuple(i for i, strip in enumerate(robot.strips) if strip.wing == name)
-        ways = [_part(robot, bodies, strips) for strips in (order, order[::-1])]
-        reach, part, hinge, tip = max(ways, key=lambda way: round(way[0], 9))  # written inwards?
+    for name in robot.wing_names:
+        wing = tuple(i for i, strip in enumerate(robot.strips) if strip.wing == name)
+        last, hinge = robot.strips[wing[-1]], _inwards(robot, wing)[-1]
+        tip = placed(bodies[last.body], np.array(last.quarter_chord))
+        reach = float(np.linalg.norm(tip - bodies[hinge][0]))
         key = hinge if robot.bodies[hinge].parent >= 0 else name
-        parts.setdefault(key, []).append((reach, part, hinge, tip))
+        parts.setdefault(key, []).append((reach, wing, hinge, tip))
     for one in parts.values():
         outwards = sorted(one, key=lambda part: part[0])
         yield sum((part for _, part, *_ in outwards), ()), *outwards[-1][2:]
 
 
-def _part(robot: Robot, bodies: Any, wing: Wing) -> tuple[float, Wing, int, Array]:
-    """Distance from hinge to tip [m], wing, hinge and tip, where the last strip is at the tip."""
-    last, hinge = robot.strips[wing[-1]], _inwards(robot, wing)[-1]
-    tip = placed(bodies[last.body], np.array(last.quarter_chord))
-    return float(np.linalg.norm(tip - bodies[hinge][0])), wing, hinge, tip
-
-
 def _inwards(robot: Robot, wing: Wing) -> list[int]:
     """Bodies from that of a wing's outermost strip inwards to the one that its hinge moves."""
-    sides, bodies = carried_sides(robot), robot.bodies
+    sides, bodies = _carried_sides(robot), robot.bodies
     found = [robot.strips[wing[-1]].body]
     parent = bodies[found[-1]].parent
     while parent >= 0 and bodies[parent].parent >= 0 and len(sides[parent]) < 2:
@@ -265,6 +261,15 @@ def _inwards(robot: Robot, wing: Wing) -> list[int]:
         parent = bodies[parent].parent
     held = parent < 0 or bodies[parent].parent >= 0 or bodies[parent].floating_dofs is not None
     return found if held or not bodies[parent].joints else [*found, parent]
+
+
+def _carried_sides(robot: Robot) -> list[set[bool]]:
+    """Whether the wings that each body carries are images: both on one between two wings."""
+    images, carried = {k for _, k in robot.mirrored_wings}, [set[bool]() for _ in robot.bodies]
+    for strip in robot.strips:
+        for body in inwards(robot, strip.body):
+            carried[body].add(strip.wing in images)
+    return carried
 
 
 class _Moving:

@@ -90,7 +90,9 @@ class LiftingLine(Aerodynamics):
     a0 is the section's slope times the cosine of the sweep of the quarter chord, to whose line
     the force is perpendicular too. Low aspect ratio takes a gain off L and G; profile drag is
     1/2 rho c ds C_d |u| u; the section says what share of the flow is separated at the effective
-    incidence atan2(W, |u_chord|), and its loads. A wing that moves backward is its mirror image.
+    incidence atan2(W, |u_chord|), and its loads. A wing that moves backward is its mirror image,
+    but for its quarter-chord line, whose slope stays that of forward motion: a delta flown backward
+    has 10 % more lift than its mirror image flown forward.
     Signs and norms are smoothed within `smooth_functions.SWITCH_SPEED` of zero.
 
     Args:

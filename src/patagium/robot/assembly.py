@@ -32,6 +32,7 @@ from patagium.robot.model import (
     Strip,
     repeated,
 )
+from patagium.robot.planform import from_the_root, written_images
 from patagium.robot.schema import (
     ActuatorPart,
     BodyPart,
@@ -94,7 +95,7 @@ def assemble(file: RobotFile, source: str) -> Robot:
     robot = Robot(
         name=file.name,
         bodies=tuple(_body(draft, index, dof) for draft in drafts),
-        strips=_strips(file, index),
+        strips=(),
         dof_names=order,
         dof_units=tuple(k.unit for k in ordered),
         actuated=tuple(i for i, k in enumerate(ordered) if k.part and not k.part.passive),
@@ -106,6 +107,7 @@ def assemble(file: RobotFile, source: str) -> Robot:
         gravity=file.gravity,
         **_capacities(ordered),
     )
+    robot = replace(robot, strips=_strips(file, robot, index))
     _check_inertia(robot, [draft.path for draft in drafts])
     taken = repeated(robot.coordinate_names)
     if taken:
@@ -135,8 +137,9 @@ def _joined(file: RobotFile, robot: Robot) -> Robot:
             sides = [tuple(_renamed(k, m.source, m.target) for k in pair) for m in mirrors]
             said += [pair, *((one, two) for one, two in sides if {one, two} != {*pair})]
     pairs = [k for n, k in enumerate(said) if not {k, k[::-1]} & {*said[:n]}]
-    alone = {wing.name for wing in file.wings if wing.joins is None}
-    near = joined_images(robot, [pair for pair in images if pair[0] in alone])
+    images += written_images(robot, {name for pair in images for name in pair})
+    told = {wing.name for wing in file.wings if wing.joins is not None}
+    near = joined_images(robot, [pair for pair in images if not {*pair} & told])
     return replace(robot, joined_wings=(*pairs, *near), mirrored_wings=tuple(images))
 
 
@@ -473,7 +476,7 @@ def _body(draft: _Draft, index: dict[str, int], dof: dict[str, int]) -> Body:
     )
 
 
-def _strips(file: RobotFile, index: dict[str, int]) -> tuple[Strip, ...]:
+def _strips(file: RobotFile, robot: Robot, index: dict[str, int]) -> tuple[Strip, ...]:
     names = [wing.name for wing in file.wings]
     strips: list[Strip] = []
     for i, wing in enumerate(file.wings):
@@ -483,7 +486,8 @@ def _strips(file: RobotFile, index: dict[str, int]) -> tuple[Strip, ...]:
             if segment.body not in index:
                 path = f"wings.{i}.segments.{j}.body"
                 raise AssemblyError(_unknown(path, list(index), segment.body))
-        strips.extend(_on_pieces(file, strip, index) for strip in cut_wing(wing, index))
+        cut = [_on_pieces(file, strip, index) for strip in cut_wing(wing, index)]
+        strips += from_the_root(robot, cut)
     _check_wing_names(file)
     bodies = list(index)
     for i, mirror in enumerate(file.mirror):
@@ -551,7 +555,7 @@ def with_file_parameters(robot: Robot, parameters: Mapping[str, float]) -> Robot
 
 
 def cut_wing(wing: WingPart, body_index: dict[str, int]) -> Iterator[Strip]:
-    """Strips of a wing, from the root outwards."""
+    """Strips of a wing, as the file writes them."""
     index = 0
     for segment in wing.segments:
         for point, forward, normal, chord, width in _cut(segment):

@@ -6,13 +6,18 @@ own kinematics, `patagium.dynamics.kinematics`, on symbols; a test holds the two
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arrays import Array, real_array
 from patagium.robot.model import Body, Robot, Strip
+
+BOTH_SIDES = 0.5
+"""Reach on one side of the hinge over that on the other, beyond which a wing goes to both sides."""
 
 
 def poses(robot: Robot, q: ArrayLike | None = None) -> list[tuple[Array, Array]]:
@@ -94,20 +99,69 @@ def wing_span(robot: Robot) -> float:
     return float(np.ptp(np.concatenate(sides), axis=0).max()) if sides else 0.0
 
 
-def carried_sides(robot: Robot) -> list[set[bool]]:
-    """Whether the strips that each body carries are mirrored: both on one between two wings."""
-    carried: list[set[bool]] = [set() for _ in robot.bodies]
-    for strip in robot.strips:
-        index = strip.body
-        while index >= 0:
-            carried[index].add(strip.mirrored)
-            index = robot.bodies[index].parent
-    return carried
+def inwards(robot: Robot, body: int) -> list[int]:
+    """Indices of a body, its parent and so on to a root."""
+    return [] if body < 0 else [body, *inwards(robot, robot.bodies[body].parent)]
+
+
+def from_the_root(robot: Robot, strips: Sequence[Strip]) -> list[Strip]:
+    """Strips of one wing from the root outward, numbered anew.
+
+    Inner bodies are first; on one, or on several side by side, strips near its origin or that of
+    their parent. Strips of wings that go to both sides of that stay as they are.
+
+    Args:
+        robot: The machine, whose own strips do not count.
+        strips: Strips of the wing.
+    """
+    depths = [len(inwards(robot, strip.body)) for strip in strips]
+    places, away = poses(robot), np.zeros(len(strips))
+    for depth in {*depths}:
+        own = [k for k, one in enumerate(depths) if one == depth]
+        bodies = {strips[k].body for k in own}
+        body = bodies.pop() if len(bodies) == 1 else robot.bodies[min(bodies)].parent
+        origin, axes = places[body] if body >= 0 else (np.zeros(3), np.eye(3))
+        middles = [placed(places[strips[k].body], np.array(strips[k].quarter_chord)) for k in own]
+        across = ((np.array(middles) - origin) @ axes)[:, 1:]
+        far = across[np.linalg.norm(across, axis=1).argmax()]
+        away[own] = across @ far / max(far @ far, 1e-30)
+        if away[own].min() < -BOTH_SIDES:
+            return list(strips)
+    order = np.lexsort((np.round(away, 9), np.array(depths)))
+    return [replace(strips[k], name=f"{strips[k].wing}[{i}]") for i, k in enumerate(order)]
+
+
+def written_images(robot: Robot, others: Collection[str]) -> list[tuple[str, str]]:
+    """Wings and their mirror images at zero coordinates, where the file writes both.
+
+    Args:
+        robot: The machine, in numbers.
+        others: Names of wings that are left out.
+    """
+    places, found = poses(robot), list[tuple[str, str]]()
+    wings = {name: [s for s in robot.strips if s.wing == name] for name in robot.wing_names}
+    left = [name for name in wings if name not in others]
+    for one, other in combinations(left, 2):
+        first, second = wings[one], wings[other]
+        if len(first) != len(second):
+            continue
+        common = {*inwards(robot, first[0].body)} & {*inwards(robot, second[0].body)}
+        origin, axes = places[max(common)] if common else (np.zeros(3), np.eye(3))
+        corners = [placed(places[s.body], strip_corners(s)) for s in (*first, *second)]
+        seen, image = np.split((np.array(corners) - origin) @ axes, 2)
+        apart = image[:, [1, 0, 3, 2]] * [1.0, -1.0, 1.0] - seen
+        if np.abs(apart).max() < 1e-6 * np.ptp(seen, axis=(0, 1)).max():
+            found.append((one, other))
+    return found
 
 
 def mirrored_bodies(robot: Robot) -> set[int]:
     """Indices of the bodies that carry wings made by mirroring, and no others."""
-    return {index for index, sides in enumerate(carried_sides(robot)) if sides == {True}}
+    images, originals = (
+        {k for s in robot.strips if s.mirrored is made for k in inwards(robot, s.body)}
+        for made in (True, False)
+    )
+    return images - originals
 
 
 def describe_robot(robot: Robot) -> dict[str, str | int | float]:
