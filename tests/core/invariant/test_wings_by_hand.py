@@ -13,6 +13,7 @@ import yaml
 import patagium as pt
 from patagium.aerodynamics import Aerodynamics
 from patagium.aerodynamics.inflow import strokes_of
+from patagium.aerodynamics.linear_strips import CORRECTIONS, OUTPUTS
 from patagium.control.events import without_tip
 from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.robot import Robot, load_robot_text
@@ -215,6 +216,35 @@ def test_it_is_learned_as_a_mirrored_wing(
     weights = rng.normal(size=networks[0].size)
     one, other = (network.evaluate(x[None], weights) for network in networks)
     np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-9)
+
+
+def _image(robot: Robot, vector: np.ndarray) -> np.ndarray:
+    """Coordinates, rates or forces of the mirror image of a motion."""
+    names, swap = robot.dof_names, {"left": "right", "right": "left"}
+    twins = [swap.get(k.split("_")[0], "") + k.removeprefix(k.split("_")[0]) for k in names]
+    places = [names.index(twin) if twin in names else i for i, twin in enumerate(twins)]
+    return (
+        np.array([-1.0 if name in {"y", "roll", "yaw"} else 1.0 for name in names]) * vector[places]
+    )
+
+
+@pytest.mark.parametrize("name", [*MODELS, "physical terms"])
+def test_the_mirror_image_of_a_motion_has_the_mirrored_force(
+    name: str, rng: np.random.Generator
+) -> None:
+    """Wings by hand, on two bodies; of a network the weights of its physical terms."""
+    _, robot = _pair(1, 2, "y", True)
+    motion = [*_state(robot, rng), np.zeros(robot.dof)]
+    motions = motion, [_image(robot, one) for one in motion]
+    if name in MODELS:
+        forces = [MODELS[name](robot).generalized_force(q, v) for q, v, _ in motions]
+    else:
+        network = LinearStripNetwork(robot)
+        matrix = rng.normal(size=(OUTPUTS, network.perceptron.widths[0]))
+        matrix[:, : sum(CORRECTIONS)] = 0.0
+        weights = np.r_[matrix.ravel(), np.zeros(OUTPUTS)]
+        forces = [network.evaluate(np.concatenate(one)[None], weights)[0] for one in motions]
+    np.testing.assert_allclose(forces[1], _image(robot, forces[0]), rtol=1e-9, atol=1e-9)
 
 
 def test_a_robot_on_a_stand_has_one_hinge_a_side() -> None:
