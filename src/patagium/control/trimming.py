@@ -518,16 +518,15 @@ def _steps(family: GaitFamily, given: int | None) -> int:
 
 
 def _first_states(search: OrbitSearch, robot: Robot, start: Orbit | None) -> Array:
-    """States of the nodes to begin from: those of an orbit, or of the cruise at one attitude."""
+    """States of the nodes to begin from: those of an orbit, or of the cruise, springs at rest."""
     if start is not None and start.names == search.map.names:
         return start.states
-    names, cruise = search.map.names, robot.cruise
-    states = np.zeros((SEGMENTS, len(names)))
+    names, cruise, begin = search.map.names, robot.cruise, dict(robot.resting)
     if cruise is not None:
-        time = np.arange(SEGMENTS) / SEGMENTS / search.family.base.frequency
-        states[:, [k for k, name in enumerate(names) if name == "pitch"]] = cruise.pitch
-        states[:, names.index("velocity of x")] = cruise.speed
-        states[:, names.index("x")] = cruise.speed * time
+        begin |= {"pitch": cruise.pitch, "velocity of x": cruise.speed}
+    states = np.tile([begin.get(name, 0.0) for name in names], (SEGMENTS, 1))
+    time = np.arange(SEGMENTS) / SEGMENTS / search.family.base.frequency
+    states[:, names.index("x")] = begin.get("velocity of x", 0.0) * time
     return states
 
 
