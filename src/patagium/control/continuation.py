@@ -228,7 +228,7 @@ class _Curve:
             slope = np.zeros(matrix.shape[1])
             slope[self.count + self.place] = self.search.reach[self.place]
             return matrix, slope, right, nodes
-        slope = matrix[self.row] / at.period
+        slope = matrix[self.row] * at.scales[1][self.row] / at.period
         rest = np.arange(len(right)) != self.row % len(right)
         return matrix[rest], slope, right[rest], nodes
 

@@ -28,7 +28,7 @@ Goal = Literal["power", "range", "speed"]
 TOLERANCE = 1e-8
 """Largest residual of the conditions of Karush, Kuhn and Tucker, in scaled unknowns [1]."""
 FARTHEST = np.pi / 2
-"""Limit of a joint that has none, either side [rad, m]."""
+"""Limit of a joint that has none, either side of its mean in the gait begun from [rad, m]."""
 IN_PLANE = 1e-9
 """Distance from the plane of symmetry that is rounding's [SI]."""
 _SAMPLES = 120  # of a beat, at which limits hold
@@ -147,10 +147,9 @@ def _limited(flight: FlightMap, family: GaitFamily, rows: PrescribedRows) -> _Sw
         for name, actuator in robot.actuators.items():
             kind, answering = robot.command(name)
             swing = actuator.range if kind == "amplitude" and joint in answering else swing
-        ends = (max(robot.lower[i], -FARTHEST), min(robot.upper[i], FARTHEST))
-        if np.isfinite([robot.lower[i], robot.upper[i]]).all():
-            ends = (robot.lower[i], robot.upper[i])
-        limits = [(k, *ends, *swing)]
+        far = family.base.mean[k] + FARTHEST * np.array([-1.0, 1.0])
+        own = np.array([robot.lower[i], robot.upper[i]])
+        limits = [(k, *np.where(np.isfinite(own), own, far), *swing)]
         for order, rates in ((1, robot.speed_limit), (2, robot.acceleration_limit)):
             if rates and np.isfinite(rates[i]):
                 limits.append((k + order * n, -rates[i], rates[i], 0.0, np.inf))

@@ -81,6 +81,13 @@ class OptimalGait:
         hovers = abs(self.orbit.speed) < 1e-9
         return float("inf") if hovers else self.power / self.orbit.speed
 
+    @property
+    def note(self) -> str:
+        """Warning where the least power is more than before; empty elsewhere."""
+        if self.goal != "power" or self.power <= 1.001 * self.power_before:
+            return ""
+        return "more power than before: the gait begun from exceeds a limit, or minima are several"
+
     def summary(self) -> dict[str, Any]:
         """Gait as facts by name, with their units."""
         simulated, spent = self.powers
@@ -97,6 +104,7 @@ class OptimalGait:
             facts["power_of_best_sinusoid_W"] = self.sinusoid.power
             facts["saved_over_sinusoid"] = 1.0 - self.power / self.sinusoid.power
         facts |= {"kkt_residual": self.residual, "iterations": self.iterations}
+        facts |= {"note": self.note} if self.note else {}
         return facts | {"held_by": list(self.held)} | self.orbit.summary()
 
     def __repr__(self) -> str:
@@ -111,6 +119,7 @@ class OptimalGait:
             f"  without recovery {self.powers[1]:.4g} W",
             f"  residual {self.residual:.1e} after {self.iterations} iterations",
             f"  held by: {', '.join(self.held) or 'nothing'}",
+            *([f"  note: {self.note}"] if self.note else []),
         ]
         return "\n".join(lines)
 

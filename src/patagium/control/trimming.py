@@ -42,7 +42,7 @@ from patagium.simulation.simulator import check_robots
 from patagium.simulation.steered_gait import SteeredGait
 
 TOLERANCE = 1e-12
-"""Residual of an orbit [SI]: rounding of some thousand operations."""
+"""Residual of an orbit: rounding of some thousand operations, over sizes of more than 1 [SI]."""
 SEGMENTS = 40
 STEPS = 240
 """Time steps of a beat, where none are given; of a beat beyond .6 s one every 2.5 ms."""
@@ -118,6 +118,7 @@ class Point(NamedTuple):
     misfit: Array
     slope: Array
     by_period: Array
+    scales: tuple[Array, Array]
     size: float
 
     @property
@@ -127,8 +128,9 @@ class Point(NamedTuple):
 
     @property
     def residual(self) -> float:
-        """Largest misfit [SI]."""
-        return float(max(np.abs(self.gaps).max(initial=0.0), np.abs(self.misfit).max()))
+        """Largest misfit, over its size where that is more than 1 [SI]."""
+        parts = zip((self.gaps, self.misfit), self.scales, strict=True)
+        return max(float(np.abs(x / np.maximum(1.0, size)).max(initial=0.0)) for x, size in parts)
 
 
 class OrbitSearch:
@@ -144,14 +146,15 @@ class OrbitSearch:
         self.map, self.family, self.steps = flight_map, family, steps
         self.frame = Frame(flight_map.names)
         self.still = np.zeros(len(family.names), bool)
-        self._scale = state_sizes(flight_map.names)
+        self._scale = state_sizes(flight_map.names, family.base.frequency)
         self._reach = parameter_sizes(family)
         self._commands = []
         for name, actuator in flight_map.robot.actuators.items():
             kind, joints = flight_map.robot.command(name)
             places = map(family.base.joints.index, joints)
             self._commands += [(name, actuator, kind, place) for place in places]
-        sizes = dict(zip(flight_map.names, self._scale, strict=True))
+        own = state_sizes(flight_map.names) if tolerable else self._scale
+        sizes = dict(zip(flight_map.names, own, strict=True))
         for name, value in tolerable.items():
             if name not in sizes:
                 raise ParameterError("tolerable", f"one of {', '.join(sizes)}", name, tuple(sizes))
@@ -171,15 +174,17 @@ class OrbitSearch:
         others, ways, rates = conditions.beside(frame, flown.ends[-1], period)
         misfit = np.r_[end[frame.kept] - states[0][frame.kept], others]
         gaps = flown.ends[:-1] - states[1:]
-        scaled = np.r_[(gaps / self._scale).ravel(), misfit / self.rows_scale(len(others))]
-        size = float(np.linalg.norm(scaled))
+        scales = self._scale, self.rows_scale(len(others))
+        size = float(np.linalg.norm(np.r_[(gaps / scales[0]).ravel(), misfit / scales[1]]))
         slope = np.vstack([turned[frame.kept], ways])
         by_period = np.r_[np.zeros(len(frame.kept)), rates]
-        return Point(states, values, flown, rows, gaps, misfit, slope, by_period, size)
+        return Point(states, values, flown, rows, gaps, misfit, slope, by_period, scales, size)
 
     def rows_scale(self, others: int) -> Array:
         """Scales of the misfits: return, then the other conditions, (n - 4 + c,) [SI]."""
-        return np.concatenate([self._scale[self.frame.kept], np.ones(others)])
+        _, _, z, *yaw = self.frame.neutral
+        ways = [*yaw, *[z] * (others - len(yaw))]
+        return np.asarray(self._scale[self.frame.kept + ways])
 
     @np.errstate(all="ignore")
     def system(self, at: Point, shift: Array | None = None) -> tuple[Array, Array, Array]:
@@ -378,10 +383,14 @@ def _apart(unit: str, *values: float) -> list[str]:
     return [*next(k for k in told if k[0] != k[2] and k[1] != k[3]), name]
 
 
-def state_sizes(names: Sequence[str]) -> Array:
-    """Sizes that changes of states are measured by, (n,) [SI]."""
-    speeds = {f"velocity of {name}": 3.0 for name in "xyz"}
-    return np.array([speeds.get(k, 20.0 if k.startswith("velocity of ") else 1.0) for k in names])
+def state_sizes(names: Sequence[str], frequency: float = 8.0) -> Array:
+    """Sizes that changes of states are measured by, those of a beat of 8 Hz or another, (n,) [SI].
+
+    Turns of 1 rad and speeds of 3 m/s are large for any machine, rates and ways by its beat.
+    """
+    known = dict.fromkeys("xyz", 8.0 / frequency) | {f"velocity of {name}": 3.0 for name in "xyz"}
+    rate = 2.5 * frequency
+    return np.array([known.get(k, rate if k.startswith("velocity of ") else 1.0) for k in names])
 
 
 def parameter_sizes(family: GaitFamily) -> Array:
@@ -423,8 +432,9 @@ def trim(
         steps: Time steps of a beat, a multiple of 40.
         tolerable: Changes of states by name [SI] that weigh as much as a gait parameter changed
             by 0.3 of its unit, or the frequency by 0.3 of itself, where more than one orbit meets
-            the conditions; by default 1 rad, 3 m/s and 20 rad/s. Where given, the orbit is the
-            nearest by these sizes to what the search began from.
+            the conditions; those not named by 1 rad, 3 m/s and 20 rad/s. Where given, the orbit is
+            the nearest by these sizes to what the search began from; else steps are small by 1 rad,
+            3 m/s, and 2.5 rad/s for each Hz of the beat.
 
     Returns:
         The orbit; or a `NoOrbit` that says what stood in the way and what to do. `found` tells

@@ -6,15 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.robots import FLAPPER
 
 import patagium as pt
 from patagium.control import optimal_gait
 from patagium.control.gait_family import gait_family
-from patagium.control.gait_program import TOLERANCE, GaitProgram
+from patagium.control.gait_program import TOLERANCE, GaitProgram, _limited
 from patagium.control.optimal_gait import coefficients
 from patagium.control.trimming import Conditions, OrbitSearch, Point
 from patagium.control.wingbeat import FlightMap
 from patagium.errors import ParameterError
+from patagium.robot import load_robot_text
 from patagium.simulation.flight_summary import flight_summary
 
 from ...spoken import say
@@ -106,6 +108,27 @@ def test_derivatives_of_the_program_are_those_of_differences(ornithopter):
     # forward differences of 1e-6 within, central ones outside
     size = np.abs(expected).max()
     np.testing.assert_allclose(found[free], expected[free], atol=2e-4 * size)
+
+
+def test_a_joint_without_limits_stays_within_a_right_angle_of_its_own_mean():
+    """The bounds were about zero, and a hover whose wings feather about 90 deg began beyond."""
+    robot = load_robot_text(FLAPPER.replace(", limits: [-60 deg, 60 deg]", ""))
+    gait = pt.gaits.sinusoidal(
+        robot, frequency=9.0, plunge=0.6, feather=0.7, offset={"feather": np.pi / 2}
+    )
+    family = gait_family(robot, gait, ("plunge_sine_1", "feather_sine_1"))
+    flight = FlightMap(robot, pt.QuasiSteady(robot))
+    swings = _limited(flight, family, family.rows(family.neutral, 240, pt.Air()))
+    bounds = dict(zip(swings.names, zip(swings.low, swings.high, strict=True), strict=True))
+    assert bounds["left_feather"] == pytest.approx((0.0, np.pi))
+    assert bounds["left_plunge"] == pytest.approx((-np.pi / 2, np.pi / 2))
+
+
+def test_more_power_than_before_is_noted(best):
+    """It was told as optimal without a word."""
+    worse = replace(best, power_before=0.9 * best.power)
+    assert not best.note and "note" not in best.summary() and "note" not in repr(best)
+    assert worse.summary()["note"] == worse.note and "more power than before" in repr(worse)
 
 
 def test_named_parameters_are_the_least_power_of_a_trim(ornithopter):
