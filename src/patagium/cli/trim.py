@@ -107,8 +107,7 @@ def trim(
     level = 0.0 if gait.period else None
     if not as_json:
         kind = "Wingbeat" if gait.period else "Glide"
-        more = [*(f"polar {one}" for one in polar or ()), *(["inflow"] if inflow else [])]
-        air = f"{aero} air" + (f" with {' and '.join(more)}" if more else "")
+        air = ", ".join([f"{aero} air", *(f"polar {k}" for k in polar or ()), *["inflow"] * inflow])
         typer.echo(f"{kind} of the file's cruise, {air}; free: {', '.join(chosen)}", err=True)
     model, added, learned = orbit_air(
         aero, machine, polar, inflow, density, hovers=speed == 0 and gait.period is not None

@@ -147,9 +147,9 @@ def _limited(flight: FlightMap, family: GaitFamily, rows: PrescribedRows) -> _Sw
         for name, actuator in robot.actuators.items():
             kind, answering = robot.command(name)
             swing = actuator.range if kind == "amplitude" and joint in answering else swing
-        far = family.base.mean[k] + FARTHEST * np.array([-1.0, 1.0])
-        own = np.array([robot.lower[i], robot.upper[i]])
-        limits = [(k, *np.where(np.isfinite(own), own, far), *swing)]
+        own, mean = np.array([robot.lower[i], robot.upper[i]]), family.base.mean[k]
+        ends = np.where(np.isfinite(own), own, (mean - FARTHEST, mean + FARTHEST))
+        limits = [(k, *ends, *swing)]
         for order, rates in ((1, robot.speed_limit), (2, robot.acceleration_limit)):
             if rates and np.isfinite(rates[i]):
                 limits.append((k + order * n, -rates[i], rates[i], 0.0, np.inf))

@@ -84,9 +84,8 @@ class OptimalGait:
     @property
     def note(self) -> str:
         """Warning where the least power is more than before; empty elsewhere."""
-        if self.goal != "power" or self.power <= 1.001 * self.power_before:
-            return ""
-        return "more power than before: the gait begun from exceeds a limit, or minima are several"
+        told = "more power than before: that gait exceeds a limit, or minima are several"
+        return told if self.goal == "power" and self.power > 1.001 * self.power_before else ""
 
     def summary(self) -> dict[str, Any]:
         """Gait as facts by name, with their units."""
@@ -104,8 +103,8 @@ class OptimalGait:
             facts["power_of_best_sinusoid_W"] = self.sinusoid.power
             facts["saved_over_sinusoid"] = 1.0 - self.power / self.sinusoid.power
         facts |= {"kkt_residual": self.residual, "iterations": self.iterations}
-        facts |= {"note": self.note} if self.note else {}
-        return facts | {"held_by": list(self.held)} | self.orbit.summary()
+        told = {"note": self.note} if self.note else {}
+        return facts | told | {"held_by": list(self.held)} | self.orbit.summary()
 
     def __repr__(self) -> str:
         orbit, best = self.orbit, self.sinusoid

@@ -117,8 +117,7 @@ class Orbit:
         speed: Mean speed forward [m/s].
         climb: Mean speed upward [m/s].
         turn_rate: Mean rate of the heading [rad/s].
-        residual: Largest misfit of a segment, of the return and of the conditions, over the size of
-            its state in the search where that is more than 1 [SI].
+        residual: Largest misfit of segments, return and conditions, over sizes of more than 1 [SI].
         iterations: Newton steps that were taken.
     """
 

@@ -143,24 +143,23 @@ class OrbitSearch:
         steps: int,
         tolerable: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
-        self.map, self.family, self.steps = flight_map, family, steps
-        self.frame = Frame(flight_map.names)
+        self.map, self.family, self.steps, names = flight_map, family, steps, flight_map.names
+        self.frame = Frame(names)
         self.still = np.zeros(len(family.names), bool)
-        self._scale = state_sizes(flight_map.names, family.base.frequency)
+        self._scale = state_sizes(names, family.base.frequency)
         self._reach = parameter_sizes(family)
         self._commands = []
         for name, actuator in flight_map.robot.actuators.items():
             kind, joints = flight_map.robot.command(name)
             places = map(family.base.joints.index, joints)
             self._commands += [(name, actuator, kind, place) for place in places]
-        own = state_sizes(flight_map.names) if tolerable else self._scale
-        sizes = dict(zip(flight_map.names, own, strict=True))
+        sizes = dict(zip(names, state_sizes(names) if tolerable else self._scale, strict=True))
         for name, value in tolerable.items():
             if name not in sizes:
                 raise ParameterError("tolerable", f"one of {', '.join(sizes)}", name, tuple(sizes))
             sizes[name] = positive(f"tolerable: {name}", value)
         self._size = np.array([sizes[name] for name in self.frame.names])
-        self._pitch = [k for k, name in enumerate(flight_map.names) if name == "pitch"]
+        self._pitch = [k for k, name in enumerate(names) if name == "pitch"]
         self.iterations = self.points = 0
 
     @np.errstate(all="ignore")  # a flight that breaks is of infinite size
@@ -174,17 +173,13 @@ class OrbitSearch:
         others, ways, rates = conditions.beside(frame, flown.ends[-1], period)
         misfit = np.r_[end[frame.kept] - states[0][frame.kept], others]
         gaps = flown.ends[:-1] - states[1:]
-        scales = self._scale, self.rows_scale(len(others))
-        size = float(np.linalg.norm(np.r_[(gaps / scales[0]).ravel(), misfit / scales[1]]))
+        _, _, z, *yaw = frame.neutral
+        rest = self._scale[[*frame.kept, *yaw, *[z] * (len(others) - len(yaw))]]
+        size = float(np.linalg.norm(np.r_[(gaps / self._scale).ravel(), misfit / rest]))
         slope = np.vstack([turned[frame.kept], ways])
         by_period = np.r_[np.zeros(len(frame.kept)), rates]
-        return Point(states, values, flown, rows, gaps, misfit, slope, by_period, scales, size)
-
-    def rows_scale(self, others: int) -> Array:
-        """Scales of the misfits: return, then the other conditions, (n - 4 + c,) [SI]."""
-        _, _, z, *yaw = self.frame.neutral
-        ways = [*yaw, *[z] * (others - len(yaw))]
-        return np.asarray(self._scale[self.frame.kept + ways])
+        sizes = self._scale, rest
+        return Point(states, values, flown, rows, gaps, misfit, slope, by_period, sizes, size)
 
     @np.errstate(all="ignore")
     def system(self, at: Point, shift: Array | None = None) -> tuple[Array, Array, Array]:
@@ -213,9 +208,8 @@ class OrbitSearch:
         longer = at.rows.step_slopes * at.rows.steps
         values = at.slope @ by_value + np.outer(at.by_period, longer)
         right = -(at.misfit + at.slope @ gap + at.by_period * (longer @ shift))
-        rows = self.rows_scale(len(right) - len(kept))
-        scaled = np.hstack([matrix * self._size, values * self.reach]) / rows[:, None]
-        return scaled, right / rows, nodes
+        scaled = np.hstack([matrix * self._size, values * self.reach]) / at.scales[1][:, None]
+        return scaled, right / at.scales[1], nodes
 
     def step(self, at: Point, held: Array) -> tuple[Array, Array]:
         """Newton step of all nodes, (m, n), and of the parameters, (p,), some to values held."""
@@ -384,13 +378,10 @@ def _apart(unit: str, *values: float) -> list[str]:
 
 
 def state_sizes(names: Sequence[str], frequency: float = 8.0) -> Array:
-    """Sizes that changes of states are measured by, those of a beat of 8 Hz or another, (n,) [SI].
-
-    Turns of 1 rad and speeds of 3 m/s are large for any machine, rates and ways by its beat.
-    """
-    known = dict.fromkeys("xyz", 8.0 / frequency) | {f"velocity of {name}": 3.0 for name in "xyz"}
+    """Sizes that changes of states are measured by, at a frequency of the beat, (n,) [SI]."""
+    own = {f"velocity of {k}": 3.0 for k in "xyz"} | dict.fromkeys("xyz", 8.0 / frequency)
     rate = 2.5 * frequency
-    return np.array([known.get(k, rate if k.startswith("velocity of ") else 1.0) for k in names])
+    return np.array([own.get(k, rate if k.startswith("velocity of ") else 1.0) for k in names])
 
 
 def parameter_sizes(family: GaitFamily) -> Array:
@@ -432,9 +423,8 @@ def trim(
         steps: Time steps of a beat, a multiple of 40.
         tolerable: Changes of states by name [SI] that weigh as much as a gait parameter changed
             by 0.3 of its unit, or the frequency by 0.3 of itself, where more than one orbit meets
-            the conditions; those not named by 1 rad, 3 m/s and 20 rad/s. Where given, the orbit is
-            the nearest by these sizes to what the search began from; else steps are small by 1 rad,
-            3 m/s, and 2.5 rad/s for each Hz of the beat.
+            the conditions; others by 1 rad, 3 m/s and 20 rad/s. Where given, the orbit is the
+            nearest by these sizes to what the search began from; else its rates follow the beat.
 
     Returns:
         The orbit; or a `NoOrbit` that says what stood in the way and what to do. `found` tells
@@ -654,7 +644,7 @@ _LEVER = {"f": 0.1, "m": 1.0}
 def _mean_wrench(search: OrbitSearch, at: Point, left: Array) -> dict[str, float]:
     """Mean force [N] and moment [N m] along x, y, z that would make scaled changes in a beat."""
     robot, names = search.map.robot, search.map.names
-    misfit = left * search.rows_scale(len(left) - len(search.frame.kept))
+    misfit = left * at.scales[1]
     axes = [name for name in FLOATING_COORDINATES if name in names]
     change = dict.fromkeys(axes, 0.0)
     for k, name in enumerate(search.frame.names):

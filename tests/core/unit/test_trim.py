@@ -435,7 +435,7 @@ def test_the_verb_finds_writes_and_says_what_next(tmp_path, capsys):
 def test_the_verb_names_the_air_that_flies(capsys):
     """It said quasi-steady air whatever the polar and the inflow were."""
     _, _, err = say(capsys, "trim", "aerobat", "--polar", "dickinson", "--inflow")
-    assert "cruise, quasi-steady air with polar dickinson and inflow; free: " in err
+    assert "cruise, quasi-steady air, polar dickinson, inflow; free: " in err
 
 
 def test_the_verb_says_what_lacks(capsys):
