@@ -14,7 +14,7 @@ from math import inf, isfinite
 from textwrap import fill
 from typing import Any, Literal, NamedTuple, TypeAlias
 
-from patagium.errors import ParameterError, ShapeError, plain
+from patagium.errors import ParameterError, ShapeError
 
 FILTERS = ("cubature", "extended")
 """Learners whose weights a filter moves."""
@@ -137,8 +137,9 @@ class _Checked:
 
     def __post_init__(self) -> None:
         for one in fields(self):
-            value = plain(getattr(self, one.name))
-            object.__setattr__(self, one.name, value)
+            value = getattr(self, one.name)
+            if getattr(value, "shape", None) == ():  # a number of NumPy
+                object.__setattr__(self, one.name, value := value.item())
             if value is None and one.default is not None:
                 raise ParameterError(one.name, one.metadata["meaning"].range, value)
             if str(one.type).startswith("Numbers") and value is not None:

@@ -166,8 +166,6 @@ def tune(
         LogError: If the journal is of another question, or every trial was refused.
         OutputError: If the journal cannot be written, or another process writes it.
     """
-    if trials < LEAST_TRIALS:
-        raise ParameterError("trials", f"at least {LEAST_TRIALS}", trials)
     networks = _several("network", network)
     for one in networks:
         network_options(str(one.describe()["kind"]))  # one that no file can name is refused
@@ -180,6 +178,8 @@ def tune(
     _refuse_other_air([*flights, *(one for _, one in others)])
     exams = tuple(_exam(flights, one, every, (tuple(others), ahead, source)) for one in networks)
     problem = _problem(exams, networks, learner, chosen, seed)
+    if trials < LEAST_TRIALS:
+        raise ParameterError("trials", f"at least {LEAST_TRIALS}", trials)
     with nullcontext() if journal is None else locked(journal):
         workers, book = partial(pool, jobs), TrialJournal(problem.question(), journal)
         return problem.tuned(_scored_trials(problem, trials, workers, book, progress))
