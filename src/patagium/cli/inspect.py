@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -109,7 +110,7 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
                 text = f"{{column: {name}, unit: {unit}}}"
                 shared = f"{text[:-1]}, {time[1:]}" if "column" not in time else time
                 time = shared if one.name else text
-            elif field.unit in ("N", "N m", "N mm") or _FORCES.search(field.name):
+            elif _of_force(field.unit) or _FORCES.search(field.name):
                 outputs.append(f"  - {text}")
             else:
                 inputs.append(f"  - {text}")
@@ -120,6 +121,14 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
     time += "".join(f"  # {one.text}" for one in found.findings if one.kind == "unit of time")
     lines = [f"time: {time}", "inputs:", *inputs, "outputs:", *outputs]
     return "\n".join([*lines, ""])
+
+
+def _of_force(unit: str) -> bool:
+    from patagium.sensing.logs.mapping import conversion
+
+    with suppress(LogError):  # a unit that the file states need not be one that we know
+        return conversion(unit, None, unit)[1] in ("N", "N m")
+    return False
 
 
 _UNIT = re.compile(r"\s*\[(?!\d+\])[^\]]*\]$")

@@ -117,6 +117,8 @@ def _summary(found: xr.Dataset, forces: ForceSamples) -> dict[str, Any]:
     result["forces"], robot = {}, forces.robot
     for name in forces.measured:
         force, std = forces.force[:, k := robot.index(name)], forces.std[:, k]
+        if not np.isfinite(force).any():
+            continue
         result["forces"][name] = {
             "unit": robot.force_units[k],
             "mean": float(np.nanmean(force)),

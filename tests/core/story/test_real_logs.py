@@ -142,7 +142,8 @@ def test_a_mapping_with_an_imported_log_is_refused(
     assert say("identify", out, "--mapping", mapping, *stds) == 2
     assert "carries its own" in capsys.readouterr().err
     assert say("identify", out, *stds) == 2
-    assert "named channels only: acc.x" in capsys.readouterr().err
+    told = capsys.readouterr().err  # it refused without the command that `import` proposes
+    assert "named channels only: acc.x" in told and "`patagium motion " in told
     assert say("check", out, "--json") == 0
     assert json.loads(capsys.readouterr().out)["numbers"] == ["acc.x [m/s^2]"]
 

@@ -560,7 +560,9 @@ def test_microseconds_of_a_slow_ulog_topic_are_no_alarm(recordings: Any, tmp_pat
     assert not import_log(log, parse_mapping(words), tmp_path / "out.nc").findings
     words["time"] = {"column": "timestamp", "unit": "s"}  # of a person, and wrong
     found = import_log(log, parse_mapping(words), tmp_path / "out.nc").findings
-    assert {one.kind for one in found} == {"unit of time"}
+    assert {one.kind for one in found} == {"unit of time", "unit"}
+    words["time"] = {"column": "timestamp"}  # in the unit of the format
+    assert not import_log(log, parse_mapping(words), tmp_path / "out.nc").findings
 
 
 @pytest.mark.parametrize(("unit", "kinds"), [("m/s^2", set()), ("m/s", set()), ("N", {"unit"})])

@@ -1,8 +1,10 @@
 """Tables as rigs write them: units without a space, decimal commas, wraps, footers."""
 
+import json
 from pathlib import Path
 from typing import Any
 
+import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
@@ -270,3 +272,69 @@ def test_a_doubted_unit_of_time_is_doubted_in_the_mapping_to_begin_from(tmp_path
     )
     line = template(tmp_path / "log.csv").splitlines()[0]
     assert line.startswith('time: {column: "timestamp", unit: s}  # ') and line.endswith("ms?")
+
+
+@pytest.mark.parametrize(
+    ("unit", "duration", "told"), [(None, 8.97, False), ("min", 8.97, False), ("s", 0.1495, True)]
+)
+def test_stamps_are_in_the_unit_that_the_file_states(
+    unit: str | None, duration: float, told: bool, tmp_path: Path
+) -> None:
+    """Minutes of a header were taken for seconds, with nothing suspicious."""
+    rows = "".join(f"{0.0005 * k},{np.sin(0.1 * k)}\n" for k in range(300))
+    time = {"column": "t"} | ({"unit": unit} if unit else {})
+    words = {"time": time, "channels": [{"column": "y", "unit": "deg"}]}
+    found = imported(tmp_path, f"t [min],y [deg]\n{rows}", words)
+    assert found.duration == pytest.approx(duration)
+    assert any("say [min], the mapping [s]" in one.text for one in found.findings) == told
+
+
+def test_each_clock_of_a_file_has_its_own_unit(tmp_path: Path) -> None:
+    """The mapping that `inspect` writes had the stamps of all arrays in the unit of the first."""
+    clocks = {"enc": ("ms", 5.0, "angle", np.sin), "cell": ("s", 0.002, "fz", np.cos)}
+    with netCDF4.Dataset(tmp_path / "log.h5", "w") as file:
+        for name, (unit, step, value, wave) in clocks.items():
+            group = file.createGroup(name)
+            time = step * np.arange(2000 / step if unit == "ms" else 2 / step)
+            group.createDimension("n", len(time))
+            seconds = 1e-3 * time if unit == "ms" else time
+            for key, held in (("t", time), (value, wave(9 * seconds))):
+                group.createVariable(key, "f8", "n")[:] = held
+            group["t"].units = unit
+    template(tmp_path / "log.h5")
+    found = pt.import_log(tmp_path / "log.h5", tmp_path / "log.yaml", tmp_path / "out.nc")
+    assert not [one for one in found.findings if one.level == "warning"]
+    log = pt.load_log(found.path)
+    begin = float(log["time"][0]) if found.duration > 1.9 else np.nan
+    assert begin == pytest.approx(0.0, abs=0.01)
+    for name, wave in (("enc.angle", np.sin), ("cell.fz", np.cos)):
+        np.testing.assert_allclose(log[name], wave(9 * log["time"]), atol=2e-3)  # linear between
+
+
+def test_forces_in_any_unit_are_outputs_of_the_mapping_to_begin_from(tmp_path: Path) -> None:
+    """Forces in mN, kN, gf or N cm were among the inputs."""
+    units = ["mN", "kN", "gf", "lbf", "N cm", "mN m"]
+    head = ",".join(f"c{k} [{unit}]" for k, unit in enumerate(units))
+    rows = "".join(f"{k},{np.sin(k)}" + f",{np.cos(k)}" * len(units) + "\n" for k in range(300))
+    (tmp_path / "log.csv").write_text(f"t [ms],angle [deg],{head}\n{rows}")
+    inputs, _, outputs = template(tmp_path / "log.csv").partition("outputs:")
+    assert "angle" in inputs and all(f"unit: {unit}}}" in outputs for unit in units)
+
+
+def test_a_constant_pose_tells_nothing_of_the_stamps(tmp_path: Path) -> None:
+    """The pose of a tilted sting was said to have stamps that are uncertain by 0.1 s."""
+    body = "{floating: true, mass: 0.03, shape: {type: box, size: [0.06, 0.02, 0.02]}}"
+    (tmp_path / "sting.yaml").write_text(f"{{name: sting, bodies: {{sting: {body}}}}}")
+    pose = {"frame": "flu", "body": "flu", "order": "rpy", "unit": "deg", "name": "attitude"}
+    words = {
+        "time": TIME,
+        "robot": str(tmp_path / "sting.yaml"),
+        "channels": [
+            {"column": ["px", "py", "pz"], "unit": "m", "frame": "flu", "name": "position"},
+            {"column": ["roll", "pitch", "yaw"], **pose},
+        ],
+    }
+    rows = "".join(f"{0.002 * k:.3f},0,0,0,8,-12,25\n" for k in range(2500))
+    found = imported(tmp_path, f"t,px,py,pz,roll,pitch,yaw\n{rows}", words)
+    motion = pt.estimate_motion(sensor_log(found.path))
+    assert [one["jitter"] for one in json.loads(motion.findings)["noise"]] == [0.0, 0.0]

@@ -98,7 +98,13 @@ def motion_and_force(
     found.force[unknown] = np.nan
     found.covariance[unknown] = np.nan
     base = floating_base(found.robot)
-    if mount is not None and base is not None and not unknown.all():
+    some = base is not None and np.isfinite(found.force[:, base.place]).all(axis=1).sum() > 1
+    if mount is not None and base is not None and not some:
+        facts["notes"].append(
+            "Warning: load cell: no force of the air is known, for no two samples have a motion "
+            "that is known and all numbers of the load cell"
+        )
+    elif mount is not None and base is not None:
         facts["notes"] += _arm_notes(mount.measured.values, wing_span(found.robot))
         weight = found.robot.mass * found.robot.gravity
         lift = float(np.nanmean(found.force[:, base.place[2]])) / weight

@@ -39,7 +39,7 @@ class TimeColumn(_Words):
 
     Attributes:
         column: Name of the column or field with stamps; empty for the stamps of messages.
-        unit: Unit of the stamps, a time.
+        unit: Unit of the stamps, a time; that which the file states, or s, if left out.
         base: Stamps of messages: those in their `header`, or the times at which they were
             `received`; None takes the header's where there is one.
         rate: Rate of the common time base, such as "200 Hz".
@@ -54,7 +54,7 @@ class TimeColumn(_Words):
     """
 
     column: str = ""
-    unit: str = "s"
+    unit: str | None = None
     base: Literal["header", "received"] | None = None
     rate: str | float | None = None
     like: str | None = None
@@ -261,7 +261,7 @@ def parse_mapping(words: Any, source: str = "mapping", text: str = "") -> TableM
         mapping = TableMapping.model_validate(words)
     except ValidationError as problem:
         raise refused(source, problem.errors(), TableMapping, text) from None
-    conversion(mapping.time.unit, "s", f"{source}: time ({mapping.time.column})")
+    conversion(mapping.time.unit or "s", "s", f"{source}: time ({mapping.time.column})")
     for column in mapping.columns:
         conversion(column.unit, column.as_unit, f"{source}: {column.label}")
     return mapping

@@ -16,7 +16,7 @@ import xarray as xr
 from patagium.aerodynamics import Air
 from patagium.arguments import checked
 from patagium.arrays import Array
-from patagium.errors import FlightError, LogError
+from patagium.errors import FlightError, LogError, command
 from patagium.netcdf_file import kind_of, loaded_dataset, netcdf_content, open_netcdf
 from patagium.reading import parsed_json
 from patagium.robot import Robot, load_robot_text
@@ -167,7 +167,10 @@ class LogRecord:
         if not inputs or not outputs:
             raise LogError(
                 f"{self.path}: expected inputs and outputs, but its mapping named channels only: "
-                f"{', '.join(self.labels[:12])}"
+                f"{', '.join(self.labels[:12])}; from sensors of a robot "
+                + command("`patagium motion {}", self.path)
+                + " --robot ROBOT" * (self.robot is None)
+                + "` finds the motion and the forces, to learn from"
             )
         time = self.time(begin, end)
         return LogTable(

@@ -1,7 +1,7 @@
 """Jumps of an encoder, of drop-outs and of a counter that was reset.
 
-A jump is a step that no motion before and after it makes. Neglected: jumps three to ten samples
-apart, and a reset in a gap of the stamps.
+A jump is a step that no motion before and after it makes. Neglected: drop-outs by less than
+four steps of the motion, those in the first or last samples, and a reset in a gap of the stamps.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ _SWING = 0.3
 """Least motion between jumps over the largest of them: less is of positions held in turn."""
 _APART = 3
 """Samples from a step from which others tell the motion."""
-_BRIEF = 3
+_ALIKE = 3.0
+"""Most times that the step back from a drop-out is of the one to it, or the other way."""
+_BRIEF = 50
 """Most samples between a jump and the one back that are a drop-out."""
 
 
@@ -34,20 +36,24 @@ def jumps_of(values: Array) -> tuple[Indices, Array]:
     none: tuple[Indices, Array] = np.empty(0, np.int64), np.empty(0)
     if len(values) <= 4 * _BESIDE:
         return none
-    change = np.nan_to_num(np.diff(np.pad(values, _BESIDE, mode="edge")))
+    onwards = np.pad(values, _BESIDE, mode="reflect", reflect_type="odd")  # as it moves there
+    change = np.nan_to_num(np.diff(onwards))
     size = np.abs(change)
-    beside = [size[_BESIDE + k : len(size) - _BESIDE + k] for k in (-_APART, _APART)]
-    size = size[_BESIDE:-_BESIDE]
-    steps = np.flatnonzero(size > _FASTER * np.maximum(*beside))  # few, of which all is looked at
-    windows = sliding_window_view(change, 2 * _BESIDE + 1)[steps]
     near = np.s_[_BESIDE - _APART + 1 : _BESIDE + _APART]
-    others = np.delete(windows, near, axis=1)
-    usual = np.median(others, axis=1, keepdims=True)
+    least = sliding_window_view(np.minimum(size[1:], size[:-1]), 2 * _BESIDE)
+    beside = least[:, [_BESIDE - _APART - 1, _BESIDE + _APART]].max(axis=1)
+    size = size[_BESIDE:-_BESIDE]
+    usual = np.median(np.append(size[size > 0], 0.0))
+    steps = np.flatnonzero(size > _FASTER * np.maximum(beside, usual))  # few, all looked at
+    windows = sliding_window_view(change, 2 * _BESIDE + 1)[steps]
+    others = np.where(_until_back(windows), np.nan, windows)
+    others[:, near] = np.nan
+    usual = np.nanmedian(others, axis=1, keepdims=True)
     before, away, after = (windows[:, near] - usual).T[1:4]
     onward = np.maximum(before, after, where=away > 0, out=-np.minimum(before, after))
-    scatter = np.maximum(np.abs(others - usual).max(axis=1), onward)
+    scatter = np.maximum(np.nanmax(np.abs(others - usual), axis=1), onward)
     scatter = np.maximum(scatter, 2 * count_noise(values[np.isfinite(values)]))
-    faster = size[steps] > _FASTER * np.abs(others).max(axis=1)
+    faster = size[steps] > _FASTER * np.nanmax(np.abs(others), axis=1)
     found = faster & (np.abs(away) > _AWAY * scatter)
     jumps, away = steps[found], away[found]
     parts = [one[np.isfinite(one)] for one in np.split(values, jumps + 1)]
@@ -55,6 +61,21 @@ def jumps_of(values: Array) -> tuple[Indices, Array]:
     if not len(jumps) or swing <= _SWING * size[jumps].max():
         return none
     return jumps, away
+
+
+def _until_back(windows: Array) -> Bools:
+    """Steps between that in the middle and the one back from where it led, (M, 2 _BESIDE + 1).
+
+    Args:
+        windows: Steps, (M, 2 _BESIDE + 1) [any unit].
+    """
+    place, away = np.arange(-_BESIDE, _BESIDE + 1), windows[:, _BESIDE, None]
+    share = -windows / np.where(away == 0, 1.0, away)
+    back = np.argmax(share, axis=1)[:, None]
+    alike = np.take_along_axis(share, back, axis=1)
+    inside = (place * (back - _BESIDE) >= 0) & (np.abs(place) <= np.abs(back - _BESIDE))
+    found: Bools = inside & (alike > 1 / _ALIKE) & (alike < _ALIKE)
+    return found
 
 
 def dropped_out(values: Array) -> Bools:
@@ -65,7 +86,9 @@ def dropped_out(values: Array) -> Bools:
     """
     jumps, away = jumps_of(values)
     found = np.zeros(len(values), bool)
-    back = (np.diff(jumps) <= _BRIEF) & (away[1:] * away[:-1] < 0)
+    apart = np.diff(jumps, prepend=-np.inf, append=np.inf)  # the shorter way is the fault
+    back = (apart[1:-1] < np.minimum(apart[:-2], _BRIEF + 1)) & (apart[1:-1] <= apart[2:])
+    back &= away[1:] * away[:-1] < 0
     for begin, end in zip(jumps[:-1][back], jumps[1:][back], strict=True):
         found[begin + 1 : end + 1] = True
     return found

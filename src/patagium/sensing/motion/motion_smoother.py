@@ -71,6 +71,8 @@ _QUIET, _EXACT = 5.0, 0.025
 """Noise of the spectrum over the least noise below which samples may be more exact than that, and
 how much: all where the motion follows less than 55 % of the noise, so that they tell it, and
 nothing from 80 %."""
+_STILL = 0.1
+"""Motion in a time step over the noise, up to which nothing tells the jitter of the stamps."""
 _FAR = 4.0
 """Standard deviations beyond which a sample loses weight."""
 
@@ -193,7 +195,9 @@ def _learn_part(
         right[0] += _PRIOR_COUNT * float(np.mean(stated / base))
     factor, jitter = right[0] / normal[0, 0], 0.0
     determinant = normal[0, 0] * normal[1, 1] - normal[0, 1] ** 2
-    if determinant > 0.05 * normal[0, 0] * normal[1, 1]:
+    step = float(np.median(np.diff(one.stream.time)))
+    moves = step**2 * rate[valid].mean() > _STILL**2 * base.mean()
+    if moves and determinant > 0.05 * normal[0, 0] * normal[1, 1]:
         both = np.array([normal[1, 1], -normal[0, 1]]) @ right / determinant
         late = np.array([-normal[0, 1], normal[0, 0]]) @ right / determinant
         if both > 0 and late > 0:

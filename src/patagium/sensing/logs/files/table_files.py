@@ -149,16 +149,16 @@ def guessed_base(
             unit = (match[2] and unit_of_suffix(stem)) or channels[column].unit or "s"
             plain = not match[2] and unit == "s"
             guess = f"column {column!r} taken for time in s; a mapping says it better"
-            return StampSource("column", column, _nanoseconds_in(unit) or 1e9), guess * plain
+            return StampSource("column", column, nanoseconds_in(unit) or 1e9), guess * plain
     for column in [*channels][:1]:
-        factor = 0.0 if _SPAN.search(column) else _nanoseconds_in(channels[column].unit)
+        factor = 0.0 if _SPAN.search(column) else nanoseconds_in(channels[column].unit)
         if factor:
             guess = f"first column {column!r} taken for time; a mapping says it better"
             return StampSource("column", column, factor), guess
     return StampSource("rows"), "no column is named like time; rows are counted instead"
 
 
-def _nanoseconds_in(unit: str) -> float:
+def nanoseconds_in(unit: str) -> float:
     """Nanoseconds in a unit of time; 0 of another unit."""
     try:
         return float(round(conversion(unit, "ns", "time")[0]))
@@ -1114,7 +1114,11 @@ class _Watched:
 
 def _topic(name: str, columns: Any) -> Topic:
     channels = {
-        field: Channel(field, str(np.asarray(values).dtype), unit_of_suffix(field))
+        field: Channel(
+            field,
+            str(np.asarray(values).dtype),
+            "us" if field.startswith("timestamp") else unit_of_suffix(field),
+        )
         for field, values in columns.items()
     }
     count = len(next(iter(columns.values()), ()))

@@ -11,7 +11,7 @@ from patagium.errors import LogError
 from patagium.robot import Robot
 from patagium.sensing.logs.axes import is_rotation
 from patagium.sensing.logs.files.channels import LogFile
-from patagium.sensing.logs.files.table_files import unit_of_suffix
+from patagium.sensing.logs.files.table_files import nanoseconds_in, unit_of_suffix
 from patagium.sensing.logs.importing.findings import (
     SENSED,
     Finding,
@@ -49,6 +49,11 @@ def log_findings(
         written = wanted.base.kind == "column" and not own
         kept = mapping.time.duplicates
         found += stamp_findings(name, survey.stamps, gap, written=written, kept=kept)
+        if written and mapping.time.unit and (channel := topic.channels[wanted.base.column]).unit:
+            stated = nanoseconds_in(channel.unit) if channel.dtype != "timestamp" else 0.0
+            if stated and abs(wanted.base.factor / stated - 1.0) > 1e-9:
+                text = _CONTRADICTED.format(channel.unit, mapping.time.unit)
+                found.append(Finding("warning", f"{name}, its stamps", "unit", text))
         median = survey.stamps.median
         if base.step > 2.01 * median:
             text = (
@@ -219,5 +224,8 @@ def _stated_unit(item: Quantity, plan: Plan, log: LogFile) -> list[Finding]:
         return []
     if "Twist" in log.topics[wanted.topic].kind and item.si == f"{si}^2":
         return []  # an acceleration, for which ROS has no widely used message of its own
-    text = f"the file or its definitions say [{stated}], the mapping [{item.column.unit}]"
+    text = _CONTRADICTED.format(stated, item.column.unit)
     return [Finding("warning", item.column.label, "unit", text)]
+
+
+_CONTRADICTED = "the file or its definitions say [{}], the mapping [{}]"

@@ -23,6 +23,7 @@ from patagium.sensing.logs.files.channels import (
     find_fields,
     find_topic,
 )
+from patagium.sensing.logs.files.table_files import nanoseconds_in
 from patagium.sensing.logs.mapping import TableMapping, ValueColumn, conversion
 
 LONGEST_NAME = 255
@@ -338,6 +339,9 @@ def _base(
         field = find_fields(topic, stamp, 1, where)[0]
         if topic.channels[field].dtype == "timestamp":
             return StampSource("column", field, 1.0)
+        stated = nanoseconds_in(topic.channels[field].unit)
+        if time.unit is None or (stated and time.column not in ("", stamp)):
+            return StampSource("column", field, stated or 1e9)
         return StampSource("column", field, conversion(time.unit, "s", where)[0] * 1e9)
     if time.base is not None:
         if topic.base.kind not in ("header", "received"):
