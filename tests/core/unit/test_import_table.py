@@ -349,9 +349,8 @@ def test_clean_motion_of_any_shape_does_not_jump(rng: np.random.Generator) -> No
         beat, count = rng.uniform(5, 100), int(rng.integers(300, 900))
         wave = 2 * np.pi * (np.arange(count) / beat + rng.random())
         angle = np.sin(wave) + rng.uniform(0, 0.5) * np.sin(2 * wave + 6 * rng.random())
-        angle = [angle, np.arcsin(np.sin(wave)), np.clip(angle, -0.3, 0.6), np.tanh(4 * angle)][
-            k % 4
-        ]
+        shapes = angle, np.arcsin(np.sin(wave)), np.clip(angle, -0.3, 0.6), np.tanh(4 * angle)
+        angle = shapes[k % 4]
         angle = angle + rng.choice([0.0, 3e-3]) * rng.standard_normal(count)
         step = rng.choice([1e-9, 1e-3, 0.05])
         angle = step * np.round(angle / step)

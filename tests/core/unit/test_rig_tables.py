@@ -286,7 +286,9 @@ def test_stamps_are_in_the_unit_that_the_file_states(
     words = {"time": time, "channels": [{"column": "y", "unit": "deg"}]}
     found = imported(tmp_path, f"t [min],y [deg]\n{rows}", words)
     assert found.duration == pytest.approx(duration)
-    assert any("say [min], the mapping [s]" in one.text for one in found.findings) == told
+    assert (
+        any("the file states [min], the mapping [s]" in one.text for one in found.findings) == told
+    )
 
 
 def test_each_clock_of_a_file_has_its_own_unit(tmp_path: Path) -> None:
@@ -324,7 +326,9 @@ def test_forces_in_any_unit_are_outputs_of_the_mapping_to_begin_from(tmp_path: P
 def test_a_constant_pose_tells_nothing_of_the_stamps(tmp_path: Path) -> None:
     """The pose of a tilted sting was said to have stamps that are uncertain by 0.1 s."""
     body = "{floating: true, mass: 0.03, shape: {type: box, size: [0.06, 0.02, 0.02]}}"
-    (tmp_path / "sting.yaml").write_text(f"{{name: sting, bodies: {{sting: {body}}}}}")
+    (tmp_path / "sting.yaml").write_text(
+        f"{{name: sting, gravity: 9.81, bodies: {{sting: {body}}}}}"
+    )
     pose = {"frame": "flu", "body": "flu", "order": "rpy", "unit": "deg", "name": "attitude"}
     words = {
         "time": TIME,

@@ -98,33 +98,34 @@ def motion_and_force(
     found.force[unknown] = np.nan
     found.covariance[unknown] = np.nan
     base = floating_base(found.robot)
-    some = base is not None and np.isfinite(found.force[:, base.place]).all(axis=1).sum() > 1
-    if mount is not None and base is not None and not some:
-        facts["notes"].append(
-            "Warning: load cell: no force of the air is known, for no two samples have a motion "
-            "that is known and all numbers of the load cell"
-        )
-    elif mount is not None and base is not None:
+    if mount is not None and base is not None:
+        if np.isfinite(found.force[:, base.place]).all(axis=1).sum() < 2:
+            facts["notes"].append("Warning: load cell: no two samples have a force that is known")
+            motion.attrs["findings"] = json.dumps(facts)
+            return motion, found
         facts["notes"] += _arm_notes(mount.measured.values, wing_span(found.robot))
         weight = found.robot.mass * found.robot.gravity
         lift = float(np.nanmean(found.force[:, base.place[2]])) / weight
         turned = replace(mount.measured, values=-mount.measured.values)
         other = inverse_dynamics_force(motion, joints=joints, mount=replace(mount, measured=turned))
-        along = _drag(motion["time"].values, found, other, list(base.place))
+        along = _drag(found, other, list(base.place))
         drifts = _late_notes(found, other, list(base.place))
         facts["notes"] += drifts
         if lift > _HELD_DOWN or (along > _DRIVEN and not drifts):
-            facts["notes"].append(
-                f"Warning: load cell: the air lifts {lift:.2g} times the weight and "
-                f"{'drives' if along > 0 else 'brakes'} the motion, or, if the cell shows what the "
-                f"robot does to it, lifts {2 - lift:.2g} times the weight and "
-                f"{'brakes' if along > 0 else 'drives'} it: then it lacks `negated: true` in the "
-                "mapping"
-            )
+            facts["notes"].append(_sign_note(lift, along))
         else:
             facts["notes"] += _zero_notes(motion, found, list(base.place))
     motion.attrs["findings"] = json.dumps(facts)
     return motion, found
+
+
+def _sign_note(lift: float, along: float) -> str:
+    first, other = ("drives", "brakes") if along > 0 else ("brakes", "drives")
+    return (
+        f"Warning: load cell: the air lifts {lift:.2g} times the weight and {first} the motion, "
+        f"or, if the cell shows what the robot does to it, lifts {2 - lift:.2g} times the weight "
+        f"and {other} it: then it lacks `negated: true` in the mapping"
+    )
 
 
 def _arm_notes(wrench: Array, span: float) -> list[str]:
@@ -138,20 +139,20 @@ def _arm_notes(wrench: Array, span: float) -> list[str]:
     ]
 
 
-def _drag(time: Array, found: ForceSamples, other: ForceSamples, place: list[int]) -> float:
+def _drag(found: ForceSamples, other: ForceSamples, place: list[int]) -> float:
     """Correlation of the force of the air with the momentum of the robot in the world [1].
 
     Args:
-        time: Times of the samples, (N,) [s].
         found: Force of the air.
         other: Force of the air if the cell has the other sign; the mean of both is all force, which
             changes the momentum.
         place: Places of x, y, z in q.
     """
     known = np.isfinite(found.force[:, place]).all(axis=1)
-    line = np.polynomial.polynomial.polyvander(time[known] - time[known][0], 1)
+    time = found.time[known]
+    line = np.polynomial.polynomial.polyvander(time - time[0], 1)
     whole = 0.5 * (found.force + other.force)[known][:, place]
-    pushed = np.cumsum((whole - whole.mean(axis=0)) * np.gradient(time[known])[:, None], axis=0)
+    pushed = np.cumsum((whole - whole.mean(axis=0)) * np.gradient(time)[:, None], axis=0)
     force, momentum = (
         one - line @ np.linalg.lstsq(line, one)[0] for one in (found.force[known][:, place], pushed)
     )

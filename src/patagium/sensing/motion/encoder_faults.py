@@ -46,7 +46,11 @@ def jumps_of(values: Array) -> tuple[Indices, Array]:
     usual = np.median(np.append(size[size > 0], 0.0))
     steps = np.flatnonzero(size > _FASTER * np.maximum(beside, usual))  # few, all looked at
     windows = sliding_window_view(change, 2 * _BESIDE + 1)[steps]
-    others = np.where(_until_back(windows), np.nan, windows)
+    share = -windows / windows[:, [_BESIDE]]  # of the step, by which others lead back
+    alike, back = share.max(axis=1), share.argmax(axis=1) - _BESIDE
+    back[(alike < 1 / _ALIKE) | (alike > _ALIKE)] = 0
+    along = np.arange(-_BESIDE, _BESIDE + 1) * np.sign(back)[:, None]
+    others = np.where((along > 0) & (along <= np.abs(back)[:, None]), np.nan, windows)
     others[:, near] = np.nan
     usual = np.nanmedian(others, axis=1, keepdims=True)
     before, away, after = (windows[:, near] - usual).T[1:4]
@@ -61,21 +65,6 @@ def jumps_of(values: Array) -> tuple[Indices, Array]:
     if not len(jumps) or swing <= _SWING * size[jumps].max():
         return none
     return jumps, away
-
-
-def _until_back(windows: Array) -> Bools:
-    """Steps between that in the middle and the one back from where it led, (M, 2 _BESIDE + 1).
-
-    Args:
-        windows: Steps, (M, 2 _BESIDE + 1) [any unit].
-    """
-    place, away = np.arange(-_BESIDE, _BESIDE + 1), windows[:, _BESIDE, None]
-    share = -windows / np.where(away == 0, 1.0, away)
-    back = np.argmax(share, axis=1)[:, None]
-    alike = np.take_along_axis(share, back, axis=1)
-    inside = (place * (back - _BESIDE) >= 0) & (np.abs(place) <= np.abs(back - _BESIDE))
-    found: Bools = inside & (alike > 1 / _ALIKE) & (alike < _ALIKE)
-    return found
 
 
 def dropped_out(values: Array) -> Bools:

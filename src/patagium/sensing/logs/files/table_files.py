@@ -1113,13 +1113,9 @@ class _Watched:
 
 
 def _topic(name: str, columns: Any) -> Topic:
-    channels = {
-        field: Channel(
-            field,
-            str(np.asarray(values).dtype),
-            "us" if field.startswith("timestamp") else unit_of_suffix(field),
-        )
-        for field, values in columns.items()
-    }
+    channels = {}
+    for field, values in columns.items():
+        unit = "us" if field.startswith("timestamp") else unit_of_suffix(field)
+        channels[field] = Channel(field, str(np.asarray(values).dtype), unit)
     count = len(next(iter(columns.values()), ()))
     return Topic(name, "ULog", count, channels, StampSource("column", "timestamp", 1e3))

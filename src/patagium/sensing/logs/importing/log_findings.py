@@ -52,7 +52,7 @@ def log_findings(
         if written and mapping.time.unit and (channel := topic.channels[wanted.base.column]).unit:
             stated = nanoseconds_in(channel.unit) if channel.dtype != "timestamp" else 0.0
             if stated and abs(wanted.base.factor / stated - 1.0) > 1e-9:
-                text = _CONTRADICTED.format(channel.unit, mapping.time.unit)
+                text = f"the file states [{channel.unit}], the mapping [{mapping.time.unit}]"
                 found.append(Finding("warning", f"{name}, its stamps", "unit", text))
         median = survey.stamps.median
         if base.step > 2.01 * median:
@@ -224,8 +224,5 @@ def _stated_unit(item: Quantity, plan: Plan, log: LogFile) -> list[Finding]:
         return []
     if "Twist" in log.topics[wanted.topic].kind and item.si == f"{si}^2":
         return []  # an acceleration, for which ROS has no widely used message of its own
-    text = _CONTRADICTED.format(stated, item.column.unit)
+    text = f"the file or its definitions say [{stated}], the mapping [{item.column.unit}]"
     return [Finding("warning", item.column.label, "unit", text)]
-
-
-_CONTRADICTED = "the file or its definitions say [{}], the mapping [{}]"
