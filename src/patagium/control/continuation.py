@@ -95,10 +95,10 @@ class Branch:
         return rows
 
     def __repr__(self) -> str:
-        first, last = self.values[[0, -1]]
+        low, high = self.values.min(), self.values.max()
         sizes = np.abs(self.multipliers[:, 0])
         told = [
-            f"branch of {len(self.orbits)} orbits along {self.along}, {first:.4g} to {last:.4g} "
+            f"branch of {len(self.orbits)} orbits along {self.along}, {low:.4g} to {high:.4g} "
             f"{self.unit}, {np.count_nonzero(sizes < 1)} of them stable",
             f"  free: {', '.join(self.free)}",
             *(f"  {one.kind} at {one.value:.5g} {self.unit}" for one in self.bifurcations),
@@ -271,6 +271,8 @@ class _Curve:
             if at.residual <= 0.1 * TOLERANCE and abs(off) <= TOLERANCE:
                 return at
             matrix, slope, right, nodes = self.equations(at)
+            if not np.isfinite(matrix).all():
+                return None
             more = slope if target is not None else row
             if more is not None:
                 matrix, right = np.vstack([matrix, more]), np.r_[right, off]
@@ -317,25 +319,21 @@ def _walk(
     if here.value == (high if way > 0 else low):
         return found, f"the limit {here.value:.5g} {curve.unit}"
     while len(found) < points:
-        ahead = curve.next(here, length)
-        if ahead is None:
+        ahead, end = curve.next(here, length), ""
+        if ahead is not None and not low <= ahead.value <= high:
+            limit = min(max(ahead.value, low), high)
+            at = curve.corrected(ahead.at, target=limit)
+            ahead = None if at is None else curve.placed(at, here.tangent, 1.0)
+            end = f"the limit {limit:.5g} {curve.unit}"
+        excess = "" if ahead is None else curve.search.excess(ahead.at.values)
+        if ahead is None or excess:
             length /= 2
             if length < _SHORTEST * longest:
-                return found, f"no orbit was found beyond {here.value:.5g} {curve.unit}"
+                return found, excess or f"no orbit was found beyond {here.value:.5g} {curve.unit}"
             continue
-        if not low <= ahead.value <= high:
-            end = low if ahead.value < low else high
-            at = curve.corrected(ahead.at, target=end)
-            if at is not None:
-                last = curve.placed(at, here.tangent, 1.0)
-                marks = _marks(curve, here, last, way, length)
-                found.append(last._replace(marks=marks))
-            return found, f"the limit {end:.5g} {curve.unit}"
-        if excess := curve.search.excess(ahead.at.values):
-            return found, excess
-        marks = _marks(curve, here, ahead, way, length)
-        ahead = ahead._replace(marks=marks)
-        found.append(ahead)
+        found.append(ahead._replace(marks=_marks(curve, here, ahead, way, length)))
+        if end:
+            return found, end
         here, length = ahead, min(1.5 * length, longest)
     return found, f"{points} orbits"
 

@@ -18,7 +18,7 @@ import numpy as np
 from patagium.arguments import Progress
 from patagium.arrays import Array, Bools, Indices
 from patagium.control.gait_family import GaitFamily
-from patagium.control.orbit import Frame
+from patagium.control.orbit import Frame, Orbit
 from patagium.control.trimming import Conditions, parameter_sizes, state_sizes
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.robot import Robot
@@ -121,7 +121,7 @@ class _Swings:
 
 @dataclass(frozen=True)
 class _Ranges:
-    """Ranges of frequency and means, which are linear in the parameters.
+    """Ranges of frequency, means and leads, which are linear in the parameters.
 
     Attributes:
         ways: Derivative of each by the parameters, (r, p).
@@ -167,21 +167,22 @@ def _limited(flight: FlightMap, family: GaitFamily, rows: PrescribedRows) -> _Sw
     return _Swings(columns.astype(np.int64), low, high, least, most, tuple(joints))
 
 
-def _frequency_and_means(family: GaitFamily) -> _Ranges:
-    """Ranges that actuators give frequency and means.
+def _linear_ranges(family: GaitFamily) -> _Ranges:
+    """Ranges that actuators give frequency, means and leads (over the gait at the beginning).
 
     A frequency without an actuator stays between half and twice that of the gait.
     """
-    robot, base, n = family.robot, family.base, len(family.base.joints)
-    own = base.frequency
+    robot, joints = family.robot, family.base.joints
+    own, mean, lead, _ = family.swings(family.neutral)
+    known = {"offset": ("mean", 1 + len(mean), mean), "phase": ("lead", 1 + 2 * len(mean), lead)}
     wanted = {"frequency": (0, own, (0.5 * own, 2.0 * own))}
     for name, actuator in robot.actuators.items():
-        kind, joints = robot.command(name)
+        kind, answering = robot.command(name)
         if kind == "frequency":
             wanted[name] = (0, own, actuator.range)
-        for joint in joints if kind == "offset" else ():
-            k = base.joints.index(joint)
-            wanted[f"mean of {joint}"] = (1 + n + k, float(base.mean[k]), actuator.range)
+        for k in map(joints.index, answering if kind in known else ()):
+            word, first, values = known[kind]
+            wanted[f"{word} of {joints[k]}"] = (first + k, float(values[k]), actuator.range)
     found: dict[tuple[float, ...], str] = {}
     for name, (place, own, (low, high)) in wanted.items():
         way = family.directions[:, place]
@@ -285,11 +286,10 @@ class GaitProgram:
     Args:
         flight: Map of the flight with the work of the joints.
         family: Gaits that the parameters reach.
-        steps: Time steps of a beat.
+        start: Orbit to begin from.
         goal: "power" for the least mean power, "range" for the least energy a meter, "speed" for
             the greatest speed.
         conditions: Conditions in addition to periodicity.
-        nodes: States to begin from, (m + 1, n) [SI].
 
     Attributes:
         begin: Scaled unknowns at the beginning.
@@ -302,19 +302,19 @@ class GaitProgram:
         self,
         flight: FlightMap,
         family: GaitFamily,
-        steps: int,
+        start: Orbit,
         goal: Goal,
         conditions: Conditions,
-        nodes: Array,
     ) -> None:
-        self.flight, self.family, self.steps = flight, family, steps
-        self.names, self.parts = flight.names[:-1], len(nodes) - 1
+        self.flight, self.family, self.steps = flight, family, start.steps
+        self.names, self.parts = flight.names[:-1], len(start.states)
+        nodes = np.vstack([start.states, start.segments.ends[-1]])
         self._sizes = state_sizes(self.names)
         self._cost, self._bends = _ends(self.names, family, goal, conditions)
-        rows = family.rows(family.neutral, steps, flight.aero.air)
+        rows = self._prescribed(family.neutral)
         self._swings = _limited(flight, family, rows)
-        self._ranges = _frequency_and_means(family)
-        self._samples = np.arange(_SAMPLES) * 2 * steps // _SAMPLES
+        self._ranges = _linear_ranges(family)
+        self._samples = np.arange(_SAMPLES) * 2 * self.steps // _SAMPLES
         motion = rows.table[self._samples][:, self._swings.columns]
         self._peaks = motion.argmax(axis=0), motion.argmin(axis=0)
         self._beyond = np.full((2, len(self._swings.columns)), _CLOSE)

@@ -288,13 +288,11 @@ def _optimal(
     robot, added_mass = start.robot, start.added_mass
     names = coefficients(robot, start.gait, harmonics) if free is None else tuple(free)
     family = gait_family(robot, start.gait, names)
-    plain = FlightMap(robot, start.aero, added_mass)
     if free is None:
-        family = _in_plane(plain, family, start)
-    search = OrbitSearch(plain, family, start.steps)
+        family = _in_plane(family, start)
+    search = OrbitSearch(start.map, family, start.steps)
     flight = FlightMap(robot, start.aero, added_mass, work=True)
-    nodes = np.vstack([start.states, start.segments.ends[-1]])
-    program = GaitProgram(flight, family, start.steps, goal, conditions, nodes)
+    program = GaitProgram(flight, family, start, goal, conditions)
     found = program.solve(progress)
     if not found.solved:
         return _not_found(family.names, found, program.overloads)
@@ -317,12 +315,16 @@ def _optimal(
     )
 
 
-def _in_plane(flight: FlightMap, family: GaitFamily, start: Orbit) -> GaitFamily:
-    """Family without the parameters that lead out of the plane of symmetry, such as a rudder's."""
-    rows = family.rows(family.neutral, start.steps, flight.aero.air)
-    slopes = flight.fly(start.states, rows).by_parameter
-    moved = np.abs(slopes[:, lateral_states(flight.names)])
-    kept = moved.max(axis=(0, 1)) < IN_PLANE
+def _in_plane(family: GaitFamily, start: Orbit) -> GaitFamily:
+    """Family without the parameters that lead out of the plane of symmetry, such as a rudder's.
+
+    It is the whole family where the orbit leaves that plane anyway, or where none would be left.
+    """
+    rows = family.rows(family.neutral, start.steps, start.aero.air)
+    lateral, slopes = lateral_states(start.names), start.map.fly(start.states, rows).by_parameter
+    kept = np.abs(slopes[:, lateral]).max(axis=(0, 1)) < IN_PLANE
+    if np.abs(start.states[:, lateral]).max() > IN_PLANE or not kept.any():
+        return family
     chosen = tuple(name for name, stays in zip(family.names, kept, strict=True) if stays)
     return replace(family, names=chosen, directions=family.directions[kept])
 

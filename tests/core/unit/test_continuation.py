@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from patagium.control import continue_orbit
 from patagium.control.continuation import crossing_kind
 from patagium.errors import ParameterError
 from patagium.robot import load_robot_text
+from patagium.robot.model import Actuator
 
 GLIDER = """
 name: glider
@@ -102,6 +104,8 @@ def test_a_robot_passes_a_fold_and_multipliers_vary_continuously(aerobat):
     for row, orbit in list(zip(branch.summary(), branch.orbits, strict=True))[::4]:
         assert row["stable"] == pt.control.floquet(orbit).stable
     assert f"fold at {fold.value:.5g} m/s" in repr(branch)
+    # Its two ends stood there, "3 to 3 m/s".
+    assert f"along speed, {branch.values.min():.4g} to 3 m/s" in repr(branch)
 
 
 def test_a_gait_parameter_is_a_parameter_too(aerobat):
@@ -111,6 +115,17 @@ def test_a_gait_parameter_is_a_parameter_too(aerobat):
     assert branch.orbits[-1].gait.frequency == pytest.approx(value)
     assert "frequency" in branch.free and len(branch.free) == 2  # and one that keeps the climb
     assert max(one.residual for one in branch.orbits) <= 1e-12
+
+
+@pytest.mark.parametrize("most", [1.0, 0.102])
+def test_a_branch_goes_up_to_the_limit_of_an_actuator(aerobat, most):
+    """It ended a whole step before, or beyond it where the end asked for was beyond it."""
+    actuators = {"feather_phase": Actuator("rad", (-0.1, 0.1), 5.0, 0.1, 1.0)}
+    robot = replace(aerobat.robot, actuators=actuators)
+    orbit = pt.trim(robot, free=("plunge_amplitude", "feather_offset"))
+    branch = continue_orbit(orbit, "feather_phase", (-most, most))
+    assert np.abs(branch.values[[0, -1]]) == pytest.approx([0.1, 0.1], abs=1e-4)
+    assert all("its actuator gives -5.7" in end for end in branch.ends)
 
 
 def test_crossings_bear_the_names_of_the_field():

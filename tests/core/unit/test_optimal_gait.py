@@ -17,6 +17,7 @@ from patagium.control.trimming import Conditions, OrbitSearch, Point
 from patagium.control.wingbeat import FlightMap
 from patagium.errors import ParameterError
 from patagium.robot import load_robot_text
+from patagium.robot.model import Actuator
 from patagium.simulation.flight_summary import flight_summary
 
 from ...spoken import say
@@ -82,10 +83,9 @@ def test_derivatives_of_the_program_are_those_of_differences(ornithopter):
     program = GaitProgram(
         FlightMap(robot, orbit.aero, work=True),
         gait_family(robot, orbit.gait, names),
-        orbit.steps,
+        orbit,
         "range",
         Conditions(0.0, 0.0, None),
-        np.vstack([orbit.states, orbit.segments.ends[-1]]),
     )
     random = np.random.default_rng(0)
     z = program.begin + 1e-3 * random.normal(size=len(program.begin))
@@ -140,6 +140,38 @@ def test_named_parameters_are_the_least_power_of_a_trim(ornithopter):
     assert least.power < beat.joint_work.values[-1] / trimmed.period
     again = pt.control.optimize(ornithopter, speed=4.2, free=free, start=least.orbit)
     assert again.orbit.speed == pytest.approx(4.2) and again.residual <= TOLERANCE
+
+
+def test_a_robot_that_is_not_symmetric_has_a_best_gait(ornithopter, best):
+    """Every parameter was left out, as each moves such a flight sideways: a bare ValueError."""
+    robot = ornithopter.with_parameters({"body.center_of_mass.y": 1e-4})
+    found = pt.control.optimize(robot, speed=4.0, harmonics=1)
+    assert found.found and found.residual <= TOLERANCE
+    assert found.power == pytest.approx(best.sinusoid.power, rel=1e-3)
+    rudder = found.orbit.gait.joints.index("rudder")
+    assert found.orbit.gait.mean[rudder] == pytest.approx(2.7e-3, abs=2e-4)
+
+
+def test_no_parameter_is_left_out_where_none_would_be_left(ornithopter):
+    """A family of the rudder alone became one without parameters, which ends in a ValueError."""
+    robot = replace(
+        ornithopter, actuators={"rudder_offset": ornithopter.actuators["rudder_offset"]}
+    )
+    start = pt.trim(robot, speed=4.0, free=("frequency", "elevation_offset"))
+    family = gait_family(robot, start.gait, ("rudder_offset",))
+    assert optimal_gait._in_plane(family, start) is family  # noqa: SLF001
+
+
+def test_a_phase_keeps_the_range_of_its_actuator():
+    """Its lead came out at several times what the actuator gives, and nothing was said."""
+    aerobat = pt.load_robot("aerobat")
+    actuators = {"feather_phase": Actuator("rad", (-0.02, 0.02), 5.0, 0.1, 1.0)}
+    robot, free = replace(aerobat, actuators=actuators), ("plunge_amplitude", "feather_offset")
+    start = pt.trim(robot, free=free)
+    found = pt.control.optimize(robot, speed=4.0, start=start, free=(*free, "feather_phase"))
+    assert found.found and found.residual <= TOLERANCE
+    assert abs(found.orbit.parameters["feather_phase"]) == pytest.approx(0.02, abs=1e-6)
+    assert any("lead of left_feather at its" in one for one in found.held)
 
 
 def test_the_usual_parameters_are_those_of_actuators(ornithopter):
