@@ -319,12 +319,11 @@ def _walk(
     if here.value == (high if way > 0 else low):
         return found, f"the limit {here.value:.5g} {curve.unit}"
     while len(found) < points:
-        ahead, end = curve.next(here, length), ""
+        ahead, end = curve.next(here, length), None
         if ahead is not None and not low <= ahead.value <= high:
-            limit = min(max(ahead.value, low), high)
-            at = curve.corrected(ahead.at, target=limit)
+            end = min(max(ahead.value, low), high)
+            at = curve.corrected(ahead.at, target=end)
             ahead = None if at is None else curve.placed(at, here.tangent, 1.0)
-            end = f"the limit {limit:.5g} {curve.unit}"
         excess = "" if ahead is None else curve.search.excess(ahead.at.values)
         if ahead is None or excess:
             length /= 2
@@ -332,8 +331,8 @@ def _walk(
                 return found, excess or f"no orbit was found beyond {here.value:.5g} {curve.unit}"
             continue
         found.append(ahead._replace(marks=_marks(curve, here, ahead, way, length)))
-        if end:
-            return found, end
+        if end is not None:
+            return found, f"the limit {end:.5g} {curve.unit}"
         here, length = ahead, min(1.5 * length, longest)
     return found, f"{points} orbits"
 
