@@ -80,16 +80,15 @@ class _Sensed:
         fast = [presets.icm_42688_p("body"), presets.as5600()]
         sensors = [*(replace(one, rate=RATE) for one in fast), camera]
         self.log, self.late = pt.sense(flight, sensors), camera.name
-        self.delays = {one.name: one.delay for one in sensors}
         self.places = Autopilot(self.tracker(), *self.others()).places
         stamps, forces = flight["time"].values, flight["u1"].values
         self.rows = np.full((round(duration * RATE), self.places["forces"].stop), np.nan)
         self.rows[:, 0] = self.begin + np.arange(1, len(self.rows) + 1) / RATE
         for name, stamp, values in self.log.samples():
-            k = int(np.searchsorted(self.rows[:, 0], stamp - 1e-9))
-            own = stamp - self.delays[name]
-            if own > self.begin and k < len(self.rows):
-                self.rows[k, self.places[name]] = [own, *values]
+            arrival = stamp + (camera.delay if name == self.late else 0.0)
+            k = int(np.searchsorted(self.rows[:, 0], arrival - 1e-9))
+            if stamp > self.begin and k < len(self.rows):
+                self.rows[k, self.places[name]] = [stamp, *values]
         places = np.searchsorted(stamps, self.rows[:, 0]).clip(max=len(forces) - 1)
         self.rows[:, self.places["forces"]] = forces[places]
 
@@ -101,7 +100,7 @@ class _Sensed:
         for name, stamp, values in self.log.samples():
             if made.started:
                 break
-            made.push(name, stamp - self.delays[name], values)
+            made.push(name, stamp, values)
         self.begin = made.span[1]
         return made
 
