@@ -130,7 +130,8 @@ class LinearStrips(Aerodynamics):
     """Air whose force is a sum of physical terms and corrections, such as a log has taught them.
 
     In strip axes at mid-chord, relative to the air, with u the forward and n the normal velocity,
-    s that along the span, p, r and y the rates of pitch, flap and yaw times the chord,
+    s that outward along the span, p, r and y the rates of pitch, flap and yaw times the chord,
+    those of the mirror image on the right side,
     V^2 = u^2 + n^2 + s^2, the corrections are
 
         s u, s n, r u, r n, y u, y n, and V^2 times f^3, f^2 d, f d^2, d^3, f^4, f^3 d, f^2 d^2,
@@ -213,7 +214,7 @@ class LinearStrips(Aerodynamics):
     def structure(self) -> str:
         """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
         chains = strip_chains(self.robot) if self.attached else ""
-        return f"{self.name} {surfaces_of(self.robot)} {chains}"
+        return f"{self.name} {surfaces_of(self.robot)} {sides_of(self.robot)} {chains}"
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -295,6 +296,7 @@ class StripSums:
     ) -> None:
         self._machine, self._robot, self._surfaces = machine, robot, surfaces_of(machine)
         self._motion, self._wind, self._density = motion, wind, density
+        self._sides = sides_of(machine)
         q, v, a = motion
         self._airflows = body_airflows(robot, q, v, wind)
         moving = zip(self._airflows, body_accelerations(robot, q, v, a, ca.SX(0)), strict=True)
@@ -316,9 +318,10 @@ class StripSums:
         """
         machine, jacobians = self._machine, _jacobians(self._robot, self._motion[0], rows)
         units, seen, wrenches = [], [], dict[tuple[int, str], ca.SX]()
-        for strip in self._robot.strips:
+        for k, strip in enumerate(self._robot.strips):
             of = strip.body, _kind(strip) if self._surfaces else ""
-            found = self._of_section(strip, jacobians[strip.body], wrenches.get(of, _NO_TERMS))
+            jacobian, before = jacobians[strip.body], wrenches.get(of, _NO_TERMS)
+            found = _section(jacobian.shape[1])(*self._seen(k), jacobian, before)
             polynomials, unit, wrenches[of] = found
             seen.append(polynomials)
             units.append(unit)
@@ -348,9 +351,7 @@ class StripSums:
         found = []
         for k, strip in enumerate(self._robot.strips):
             own = _of_strip(terms, self._machine, self._surfaces, strip)
-            load = _load()(
-                self._motions[strip.body], _numbers(strip), self._density, corrections, own
-            )
+            load = _load()(*self._seen(k), corrections, own)
             found.append(load + lifts[k] @ terms[-2:] if lifts else load)
         return found
 
@@ -387,10 +388,10 @@ class StripSums:
         circulation = carried.circulation_force(robot, q, v, wind, factor)
         return ca.horzcat(self.elements.generalized_force, ideal, circulation)
 
-    def _of_section(self, strip: Strip, jacobian: ca.SX, before: ca.SX) -> list[ca.SX]:
-        """Results of `_section` for a strip."""
-        motion, section = self._motions[strip.body], _section(jacobian.shape[1])
-        return list(section(motion, _numbers(strip), self._density, jacobian, before))
+    def _seen(self, k: int) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Inputs of `_Section` for a strip."""
+        strip = self._robot.strips[k]
+        return self._motions[strip.body], _numbers(strip, self._sides[k]), self._density
 
 
 class StripFlow:
@@ -448,9 +449,10 @@ def _size(x: ca.SX) -> ca.SX:
 _NO_TERMS = ca.SX.zeros(6, len(STRIP_TERMS))
 
 
-def _polynomials(velocity: ca.SX, spin: ca.SX) -> ca.SX:
-    """Polynomials of the flow, (17, 1) [m^2/s^2]; see `LinearStripNetwork`."""
+def _polynomials(velocity: ca.SX, spin: ca.SX, side: ca.SX) -> ca.SX:
+    """Polynomials of the flow, (17, 1) [m^2/s^2], of its mirror image on the right."""
     (u, n, s), (_, r, y) = ca.vertsplit(velocity), ca.vertsplit(spin)
+    s, r, y = side * s, side * r, side * y
     speed = _speed(velocity)
     f, d = u / speed, n / speed
     spanwise = [s * u, s * n, r * u, r * n, y * u, y * n]
@@ -507,17 +509,29 @@ class _Section(NamedTuple):
             `_numbers`, density.
         flow: Velocity [m/s], spin [m/s] and rates [m^2/s^2], in axes of the strip.
         unit: Wrench on the body of unit coefficients, (6, 4) [N, N m].
+        side: See `sides_of`.
     """
 
     inputs: tuple[ca.SX, ca.SX, ca.SX]
     flow: tuple[ca.SX, ca.SX, ca.SX]
     unit: ca.SX
+    side: ca.SX
+
+    @property
+    def polynomials(self) -> ca.SX:
+        """Polynomials of the corrections, (17, 1) [m^2/s^2]."""
+        return _polynomials(*self.flow[:2], self.side)
+
+    @property
+    def outward(self) -> ca.SX:
+        """Wrench on the body of unit coefficients of the corrections, (6, 4) [N, N m]."""
+        return ca.horzcat(self.unit[:, :2], self.side * self.unit[:, 2], self.unit[:, 3])
 
 
 @functools.cache
 def _of_any() -> _Section:
     """Any strip."""
-    motion, numbers, density = ca.SX.sym("motion", 3, 4), ca.SX.sym("strip", 11), ca.SX.sym("rho")
+    motion, numbers, density = ca.SX.sym("motion", 3, 4), ca.SX.sym("strip", 12), ca.SX.sym("rho")
     linear, w, dw, rising = ca.horzsplit(motion)
     place, forward, normal = numbers[:3], numbers[3:6], numbers[6:9]
     chord, width, span = numbers[9], numbers[10], cross(normal, forward)
@@ -530,7 +544,7 @@ def _of_any() -> _Section:
     moments = [cross(middle, forward), cross(middle, normal), cross(middle, span), -span * chord]
     unit = ca.vertcat(ca.horzcat(axes, ca.SX.zeros(3, 1)), ca.horzcat(*moments))
     unit = density / 2 * chord * width * unit
-    return _Section((motion, numbers, density), (velocity, spin, rate), unit)
+    return _Section((motion, numbers, density), (velocity, spin, rate), unit, numbers[11])
 
 
 @functools.cache
@@ -542,14 +556,14 @@ def _section(rows: int) -> ca.Function:
     the wrench with its own terms.
     """
     jacobian, before = ca.SX.sym("jacobian", 6, rows), ca.SX.sym("before", _NO_TERMS.shape)
-    inputs, flow, unit = _of_any()
+    of = _of_any()
     return ca.Function(
         f"each_section_{rows}",
-        [*inputs, jacobian, before],
+        [*of.inputs, jacobian, before],
         [
-            _polynomials(*flow[:2]),
-            ca.densify(jacobian.T @ unit),
-            before + unit @ _strip_terms(*flow),
+            of.polynomials,
+            ca.densify(jacobian.T @ of.outward),
+            before + of.unit @ _strip_terms(*of.flow),
         ],
         {"never_inline": True},
     )
@@ -562,15 +576,29 @@ def _load() -> ca.Function:
     Given the inputs of `_Section`, the corrections (4, 17) and weights of its terms, (m,).
     """
     corrections = ca.SX.sym("corrections", OUTPUTS, sum(CORRECTIONS))
-    weights, (inputs, flow, unit) = ca.SX.sym("weights", len(STRIP_TERMS)), _of_any()
-    coefficients = corrections @ _polynomials(*flow[:2]) + _strip_terms(*flow) @ weights
-    given, result = [*inputs, corrections, weights], ca.densify(unit @ coefficients)
+    weights, of = ca.SX.sym("weights", len(STRIP_TERMS)), _of_any()
+    corrected = of.outward @ (corrections @ of.polynomials)
+    result = ca.densify(corrected + of.unit @ (_strip_terms(*of.flow) @ weights))
+    given = [*of.inputs, corrections, weights]
     return ca.Function("each_load", given, [result], {"never_inline": True})
 
 
-def _numbers(strip: Strip) -> ca.SX:
-    """Quarter chord, forward and normal direction, chord and width of a strip, (11, 1)."""
-    return ca.vertcat(*strip.quarter_chord, *strip.forward, *strip.normal, strip.chord, strip.width)
+def _numbers(strip: Strip, side: int) -> ca.SX:
+    """Quarter chord, forward and normal direction, chord, width and side of a strip, (12, 1)."""
+    size = strip.chord, strip.width, side
+    return ca.vertcat(*strip.quarter_chord, *strip.forward, *strip.normal, *size)
+
+
+def sides_of(robot: Robot) -> tuple[int, ...]:
+    """Side of each strip: 1 where its span, normal x forward, goes outward, else -1, 0 in between.
+
+    The corrections see strips of both sides as mirror images of each other.
+
+    Args:
+        robot: The machine, in numbers.
+    """
+    out = [np.dot(np.cross(s.normal, s.forward), s.quarter_chord) / s.width for s in robot.strips]
+    return tuple(int(np.sign(np.round(one, 9))) for one in out)
 
 
 def _bare(robot: Robot) -> list[int]:

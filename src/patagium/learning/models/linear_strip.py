@@ -24,6 +24,7 @@ from patagium.aerodynamics.linear_strips import (
     OUTPUTS,
     LinearStrips,
     StripSums,
+    sides_of,
     surfaces_of,
     terms_of,
 )
@@ -46,7 +47,10 @@ ATTACHED_SHARE = 0.25
 """Prior of corrections where flow is attached, over that elsewhere [1]."""
 _STDS = 0.5, 0.2  # prior of the corrections, `CORRECTIONS` of each kind
 _POLYNOMIALS = sum(CORRECTIONS)
-_TERMS = "of the whole velocity", "with side edges"  # in files: what the weights mean, attached
+_TERMS = (
+    "of the whole velocity, mirrored",
+    "with side edges, mirrored",
+)  # in files: what the weights mean, attached
 
 
 class LinearStripNetwork(WingNetwork):
@@ -115,8 +119,9 @@ class LinearStripNetwork(WingNetwork):
         self.per_newton = per_newton(robot)[rows]
         self._parameters = np.array([*self.air.wind, self.air.density, *robot.parameters])
         chains = strip_chains(robot) if attached else ""
+        shape = f"{self._names} {self.surfaces} {sides_of(robot)} {chains} {robot.structure}"
         made = load_functions(
-            f"linear strip network {self._names} {self.surfaces} {chains} {robot.structure}",
+            f"linear strip network {shape}",
             lambda: _functions(robot, rows, attached),
             label=f"air of {robot.name}",
         )
