@@ -13,9 +13,9 @@ import yaml
 import patagium as pt
 from patagium.aerodynamics import Aerodynamics
 from patagium.aerodynamics.inflow import strokes_of
-from patagium.aerodynamics.linear_strips import CORRECTIONS, OUTPUTS
 from patagium.control.events import without_tip
 from patagium.learning.models.linear_strip import LinearStripNetwork
+from patagium.learning.models.memory import network_inputs
 from patagium.robot import Robot, load_robot_text
 from patagium.robot.solids import wing_tips
 from patagium.robot.strip_chains import chain_words, strip_chains
@@ -228,22 +228,23 @@ def _image(robot: Robot, vector: np.ndarray) -> np.ndarray:
     )
 
 
-@pytest.mark.parametrize("name", [*MODELS, "physical terms"])
+@pytest.mark.parametrize("name", [*MODELS, "network", "network in attached flow"])
 def test_the_mirror_image_of_a_motion_has_the_mirrored_force(
     name: str, rng: np.random.Generator
 ) -> None:
-    """Wings by hand, on two bodies; of a network the weights of its physical terms."""
+    """The span of corrections was to the left on both sides: a fifth of the largest force."""
     _, robot = _pair(1, 2, "y", True)
     motion = [*_state(robot, rng), np.zeros(robot.dof)]
     motions = motion, [_image(robot, one) for one in motion]
     if name in MODELS:
         forces = [MODELS[name](robot).generalized_force(q, v) for q, v, _ in motions]
     else:
-        network = LinearStripNetwork(robot)
-        matrix = rng.normal(size=(OUTPUTS, network.perceptron.widths[0]))
-        matrix[:, : sum(CORRECTIONS)] = 0.0
-        weights = np.r_[matrix.ravel(), np.zeros(OUTPUTS)]
-        forces = [network.evaluate(np.concatenate(one)[None], weights)[0] for one in motions]
+        network = LinearStripNetwork(robot, attached="attached" in name)
+        weights, time = rng.normal(size=network.size), np.zeros(1)
+        rows = [
+            network_inputs(network, weights, time, np.concatenate(one)[None]) for one in motions
+        ]
+        forces = [network.evaluate(row, weights)[0] for row in rows]
     np.testing.assert_allclose(forces[1], _image(robot, forces[0]), rtol=1e-9, atol=1e-9)
 
 

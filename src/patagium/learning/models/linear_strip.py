@@ -44,13 +44,11 @@ from patagium.robot.model import Robot
 from patagium.robot.strip_chains import strip_chains
 
 ATTACHED_SHARE = 0.25
-"""Prior of corrections where flow is attached, over that elsewhere [1]."""
-_STDS = 0.5, 0.2  # prior of the corrections, `CORRECTIONS` of each kind
+"""Prior of corrections by direction where flow is attached, over that elsewhere [1]."""
+_STDS = 0.1, 0.2  # prior of the corrections, `CORRECTIONS` of each kind
 _POLYNOMIALS = sum(CORRECTIONS)
-_TERMS = (
-    "of the whole velocity, mirrored",
-    "with side edges, mirrored",
-)  # in files: what the weights mean, attached
+_TERMS = "of the whole velocity, mirrored", "with side edges, mirrored"
+"""Meaning of the weights in files, where flow may separate and where it is attached."""
 
 
 class LinearStripNetwork(WingNetwork):
@@ -170,9 +168,10 @@ class LinearStripNetwork(WingNetwork):
     @property
     def own_prior(self) -> Array:
         """Standard deviation of each weight before any sample, (n,) [1]."""
-        corrections = np.repeat(_STDS, CORRECTIONS)
-        share = ATTACHED_SHARE if self.attached else 1.0
-        return self._placed(share * corrections, [term.std for term in self.terms], NOTHING)
+        spanwise, direction = _STDS
+        direction *= ATTACHED_SHARE if self.attached else 1.0
+        corrections = np.repeat([spanwise, direction], CORRECTIONS)
+        return self._placed(corrections, [term.std for term in self.terms], NOTHING)
 
     @property
     def own_misfit(self) -> Misfit:
