@@ -196,9 +196,8 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
         edges = np.vstack([placed(bodies[s.body], strip_corners(s)[:2]) for s in strips]) @ axes
         root = bodies[hinge][0] @ axes
         near, far = sorted((edges[:, 1].max() - root[1], root[1] - edges[:, 1].min()))
-        held = near > BOTH_SIDES * far or not _turned(
-            robot, wing, bodies
-        )  # on both sides of its hinge
+        both = near > BOTH_SIDES * far  # on both sides of its hinge
+        held = both or not _turned(robot, wing, bodies)
         one = wing, held, edges if held else np.array([root, tip @ axes])
         for group in groups:
             if held == group[0][1] and _near(one[2], group[0][2], held):
