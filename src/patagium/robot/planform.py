@@ -101,7 +101,11 @@ def wing_span(robot: Robot) -> float:
 
 def inwards(robot: Robot, body: int) -> list[int]:
     """Indices of a body, its parent and so on to a root."""
-    return [] if body < 0 else [body, *inwards(robot, robot.bodies[body].parent)]
+    found = []
+    while body >= 0:
+        found.append(body)
+        body = robot.bodies[body].parent
+    return found
 
 
 def from_the_root(robot: Robot, strips: Sequence[Strip]) -> list[Strip]:
