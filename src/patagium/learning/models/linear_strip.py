@@ -43,9 +43,8 @@ from patagium.native import load_functions, named_function
 from patagium.robot.model import Robot
 from patagium.robot.strip_chains import strip_chains
 
-ATTACHED_SHARE = 0.25
-"""Prior of corrections by direction where flow is attached, over that elsewhere [1]."""
-_STDS = 0.1, 0.2  # prior of the corrections, `CORRECTIONS` of each kind
+_STDS, _ATTACHED = (0.03, 0.2), (0.1, 0.05)
+"""Prior of the corrections, `CORRECTIONS` of each kind, and where flow is attached [1]."""
 _POLYNOMIALS = sum(CORRECTIONS)
 _TERMS = "of the whole velocity, mirrored", "with side edges, mirrored"
 """Meaning of the weights in files, where flow may separate and where it is attached."""
@@ -168,9 +167,7 @@ class LinearStripNetwork(WingNetwork):
     @property
     def own_prior(self) -> Array:
         """Standard deviation of each weight before any sample, (n,) [1]."""
-        spanwise, direction = _STDS
-        direction *= ATTACHED_SHARE if self.attached else 1.0
-        corrections = np.repeat([spanwise, direction], CORRECTIONS)
+        corrections = np.repeat(_ATTACHED if self.attached else _STDS, CORRECTIONS)
         return self._placed(corrections, [term.std for term in self.terms], NOTHING)
 
     @property
