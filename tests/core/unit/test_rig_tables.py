@@ -324,15 +324,15 @@ def test_forces_in_any_unit_are_outputs_of_the_mapping_to_begin_from(tmp_path: P
 
 
 def test_a_constant_pose_tells_nothing_of_the_stamps(tmp_path: Path) -> None:
-    """The pose of a tilted sting was said to have stamps that are uncertain by 0.1 s."""
+    """The pose of a tilted stand was said to have stamps that are uncertain by 0.1 s."""
     body = "{floating: true, mass: 0.03, shape: {type: box, size: [0.06, 0.02, 0.02]}}"
-    (tmp_path / "sting.yaml").write_text(
-        f"{{name: sting, gravity: 9.81, bodies: {{sting: {body}}}}}"
+    (tmp_path / "stand.yaml").write_text(
+        f"{{name: stand, gravity: 9.81, bodies: {{stand: {body}}}}}"
     )
     pose = {"frame": "flu", "body": "flu", "order": "rpy", "unit": "deg", "name": "attitude"}
     words = {
         "time": TIME,
-        "robot": str(tmp_path / "sting.yaml"),
+        "robot": str(tmp_path / "stand.yaml"),
         "channels": [
             {"column": ["px", "py", "pz"], "unit": "m", "frame": "flu", "name": "position"},
             {"column": ["roll", "pitch", "yaw"], **pose},
