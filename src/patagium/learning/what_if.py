@@ -37,7 +37,7 @@ _LONGEST = 0.1
 _OFFSET = 0.35  # rad, the largest offset of a joint that is looked for
 _WIND = 3.0  # m/s, likewise
 _PROMISING, _STEPS = 5, (0.1, 0.03, 0.01)  # numbers to find well; steps over the reach, after ...
-_COARSE = np.linspace(-1.0, 1.0, 9).tolist()  # ... the best of these
+_COARSE = np.linspace(-0.9, 0.9, 7).tolist()  # ... the best of these
 
 
 @dataclass(frozen=True)
