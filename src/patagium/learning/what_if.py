@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import solve
 
 from patagium.arrays import Array, Bools, Indices, usual_step
-from patagium.learning.models.linear_strip import LinearStripNetwork
+from patagium.learning.models.linear_strip import ATTACHED_STDS, STDS, LinearStripNetwork
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import SampleForm
 
@@ -92,12 +92,16 @@ class _Log:
         network: What explains their air, without memory.
         log: Times (N,) [s]; x = [q, v, a], (N, 3 n); y, its outputs, and their std, (N, n_y).
         reach: Largest delay that will be asked for [s].
+        attached: Whether flow stays attached, whose edges pull along the span.
     """
 
-    def __init__(self, network: LinearStripNetwork, log: Sequence[Array], reach: float) -> None:
+    def __init__(
+        self, network: LinearStripNetwork, log: Sequence[Array], reach: float, attached: bool
+    ) -> None:
         robot = self.robot = network.robot
         self.time, x, y, std = log
         self.network, self.whole = network, np.array(np.split(x, 3, axis=1))
+        self.prior = network.prior((ATTACHED_STDS[0], STDS[1]) if attached else STDS)
         self.joints = [k for k in range(robot.dof) if k not in robot.floating_dofs]
         measured = np.array([robot.index(name) for name in network.output_names])
         force = np.full((len(y), robot.dof), np.nan)
@@ -162,7 +166,7 @@ class _Log:
         size = y.std(axis=0)
         size = np.maximum(size, _SLIGHT * (size / lever).max() * lever)
         slopes = network.slopes(network.encode(np.hstack([*motion])))[:, self.heard]
-        scale, prior = np.hypot(_MISFIT * size, self.std), network.own_prior
+        scale, prior = np.hypot(_MISFIT * size, self.std), self.prior
         missed = (y - slopes @ network.initial(0)) / scale
         matrix = slopes * prior / scale[:, :, None]
         across = matrix.transpose(0, 2, 1)  # sample by sample: BLAS would wait for busy cores
@@ -189,10 +193,11 @@ def what_if(
     robot, (time, x, y) = network.robot, log
     if robot.coordinate_count > robot.dof:  # quaternions have no signs of angles
         return []
-    if network.attached:  # has a memory, so that samples may not be taken anywhere
+    attached = network.attached
+    if attached:  # has a memory, so that samples may not be taken anywhere
         network = LinearStripNetwork(robot, network.air, network.measured)
     reach = _LONGEST * (_strongest_period(time, x) if period is None else period)
-    record = _Log(network, (time, x, y, np.zeros_like(y) if std is None else std), reach)
+    record = _Log(network, (time, x, y, np.zeros_like(y) if std is None else std), reach, attached)
     own, ones = np.arange(robot.dof), np.ones(robot.dof)
     if len(record.rows) < _SAMPLES[0] or not len(record.outputs):
         return []

@@ -12,6 +12,10 @@ import xarray as xr
 from patagium.aerodynamics import Air
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import ParameterError
+from patagium.learning.default_learner import default_network
+from patagium.learning.models.linear_strip import LinearStripNetwork
+from patagium.learning.samples import samples
+from patagium.learning.what_if import what_if
 from patagium.sensing import training_data
 from patagium.simulation import gait_period, load_flight
 from patagium_lab.foreign import flights as foreign
@@ -180,3 +184,13 @@ def test_a_record_leaves_untold_what_the_program_does_not_tell() -> None:
     flight: xr.Dataset = foreign.make_flight(case)
     assert np.isnan(flight["strip_force"].values).all()
     assert "PteraSoftware" in flight.attrs["aero"]
+
+
+@pytest.mark.parametrize(("wing", "gait"), [("wing-swept", 1), ("wing-tapered", 0)])
+def test_attached_flow_is_not_asked_for_a_side_wind(wing: str, gait: int) -> None:
+    """What its edges pull along the span was explained by half a meter a second from the side."""
+    flight = foreign.make_flight(foreign.Case(LATTICE, wing, gait, 13, apart=False))
+    network = default_network(flight)
+    assert isinstance(network, LinearStripNetwork) and network.attached
+    time, x, y, _ = samples(flight, network)
+    assert what_if(network, (time, x, y), None, gait_period(flight)) == []

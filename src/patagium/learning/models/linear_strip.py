@@ -43,7 +43,7 @@ from patagium.native import load_functions, named_function
 from patagium.robot.model import Robot
 from patagium.robot.strip_chains import strip_chains
 
-_STDS, _ATTACHED = (0.03, 0.2), (0.1, 0.05)
+STDS, ATTACHED_STDS = (0.03, 0.2), (0.1, 0.05)
 """Prior of the corrections, `CORRECTIONS` of each kind, and where flow is attached [1]."""
 _POLYNOMIALS = sum(CORRECTIONS)
 _TERMS = "of the whole velocity, mirrored", "with side edges, mirrored"
@@ -167,8 +167,12 @@ class LinearStripNetwork(WingNetwork):
     @property
     def own_prior(self) -> Array:
         """Standard deviation of each weight before any sample, (n,) [1]."""
-        corrections = np.repeat(_ATTACHED if self.attached else _STDS, CORRECTIONS)
-        return self._placed(corrections, [term.std for term in self.terms], NOTHING)
+        return self.prior(ATTACHED_STDS if self.attached else STDS)
+
+    def prior(self, corrections: tuple[float, float]) -> Array:
+        """Standard deviation of each weight, (n,) [1], by those of both kinds of corrections."""
+        stds = np.repeat(corrections, CORRECTIONS)
+        return self._placed(stds, [term.std for term in self.terms], NOTHING)
 
     @property
     def own_misfit(self) -> Misfit:
