@@ -315,7 +315,7 @@ def _recursion(decay: float, drive: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class RecordedGust(NamedGust):
-    """Measured wind, linear between samples, constant before the first and after the last.
+    """Measured wind, interpolated linearly in time; constant before and after its samples.
 
     Args:
         time: Increasing, (N >= 2,) [s].

@@ -55,6 +55,7 @@ from patagium.dynamics.kinematics import Twist, add_wrench, body_poses, generali
 from patagium.dynamics.rnea import body_accelerations, kirchhoff_force
 from patagium.errors import ParameterError
 from patagium.robot.model import Body, Robot, Strip
+from patagium.robot.planform import side_of
 from patagium.robot.strip_chains import strip_chains
 
 
@@ -214,7 +215,8 @@ class LinearStrips(Aerodynamics):
     def structure(self) -> str:
         """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
         chains = strip_chains(self.robot) if self.attached else ""
-        return f"{self.name} {surfaces_of(self.robot)} {sides_of(self.robot)} {chains}"
+        sides = *map(side_of, self.robot.strips), chains
+        return f"{self.name} {surfaces_of(self.robot)} {sides}"
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -296,7 +298,7 @@ class StripSums:
     ) -> None:
         self._machine, self._robot, self._surfaces = machine, robot, surfaces_of(machine)
         self._motion, self._wind, self._density = motion, wind, density
-        self._sides = sides_of(machine)
+        self._sides = [side_of(strip) for strip in machine.strips]
         q, v, a = motion
         self._airflows = body_airflows(robot, q, v, wind)
         moving = zip(self._airflows, body_accelerations(robot, q, v, a, ca.SX(0)), strict=True)
@@ -509,7 +511,7 @@ class _Section(NamedTuple):
             `_numbers`, density.
         flow: Velocity [m/s], spin [m/s] and rates [m^2/s^2], in axes of the strip.
         unit: Wrench on the body of unit coefficients, (6, 4) [N, N m].
-        side: See `sides_of`.
+        side: See `side_of`.
     """
 
     inputs: tuple[ca.SX, ca.SX, ca.SX]
@@ -584,21 +586,9 @@ def _load() -> ca.Function:
 
 
 def _numbers(strip: Strip, side: int) -> ca.SX:
-    """Quarter chord, forward and normal direction, chord, width and side of a strip, (12, 1)."""
+    """Quarter chord, unit vectors forward and normal, chord, width and side of a strip, (12, 1)."""
     size = strip.chord, strip.width, side
     return ca.vertcat(*strip.quarter_chord, *strip.forward, *strip.normal, *size)
-
-
-def sides_of(robot: Robot) -> tuple[int, ...]:
-    """Side of each strip: 1 where its span, normal x forward, goes outward, else -1, 0 in between.
-
-    The corrections see strips of both sides as mirror images of each other.
-
-    Args:
-        robot: The machine, in numbers.
-    """
-    out = [np.dot(np.cross(s.normal, s.forward), s.quarter_chord) / s.width for s in robot.strips]
-    return tuple(int(np.sign(np.round(one, 9))) for one in out)
 
 
 def _bare(robot: Robot) -> list[int]:

@@ -83,7 +83,7 @@ class OptimalGait:
 
     @property
     def note(self) -> str:
-        """Warning where the least power is more than before; empty elsewhere."""
+        """Warning that the gait takes more power than the one begun from; empty if it does not."""
         told = "more power than before: that gait exceeds a limit, or minima are several"
         return told if self.goal == "power" and self.power > 1.001 * self.power_before else ""
 

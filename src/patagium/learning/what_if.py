@@ -193,8 +193,7 @@ def what_if(
     robot, (time, x, y) = network.robot, log
     if robot.coordinate_count > robot.dof:  # quaternions have no signs of angles
         return []
-    attached = network.attached
-    if attached:  # has a memory, so that samples may not be taken anywhere
+    if attached := network.attached:  # has a memory, so that samples may not be taken anywhere
         network = LinearStripNetwork(robot, network.air, network.measured)
     reach = _LONGEST * (_strongest_period(time, x) if period is None else period)
     record = _Log(network, (time, x, y, np.zeros_like(y) if std is None else std), reach, attached)

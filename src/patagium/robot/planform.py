@@ -92,6 +92,16 @@ def placed(pose: tuple[Array, Array], points: Array) -> Array:
     return np.asarray(position + points @ rotation.T)
 
 
+def side_of(strip: Strip) -> int:
+    """Side of a strip: 1 where its span, normal x forward, leads outward, else -1, 0 in the middle.
+
+    Args:
+        strip: A strip, in numbers; outward is away from the origin of its body.
+    """
+    outward = np.dot(np.cross(strip.normal, strip.forward), strip.quarter_chord)
+    return int(np.sign(np.round(outward / strip.width, 9)))
+
+
 def wing_span(robot: Robot) -> float:
     """Tip to tip distance of the strips along y, or z if longer, at zero coordinates [m]."""
     places = poses(robot)
@@ -161,11 +171,8 @@ def written_images(robot: Robot, others: Collection[str]) -> list[tuple[str, str
 
 def mirrored_bodies(robot: Robot) -> set[int]:
     """Indices of the bodies that carry wings made by mirroring, and no others."""
-    images, originals = (
-        {k for s in robot.strips if s.mirrored is made for k in inwards(robot, s.body)}
-        for made in (True, False)
-    )
-    return images - originals
+    seen = [(strip.mirrored, k) for strip in robot.strips for k in inwards(robot, strip.body)]
+    return {k for made, k in seen if made} - {k for made, k in seen if not made}
 
 
 def describe_robot(robot: Robot) -> dict[str, str | int | float]:

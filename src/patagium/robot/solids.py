@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 from patagium.arrays import Array
 from patagium.robot.model import Body, Robot, Strip
-from patagium.robot.planform import wing_span
+from patagium.robot.planform import side_of, wing_span
 from patagium.robot.schema import Box, Cylinder, Ellipsoid, Plate, PointMass, RobotFile
 
 _BONE = 0.008  # radius of a bone over the span
@@ -147,7 +147,7 @@ def outer_end(strip: Strip) -> Array:
     """Quarter chord of a strip at its edge away from the body's origin, body axes (3,) [m]."""
     span = np.cross(np.array(strip.normal), np.array(strip.forward))
     middle = np.array(strip.quarter_chord, float)
-    outward = np.sign(span @ middle) or 1.0
+    outward = side_of(strip) or 1
     return np.asarray(middle + outward * float(strip.width) / 2 * span)
 
 

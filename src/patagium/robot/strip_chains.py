@@ -14,7 +14,7 @@ import numpy as np
 
 from patagium.arrays import Array
 from patagium.robot.model import Robot
-from patagium.robot.planform import placed, poses
+from patagium.robot.planform import placed, poses, side_of
 
 JOINED = 0.5
 """Gap below which the ends of two strips are one, over their mean chord."""
@@ -104,16 +104,15 @@ def _order(robot: Robot, index: int) -> int:
     """1 where the strips of a wing follow each other along forward x normal, else -1."""
     strip = robot.strips[index]
     same = [s for s in robot.strips if (s.wing, s.body) == (strip.wing, strip.body)]
-    right = np.cross(strip.forward, strip.normal)
     if len(same) > 1:
         along = np.subtract(same[-1].quarter_chord, same[0].quarter_chord)
-        return 1 if right @ along > 0 else -1
-    beside = float(right @ strip.quarter_chord)
-    if abs(beside) < 1e-9 * strip.width:
+        return 1 if np.dot(np.cross(strip.forward, strip.normal), along) > 0 else -1
+    side = side_of(strip)
+    if not side:
         return 1 if strip.mirrored else -1
     after = [s.body for s in robot.strips[index + 1 : index + 2] if s.wing == strip.wing]
     inwards = any(body <= robot.bodies[strip.body].parent for body in after)  # to the other side
-    return 1 if (beside > 0) != inwards else -1
+    return 1 if (side < 0) != inwards else -1
 
 
 def _near(robot: Robot, places: list[Pose], first: StripChain, second: StripChain) -> bool:

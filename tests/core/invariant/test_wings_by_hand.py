@@ -200,7 +200,7 @@ def test_a_flight_with_added_mass_and_inflow_is_that_of_a_mirrored_wing() -> Non
 
 @pytest.mark.parametrize("share", [0.2, 0.7])
 def test_a_lost_tip_is_lost_at_the_tip(share: float, pair: tuple[Robot, Robot]) -> None:
-    """A right wing by hand lost its root."""
+    """A right wing written by hand lost its root instead of its tip."""
     for wing in ("left_wing", "right_wing"):
         lost = [without_tip(robot, wing, share) for robot in pair]
         np.testing.assert_allclose(lost[1].parameters, lost[0].parameters, atol=1e-15)
@@ -286,7 +286,7 @@ def test_wings_on_both_sides_stay_as_they_are() -> None:
 
 
 def test_feathers_side_by_side_on_an_arm_are_in_their_order_along_it() -> None:
-    """Bodies of the right wing from the tip to the root, with hinges beside each other."""
+    """Bodies of the right wing from the tip to the root, with hinges side by side."""
     text = _described(1, 1)
     del text["mirror"], text["wings"][1]
     stations = text["wings"][0]["segments"][0]["stations"]

@@ -340,7 +340,7 @@ def test_settings_that_are_not_there_are_named(tmp_path: Path) -> None:
 
 
 def test_functions_that_use_the_package_go_to_other_processes() -> None:
-    """A function of a script that calls `pt` could not be pickled for joblib, dask and `jobs`."""
+    """joblib could not pickle a function that uses the package, as `jobs` of `tune` needs it."""
     from cloudpickle import dumps, loads  # as joblib has it
 
     for module in (pt, pt.sensors):

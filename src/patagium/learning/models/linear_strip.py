@@ -24,7 +24,6 @@ from patagium.aerodynamics.linear_strips import (
     OUTPUTS,
     LinearStrips,
     StripSums,
-    sides_of,
     surfaces_of,
     terms_of,
 )
@@ -41,6 +40,7 @@ from patagium.learning.models.wing import WingNetwork
 from patagium.learning.settings import Misfit
 from patagium.native import load_functions, named_function
 from patagium.robot.model import Robot
+from patagium.robot.planform import side_of
 from patagium.robot.strip_chains import strip_chains
 
 STDS, ATTACHED_STDS = (0.03, 0.2), (0.1, 0.05)
@@ -116,9 +116,9 @@ class LinearStripNetwork(WingNetwork):
         self.per_newton = per_newton(robot)[rows]
         self._parameters = np.array([*self.air.wind, self.air.density, *robot.parameters])
         chains = strip_chains(robot) if attached else ""
-        shape = f"{self._names} {self.surfaces} {sides_of(robot)} {chains} {robot.structure}"
+        sides = *map(side_of, robot.strips), chains
         made = load_functions(
-            f"linear strip network {shape}",
+            f"linear strip network {self._names} {self.surfaces} {sides} {robot.structure}",
             lambda: _functions(robot, rows, attached),
             label=f"air of {robot.name}",
         )
@@ -170,7 +170,11 @@ class LinearStripNetwork(WingNetwork):
         return self.prior(ATTACHED_STDS if self.attached else STDS)
 
     def prior(self, corrections: tuple[float, float]) -> Array:
-        """Standard deviation of each weight, (n,) [1], by those of both kinds of corrections."""
+        """Standard deviation of each weight before any sample, (n,) [1].
+
+        Args:
+            corrections: That of corrections by spanwise flow, and by the direction of flow [1].
+        """
         stds = np.repeat(corrections, CORRECTIONS)
         return self._placed(stds, [term.std for term in self.terms], NOTHING)
 

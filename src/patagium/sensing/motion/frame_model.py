@@ -147,7 +147,7 @@ class FrameModel:
         return world, Rotation.from_matrix(turn @ rotation @ self.mount), jacobian
 
     def _in_reference(self, levels: Array, attitude: Rotation) -> tuple[Array, Array]:
-        """Levels in the axes of the reference, (N, 3, n), and its rotation, (N, 3, 3)."""
+        """Levels in axes of the floating body, (N, 3, n), and its rotation to the world."""
         seen, turn = levels.copy(), attitude.as_matrix()
         if self.base is not None:
             place = list(self.base.place)

@@ -40,7 +40,7 @@ from patagium.sensing.logs.mapping import conversion
 
 GAP = 3.0
 """Length from which a step is a gap, in median steps."""
-_LOOK = 1 << 22
+_LOOK = 1 << 19
 """Numbers of a part that are looked at for what a recorder made."""
 _VECTOR = (".x", "[0]", "_x")
 _TIMES = "time is read as numbers or as ISO 8601, such as 2026-03-01 12:00:00.5"
@@ -350,7 +350,7 @@ def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
 
 
 def _recorder_notes(part: _Part, survey: StreamSurvey) -> list[Finding]:
-    """Notes about what a recorder made of the first numbers, which need not be mapped."""
+    """Notes on marks of missing numbers, clipped samples and jumps in the first rows of a part."""
     found, (stamps, values) = list[Finding](), survey.first
     for name, column in zip(part.fields, values.T, strict=True):
         factor, si = 1.0, ""
