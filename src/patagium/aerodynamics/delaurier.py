@@ -24,6 +24,7 @@ from patagium.aerodynamics.local_flow import StripMotion, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.of_wings import wings_of
 from patagium.aerodynamics.polars import section_flow
+from patagium.aerodynamics.sections import check_zero_lift
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign, smooth_step
 from patagium.aerodynamics.strip_loads import AeroExpressions, StripLoad, assemble
 from patagium.aerodynamics.trailing_vortices import spans_and_areas
@@ -163,6 +164,7 @@ def _check(section: dict[str, float]) -> None:
     for name, value in section.items():
         if not (value >= 0 or name == "zero_lift_angle"):
             raise ParameterError(name, "zero or more", value)
+    check_zero_lift(section["zero_lift_angle"])
     if section["suction_efficiency"] > 1:
         raise ParameterError("suction_efficiency", "0 to 1", section["suction_efficiency"])
     width, angle = section["stall_width"], section["stall_angle"]

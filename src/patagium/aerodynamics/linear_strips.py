@@ -321,7 +321,7 @@ class StripSums:
         machine, jacobians = self._machine, _jacobians(self._robot, self._motion[0], rows)
         units, seen, wrenches = [], [], dict[tuple[int, str], ca.SX]()
         for k, strip in enumerate(self._robot.strips):
-            of = strip.body, _kind(strip) if self._surfaces else ""
+            of = strip.body, _kind(machine, strip.wing) if self._surfaces else ""
             jacobian, before = jacobians[strip.body], wrenches.get(of, _NO_TERMS)
             found = _section(jacobian.shape[1])(*self._seen(k), jacobian, before)
             polynomials, unit, wrenches[of] = found
@@ -597,14 +597,15 @@ def _bare(robot: Robot) -> list[int]:
     return [k for k, body in enumerate(robot.bodies) if k not in winged and body.mass]
 
 
-def _kind(strip: Strip) -> str:
-    """Name of the wing of a strip, the same on the left and on the right."""
-    return strip.wing.removeprefix("left_").removeprefix("right_")
+def _kind(robot: Robot, wing: str) -> str:
+    """Name of a wing, the same for its mirror image, on the left and on the right."""
+    originals = {image: name for name, image in robot.mirrored_wings}
+    return originals.get(wing, wing).removeprefix("left_").removeprefix("right_")
 
 
 def surfaces_of(robot: Robot) -> tuple[str, ...]:
     """Kinds of wings of a robot that has several: "fore" and "hind", "wing" and "tail"."""
-    kinds = tuple(dict.fromkeys(_kind(strip) for strip in robot.strips))
+    kinds = tuple(dict.fromkeys(_kind(robot, strip.wing) for strip in robot.strips))
     return kinds if len(kinds) > 1 else ()
 
 
@@ -635,7 +636,7 @@ def _of_strip(weights: Any, machine: Robot, surfaces: Sequence[str], strip: Stri
     common = weights[first : first + count]
     if not surfaces:
         return common
-    place = surfaces.index(_kind(strip))
+    place = surfaces.index(_kind(machine, strip.wing))
     first += count + len(BODY_TERMS) * len(_bare(machine))
     first += count * place
     return common + weights[first : first + count]

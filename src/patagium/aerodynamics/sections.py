@@ -228,6 +228,7 @@ class Section(StripSection):
     def __post_init__(self) -> None:
         check_fields(self)
         not_negative(self, "lift_slope", "profile_drag")
+        check_zero_lift(self.zero_lift_angle)
         if not 0 < self.stall_begins < self.stall_complete <= pi / 2:
             angles = (self.stall_begins, self.stall_complete)
             raise ParameterError("stall", "0 < stall_begins < stall_complete <= pi/2", angles)
@@ -240,6 +241,18 @@ class Section(StripSection):
         return smooth_step((sine_square - begins) / (complete - begins))
 
 
+def check_zero_lift(angle: float) -> None:
+    """Refuse an incidence of no lift [rad] that no wing has: most often it is in degrees.
+
+    Raises:
+        ParameterError: If it is.
+    """
+    if not abs(angle) <= _LARGEST_CAMBER:
+        raise ParameterError("zero_lift_angle", "-0.5 to 0.5 rad; -3 degrees are -0.052", angle)
+
+
+_LARGEST_CAMBER = 0.5
+"""Incidence of no lift, either way, beyond which it is taken for an error [rad]: 29 degrees."""
 _MEASURED_NUMBERS = ("lift_slope", "zero_lift_angle", "profile_drag")
 _LINEAR = (radians(2.0), radians(10.0))
 """Distance from the incidence of no lift where the lift slope is read off a polar [rad]."""
@@ -292,6 +305,7 @@ class MeasuredSection(StripSection):
     def __post_init__(self) -> None:
         check_fields(self)
         not_negative(self, "lift_slope", "profile_drag")
+        check_zero_lift(self.zero_lift_angle)
         if len(self.separated) != len(self.stalled.angle):
             expected = f"one share for each of {len(self.stalled.angle)} angles"
             raise ParameterError("separated", expected, len(self.separated))

@@ -92,8 +92,8 @@ def _described(strips: int, bodies: int) -> dict[str, Any]:
     return text
 
 
-def _by_hand(text: dict[str, Any], span_axis: str, tip_first: bool) -> Robot:
-    """Robot whose right wing is written out, where the mirror made it."""
+def _by_hand(text: dict[str, Any], span_axis: str = "y", tip_first: bool = False) -> dict[str, Any]:
+    """Text of a robot whose right wing is written out, where the mirror made it."""
     text = _copy(text)
     del text["mirror"]
     for name in [name for name in text["bodies"] if "left" in name]:
@@ -114,13 +114,13 @@ def _by_hand(text: dict[str, Any], span_axis: str, tip_first: bool) -> Robot:
         segments.reverse()
         text["wings"][0]["segments"].reverse()
     text["wings"].append({"name": "right_wing", "segments": segments})
-    return _robot(text)
+    return text
 
 
 def _pair(strips: int, bodies: int, span_axis: str, tip_first: bool) -> tuple[Robot, Robot]:
     text = _described(strips, bodies)
     mirrored = _robot(text)
-    return mirrored, _by_hand(text, span_axis, tip_first)
+    return mirrored, _robot(_by_hand(text, span_axis, tip_first))
 
 
 WAYS = [
@@ -216,6 +216,14 @@ def test_it_is_learned_as_a_mirrored_wing(
     weights = rng.normal(size=networks[0].size)
     one, other = (network.evaluate(x[None], weights) for network in networks)
     np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-9)
+
+
+def test_wings_of_any_names_that_are_images_are_of_one_kind() -> None:
+    """Wings named port and starboard had coefficients of their own: what one saw helped no other."""
+    words = _copy(_by_hand(_described(2, 2)), left_wing="port", right_wing="starboard")
+    named = LinearStripNetwork(_robot(words))
+    assert named.surfaces == ("port", "tail")
+    assert named.size == LinearStripNetwork(_robot(_described(2, 2))).size
 
 
 def _image(robot: Robot, vector: np.ndarray) -> np.ndarray:
@@ -316,7 +324,7 @@ def test_a_flexible_right_wing_is_cut_as_its_mirror_image() -> None:
     arm["shape"]["span"] = 0.2
     arm["flexible"] = {"elements": 4, "bending": 0.03, "torsion": 0.005, "damping": 0.0}
     mirrored = _robot(text)
-    written = _by_hand(text, "y", True)
+    written = _robot(_by_hand(text, "y", True))
     for one, other in zip(mirrored.strips, written.strips, strict=True):
         assert mirrored.bodies[one.body].name == written.bodies[other.body].name
         assert one.quarter_chord == pytest.approx(other.quarter_chord, abs=1e-15)

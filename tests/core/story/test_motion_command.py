@@ -162,6 +162,15 @@ def test_an_import_at_a_higher_rate_makes_no_new_measurements(folder: Path) -> N
     assert noise[200][0]["std"] == pytest.approx(noise[1000][0]["std"], rel=1e-3)
 
 
+def test_no_sensor_is_read_faster_than_it_measured(folder: Path) -> None:
+    """Samples at 1.25 times the rate of a sensor, each from the same two, counted as measured."""
+    words = MAPPING.replace("unit: s}", "unit: s, rate: 250 Hz}")
+    Path("map.yaml").write_text(words, "utf-8")
+    pt.import_log("flight.csv", "map.yaml", "log.nc")
+    measured = pt.sensor_log("log.nc", "brick.yaml")
+    assert measured.sensors["cameras of body"].rate == pytest.approx(125.0)
+
+
 def test_quantities_find_their_sensor_by_unit_shape_and_name() -> None:
     robot = pt.load_robot("aerobat")
     count, axes = 20, ("time", "axis")

@@ -173,6 +173,8 @@ def test_what_cannot_be_is_refused(aerobat: Robot, aero: LiftingLine) -> None:
         Section(profile_drag=-0.1)
     with pytest.raises(ParameterError, match="lift_slope"):
         Section(lift_slope=np.inf)
+    with pytest.raises(ParameterError, match="-3 degrees are -0.052"):
+        Section(zero_lift_angle=-3.0)
     words = aero.describe()
     words["section"] = {"lift_slope": 6.0}
     with pytest.raises(ParameterError, match="section"):

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -150,7 +151,7 @@ class _Found:
 
         def add(sensor: Sensor, parts: Mapping[str, tuple[str, Array]], names: list[str]) -> None:
             """Add a sensor, at its own rate: interpolated samples are no new measurements."""
-            every = max(1, round(max(self.steps[name] for name in names) / step))
+            every = max(1, ceil(max(self.steps[name] for name in names) / step - 0.1))
             coarse = [self.rounding[name] for name in names]
             rounded = [coarse] if len(parts) == 1 else [[one] for one in coarse]
             readings[sensor.name] = xr.Dataset(
