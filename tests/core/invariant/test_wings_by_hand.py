@@ -219,7 +219,7 @@ def test_it_is_learned_as_a_mirrored_wing(
 
 
 def test_wings_of_any_names_that_are_images_are_of_one_kind() -> None:
-    """Wings named port and starboard had coefficients of their own: what one saw helped no other."""
+    """Wings named port and starboard had coefficients apart: one learned nothing of the other."""
     words = _copy(_by_hand(_described(2, 2)), left_wing="port", right_wing="starboard")
     named = LinearStripNetwork(_robot(words))
     assert named.surfaces == ("port", "tail")

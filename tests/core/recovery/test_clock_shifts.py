@@ -94,6 +94,16 @@ def test_stated_deviations_are_those_of_the_errors(rod: xr.Dataset) -> None:
     assert 0.3 < np.sqrt(np.mean(np.square(ratios))) < 2.5  # six of them
 
 
+def test_deviations_hold_where_errors_are_correlated(flight: xr.Dataset) -> None:
+    """As white errors, those of smoothed cameras gave deviations 1.7 times too small."""
+    ratios = []
+    for seed in range(8):
+        imu, camera = P.icm_42688_p("body"), replace(P.prime_x_13("body"), delay=7e-3)
+        found = pt.sensing.estimate_shifts(pt.sense(flight, [imu, camera], seed=seed))
+        ratios.append((found.seconds["prime_x_13"] - 7e-3) / found.std["prime_x_13"])
+    assert 0.3 < np.sqrt(np.mean(np.square(ratios))) < 1.4  # eight of them: 1.4 is three deviations
+
+
 @pytest.mark.parametrize(("drift", "words"), [(0.0, None), (1e-3, " ppm from that of bmi270 (")])
 def test_a_clock_that_drifts_is_told(drift: float, words: str | None) -> None:
     """One shift for the whole log left half of the drift on either side, without a word."""

@@ -9,7 +9,7 @@ the shifts in two parts of a log, and not corrected.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,6 +48,10 @@ _SURE, _DRIFTED = 8.0, 5e-4
 """Change of a shift within a log, in standard deviations and [s], from which a clock drifts."""
 _BRIEF = 2.0
 """Duration below which none is looked for: a drift of 250 ppm makes .5 ms in it [s]."""
+_STEP = 2e-4
+"""Step of the slope of the likelihood over a shift [s]."""
+_STRETCHES = 20
+"""Stretches of a log whose errors count as independent of each other."""
 _SPARSE = 100.0
 """Span of a log over that of its samples from which its grid is not made."""
 
@@ -58,7 +62,7 @@ class Shifts:
 
     Args:
         seconds: Shift of each sensor by name, positive if its stamps are late [s].
-        std: Standard deviation of each shift for white errors; zero for the reference [s].
+        std: Standard deviation of each shift; zero for the reference [s].
         unlinked: Sensors that share no motion with the reference.
     """
 
@@ -329,9 +333,7 @@ class _Search:
         corners = best + _COARSE / 2 * np.vstack([np.zeros(len(free)), np.eye(len(free))])
         options = {"initial_simplex": corners, "xatol": 1e-6, "fatol": 1e-9}
         best = minimize(misfit, best, method="Nelder-Mead", options=options).x
-        curvature = _curvature(misfit, best) * len(times) / 2
-        variance = np.diagonal(np.linalg.pinv(curvature, hermitian=True))
-        std = np.sqrt(np.maximum(variance, 0.0))
+        std = self._std(unit, times, shown, known, dict(zip(free, best.tolist(), strict=True)))
         seconds, stds = (dict(zip(free, one.tolist(), strict=True)) for one in (best, std))
         return seconds, stds
 
@@ -351,6 +353,11 @@ class _Search:
 
     def _misfit(self, unit: Stream, times: Array, shown: Array, late: dict[str, float]) -> float:
         """Sum over the axes of the logarithm of the residual variance."""
+        error = shown - self._expected(unit, times, late)
+        return float(np.log(np.var(error, axis=0) + unit.model.variances).sum())
+
+    def _expected(self, unit: Stream, times: Array, late: dict[str, float]) -> Array:
+        """Rows of an inertial unit as the others tell them, (N, 6) [m/s^2, rad/s]."""
         now = times - late[unit.name]
         levels = np.zeros((len(times), 3, self.robot.dof))
         attitude = Rotation.identity(len(times))
@@ -359,19 +366,32 @@ class _Search:
             state, turn = track.at(now + late[name])
             levels[:, :, list(track.columns)] = np.swapaxes(state, 1, 2)
             attitude = attitude if turn is None else turn
-        expected, _ = unit.model.frame.inertials(levels, attitude)  # type: ignore[attr-defined]
-        variance = np.var(shown - expected, axis=0) + unit.model.variances
-        return float(np.log(variance).sum())
+        rows, _ = unit.model.frame.inertials(levels, attitude)  # type: ignore[attr-defined]
+        return np.asarray(rows)
 
+    def _std(
+        self,
+        unit: Stream,
+        times: Array,
+        shown: Array,
+        known: dict[str, float],
+        best: dict[str, float],
+    ) -> Array:
+        """Standard deviations of shifts that were found, (k,) [s].
 
-def _curvature(function: Callable[[Array], float], at: Array) -> Array:
-    """Second derivatives by differences over 0.2 ms, (k, k) [1/s^2]."""
-    step, count = 2e-4, len(at)
-    ways = step * np.eye(count)
-    curvature = np.empty((count, count))
-    for i in range(count):
-        for j in range(count):
-            signs = [(1, 1), (1, -1), (-1, 1), (-1, -1)]
-            values = [u * v * function(at + u * ways[i] + v * ways[j]) for u, v in signs]
-            curvature[i, j] = sum(values) / (4 * step**2)
-    return curvature
+        The slopes of the likelihood are summed over stretches of the log, each of which may be
+        correlated in itself (Liang & Zeger 1986, Biometrika 73).
+        """
+
+        def expected(name: str, step: float) -> Array:
+            return self._expected(unit, times, known | best | {name: best[name] + step})
+
+        error = shown - self._expected(unit, times, known | best)
+        weight = 1 / (np.var(error, axis=0) + unit.model.variances)
+        slopes = [(expected(name, _STEP) - expected(name, -_STEP)) / (2 * _STEP) for name in best]
+        slope = np.stack([one - one.mean(axis=0) for one in slopes], axis=-1)
+        inverse = np.linalg.pinv(np.einsum("nai,a,naj->ij", slope, weight, slope), hermitian=True)
+        pulls = np.einsum("na,a,nai->ni", error - error.mean(axis=0), weight, slope)
+        sums = np.array([part.sum(axis=0) for part in np.array_split(pulls, _STRETCHES)])
+        moved = sums @ inverse
+        return np.asarray(np.sqrt((moved**2).sum(axis=0)))
