@@ -79,7 +79,8 @@ _SHARP = 6  # power of the mean error by which a way weighs less
 _EXACT = 1e-40  # of the largest error, below which ways are equally exact
 _RUN_UP = 2.0  # wingbeats in which the memory of a network settles
 _LONGEST = 2e-3  # s, step of a forecast motion, ...
-_STEPS = 20  # ... of which a horizon has this many at least, if the log has them
+_STEPS = 20  # ... of which a horizon has this many at least, if the log has them, ...
+_OF_A_BEAT = 40  # ... and a wingbeat this many
 
 
 class FrozenModel(NamedTuple):
@@ -402,7 +403,7 @@ class Forecaster:
         step = usual_step(self._time)
         sums.lead = max(1, round(min(sums.seconds / step, 1e15)))
         self._lead = min(sums.lead, len(y))  # beyond them nothing is forecast
-        self._ahead = _grid(self._lead, step)
+        self._horizon = self._lead * step
         self._inputs = Repetition(self._time, x, period)
         self._motion: Motion = self._inputs if motion is None else motion
         self._outputs = Repetition(self._time, self._known, period)
@@ -445,29 +446,36 @@ class Forecaster:
             return None
         network, weights = self._learner.network, self._learner.weights
         model = FrozenModel(network, weights, memory)
-        x, motion = self._motion.path(last, self._ahead, model), self._motion
+        period, held = self._inputs.period(last), self._known[last]
+        ahead = self._grid(period)
+        x, motion = self._motion.path(last, ahead, model), self._motion
         if not np.isfinite(x).all():
             self._sums.lost += last in self._counted
-            x, motion = self._inputs.path(last, self._ahead, model), self._inputs
+            x, motion = self._inputs.path(last, ahead, model), self._inputs
         self._sums.rule = motion.rule()
-        period, held = self._inputs.period(last), self._known[last]
         beat = held
         if period is not None:
-            beat = self._outputs.beat_before(last, float(self._ahead[-1]), period)
-        guess, miss = model.predict(self._time[last] + self._ahead, x), self._miss(last, period)
+            beat = self._outputs.beat_before(last, self._horizon, period)
+        guess, miss = model.predict(self._time[last] + ahead, x), self._miss(last, period)
         ways = [guess, guess + miss, held, self._mean[last], beat, squares]
         if self._motion is not self._inputs:
-            repeated = self._inputs.path(last, self._ahead, model)
-            ways.append(model.predict(self._time[last] + self._ahead, repeated) + miss)
+            repeated = self._inputs.path(last, ahead, model)
+            ways.append(model.predict(self._time[last] + ahead, repeated) + miss)
         return np.where(np.isfinite(ways), ways, held)
+
+    def _grid(self, period: float | None) -> Array:
+        """Times of a forecast motion after its last sample, the last a horizon later, (N,) [s]."""
+        longest = min(_LONGEST, np.inf if period is None else period / _OF_A_BEAT)
+        count = min(self._lead, max(_STEPS, ceil(self._horizon / longest)))
+        return np.asarray(np.arange(1, count + 1) * (self._horizon / count), float)
 
     def _miss(self, last: int, period: float | None) -> Array:
         """Error of the network a wingbeat before what is forecast, or now, (n_y,) [unit of y]."""
         network, weights = self._learner.network, self._learner.weights
         place = begin = last
         if period is not None:
-            ahead = float(self._ahead[-1])
-            then = self._time[last] + ahead - ceil(ahead / period - 1e-9) * period
+            then = self._time[last] + self._horizon
+            then -= ceil(self._horizon / period - 1e-9) * period
             place = int(np.clip(np.searchsorted(self._time[: last + 1], then), 0, last))
             if place and then - self._time[place - 1] < self._time[place] - then:
                 place -= 1
@@ -477,12 +485,6 @@ class Forecaster:
         span = slice(begin, place + 1)
         rows = network_inputs(network, weights, self._time[span], self._x[span])
         return np.asarray(self._known[place] - network.evaluate(rows[-1:], weights)[0])
-
-
-def _grid(lead: int, step: float) -> Array:
-    """Times of a forecast motion after its last sample, the last a lead later, (N,) [s]."""
-    count = min(lead, max(_STEPS, ceil(lead * step / _LONGEST)))
-    return np.asarray(np.arange(1, count + 1) * (lead * step / count), float)
 
 
 def named_horizons(horizons: Horizons) -> dict[str, float]:

@@ -17,7 +17,7 @@ ALIKE = 0.6
 """Least autocorrelation one period later at which inputs are said to repeat themselves."""
 REPEATS = 3
 """Least number of periods in a log."""
-_MOST = 4096  # samples that are looked at: a beat of 20 samples or more in 200 beats
+_MOST = 16_384  # samples that are looked at
 _STILL = 1e-6  # of the largest input, below which one is rounding
 
 
@@ -31,15 +31,26 @@ def wingbeat_period(time: Array, x: Array) -> float | None:
     References:
         Box, Jenkins & Reinsel (2008), Time series analysis, ch. 2: the autocorrelation.
     """
-    stride = max(1, len(time) // _MOST)
-    count = len(time[::stride])
+    count = len(time)
     if count < 4 * REPEATS:
         return None
-    place, seen = np.arange(count), x[::stride]
+    step, begin = float(time[-1] - time[0]) / (count - 1), max(0, count - _MOST) // 2
+    period = _period(x[begin : begin + _MOST])
+    if period is None and begin:  # slower than the middle is long: means keep what is slow
+        width = -(-count // _MOST)
+        means = x[: count - count % width].reshape(-1, width, x.shape[1]).mean(axis=1)
+        step, period = step * width, _period(means[:, means.std(axis=0) > 0.5 * x.std(axis=0)])
+    return None if period is None else period * step
+
+
+def _period(seen: Array) -> float | None:
+    """Period of evenly spaced inputs, (N, n_x), in steps; None if they do not repeat themselves."""
+    count = len(seen)
+    place = np.arange(count)
     line = np.polynomial.polynomial.polyfit(place, seen, 1)
     signal = seen - np.polynomial.polynomial.polyval(place, line).T
     size = signal.std(axis=0)
-    moving = size > _STILL * np.abs(x).max(axis=0, initial=0.0)
+    moving = size > _STILL * np.abs(seen).max(axis=0, initial=0.0)
     if not moving.any():
         return None
     spectrum = np.fft.rfft(signal[:, moving] / size[moving], 2 * count, axis=0)
@@ -60,8 +71,7 @@ def wingbeat_period(time: Array, x: Array) -> float | None:
     before, top, after = correlation[peak - 1 : peak + 2]
     bend = before - 2 * top + after
     shift = 0.5 * float(before - after) / float(bend) if bend < 0 else 0.0
-    step = float(time[-1] - time[0]) / (len(time) - 1) * stride
-    return (peak + shift) * step
+    return peak + shift
 
 
 def duration(name: str, value: float | str) -> float:

@@ -185,6 +185,33 @@ def test_a_wingbeat_is_known_as_soon_as_it_shows() -> None:
     assert inputs.period(660) == pytest.approx(0.2, rel=0.01)
 
 
+@pytest.mark.parametrize(
+    ("frequency", "rate", "length"), [(8, 1e3, 250), (200, 5e3, 20), (0.3, 1e3, 60)]
+)
+def test_wingbeats_of_long_logs_are_found(frequency: float, rate: float, length: float) -> None:
+    """Every n-th sample was looked at: 20 s of 200 Hz gave 24 beats for one."""
+    phase = 2 * np.pi * frequency * np.arange(0.0, length, 1 / rate)
+    x = np.stack([np.sin(phase), np.cos(phase) + 0.3 * np.sin(2 * phase)], axis=1)
+    assert wingbeat_period(phase / (2 * np.pi * frequency), x) == pytest.approx(
+        1 / frequency, rel=1e-3
+    )
+
+
+def test_a_forecast_motion_has_forty_steps_a_wingbeat() -> None:
+    """Steps of 2 ms, a quarter of a bee's wingbeat, forecast it worse than its mean."""
+    time = np.arange(4000) * 2e-4
+    x = np.sin(2 * np.pi * 150.0 * time)[:, None]
+    steps = []
+
+    class Seen(Repetition):
+        def path(self, last: int, ahead: Array, model: FrozenModel | None = None) -> Array:
+            steps.append(float(np.diff(ahead, prepend=0.0).max()))
+            return super().path(last, ahead, model)
+
+    forecasts((time, x, 2.0 * x), linear(1, 1), 50, Seen(time, x))
+    assert max(steps[-20:]) <= 2.1e-4  # the step of the log, more than 1 / 40 of a beat
+
+
 def test_a_wingbeat_that_is_not_there_is_looked_for_rarely(
     rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
