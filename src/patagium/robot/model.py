@@ -212,7 +212,8 @@ class Robot:
         lower: Lower limit of each, -inf where none.
         upper: Upper limit of each, inf where none.
         gravity: Acceleration of free fall [m/s^2], along -z.
-        source: Text of the robot file it came from; travels with every flight.
+        source: Text of the robot file it came from; travels with every flight. `with_parameters`
+            changes it as well, `dataclasses.replace` does not.
         speed_limit: Largest speed of each coordinate [m/s, rad/s]; empty: none has any.
         acceleration_limit: Largest acceleration of each [m/s^2, rad/s^2]; likewise.
         effort_limit: Largest force or torque of its actuator [N, N m]; likewise.
