@@ -10,6 +10,7 @@ from patagium.aerodynamics import WindShear
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.model import aero_functions
 from patagium.errors import ParameterError
+from patagium.robot import load_robot_text
 
 
 def air(ground: float | None = None) -> pt.QuasiSteady:
@@ -34,6 +35,45 @@ def test_lift_goes_with_the_square_of_the_laws(height: float) -> None:
     assert power / uniform == pytest.approx((height / 10.0) ** 0.4, rel=0.01)
     wanted = (np.log(height / 0.03) / np.log(10.0 / 0.03)) ** 2
     assert logarithm / uniform == pytest.approx(wanted, rel=0.01)
+
+
+PLATE = """
+name: plate
+gravity: 9.81 m/s^2
+bodies:
+  plate:
+    joints: [{name: height, type: prismatic, axis: z}]
+    mass: 10 g
+    shape: {type: plate, chord: 10 cm, span: 20 cm, thickness: 1 mm}
+wings:
+  - name: plate
+    segments:
+      - {body: plate, strips: 1, stations: [{span: 0, leading: 2 cm, trailing: -6 cm,
+         incidence: 6 deg}, {span: 20 cm, leading: 2 cm, trailing: -6 cm, incidence: 6 deg}]}
+"""
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_the_logarithmic_law_holds_down_to_the_ground() -> None:
+    """It was rounded off over a hundredth of the reference height, far above the roughness."""
+    heights, roughness = np.array([0.0, 0.05, 0.1, 0.2, 1.0, 10.0]), 0.03
+    plate = pt.QuasiSteady(load_robot_text(PLATE), pt.Air(wind=(-6.0, 0.0, 0.0)))
+    model = WindShear(plate, reference_height=10.0, roughness=roughness)
+    lifts = [model.generalized_force([h], [0.0])[0] for h in heights]
+    wanted = np.log(1 + heights / roughness) / np.log(1 + 10.0 / roughness)
+    # on the ground half of a hundredth of the roughness is left, ln(1.005) / ln(334)
+    np.testing.assert_allclose(np.sqrt(np.array(lifts) / lifts[-1]), wanted, atol=1e-3)
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_the_power_law_near_the_ground_is_as_its_docstring_says() -> None:
+    plate = pt.QuasiSteady(load_robot_text(PLATE), pt.Air(wind=(-6.0, 0.0, 0.0)))
+    model, heights = WindShear(plate, reference_height=10.0), np.array([0.0, 0.05, 0.1, 10.0])
+    lifts = [model.generalized_force([h], [0.0])[0] for h in heights]
+    shares = np.sqrt(np.array(lifts) / lifts[-1])
+    law = (heights[1:3] / 10.0) ** (1 / 7)
+    np.testing.assert_allclose(shares[1:3] / law, [1.07, 1.027], atol=2e-3)
+    assert shares[0] == pytest.approx(0.47, abs=2e-3)
 
 
 def test_heights_are_above_the_ground() -> None:
