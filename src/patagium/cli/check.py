@@ -95,9 +95,9 @@ def _polar_facts(file: Path) -> dict[str, Any]:
     from patagium.aerodynamics import measured_polar, measured_section, read_polar
 
     table = read_polar(existing(file))
-    measured_polar(*table[:3])
+    polar = measured_polar(*table[:3])
     try:
-        section = measured_section(*table)
+        section = measured_section(polar.angle, polar.lift, polar.drag)
         lifting = f"lift slope {section.lift_slope:.3g} 1/rad, no lift at "
         lifting += f"{degrees(section.zero_lift_angle):.3g} deg"
     except PatagiumError as error:

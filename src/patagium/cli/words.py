@@ -274,6 +274,8 @@ def no_robot(path: Path) -> Path:
 
 
 def _plain(value: Any) -> Any:
+    from patagium.report.page import cell_text
+
     if isinstance(value, (list, tuple)):
-        return ", ".join(str(_plain(one)) for one in value)
+        return ", ".join(cell_text(_plain(one)) for one in value)
     return value

@@ -247,18 +247,22 @@ def test_of_a_polar_all_around_the_part_within_90_degrees_is_taken(
     assert np.allclose(table[1:], rows[within, 1:].T, atol=1e-6)
     run_to_end(["check", str(file)])
     said = capsys.readouterr()
-    assert "-90.0, 90.0" in said.out and "lift slope 6 1/rad" in said.out
+    assert "−90.0, 90.0" in said.out and "lift slope 6 1/rad" in said.out
     assert "36 of 73 rows" in said.err
 
 
 def test_a_polar_is_checked_as_it_is_taken(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """`check` asked for a mapping of what --polar takes."""
+    """`check` asked for a mapping, printed 14.999999999999998 degrees, and warned twice."""
     file = tmp_path / "polar.csv"
     file.write_text("alpha,CL,CD\n-10,-1,.02\n0,0,.01\n10,1,.02\n")
     run_to_end(["check", str(file), "--json"])
     assert '"least C_D [1]": 0.01' in capsys.readouterr().out
+    file.write_text("alpha,CL,CD\n0,0,.01\n10,1,.02\n15,1.2,.05\n")
+    run_to_end(["check", str(file)])
+    said = capsys.readouterr()
+    assert "0, 15.0" in said.out and said.err.count("symmetric") == 1
     file.write_text("alpha,CL,CD\n100,-1,.02\n110,0,.01\n")
     with pytest.warns(UserWarning), pytest.raises(PatagiumError, match="within 90 degrees"):
         pt.air.read_polar(file)
