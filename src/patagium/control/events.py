@@ -339,8 +339,9 @@ def _lighter(less: Robot, robot: Robot, place: int) -> dict[str, float]:
     whole, former, seconds = _plates(robot, place)
     thick = np.where(seconds > 1e-9 * seconds.max(), seconds, 1.0)
     scale = np.sqrt(area / whole * np.where(thick == seconds, second / thick, 1.0))
-    tensor = _tensor(body)
-    spread = scale[:, None] * (np.trace(tensor) / 2 * np.eye(3) - tensor) * scale
+    variances, axes = np.linalg.eigh(np.trace(body.tensor) / 2 * np.eye(3) - body.tensor)
+    axes = scale[:, None] * axes
+    spread = axes * np.maximum(variances, 0.0) @ axes.T  # an estimate may be below 0
     tensor = np.trace(spread) * np.eye(3) - spread
     where = np.array(body.center_of_mass) + center - former
     return _mass_of(body, float(body.mass) * area / whole, where, tensor)
@@ -366,18 +367,12 @@ def _plates(robot: Robot, place: int) -> tuple[float, Array, Array]:
 _TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
-def _tensor(body: Body) -> Array:
-    """Inertia of a body about its centre of mass, (3, 3) [kg m^2]."""
-    xx, yy, zz, xy, xz, yz = body.inertia
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], float)
-
-
 def _with_point(body: Body, mass: float, center: Array) -> dict[str, float]:
     """Numbers of a body with a mass more at a point, (3,) [m]."""
     total = float(body.mass) + mass
     old = np.array(body.center_of_mass, float)
     new = (float(body.mass) * old + mass * center) / total
-    tensor = _tensor(body)
+    tensor = body.tensor
     for part, at in ((float(body.mass), old), (mass, center)):
         arm = at - new
         tensor += part * (arm @ arm * np.eye(3) - np.outer(arm, arm))

@@ -88,7 +88,7 @@ def composed_source(
         "mounted_on": yaml.safe_load(arm),
         "at": at,
         "position": position,
-        "orientation": orientation,
+        "orientation": [f"{angle!r} rad" for angle in orientation],
         "prefix": prefix,
     }
     return yaml.safe_dump(described, sort_keys=False)

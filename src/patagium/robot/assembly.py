@@ -32,7 +32,7 @@ from patagium.robot.model import (
     Strip,
     repeated,
 )
-from patagium.robot.planform import from_the_root, written_images
+from patagium.robot.planform import from_the_root, reflected_axis, written_images
 from patagium.robot.schema import (
     ActuatorPart,
     BodyPart,
@@ -294,7 +294,7 @@ def _image(draft: _Draft, source: str, target: str) -> _Draft:
         parent=_renamed(draft.parent, source, target) if draft.parent else None,
         part=draft.part,
         joints=tuple(
-            (_renamed(name, source, target), kind, _reflected_axis(kind, axis))
+            (_renamed(name, source, target), kind, reflected_axis(kind, axis))
             for name, kind, axis in draft.joints
         ),
         orientation=_REFLECTION @ draft.orientation @ _REFLECTION,
@@ -305,13 +305,6 @@ def _image(draft: _Draft, source: str, target: str) -> _Draft:
 
 def _renamed(name: str, source: str, target: str) -> str:
     return target + name[len(source) :] if name.startswith(source) else name
-
-
-def _reflected_axis(kind: str, axis: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Reflection in y: polar for a slide, axial for a turn."""
-    x, y, z = axis
-    signed = (x, -y, z) if kind == "prismatic" else (-x, y, -z)
-    return (signed[0] + 0.0, signed[1] + 0.0, signed[2] + 0.0)
 
 
 def _in_tree_order(drafts: list[_Draft]) -> list[_Draft]:
@@ -352,11 +345,10 @@ def _check_inertia(robot: Robot, paths: list[str]) -> None:
     turns, places = [np.eye(3)], [np.zeros(3)]  # of the world, then of each body
     masses, centers, tensors = np.array([body.mass for body in robot.bodies]), [], []
     for body in robot.bodies:
-        xx, yy, zz, xy, xz, yz = body.inertia
         places.append(places[body.parent + 1] + turns[body.parent + 1] @ body.position)
         turns.append(turn := turns[body.parent + 1] @ np.array(body.orientation))
         centers.append(places[-1] + turn @ body.center_of_mass)
-        tensors.append(turn @ [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]] @ turn.T)
+        tensors.append(turn @ body.tensor @ turn.T)
     for k, body in enumerate(robot.bodies):
         below = [k]
         for i in range(k + 1, len(robot.bodies)):
@@ -551,7 +543,8 @@ def with_file_parameters(robot: Robot, parameters: Mapping[str, float]) -> Robot
         return robot.with_parameters(parameters)
     except ParameterError as error:
         path = f"parameters.{error.name}"
-        raise AssemblyError((path, error.expected, repr(error.found))) from None
+        found = str(error).partition(", found ")[2]  # and what may be meant
+        raise AssemblyError((path, error.expected, found)) from None
 
 
 def cut_wing(wing: WingPart, body_index: dict[str, int]) -> Iterator[Strip]:

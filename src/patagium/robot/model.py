@@ -52,8 +52,27 @@ def capacity_units(unit: str) -> tuple[str, ...]:
 
 COMMANDS = ("amplitude", "offset", "phase")
 """What is commanded of a joint of a gait; `frequency` is commanded of all together."""
+_EXCESS = 0.1
+"""Share of a moment of inertia that an estimate for a thin wing lacks in the other two."""
 _NEVER_NEGATIVE = ("gravity", "mass", "damping", "stiffness", "chord", "width")
 FLOATING_COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
+PHYSICAL = "principal moments of a real body (none below 0 or above the sum of the others)"
+
+
+def is_physical(tensor: Array, excess: float = 1e-6) -> bool:
+    """Whether some distribution of mass has this inertia.
+
+    The principal moments satisfy I1, I2, I3 >= 0 and I1 + I2 >= I3 (triangle inequality).
+
+    Args:
+        tensor: Inertia about the centre of mass, (3, 3) [kg m^2].
+        excess: Share of I3 that the other two may lack: files carry six or seven digits.
+    """
+    if not np.isfinite(tensor).all():
+        return False
+    moments = np.linalg.eigvalsh(tensor)
+    large = abs(moments).max()
+    return bool(moments[0] >= -1e-6 * large and moments[:2].sum() >= moments[2] - excess * large)
 
 
 @dataclass(frozen=True)
@@ -115,6 +134,12 @@ class Body:
     def by_quaternion(self) -> bool:
         """Whether it floats, its attitude a quaternion."""
         return self.floating_dofs is not None and self.attitude == "quaternion"
+
+    @property
+    def tensor(self) -> Array:
+        """Inertia about the centre of mass in numbers, (3, 3) [kg m^2], body axes."""
+        xx, yy, zz, xy, xz, yz = self.inertia
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], float)
 
 
 @dataclass(frozen=True)
@@ -416,19 +441,28 @@ class Robot:
     def with_parameters(self, values: Mapping[str, float]) -> Robot:
         """A copy with some run-time parameters changed, for calibration and damage.
 
-        Its source says what was changed. A number that was zero makes another `structure`.
+        Its source says what was changed. A number that was zero makes another `structure`. A
+        moment of inertia may exceed the sum of the other two by a tenth, as estimates do.
 
         Raises:
             ParameterError: If a name is no number of the robot, or a value cannot be.
         """
         known = {name for name, _ in _leaves(self)}
+        changed = _with_values(self, values)
         for name, value in values.items():
             if name not in known:
                 raise ParameterError(name, f"a parameter of robot {self.name!r}", name, known)
             if value < 0 and name.rpartition(".")[2] in _NEVER_NEGATIVE:
                 raise ParameterError(name, "a quantity that is not negative", value)
+        for body in changed.bodies:
+            own = [name for name in values if name.startswith(f"{body.name}.inertia.")]
+            if own and not is_physical(body.tensor, _EXCESS):
+                found = {
+                    key: float(f"{x:.4g}") for key, x in zip(_INERTIA, body.inertia, strict=True)
+                }
+                raise ParameterError(own[0], PHYSICAL, found)
         source = amended_source(self.source, values) if self.source else ""
-        return replace(_with_values(self, values), source=source)
+        return replace(changed, source=source)
 
     @checked
     def with_attitude(self, attitude: Attitude) -> Robot:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -70,6 +71,18 @@ def _turn(axis: Array, angle: float) -> Array:
     cross = np.cross(np.eye(3), axis)
     turned = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
     return np.asarray(turned)
+
+
+def reflected_axis(kind: str, axis: Any) -> tuple[float, float, float]:
+    """Axis reflected in y, (3,): a polar vector for a slide, an axial one for a turn.
+
+    Args:
+        kind: Kind of the joint, "revolute" or "prismatic".
+        axis: Its unit axis, (3,) [1].
+    """
+    x, y, z = axis
+    signed = (x, -y, z) if kind == "prismatic" else (-x, y, -z)
+    return (signed[0] + 0.0, signed[1] + 0.0, signed[2] + 0.0)
 
 
 def strip_corners(strip: Strip) -> Array:

@@ -22,11 +22,11 @@ from pydantic import (
 
 from patagium.arrays import Array
 from patagium.limits import LEAST_MASS
-from patagium.robot.model import CAPACITIES, capacity_units
+from patagium.robot.model import CAPACITIES, PHYSICAL, capacity_units, is_physical
 
 from patagium.robot.units import (  # isort: skip
-    Acceleration, Angle, BeamStiffness, Duration, Frequency, Inertia, Length, Mass, PureNumber,
-    SlidingDamping, Speed, Tilt, TurningDamping, UnitMismatch, in_si, mismatch, si_at,
+    Acceleration, Angle, BeamStiffness, Duration, Frequency, Inertia, Length, Mass, NumberInSI,
+    PureNumber, SlidingDamping, Speed, Tilt, TurningDamping, UnitMismatch, in_si, mismatch, si_at,
     spoken,
 )  # fmt: skip
 
@@ -73,21 +73,6 @@ Tensor: TypeAlias = Array
 FIRST_HINGE = 1 - 1 / np.sqrt(3)
 """Place of the first hinge of a flexible plate, over its share of the span."""
 _ORIGIN = (0.0, 0.0, 0.0)
-
-
-def is_physical(tensor: Tensor) -> bool:
-    """Whether some distribution of mass has this inertia.
-
-    The principal moments satisfy I1, I2, I3 >= 0 and I1 + I2 >= I3 (triangle inequality).
-
-    Args:
-        tensor: Inertia about the centre of mass, (3, 3) [kg m^2].
-    """
-    if not np.isfinite(tensor).all():
-        return False
-    moments = np.linalg.eigvalsh(tensor)
-    rounding = 1e-6 * abs(moments).max()  # files carry six or seven digits
-    return bool(moments[0] >= -rounding and moments[0] + moments[1] >= moments[2] - rounding)
 
 
 def _from_second_moments(second: Array) -> Tensor:
@@ -181,10 +166,7 @@ class Moments(_Part):
     @model_validator(mode="after")
     def _physical(self) -> Moments:
         if not is_physical(self.tensor(0.0)):
-            raise mismatch(
-                "principal moments of a real body (none below 0 or above the sum of the others)",
-                f"xx {self.xx:g}, yy {self.yy:g}, zz {self.zz:g}",
-            )
+            raise mismatch(PHYSICAL, f"xx {self.xx:g}, yy {self.yy:g}, zz {self.zz:g}")
         return self
 
     def tensor(self, mass: float) -> Tensor:  # noqa: ARG002 - one signature for all shapes
@@ -476,7 +458,7 @@ class RobotFile(_Part):
     mirror: Annotated[tuple[Mirror, ...], Field(examples=["[{from: left, to: right}]"])] = ()
     cruise: CruisePart | None = None
     actuators: dict[Name, ActuatorPart] = {}
-    parameters: dict[str, PureNumber] = {}
+    parameters: dict[str, NumberInSI] = {}
 
 
 class CompositionFile(_Part):
@@ -488,4 +470,4 @@ class CompositionFile(_Part):
     position: Point = _ORIGIN
     orientation: tuple[Angle, Angle, Angle] = _ORIGIN
     prefix: Annotated[str, Field(pattern=r"^[a-z0-9_]{0,39}$")] = "arm_"
-    parameters: dict[str, PureNumber] = {}
+    parameters: dict[str, NumberInSI] = {}

@@ -66,7 +66,8 @@ def in_si(written: object, unit: str, noun: str, most: float = TURN) -> float:
     Raises:
         UnitMismatch: If it is no number below 1e30, has another dimension, or seems to be degrees.
     """
-    expected = f"{noun} such as {_EXAMPLES.get(unit, f'1 {unit}')!r}, or a number [{unit or '-'}]"
+    expected = f"{noun} such as {_EXAMPLES.get(unit, f'1 {unit}')!r}"
+    expected += f", or a number [{unit}]" if unit else ""
     if isinstance(written, bool) or not isinstance(written, (int, float, str)):
         raise UnitMismatch(expected, shown(written))
     value, label = _parts(written, expected)
@@ -200,7 +201,7 @@ def mismatch(expected: str, found: str, at: str = "") -> PydanticCustomError:
 
 Length: TypeAlias = quantity_type("m", "a length")
 Mass: TypeAlias = quantity_type("kg", "a mass")
-Angle: TypeAlias = quantity_type("rad", "an angle")
+Angle: TypeAlias = quantity_type("rad", "an angle", SWING)
 Tilt: TypeAlias = quantity_type("rad", "an angle", TILT)
 Speed: TypeAlias = quantity_type("m/s", "a speed")
 Frequency: TypeAlias = quantity_type("Hz", "a frequency")
@@ -211,3 +212,4 @@ Acceleration: TypeAlias = quantity_type("m/s^2", "an acceleration")
 Inertia: TypeAlias = quantity_type("kg m^2", "a moment of inertia")
 BeamStiffness: TypeAlias = quantity_type("N m^2", "a stiffness of a beam")
 PureNumber: TypeAlias = quantity_type("", "a pure number")
+NumberInSI: TypeAlias = quantity_type("", "a number in SI units")

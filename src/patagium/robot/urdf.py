@@ -18,6 +18,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from math import remainder, tau
 from typing import Any
 from xml.etree.ElementTree import Element, ParseError
 
@@ -27,6 +28,7 @@ from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 
 from patagium.errors import RobotFileError
+from patagium.limits import TURN
 from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import FLOATING_COORDINATES
 
@@ -209,7 +211,8 @@ class _Reader:
             place = f"joint {link.joint.get('name')}"
             origin = self._origin(link.joint, place)
             body["parent"] = names[str(link.parent)]
-            body |= {"at": origin[:3].tolist(), "orientation": origin[3:].tolist()}
+            turns = (remainder(k, tau) if abs(k) <= TURN else k for k in origin[3:].tolist())
+            body |= {"at": origin[:3].tolist(), "orientation": [*turns]}
             joints = list(self._coordinates_of(link.joint, place))
             body |= {"joints": joints} if joints else {}
         return body | self._inertial(link)

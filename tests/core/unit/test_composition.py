@@ -41,6 +41,12 @@ def test_its_source_makes_it_again(composed):
     assert load_robot_text(twice.source) == twice
 
 
+def test_a_turn_of_more_than_half_is_kept_by_the_source():
+    """A file takes bare angles up to half a turn."""
+    turned = load_robot("aerobat").mounted_on(load_robot("ur5e"), "tool", orientation=(0, 4.7, 0))
+    assert load_robot_text(turned.source) == turned
+
+
 def test_a_file_may_say_it_with_presets():
     text = "robot: aerobat\nmounted_on: ur5e\nat: tool\norientation: [0, -90 deg, 0]\n"
     expected = load_robot("aerobat").mounted_on(

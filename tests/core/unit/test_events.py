@@ -90,6 +90,16 @@ wings:
     assert sum(s.width for s in cut.strips) == pytest.approx(0.75 * b, rel=1e-3)
 
 
+def test_a_lamina_whose_moments_are_estimates_can_be_cut():
+    """What its normal moment is too large by stayed as the span shrank: no body has that."""
+    robot = pt.load_robot("ornithopter")
+    xx, yy = robot.bodies[robot.body_index("left_wing")].inertia[:2]
+    estimated = robot.with_parameters({"left_wing.inertia.zz": 1.08 * (xx + yy)})
+    cut = without_tip(estimated, "left_wing", 0.9)
+    moments = np.linalg.eigvalsh(cut.bodies[cut.body_index("left_wing")].tensor)
+    assert 0 < moments[2] <= (1 + 1e-9) * (moments[0] + moments[1])
+
+
 def test_a_payload_is_a_point():
     robot = pt.load_robot("ornithopter")
     event = PayloadEvent(time=0.0, body="body", mass=0.05, position=(0.1, 0.0, 0.0))

@@ -13,6 +13,7 @@ from patagium.learning.identify import compare
 from patagium.learning.model_file import Model
 from patagium.learning.models.memory import memory_of, network_inputs
 from patagium.learning.models.physical import unit_of, written_unit
+from patagium.learning.parameter_paths import parameter_scores
 from patagium.learning.samples import samples
 from patagium.learning.stream import stream
 from patagium.robot import load_robot_text
@@ -348,6 +349,17 @@ def test_a_drag_below_zero_is_told_where_it_was_fitted_and_refused_in_use(robot)
     (told,) = [word for word in scores[-0.05] if "no flight" in word]
     assert "'polar.zero_lift_drag': -0.05" in told and "narrower priors" in told
     with pytest.raises(ParameterError, match="narrower priors"):
+        model.air()
+
+
+def test_an_inertia_that_no_body_has_is_told_where_it_was_fitted_and_refused_in_use(robot):
+    """The filter may pass through it; a flight by it was flown without a word."""
+    air = pt.QuasiSteady(robot, pt.Air())
+    name = next(name for name in robot.parameter_names if name.endswith("wing.inertia.zz"))
+    network = pt.GreyBox(air, {name: 1e-6})
+    model = Model(network, np.array([5.0]), None, None, None, {})
+    assert "narrower priors" in parameter_scores(model)["parameter_problem"]
+    with pytest.raises(ParameterError, match="a possible robot.*principal moments"):
         model.air()
 
 

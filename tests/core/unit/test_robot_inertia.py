@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from patagium.robot.schema import Box, Cylinder, Ellipsoid, Plate, PointMass, is_physical
+import patagium as pt
+from patagium.errors import ParameterError, RobotFileError
+from patagium.robot import load_robot_text
+from patagium.robot.model import is_physical
+from patagium.robot.schema import Box, Cylinder, Ellipsoid, Plate, PointMass
 
 
 def _summed(points: np.ndarray) -> np.ndarray:
@@ -72,3 +76,33 @@ def test_moments_of_a_real_body_keep_the_triangle_inequality(moments, physical):
 def test_products_of_inertia_count():
     tensor = np.array([[1.0, 0.9, 0], [0.9, 1.0, 0], [0, 0, 0.2]])
     assert not is_physical(tensor)  # principal moments 1.9, 0.1, 0.2
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"left_wing.inertia.yy": -5e-3},
+        {"left_wing.inertia.xy": 1.0},
+        {"body.mass": 0.4, "body.inertia.zz": 1.0},
+    ],
+)
+def test_an_impossible_inertia_among_the_parameters_is_refused(changed):
+    """Only the tensor that a body states was looked at, not what `parameters` made of it."""
+    robot = pt.load_robot("ornithopter")
+    with pytest.raises(ParameterError, match="inertia.*: expected principal moments of a real"):
+        robot.with_parameters(changed)
+    block = "\n".join(f"  {name}: {value}" for name, value in changed.items())
+    with pytest.raises(RobotFileError, match=r"line \d+, parameters.*principal moments of a real"):
+        load_robot_text(f"{robot.source}\nparameters:\n{block}\n")
+
+
+def test_an_inertia_may_change_as_a_whole():
+    """One of these moments alone breaks the triangle inequality of a plate, and not by a bit."""
+    robot = pt.load_robot("ornithopter")
+    names = [f"left_wing.inertia.{axis}" for axis in ("xx", "yy", "zz")]
+    moments = robot.bodies[robot.body_index("left_wing")].inertia[:3]
+    larger = {name: 2 * value for name, value in zip(names, moments, strict=True)}
+    assert robot.with_parameters(larger).source != robot.source
+    assert robot.with_parameters({names[2]: 1.02 * moments[2]}).source != robot.source
+    with pytest.raises(ParameterError, match=names[2]):
+        robot.with_parameters({names[2]: larger[names[2]]})

@@ -53,6 +53,16 @@ def test_a_urdf_loads_by_its_path(tmp_path):
     assert "Renamed: Upper-Arm to upper_arm" in robot.source
 
 
+def test_a_turn_of_more_than_half_is_taken():
+    """A robot file takes bare angles up to half a turn, a URDF those up to a whole one."""
+    robot = load_urdf_text(ARM.replace("0.1 0.2 0.3", "0.1 0.2 4.8"))
+    same = load_urdf_text(ARM.replace("0.1 0.2 0.3", f"0.1 0.2 {4.8 - 2 * np.pi}"))
+    turns = [np.array(one.bodies[1].orientation) for one in (robot, same)]
+    np.testing.assert_allclose(*turns, atol=1e-15)
+    with pytest.raises(RobotFileError, match="write '90 deg'"):
+        load_urdf_text(ARM.replace("0.1 0.2 0.3", "0 0 90"))
+
+
 def test_every_number_arrives():
     robot = load_urdf_text(ARM)
     upper = robot.bodies[1]

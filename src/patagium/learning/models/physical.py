@@ -223,14 +223,14 @@ def changed_air(
     values = {found.name: found.value for found in estimates}
     robot, description = model.robot, model.describe()
     of_robot = {name: values.pop(name) for name in robot.parameter_names if name in values}
-    machine = robot.with_parameters(of_robot) if of_robot else robot
     for name, value in {"gust": None, **values}.items():
         if not name.startswith("added_mass."):
             _write(description, name, value, model.name)
     try:
+        machine = robot.with_parameters(of_robot) if of_robot else robot
         changed = aero_from_description(machine, description)
     except ParameterError as problem:
-        expected = f"those of a possible model of the air ({problem}): estimate fewer of them, or "
+        expected = f"those of a possible robot and air ({problem}): estimate fewer of them, or "
         expected += "with narrower priors, or fly other gaits"
         found = {one.name: float(f"{one.value:.4g}") for one in estimates}
         raise ParameterError("learned numbers", expected, found) from problem
