@@ -14,7 +14,14 @@ import yaml
 
 from patagium.reading import lines_of
 from patagium.robot.model import Robot
-from patagium.robot.planform import mirrored_bodies, placed, poses, strip_corners
+from patagium.robot.planform import (
+    inwards,
+    mirrored_bodies,
+    placed,
+    poses,
+    reflected_axis,
+    strip_corners,
+)
 
 _SMALL = 1e-6
 """Area of a strip that does nothing, over that of the largest."""
@@ -32,8 +39,15 @@ _KINDS = {
     ("kg", "g"): "mass",
     ("m", "cm"): "at position center_of_mass leading trailing span chord thickness radius length "
     "size semi_axes",
+    ("kg m^2", "g cm^2"): "xx yy zz xy xz yz",
 }
 """Keys of a robot file by the unit of a bare number and the one that may be meant."""
+
+_WIDE = 5.0
+"""Distance of a body's mass from its center over the size of the robot that is hardly meant."""
+
+_AXIS = 0.1
+"""Difference of two unit axes that are the same."""
 
 _OVERLAP = 0.1
 """Share of its chord and its width that a strip may lie on another one."""
@@ -48,13 +62,15 @@ def robot_warnings(robot: Robot) -> list[str]:
         *checks,
         _few_strips(robot),
         _elsewhere(robot),
+        _wide_bodies(robot, images),
+        _same_axes(robot),
         _overlaps(robot),
     )
-    return [sentence for check in every for sentence in check]
+    return [*dict.fromkeys(sentence for check in every for sentence in check)]
 
 
 def _bare_numbers(text: str) -> Iterator[str]:
-    """Masses and lengths of 1 and more without a unit, where others of the file have one."""
+    """Masses, lengths, inertias of 1 and more without a unit, where others of the file have one."""
     for (unit, small), keys in _KINDS.items():
         found = list(_written(yaml.safe_load(text), keys.split()))
         bare = {k: x for k, x in found if isinstance(x, int | float) and abs(x) >= 1}
@@ -83,12 +99,13 @@ def _wide_limits(robot: Robot, images: set[int]) -> Iterator[str]:
 
 
 def _masses_of_wings(robot: Robot, images: set[int]) -> Iterator[str]:
+    largest = max((float(s.chord * s.width) for s in robot.strips), default=0.0)
     for index, body in enumerate(robot.bodies):
         strips = [strip for strip in robot.strips if strip.body == index]
         if index in images or not strips or not body.joints or body.mass == 0.0:
             continue
         areas = [float(s.chord * s.width) for s in strips]
-        if not sum(areas) > 0.0:
+        if not sum(areas) > _SMALL * largest:  # its strips are told
             continue
         middle = np.average([s.quarter_chord for s in strips], axis=0, weights=areas)
         if np.linalg.norm(body.center_of_mass) < _HINGE * np.linalg.norm(middle):
@@ -109,10 +126,47 @@ def _masses_of_wings(robot: Robot, images: set[int]) -> Iterator[str]:
         half = np.sqrt(max(1.5 * (sum(body.inertia[:3]) - 2 * body.inertia[k]) / body.mass, 0.0))
         own = body.center_of_mass[k] - half, body.center_of_mass[k] + half
         shared, longest = min(ends[1], own[1]) - max(ends[0], own[0]), max(np.ptp(ends), 2 * half)
-        if min(np.ptp(ends), half) > _POINT * longest and shared < _ALIKE * longest:
+        if half > _POINT * longest and shared < _ALIKE * longest:
             there, here = (f"{100 * a:.3g} to {100 * b:.3g} cm" for a, b in (own, ends))
             seen = f"its mass lies from {there} along its span, its strips from {here}"
             yield f"body {body.name}: center_of_mass, shape: {seen}; check the units"
+
+
+def _wide_bodies(robot: Robot, images: set[int]) -> Iterator[str]:
+    """Bodies, moving wings aside, whose inertia is that of a mass far outside of the robot."""
+    wings = {s.body for s in robot.strips if robot.bodies[s.body].joints} | images
+    places = poses(robot)
+    centers = np.array([body.center_of_mass for body in robot.bodies], float)
+    points = [placed(places[s.body], strip_corners(s)) for s in robot.strips]
+    points += [placed(place, one[None]) for place, one in zip(places, centers, strict=True)]
+    size = float(np.linalg.norm(np.ptp(np.concatenate(points), axis=0)))
+    for body in (b for k, b in enumerate(robot.bodies) if robot.strips and k not in wings):
+        far = np.sqrt(sum(body.inertia[:3]) / 2 / body.mass) if body.mass else 0.0
+        if far > _WIDE * size:
+            seen = f"its mass lies {far:.3g} m from its center, and the robot is {size:.3g} m large"
+            yield f"body {body.name}: mass, inertia, shape: {seen}; check the units"
+
+
+def _same_axes(robot: Robot) -> Iterator[str]:
+    """Joints of a written right wing, image of the left one, on an axis that is not mirrored."""
+    places = poses(robot)
+    joints = {k.name: (k, places[i][1]) for i, b in enumerate(robot.bodies) for k in b.joints}
+    for wings in robot.mirrored_wings:
+        left, right = ([s for s in robot.strips if s.wing == name][-1] for name in sorted(wings))
+        chain, other = (inwards(robot, tip.body) for tip in (left, right))
+        common = next((places[k][1] for k in chain if k in other), np.eye(3))
+        for joint in (k for body in chain for k in robot.bodies[body].joints):
+            name = joint.name.replace("left_", "right_")
+            if right.mirrored or name == joint.name or name not in joints:
+                continue
+            image, turn = joints[name]
+            axis, own = (common.T @ at @ k.axis for k, at in (joints[joint.name], joints[name]))
+            mirrored = np.array(reflected_axis(joint.kind, axis))
+            apart, wrong = np.linalg.norm(own - axis), np.linalg.norm(own - mirrored)
+            if apart < _AXIS < wrong and image.dof in robot.actuated:
+                best = ", ".join(f"{k + 0.0:.3g}" for k in np.round(turn.T @ common @ mirrored, 3))
+                seen = "it is that of the left side, so the wings do not move as mirror images"
+                yield f"joint {name}: axis: {seen}; write axis: [{best}]"
 
 
 def _elsewhere(robot: Robot) -> Iterator[str]:

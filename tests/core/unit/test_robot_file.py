@@ -1,11 +1,14 @@
 """A robot file becomes the robot it describes, or says where it does not."""
 
+import re
+
 import numpy as np
 import pytest
 
 from patagium.errors import ParameterError, RobotFileError, RobotFileWarning
 from patagium.robot import load_robot, load_robot_text, preset_text
 from patagium.robot.model import Actuator
+from patagium.robot.review import robot_warnings
 
 GLIDER = """
 name: glider
@@ -447,6 +450,16 @@ SLIPS = {
         "trailing: -22",
         r"wings.0.segments.0.stations.0.trailing: -22 .* '-22 cm' or '-22 m'$",
     ),
+    "an inertia in g cm^2 without a unit": (
+        "shape: {type: plate, chord: 25 cm, span: 72 cm, thickness: 4 mm}",
+        "inertia: {xx: 1900, yy: 230, zz: 2100}",
+        "body left_wing: center_of_mass, shape: its mass lies from .*; check the units",
+    ),
+    "an inertia of the body without a unit": (
+        "shape: {type: box, size: [45 cm, 6 cm, 8 cm]}",
+        "inertia: {xx: 8, yy: 61, zz: 65}",
+        r"body body: mass, inertia, shape: its mass lies 13.3 m from .* 1.* m large; check the",
+    ),
     "mass at the hinge": (
         "    center_of_mass: [-2 cm, 28 cm, 0]\n",
         "",
@@ -496,6 +509,84 @@ def test_a_likely_slip_is_told_with_what_to_write(slip, tmp_path):
     path.write_text(text.replace(old, new, 1))
     with pytest.warns(RobotFileWarning, match=sentence):
         load_robot(path)
+
+
+def test_a_moment_of_inertia_without_a_unit_is_told_where_others_have_one():
+    """Masses and lengths were, and inertias were not."""
+    old, new = (
+        "shape: {type: box, size: [45 cm,",
+        "inertia: {xx: 3, yy: 4, zz: 4.1, xy: 1 g cm^2} #",
+    )
+    said = robot_warnings(load_robot_text(preset_text("ornithopter").replace(old, new)))
+    assert len(said) == 3
+    assert "body.inertia.yy: 4 without a unit is 4 kg m^2" in said[1]
+    assert said[1].endswith("write '4 g cm^2' or '4 kg m^2'")
+
+
+RIGHT_HAND = """
+  right_wing:
+    parent: body
+    at: [-2 cm, -3 cm, 4 cm]
+    joints: [{name: right_plunge, axis: AXIS}]
+    mass: 45 g
+    center_of_mass: [-2 cm, -28 cm, 0]
+    shape: {type: plate, chord: 25 cm, span: 72 cm, thickness: 4 mm}
+wings:
+  - name: right_wing
+    segments:
+      - {body: right_wing, strips: 8, stations: [{span: -72 cm, leading: 5 cm, trailing: -20 cm},
+         {span: 0, leading: 5 cm, trailing: -20 cm}]}
+  - name: left_wing
+    segments:
+      - {body: left_wing, strips: 8, stations: [{span: 0, leading: 5 cm, trailing: -20 cm},
+         {span: 72 cm, leading: 5 cm, trailing: -20 cm}]}
+"""
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "advice"),
+    [
+        ("x", "x", r"\[-1, 0, 0\]"),
+        ("z", "[0, 0.01, 1]", r"\[0, 0, -1\]"),
+        ("[1, 1, 0]", "[1, 1, 0]", r"\[-0.707, 0.707, 0\]"),
+        ("x", "-x", None),
+        ("y", "y", None),
+        ("y", "-y", None),
+    ],
+)
+def test_an_axis_of_a_written_right_wing_that_is_no_image_is_told(left, right, advice):
+    """A pair that flaps antisymmetrically because one axis was copied was not told."""
+    head = preset_text("ornithopter").partition("\n  tailplane:")[0]
+    text = head.replace("axis: x", f"axis: {left}") + RIGHT_HAND.replace("AXIS", right)
+    said = robot_warnings(load_robot_text(text))
+    if advice is None:
+        assert not said
+    else:
+        (sentence,) = said
+        assert re.search(
+            rf"right_plunge: axis: it is that of the left.*; write axis: {advice}$", sentence
+        )
+
+
+@pytest.mark.parametrize("angle", [5, -3.2])
+def test_an_orientation_in_degrees_without_a_unit_is_refused(angle):
+    """Up to a turn it was taken as radians; half a turn each way says every attitude."""
+    text = GLIDER.replace("orientation: [10 deg", f"orientation: [{angle}")
+    with pytest.raises(RobotFileError, match=rf"orientation.0: .*; write '{angle} deg' or"):
+        load_robot_text(text)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("hull.mass: 30 g", "parameters.hull.mass: expected a number in SI units such as '0.5', f"),
+        ("hull.mas: 0.03", "parameters.hull.mas: .* found 'hull.mas'; did you mean hull.mass[?]"),
+    ],
+)
+def test_a_wrong_parameter_says_what_to_write(line, said):
+    """A mass was to be "a pure number", and a slip of the name had no suggestion."""
+    with pytest.raises(RobotFileError, match=said):
+        load_robot_text(f"{GLIDER}\nparameters: {{{line}}}\n")
 
 
 def test_the_world_is_a_parent():
