@@ -535,7 +535,8 @@ def _wind(aero: Aerodynamics, samples: dict[str, Array], time: Array) -> Array:
     if STRIP_WIND not in samples:
         return aero.air.wind_at(time)
     areas = np.array([float(s.chord * s.width) for s in aero.robot.strips])
-    return np.asarray(np.average(samples[STRIP_WIND], axis=1, weights=areas))
+    winds = samples[STRIP_WIND].reshape(len(time), -1, 3)  # of one strip it is (N, 3)
+    return np.asarray(np.average(winds, axis=1, weights=areas))
 
 
 def period_of(

@@ -9,10 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
+from tests.robots import FLAPPER
 
 import patagium as pt
 from patagium.cli.main import run
 from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFailed
+from patagium.robot import load_robot_text
 from patagium.simulation import QUANTITIES
 from patagium.simulation.flight_summary import flight_summary
 
@@ -294,3 +296,17 @@ def test_a_simulator_goes_to_another_process_and_flies_on_alike(again):
             one.fly()
             flights.append(one.flight())
         xr.testing.assert_identical(*flights)
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_a_gust_that_travels_meets_a_robot_of_one_strip():
+    """Its record ended in a traceback of NumPy."""
+    one = load_robot_text(FLAPPER.split("mirror:")[0])
+    gust = pt.air.TravelingGust(
+        pt.air.OneMinusCosineGust((0.0, 0.0, 1.0), 0.0, 0.01), (1.0, 0.0, 0.0), 5.0
+    )
+    aero = pt.QuasiSteady(one, pt.Air(gust=gust))
+    gait = pt.gaits.sinusoidal(one, frequency=5.0)
+    flown = pt.simulate(one, aero, gait, duration=0.01, time_step=1e-3)
+    np.testing.assert_array_equal(flown["wind"], flown["strip_wind"][:, 0])
+    assert flown["wind"].values.any()
