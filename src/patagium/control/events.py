@@ -23,6 +23,7 @@ from patagium.arrays import Array
 from patagium.errors import ParameterError, finite, positive
 from patagium.robot import Robot
 from patagium.robot.model import Body, Strip
+from patagium.robot.review import mass_beside_strips
 
 Machine: TypeAlias = tuple[Robot, Aerodynamics]
 """Machine, and the model of the air around it."""
@@ -153,7 +154,8 @@ class WingLossEvent(Event):
     """Outer part of one wing that is cut off, with its share of the mass of its bodies.
 
     The mass of a body goes as the area of its strips, its centre as their centroid, and its
-    second moments as theirs: a plate that is cut is a smaller plate.
+    second moments as theirs: a plate that is cut is a smaller plate. A body that floats, or whose
+    mass lies elsewhere than its strips, is a fuselage with a wing fixed to it, and loses none.
 
     Args:
         time: When it is lost [s].
@@ -309,14 +311,15 @@ def without_tip(robot: Robot, wing: str, share: float) -> Robot:
             continue
         out = _outwards(strips, k)
         center = np.array(strip.quarter_chord, float)
-        cut = edge.setdefault(strip.body, center + (kept - width / 2) * out)
+        inner = edge.get(strip.body, center - width / 2 * out)
         left = max(kept, LEFT * width)
+        edge[strip.body] = inner + left * out  # side by side: no two vortices in one place
         values[f"{strip.name}.width"] = left
-        at = center + (kept - width) / 2 * out if kept else cut + left / 2 * out
-        values |= _named(f"{strip.name}.quarter_chord", at)
+        values |= _named(f"{strip.name}.quarter_chord", inner + left / 2 * out)
     less = robot.with_parameters(values)
     for body in edge:
-        values |= _lighter(less, robot, body)
+        if _carries_only_strips(robot, body):
+            values |= _lighter(less, robot, body)
     return robot.with_parameters(values)
 
 
@@ -330,6 +333,12 @@ def _outwards(strips: Sequence[Strip], place: int) -> Array:
     if same:
         way = (way - np.array(strips[same[0]].quarter_chord, float)) * (place - same[0])
     return np.asarray(span if span @ way >= 0 else -span)
+
+
+def _carries_only_strips(robot: Robot, place: int) -> bool:
+    """Whether a body is a wing, and no fuselage that a wing is fixed to."""
+    body = robot.bodies[place]
+    return bool(body.floating_dofs is None and body.mass and not mass_beside_strips(robot, place))
 
 
 def _lighter(less: Robot, robot: Robot, place: int) -> dict[str, float]:

@@ -120,16 +120,23 @@ def _masses_of_wings(robot: Robot, images: set[int]) -> Iterator[str]:
         if robot.floating and body.mass > _HEAVY * rest:
             heavy = f"{1000 * body.mass:.3g} g, and all but its image {1000 * rest:.3g} g together"
             yield f"body {body.name}: mass: it has {heavy}; check its unit"
-        corners = np.concatenate([strip_corners(strip) for strip in strips])
-        k = int(np.argmax(np.ptp(corners, axis=0)[1:])) + 1  # the axis of the span
-        ends = corners[:, k].min(), corners[:, k].max()
-        half = np.sqrt(max(1.5 * (sum(body.inertia[:3]) - 2 * body.inertia[k]) / body.mass, 0.0))
-        own = body.center_of_mass[k] - half, body.center_of_mass[k] + half
-        shared, longest = min(ends[1], own[1]) - max(ends[0], own[0]), max(np.ptp(ends), 2 * half)
-        if half > _POINT * longest and shared < _ALIKE * longest:
-            there, here = (f"{100 * a:.3g} to {100 * b:.3g} cm" for a, b in (own, ends))
+        if ranges := mass_beside_strips(robot, index):
+            there, here = (f"{100 * a:.3g} to {100 * b:.3g} cm" for a, b in ranges)
             seen = f"its mass lies from {there} along its span, its strips from {here}"
             yield f"body {body.name}: center_of_mass, shape: {seen}; check the units"
+
+
+def mass_beside_strips(robot: Robot, index: int) -> list[tuple[float, float]]:
+    """Ranges of a body's mass and of its strips along its span [m], where they are elsewhere."""
+    body = robot.bodies[index]
+    corners = np.concatenate([strip_corners(one) for one in robot.strips if one.body == index])
+    k = int(np.argmax(np.ptp(corners, axis=0)[1:])) + 1  # the axis of the span
+    ends = corners[:, k].min(), corners[:, k].max()
+    half = np.sqrt(max(1.5 * (sum(body.inertia[:3]) - 2 * body.inertia[k]) / body.mass, 0.0))
+    own = body.center_of_mass[k] - half, body.center_of_mass[k] + half
+    shared, longest = min(ends[1], own[1]) - max(ends[0], own[0]), max(np.ptp(ends), 2 * half)
+    apart = half > _POINT * longest and shared < _ALIKE * longest
+    return [own, ends] if apart else []
 
 
 def _wide_bodies(robot: Robot, images: set[int]) -> Iterator[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib import resources
+
 import numpy as np
 import pytest
 
@@ -98,6 +100,31 @@ def test_a_lamina_whose_moments_are_estimates_can_be_cut():
     cut = without_tip(estimated, "left_wing", 0.9)
     moments = np.linalg.eigvalsh(cut.bodies[cut.body_index("left_wing")].tensor)
     assert 0 < moments[2] <= (1 + 1e-9) * (moments[0] + moments[1])
+
+
+def test_what_is_lost_of_a_wing_lies_side_by_side():
+    """In one place the vortices of two lost strips of a body made every force not a number."""
+    robot = pt.load_robot("ornithopter")
+    q, v = robot.coordinates(pitch=-0.1), robot.velocities(x=6.0)
+    lift = []
+    for share in (0.2, 0.3, 0.5, 1.0):
+        cut = without_tip(robot, "left_wing", share)
+        lift.append(pt.LiftingLine(cut).generalized_force(q, v)[2])
+        places = [s.quarter_chord[1] for s in cut.strips if s.wing == "left_wing"]
+        apart, widths = np.diff(places), [s.width for s in cut.strips if s.wing == "left_wing"]
+        assert apart == pytest.approx((np.array(widths[1:]) + widths[:-1]) / 2, rel=1e-9)
+    assert (np.diff(lift) < 0).all() and lift[-1] > 0
+
+
+def test_a_fuselage_stays_where_its_tail_is_lost():
+    """Its mass went as the area of the tail that is fixed to it: 25 g became .025 g."""
+    text = (resources.files("patagium.robot") / "template.yaml").read_text("utf-8")
+    robot = load_robot_text(text)
+    cut = without_tip(robot, "tail", 1.0)
+    assert cut.bodies == robot.bodies and area(cut, "tail") < 0.01 * area(robot, "tail")
+    slide = "joints: [{name: heave, type: prismatic, axis: z}]"
+    held = load_robot_text(text.replace("floating: true", slide))
+    assert without_tip(held, "tail", 1.0).bodies == held.bodies
 
 
 def test_a_payload_is_a_point():
