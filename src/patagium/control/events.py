@@ -123,7 +123,8 @@ class PayloadEvent(Event):
         time: When it is there [s].
         body: Name of the body.
         mass: The mass [kg].
-        position: Where, in the body's axes, (3,) [m]; None for its centre of mass.
+        position: Where, in the body's axes before it bends, (3,) [m]; None for its centre of mass,
+            which has no place of its own where the body is flexible.
     """
 
     body: str
@@ -141,11 +142,15 @@ class PayloadEvent(Event):
         Raises:
             ParameterError: If the mass is not positive, or its mass matrix singular to rounding.
         """
-        body, mass = robot.bodies[robot.body_index(self.body)], positive("mass", self.mass)
+        place, mass = robot.body_index(self.body), positive("mass", self.mass)
+        where = np.array(robot.bodies[place].center_of_mass, float)
+        if self.position is not None:
+            place, where = robot.place(self.body, triple("position", self.position))
+        elif any(one.piece and one.parent == place for one in robot.bodies):
+            raise ParameterError("position", f"a point, as {self.body} is flexible", None)
         if mass > 1000 * robot.mass:
             raise ParameterError("mass", "at most 1000 times that of the robot", mass)
-        where = body.center_of_mass if self.position is None else self.position
-        point = _with_point(body, mass, np.array(triple("position", where)))
+        point = _with_point(robot.bodies[place], mass, where)
         return _around(robot.with_parameters(point), aero)
 
 

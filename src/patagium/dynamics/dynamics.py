@@ -259,7 +259,7 @@ class Dynamics(_Methods):
             ParameterError: If there is no such body.
             ShapeError: If `offset` is not (3,).
         """
-        return Point(self.robot, self.robot.body_index(body), real_array("offset", offset))
+        return Point(self.robot, *self.robot.place(body, real_array("offset", offset, (3,))))
 
 
 class Point:

@@ -19,7 +19,7 @@ from patagium.arrays import Array
 from patagium.errors import ParameterError, similar
 from patagium.limits import LEAST_INERTIA, SWING, TURN
 from patagium.robot.attitude import rotation_from_angles
-from patagium.robot.flexible import flexed, pieces_of
+from patagium.robot.flexible import Hinge, flexed, pieces_of
 from patagium.robot.model import (
     CAPACITIES,
     COMMANDS,
@@ -84,17 +84,21 @@ def assemble(file: RobotFile, source: str) -> Robot:
     Raises:
         AssemblyError: If the parts contradict each other.
     """
-    bodies = flexed(file.bodies)
-    drafts = _in_tree_order(_mirrored(file, [_draft(n, b, bodies) for n, b in bodies.items()]))
+    _check_piece_names(file.bodies)
+    parts = flexed(file.bodies)
+    drafts = _in_tree_order(_mirrored(file, [_draft(n, b, parts) for n, b in parts.items()]))
     _check_masses(drafts)
     coordinates = _coordinates(drafts)
     order = _ordered(file, tuple(coordinates))
     ordered = [coordinates[name] for name in order]
     dof = {name: i for i, name in enumerate(order)}
     index = {draft.name: i for i, draft in enumerate(drafts)}
+    bodies: list[Body] = []
+    for draft in drafts:
+        bodies.append(_body(draft, bodies, dof))
     robot = Robot(
         name=file.name,
-        bodies=tuple(_body(draft, index, dof) for draft in drafts),
+        bodies=tuple(bodies),
         strips=(),
         dof_names=order,
         dof_units=tuple(k.unit for k in ordered),
@@ -119,6 +123,15 @@ def assemble(file: RobotFile, source: str) -> Robot:
     _check_actuators(robot, actuators)
     robot = replace(robot, actuators=actuators)
     return replace(with_file_parameters(robot, file.parameters), source=source)
+
+
+def _check_piece_names(bodies: Mapping[str, BodyPart]) -> None:
+    """Refuse a body that has the name of a piece of a flexible one."""
+    for name, body in bodies.items():
+        for piece in pieces_of(name, body).names[1:] if body.flexible else ():
+            if piece in bodies:
+                expected = f"another name, as {piece} is a piece of the flexible body {name}"
+                raise AssemblyError((f"bodies.{piece}", expected, piece))
 
 
 def _joined(file: RobotFile, robot: Robot) -> Robot:
@@ -441,20 +454,23 @@ def _ordered(file: RobotFile, names: tuple[str, ...]) -> tuple[str, ...]:
     return file.coordinates
 
 
-def _body(draft: _Draft, index: dict[str, int], dof: dict[str, int]) -> Body:
+def _body(draft: _Draft, before: list[Body], dof: dict[str, int]) -> Body:
     side = -1.0 if draft.reflected else 1.0
+    parent = -1 if draft.parent is None else [one.name for one in before].index(draft.parent)
+    joints = []
+    for k, (joint, part) in enumerate(zip(draft.joints, draft.part.joints, strict=True)):
+        coupling = part.coupling if isinstance(part, Hinge) else 0.0
+        inner = before[parent].joints[k].name if coupling else ""
+        joints.append(Joint(*joint, dof[joint[0]], coupling, inner))  # type: ignore[arg-type]
     tensor = draft.part.tensor()
     x, y, z = draft.part.at
     cx, cy, cz = draft.part.center_of_mass
     return Body(
         name=draft.name,
-        parent=index[draft.parent] if draft.parent is not None else -1,
+        parent=parent,
         position=(x, side * y + 0.0, z),
         orientation=tuple(tuple(float(k) + 0.0 for k in row) for row in draft.orientation),  # type: ignore[arg-type]
-        joints=tuple(
-            Joint(name, kind, axis, dof[name], getattr(part, "coupling", 0.0))  # type: ignore[arg-type]
-            for (name, kind, axis), part in zip(draft.joints, draft.part.joints, strict=True)
-        ),
+        joints=tuple(joints),
         floating_dofs=(
             tuple(dof[k] for k in FLOATING_COORDINATES) if draft.part.floating else None
         ),
@@ -465,6 +481,7 @@ def _body(draft: _Draft, index: dict[str, int], dof: dict[str, int]) -> Body:
             for k in (*np.diag(tensor), side * tensor[0, 1], tensor[0, 2], side * tensor[1, 2])
         ),  # type: ignore[arg-type]
         attitude=draft.part.attitude or "euler",
+        piece=any(isinstance(part, Hinge) for part in draft.part.joints),
     )
 
 
@@ -478,7 +495,7 @@ def _strips(file: RobotFile, robot: Robot, index: dict[str, int]) -> tuple[Strip
             if segment.body not in index:
                 path = f"wings.{i}.segments.{j}.body"
                 raise AssemblyError(_unknown(path, list(index), segment.body))
-        cut = [_on_pieces(file, strip, index) for strip in cut_wing(wing, index)]
+        cut = [_on_piece(robot, strip) for strip in cut_wing(wing, index)]
         strips += from_the_root(robot, cut)
     _check_wing_names(file)
     bodies = list(index)
@@ -493,14 +510,10 @@ def _strips(file: RobotFile, robot: Robot, index: dict[str, int]) -> tuple[Strip
     return tuple(strips)
 
 
-def _on_pieces(file: RobotFile, strip: Strip, index: dict[str, int]) -> Strip:
+def _on_piece(robot: Robot, strip: Strip) -> Strip:
     """A strip on the piece that holds its quarter chord, where its body is flexible."""
-    name = list(index)[strip.body]
-    if name not in file.bodies or file.bodies[name].flexible is None:
-        return strip
-    pieces, (x, y, z) = pieces_of(name, file.bodies[name]), strip.quarter_chord
-    piece, along = pieces.place(y)
-    return replace(strip, body=index[pieces.names[piece]], quarter_chord=(x, _clean(along), z))
+    body, point = robot.place(robot.bodies[strip.body].name, strip.quarter_chord)
+    return replace(strip, body=body, quarter_chord=_triple(point))
 
 
 def _check_wing_names(file: RobotFile) -> None:

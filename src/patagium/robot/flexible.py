@@ -112,7 +112,7 @@ def _cut(body: BodyPart, pieces: Pieces) -> Iterator[tuple[str, BodyPart]]:
         yield name, body.model_copy(update=changed)
 
 
-class _Hinge(JointPart):
+class Hinge(JointPart):
     """Hinge between two pieces, and its coupling to the hinge before; see `Joint`."""
 
     coupling: float
@@ -128,7 +128,7 @@ def _hinge(name: str, number: int, span: float, flexible: FlexiblePart) -> Itera
         ("twist", (0.0, 1.0, 0.0), flexible.torsion),
     ):
         if stiffness:
-            yield _Hinge.model_construct(
+            yield Hinge.model_construct(
                 name=f"{name}_{kind}_{number}",
                 axis=axis,
                 passive=True,

@@ -84,8 +84,8 @@ class Joint:
         kind: Turns about its axis, or slides along it.
         axis: Unit axis in the frame left by the joints before it (structural).
         dof: Index of its rate in v; `Robot.coordinate_indices` has that of its coordinate in q.
-        coupling: Stiffness between it and the joint at its place in the parent body, over its
-            own stiffness [-].
+        coupling: Stiffness between it and the joint `inner`, over its own stiffness [-].
+        inner: Name of the joint that it is coupled to, or "".
     """
 
     name: str
@@ -93,6 +93,7 @@ class Joint:
     axis: Axis
     dof: int
     coupling: float = 0.0
+    inner: str = ""
 
 
 @dataclass(frozen=True)
@@ -117,6 +118,7 @@ class Body:
         center_of_mass: In body axes from the body's origin, (3,) [m].
         inertia: xx, yy, zz, xy, xz, yz about the centre of mass, body axes [kg m^2].
         attitude: Coordinates of a floating body's attitude.
+        piece: Whether it is a piece of a flexible body and goes on from its parent, another one.
     """
 
     name: str
@@ -129,6 +131,7 @@ class Body:
     center_of_mass: Vector
     inertia: tuple[Any, Any, Any, Any, Any, Any]
     attitude: Attitude = "euler"
+    piece: bool = False
 
     @property
     def by_quaternion(self) -> bool:
@@ -355,9 +358,9 @@ class Robot:
     def couplings(self) -> tuple[tuple[int, int, float], ...]:
         """Coupled joints: index of the inner and of the outer one, and the coupling [-]."""
         return tuple(
-            (inner.dof, outer.dof, outer.coupling)
+            (self.dof_names.index(outer.inner), outer.dof, outer.coupling)
             for body in self.bodies
-            for outer, inner in zip(body.joints, self.bodies[body.parent].joints, strict=False)
+            for outer in body.joints
             if outer.coupling
         )
 
@@ -563,6 +566,25 @@ class Robot:
             raise ParameterError("body", f"one of {', '.join(names)}", name, names)
         return names.index(name)
 
+    def place(self, body: str, point: ArrayLike) -> tuple[int, Array]:
+        """Index of the body that holds a point, and the point in its axes, (3,) [m].
+
+        Where the body is flexible it is the piece at the point.
+
+        Args:
+            body: Name of a body.
+            point: Point in the axes of that body, nothing bent, (3,) [m].
+
+        Raises:
+            ParameterError: If there is no such body, or the point is not three finite numbers.
+        """
+        index, (x, y, z) = self.body_index(body), finite_triple("point", point)
+        for k, piece in enumerate(self.bodies):  # from the root outwards
+            beyond = y - piece.position[1]
+            if piece.piece and piece.parent == index and beyond * piece.center_of_mass[1] > 0:
+                index, y = k, beyond
+        return index, np.array([x, y, z])
+
     @checked
     def mounted_on(
         self,
@@ -703,7 +725,10 @@ def _mounted(
 
 
 def _renamed(body: Body, prefix: str) -> Body:
-    joints = tuple(replace(joint, name=prefix + joint.name) for joint in body.joints)
+    joints = tuple(
+        replace(joint, name=prefix + joint.name, inner=joint.inner and prefix + joint.inner)
+        for joint in body.joints
+    )
     return replace(body, name=prefix + body.name, joints=joints)
 
 

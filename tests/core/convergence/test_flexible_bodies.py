@@ -10,8 +10,10 @@ from tests.robots import FLAPPER
 
 import patagium as pt
 from patagium.dynamics.equations import spring_force
-from patagium.errors import RobotFileError
+from patagium.errors import ParameterError, RobotFileError
 from patagium.robot import Robot, load_robot_text
+from patagium.sensing.sensors.scene import Scene
+from patagium.simulation.mounts import with_load_cells
 
 pytestmark = pytest.mark.usefixtures("interpreted")
 
@@ -129,3 +131,58 @@ def test_what_hangs_on_a_flexible_body_hangs_on_its_piece():
     while tip.parent >= 0:
         place, tip = place + tip.position, robot.bodies[tip.parent]
     np.testing.assert_allclose(place, [0.01, 0.5, 0], atol=1e-15)
+
+
+TIPPED = FLEXIBLE.replace(
+    "wings:\n",
+    "  left_tip: {parent: left_wing, at: [1 cm, 20 cm, 0], mass: 1 g, shape: {type: point}}\n"
+    "wings:\n",
+)
+
+
+def test_a_point_of_a_flexible_body_is_on_its_piece():
+    """A payload and a sensor at the tip went to the stiff piece at the root."""
+    robot, tipped = map(load_robot_text, (FLEXIBLE, TIPPED))
+    tips = [(f"{side}_wing", (0.01, y, 0.0)) for side, y in (("left", 0.2), ("right", -0.2))]
+    loaded = robot
+    for body, at in tips:
+        event = pt.control.PayloadEvent(time=0.0, body=body, mass=1e-3, position=at)
+        loaded, _ = event.changed(loaded, pt.QuasiSteady(loaded))
+    q = 0.1 * np.arange(1.0, robot.dof + 1)
+    masses = [pt.Dynamics(one).mass_matrix(q) for one in (loaded, tipped)]
+    np.testing.assert_allclose(*masses, atol=1e-12)
+    gait = pt.gaits.sinusoidal(tipped, frequency=6.0, plunge=0.6)
+    flight = pt.simulate(tipped, pt.QuasiSteady(tipped), gait, duration=0.01, time_step=5e-5)
+    scene = Scene(flight, tipped)
+    pairs = [(*tips[0], "left_tip"), (*tips[1], "right_tip")]
+    for body, at, tip in pairs:
+        seen, there = (
+            scene.frame(name, np.array(where), np.eye(3), scene.time[::20])
+            for name, where in ((body, at), (tip, (0.0, 0.0, 0.0)))
+        )
+        np.testing.assert_allclose(seen.position, there.position, atol=1e-14)
+        np.testing.assert_allclose(seen.specific_force, there.specific_force, atol=1e-9)
+        point = pt.Dynamics(tipped).point(body, at)
+        np.testing.assert_allclose(point.position(flight.q.values[-1]), there.position[-1])
+    with pytest.raises(ParameterError, match="a point, as left_wing is flexible"):
+        event = pt.control.PayloadEvent(time=0.0, body="left_wing", mass=1e-3)
+        event.changed(robot, pt.QuasiSteady(robot))
+
+
+def test_a_load_cell_in_a_twisting_wing_leaves_its_springs():
+    """The twist beyond the cell was coupled to a slide of the cell, which is held."""
+    robot = load_robot_text(FLEXIBLE)
+    cells = [pt.mounts.load_cell("left_wing_2"), pt.mounts.load_cell("right_wing_bend_1")]
+    machine = with_load_cells(robot, cells)
+    np.testing.assert_array_equal(stiffness(machine)[12:, 12:], stiffness(robot))
+    assert not stiffness(machine)[:12].any()
+    arm = pt.load_robot("ur5e")
+    held = stiffness(robot.mounted_on(arm, at="tool"))
+    np.testing.assert_array_equal(held[arm.dof :, arm.dof :], stiffness(robot)[6:, 6:])
+
+
+def test_a_body_with_the_name_of_a_piece_is_refused():
+    """It took the place of the piece without a word."""
+    other = "\n  beam_1: {parent: beam, mass: 1 g, shape: {type: point}}\n"
+    with pytest.raises(RobotFileError, match="beam_1 is a piece of the flexible body beam"):
+        load_robot_text(BEAM + other)

@@ -342,6 +342,9 @@ def _measured_force(
             named_function("along", along, {"change": change}),
         ]
 
+    if cell is not None and cell.body is not None:
+        index, position = robot.place(cell.body, cell.position)
+        cell = replace(cell, body=robot.bodies[index].name, position=tuple(position))
     place = None if cell is None else (cell.body, cell.position, cell.orientation)
     carried = None if added_mass is None else added_mass.structure
     key = f"measured air force {place} {carried} {robot.structure}"

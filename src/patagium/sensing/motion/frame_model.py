@@ -90,9 +90,8 @@ class FrameModel:
         self, robot: Robot, body: str, position: Sequence[float], orientation: Sequence[object]
     ) -> None:
         self.robot, self.base = robot, floating_base(robot)
-        self.offset = np.asarray(position, float)
+        index, self.offset = robot.place(body, position)
         self.mount = np.asarray(orientation, float)
-        index = robot.body_index(body)
         while (held := robot.bodies[index]).parent >= 0 and not held.joints:  # a fixed frame
             index, turn = held.parent, np.array(held.orientation, float)
             self.offset, self.mount = held.position + turn @ self.offset, turn @ self.mount

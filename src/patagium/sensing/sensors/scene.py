@@ -117,7 +117,8 @@ class Scene:
         Raises:
             ParameterError: If there is no such body.
         """
-        function = _frame_function(self.robot, self.robot.body_index(body))
+        index, position = self.robot.place(body, position)
+        function = _frame_function(self.robot, index)
         q, v, a = self.coordinates(times)
         origin, turn, spin, felt = (
             np.array(part) for part in function.batch(q, v, a, position, self.robot.parameters)
