@@ -200,13 +200,14 @@ class Integration:
         compiled = "_equations", "_advance"
         return {name: value for name, value in vars(self).items() if name not in compiled}
 
-    def change(self, equations: Equations) -> None:
+    def change(self, equations: Equations, implicit: bool) -> None:
         """Go on with other equations of the same state, from the state as it is.
 
         Args:
             equations: Equations from now on; they record what the former recorded.
+            implicit: Whether steps are implicit from now on.
         """
-        self._equations = equations
+        self._equations, self._implicit = equations, implicit
         self._advance = self._loop()
         self._recorded = False
 

@@ -281,28 +281,26 @@ class Simulator:
         self._equations = _equations(robot, aero, added_mass, held, cells, layout, state)
         self._singular = singular_places(layout.machine, layout.passive_coordinates)
         check_start(self._equations, layout.state_names, state, self._singular)
-        self._rows, springs = rows, bool(robot.stiffness)
+        self._rows = rows
         if time_step is None:
             at_start = self._equations, state, rows, gait.period, duration
             part = (
                 duration if control_period is None else positive("control_period", control_period)
             )
-            time_step = chosen_step(*at_start, part, springs)
+            time_step = chosen_step(*at_start, part, bool(robot.stiffness))
             duration = max(1, round(duration / time_step)) * time_step
         self.steps, self.time_step = whole_steps(duration, time_step), time_step
         self._control_steps = _control_steps(gait, control_period, time_step)
-        slopes = rate_slopes(self._equations, [state], rows, np.zeros(1)) if springs else []
-        implicit = tightest_limit(slopes, time_step) is not None
+        self._implicit = self._stiff(0.0, state)
         self._integration = Integration(
-            self._equations, state, rows, self.steps, time_step, implicit=implicit
+            self._equations, state, rows, self.steps, time_step, implicit=self._implicit
         )
         self._cause: StepTooLong | None = None
         self._own_commands, self._changes = {}, []
         self._held, self._control_period = held, control_period
-        stepping = "partitioned Lobatto IIIC" if implicit else "partitioned RK4"
         self._origin = FlightOrigin(
-            robot, aero, gait.describe(), held.kind, time_step, stepping, added_mass,
-            mount_path=held.describe(), load_cells=cells,
+            robot, aero, gait.describe(), held.kind, time_step, _STEPPING[self._implicit],
+            added_mass, mount_path=held.describe(), load_cells=cells,
         )  # fmt: skip
 
     def __getstate__(self) -> dict[str, Any]:
@@ -319,8 +317,15 @@ class Simulator:
         self._equations = _equations(
             robot, aero, added, self._held, cells, layout, self._integration.state
         )
-        self._integration.change(self._equations)
+        self._integration.change(self._equations, self._implicit)
         self._robot, self._aero, self._layout = robot, aero, layout
+
+    def _stiff(self, time: float, state: Array) -> bool:
+        """Whether springs ask for implicit steps, from a state on, (size,)."""
+        if not self._robot.stiffness:
+            return False
+        slopes = rate_slopes(self._equations, [state], self._rows, np.array([time]))
+        return tightest_limit(slopes, self.time_step) is not None
 
     def _row_table(self, base: Callable[[Array], PrescribedMotion], time: Array) -> Array:
         """Rows of the equations at given times: motion of joints and of a held body, wind."""
@@ -397,8 +402,9 @@ class Simulator:
         """Fly on as another machine in other air, from the state as it is: damage, a payload.
 
         Coordinates, strips and wind are those of before; where only numbers differ, nothing is
-        compiled. The flight keeps the first machine and air as its origin, and its residuals of
-        energy and momentum leave out what the change took or gave.
+        compiled, and steps are implicit where springs ask for it, as in a flight that begins there.
+        The flight keeps the first machine and air as its origin, and its residuals of energy and
+        momentum leave out what the change took or gave.
 
         Args:
             robot: The machine from now on.
@@ -418,6 +424,12 @@ class Simulator:
         cells = self._origin.load_cells
         layout = state_layout(robot, aero, self._held, self._origin.added_mass, cells)
         self._take(robot, aero, layout)
+        implicit = self._stiff(self.time, self._integration.state)
+        if implicit != self._implicit:
+            self._implicit = implicit
+            self._integration.change(self._equations, implicit)
+            stepping = f"{self._origin.stepping}, then {_STEPPING[implicit]}"
+            self._origin = replace(self._origin, stepping=stepping)
         energy, momentum = (
             now - then for now, then in zip(_energy_and_momentum(self.run), before, strict=True)
         )
@@ -522,6 +534,10 @@ class Simulator:
         firsts = [first for first, _ in changes]
         rows = np.searchsorted(firsts, np.arange(count), side="right") - 1
         return tuple(self._own_commands), table.to_numpy()[rows]
+
+
+_STEPPING = {False: "partitioned RK4", True: "partitioned Lobatto IIIC"}
+"""Integrator in words, by whether its steps are implicit."""
 
 
 def _energy_and_momentum(run: IntegrationResult) -> tuple[Array, Array]:

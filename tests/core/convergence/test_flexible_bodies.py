@@ -9,8 +9,9 @@ from scipy.linalg import eigh
 from tests.robots import FLAPPER
 
 import patagium as pt
+from patagium.control.events import without_tip
 from patagium.dynamics.equations import spring_force
-from patagium.errors import ParameterError, RobotFileError
+from patagium.errors import Outcome, ParameterError, RobotFileError
 from patagium.robot import Robot, load_robot_text
 from patagium.sensing.sensors.scene import Scene
 from patagium.simulation.mounts import with_load_cells
@@ -167,6 +168,27 @@ def test_a_point_of_a_flexible_body_is_on_its_piece():
     with pytest.raises(ParameterError, match="a point, as left_wing is flexible"):
         event = pt.control.PayloadEvent(time=0.0, body="left_wing", mass=1e-3)
         event.changed(robot, pt.QuasiSteady(robot))
+
+
+def test_a_flexible_wing_that_loses_its_tip_flies_on():
+    """Steps stayed explicit, and the little that is left of a piece on its springs is stiff."""
+    robot, step = load_robot_text(FLEXIBLE), 5e-5
+    cut = without_tip(robot, "left_wing", 0.3)
+    still, v = pt.gaits.still(robot), robot.velocities(x=5.0)
+    whole = pt.Simulator(
+        robot, pt.QuasiSteady(robot), still, duration=0.01, time_step=step, v=v
+    )  # fmt: skip
+    whole.advance(100)
+    then, aero = whole.state, pt.QuasiSteady(cut)
+    whole.change(cut, aero)
+    assert whole.advance(100) is Outcome.COMPLETED
+    assert whole.flight().attrs["stepping"] == "partitioned RK4, then partitioned Lobatto IIIC"
+    again = pt.simulate(
+        cut, aero, still, duration=0.005, time_step=step, q=then.q, v=then.v
+    )  # fmt: skip
+    np.testing.assert_allclose(whole.state.q, again["q"][-1], rtol=1e-12, atol=1e-14)
+    whole.change(robot, pt.QuasiSteady(robot))
+    assert whole.flight().attrs["stepping"].endswith("Lobatto IIIC, then partitioned RK4")
 
 
 def test_a_load_cell_in_a_twisting_wing_leaves_its_springs():
