@@ -39,6 +39,7 @@ from patagium.robot.units import as_read
 from patagium.simulation import gaits
 from patagium.simulation.gait_models import Gait
 from patagium.simulation.simulator import check_robots
+from patagium.simulation.state_limits import tightest_limit
 from patagium.simulation.steered_gait import SteeredGait
 
 TOLERANCE = 1e-12
@@ -46,6 +47,7 @@ TOLERANCE = 1e-12
 SEGMENTS = 40
 STEPS = 240
 """Time steps of a beat, where none are given; of a beat beyond .6 s one every 2.5 ms."""
+_BEARABLE = 20_000  # steps of a beat that stiff springs may ask for by themselves
 _NEWTON = 40  # steps at most
 _POINTS = 250  # flights of a search, at most
 _BEYOND = 1e-7  # rad or m, that a joint may be beyond its limit: what its phase changes of peaks
@@ -420,7 +422,8 @@ def trim(
         turn_rate: Mean rate of the heading, positive to the left [rad/s].
         added_mass: Inertia of the air that moves with the wings, in the same air as the model.
         start: Orbit to begin from; by default the robot's `cruise`.
-        steps: Time steps of a beat, a multiple of 40.
+        steps: Time steps of a beat, a multiple of 40; by default 240 or more, and up to 20,000
+            where springs ask for them.
         tolerable: Changes of states by name [SI] that weigh as much as a gait parameter changed
             by 0.3 of its unit, or the frequency by 0.3 of itself, where more than one orbit meets
             the conditions; others by 1 rad, 3 m/s and 20 rad/s. Where given, the orbit is the
@@ -447,6 +450,8 @@ def trim(
     if excess := search.excess(family.neutral):
         raise ParameterError("gait", "a gait within the limits of the robot", excess)
     states = _first_states(search, robot, start)
+    if steps is None:
+        search.steps = max(search.steps, min(_BEARABLE, _stable_steps(search, states)))
     at, trouble = _searched(search, states, conditions, start.turn_rate if start else 0.0)
     if trouble:
         return _not_found(search, at, trouble)
@@ -515,6 +520,17 @@ def _steps(family: GaitFamily, given: int | None) -> int:
             raise ParameterError("steps", expected, given)
         return int(given)
     return SEGMENTS * int(np.ceil(max(STEPS, 400.0 / family.base.frequency) / SEGMENTS))
+
+
+def _stable_steps(search: OrbitSearch, states: Array) -> int:
+    """Time steps of a beat, half as long as is stable, that springs ask for; 0 without springs."""
+    if not search.map.robot.stiffness:
+        return 0
+    rows = search.family.rows(search.family.neutral, len(states), search.map.aero.air)
+    _, slopes = search.map.slopes(states[::8], rows.table[:-1:16])
+    beat = rows.steps * rows.time_step
+    found = tightest_limit([k for k in slopes if np.isfinite(k).all()], beat / search.steps)
+    return 0 if found is None else SEGMENTS * int(np.ceil(2 * beat / found.longest / SEGMENTS))
 
 
 def _first_states(search: OrbitSearch, robot: Robot, start: Orbit | None) -> Array:
@@ -610,6 +626,9 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
         reason += f"; pitch came to {np.degrees(steep):.0f} degrees from level, and Euler angles "
         reason += "are singular at 90"
         remedy = f"ask for a speed or a climb at which it flies flatter, {NEARBY}"
+    elif not np.isfinite(at.residual) and (needed := _stable_steps(search, at.states)):
+        remedy = f"take {needed} time steps of a beat (steps=, up to {MOST_STEPS}), as springs ask "
+        remedy += "for, or springs of less stiffness and damping"
     elif not np.isfinite(at.residual):
         remedy = "begin nearer to a flight that goes on (gait=, start=, or the file's cruise)"
     if at.residual > TOLERANCE and np.isfinite((system := search.system(at))[0]).all():

@@ -463,6 +463,22 @@ def test_steps_of_a_slow_beat_are_fine_enough():
     assert np.abs(usual.values - fine.values).max() < 5e-5
 
 
+def test_stiff_springs_take_the_steps_that_they_ask_for():
+    """Steps were 240 whatever was stiff, and the remedy was another gait or start."""
+    damping, inertia = 0.04, 0.004 * (0.08**2 + 0.001**2) / 12
+    spring = f"passive: true, stiffness: 30 N m/rad, damping: {damping} N m s/rad"
+    feather = "axis: y, limits: [-60 deg, 60 deg]"
+    robot = load_robot_text(FLAPPER.replace(feather, f"axis: y, {spring}"))
+    gait = pt.gaits.sinusoidal(robot, frequency=8.0, plunge=0.6)
+    found = pt.trim(robot, gait=gait, climb=None)
+    longest = 2.785 / (damping / inertia)  # of classic Runge-Kutta, on the real axis
+    assert found.steps == pytest.approx(2 / 8.0 / longest, rel=0.05)
+    told = pt.trim(robot, gait=gait, climb=None, steps=240)
+    assert not told.found and told.remedy.startswith(f"take {found.steps} time steps of a beat")
+    fine = pt.trim(robot, gait=gait, climb=None, steps=2 * found.steps)
+    np.testing.assert_allclose(found.values, fine.values, atol=1e-5)
+
+
 def test_a_parameter_at_its_limit_is_held_there_and_costs_no_flight(monkeypatch):
     flown, fly = [], FlightMap.fly
     monkeypatch.setattr(FlightMap, "fly", lambda *given: flown.append(1) or fly(*given))
