@@ -323,7 +323,7 @@ def without_tip(robot: Robot, wing: str, share: float) -> Robot:
         values |= _named(f"{strip.name}.quarter_chord", inner + left / 2 * out)
     less = robot.with_parameters(values)
     for body in edge:
-        if _carries_only_strips(robot, body):
+        if not (robot.bodies[body].floating_dofs or mass_beside_strips(robot, body)):
             values |= _lighter(less, robot, body)
     return robot.with_parameters(values)
 
@@ -338,12 +338,6 @@ def _outwards(strips: Sequence[Strip], place: int) -> Array:
     if same:
         way = (way - np.array(strips[same[0]].quarter_chord, float)) * (place - same[0])
     return np.asarray(span if span @ way >= 0 else -span)
-
-
-def _carries_only_strips(robot: Robot, place: int) -> bool:
-    """Whether a body is a wing, and no fuselage that a wing is fixed to."""
-    body = robot.bodies[place]
-    return bool(body.floating_dofs is None and body.mass and not mass_beside_strips(robot, place))
 
 
 def _lighter(less: Robot, robot: Robot, place: int) -> dict[str, float]:

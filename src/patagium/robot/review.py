@@ -132,7 +132,8 @@ def mass_beside_strips(robot: Robot, index: int) -> list[tuple[float, float]]:
     corners = np.concatenate([strip_corners(one) for one in robot.strips if one.body == index])
     k = int(np.argmax(np.ptp(corners, axis=0)[1:])) + 1  # the axis of the span
     ends = corners[:, k].min(), corners[:, k].max()
-    half = np.sqrt(max(1.5 * (sum(body.inertia[:3]) - 2 * body.inertia[k]) / body.mass, 0.0))
+    square = 1.5 * (sum(body.inertia[:3]) - 2 * body.inertia[k]) / (body.mass or 1.0)
+    half = np.sqrt(max(square, 0.0))
     own = body.center_of_mass[k] - half, body.center_of_mass[k] + half
     shared, longest = min(ends[1], own[1]) - max(ends[0], own[0]), max(np.ptp(ends), 2 * half)
     apart = half > _POINT * longest and shared < _ALIKE * longest
