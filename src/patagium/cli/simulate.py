@@ -55,15 +55,15 @@ _WAY = {"parser": vector("", "a pure number")}
 
 EXAMPLES = (
     "patagium simulate aerobat",
-    'patagium simulate aerobat --frequency "5 Hz" --plunge "35 deg" --speed "3 m/s" '
+    'patagium simulate aerobat --plunge "45 deg" --speed "4 m/s" '
     '--duration "2 s" --time-step 1e-4 -o flight.nc',
     "patagium simulate aerobat --gait linkage --frequency 5 --mount fixed "
     '--wind "-3,0,0 m/s" --duration 1 --time-step 1e-4 --figure flight.png',
     "patagium simulate aerobat --gait linkage --frequency 5 --mount arm --path figure-of-eight "
     '--path-center "0.65,0,0.2" --path-size "0.9,0.3 m" --path-speed "2 m/s" --path-along 0,1,0 '
     '--path-across 0,0,1 --arm-turn "0,-90 deg,0" --load-cell body --duration 1 --time-step 1e-4',
-    'patagium simulate aerobat --frequency "5 Hz" --plunge "35 deg" --speed "3 m/s" '
-    '--duration "60 s" --time-step 5e-4 --live',
+    'patagium simulate aerobat --gait sinusoidal --frequency "5 Hz" --plunge "35 deg" '
+    '--speed "3 m/s" --duration "60 s" --time-step 5e-4 --live',
 )
 PANELS = {
     "Gait": "gait plunge elbow feather amplitude phase offset",
@@ -91,8 +91,8 @@ def simulate(
     gait: Annotated[
         str | None,
         typer.Option(
-            help="Gait: sinusoidal, linkage, still, or a CSV table of one period; by default the "
-            "robot's own, its numbers replaced by those given."
+            help="Gait: sinusoidal, linkage, still, or a CSV table of one period, from rest; by "
+            "default the robot's own, its numbers replaced by those given."
         ),
     ] = None,
     frequency: Annotated[
@@ -226,18 +226,14 @@ def simulate(
     machine = load_robot(robot)
     if attitude is not None:
         machine = machine.with_attitude(attitude)
-    asked = (gait, plunge, elbow, feather, amplitude or None, phase or None, offset or None)
-    own = None if any(one is not None for one in asked) else machine.cruise
+    own = machine.cruise if gait is None else None
     standing = not machine.floating or mount == "fixed"
     blown = wind or ((-own.speed, 0.0, 0.0) if own and standing else None)
     around: dict[str, Any] = {"density": density, "wind": blown, "ground": ground}
     model, carried, _ = chosen_air(aero, machine, polar, inflow, factor=added_mass, **around)
     amplitudes = {"plunge": plunge, "elbow": elbow, "feather": feather}
     named = {"amplitude": amplitude, "phase": phase, "offset": offset}
-    if own:
-        moves: Gait = gaits.cruise(machine, frequency)
-    else:
-        moves = _gait(machine, gait, frequency, amplitudes, **named)
+    moves = _gait(machine, gait, frequency, amplitudes, **named)
     words = PathWords(
         path, path_center, path_size, path_speed, path_frequency, path_along, path_across,
         path_attitude, path_amplitude or (),
@@ -245,9 +241,12 @@ def simulate(
     held = mount_from(mount, words, arm=arm, at=arm_at, turn=arm_turn, shift=arm_shift)
     if held is not None and held.path is not None and (speed or pitch):
         raise ParameterError("--speed, --pitch", "a path that says them", mount)
-    if own is not None and not standing and (held is None or held.kind == "free"):
-        speed = own.speed if speed is None else speed
-        pitch = own.pitch if pitch is None else pitch
+    told = f" in a wind of {own.speed:g} m/s" if own and standing and not wind else ""
+    if own and machine.floating and (held is None or held.path is None):
+        if speed is None and not standing:
+            speed, told = own.speed, f" at {own.speed:g} m/s"
+        if pitch is None:
+            pitch, told = own.pitch, f"{told}, pitch {degrees(own.pitch):.1f} deg"
     q, v = gaits.level_start(machine, speed or 0.0, pitch or 0.0)
     usual = machine.cruise.duration if machine.cruise else DURATION
     conditions: dict[str, Any] = {
@@ -264,18 +263,23 @@ def simulate(
             flight = fly(machine, model, moves, throw=False, progress=progress, **conditions)
     if not as_json:
         chosen = usual if duration is None else None
-        _tell_choice(machine, flight, own is not None, chosen, time_step)
+        cruise = _cruise_words(machine, moves) + told if own else ""
+        _tell_choice(machine, flight, cruise, chosen, time_step)
     keep(flight, output, figure, as_json)
 
 
+def _cruise_words(machine: Robot, flown: Gait) -> str:
+    from patagium.simulation import gaits
+
+    whole = "its cruise" if flown == gaits.cruise(machine) else "the rest of its cruise"
+    return f"{whole}, {f'{1.0 / flown.period:g} Hz' if flown.period else 'joints held'}"
+
+
 def _tell_choice(
-    machine: Robot, flight: Any, cruise: bool, chosen: float | None, time_step: float | None
+    machine: Robot, flight: Any, cruise: str, chosen: float | None, time_step: float | None
 ) -> None:
     """Print the settings of a flight that were chosen because no option gave them."""
-    parts, own = [], machine.cruise
-    if cruise and own:
-        beats = f"{own.frequency:g} Hz" if own.frequency else "joints held"
-        parts.append(f"its cruise, {beats} at {own.speed:g} m/s")
+    parts = [cruise] if cruise else []
     if chosen is not None:
         parts.append(f"duration {chosen:g} s")
     if time_step is None:
@@ -342,9 +346,18 @@ def _gait(
         named_quantities(f"--{k}", given or (), "rad", "an angle") for k, given in words.items()
     )
     sizes = {name: size for name, size in amplitudes.items() if size is not None} | named
+    own, lacking = machine.cruise, False
+    if kind is None and own is not None:
+        held = own.frequency is None
+        kind = "still" if held and frequency is None and not (sizes or leads) else "sinusoidal"
+        lacking = held and kind == "sinusoidal" and not sizes
+        sizes, leads, means = (
+            _replaced(machine, former, given)
+            for former, given in ((own.amplitude, sizes), (own.phase, leads), (own.offset, means))
+        )
     kind = kind or "sinusoidal"
-    if frequency is None and machine.cruise is not None and kind in ("sinusoidal", "linkage"):
-        frequency = machine.cruise.frequency
+    if frequency is None and own is not None and kind in ("sinusoidal", "linkage"):
+        frequency = own.frequency
     _refuse_what_is_unused(kind, frequency, sizes, leads, means)
     if kind == "still":
         return gaits.still(machine, **means)
@@ -354,18 +367,28 @@ def _gait(
             expected = "sinusoidal, linkage, still or a CSV table of one period"
             raise ParameterError("--gait", expected, kind, known)
         return gaits.from_csv(machine, existing(Path(kind)))
-    if frequency is None:
+    if frequency is None or lacking:
         joints = [machine.dof_names[i] for i in machine.actuated] or ["JOINT"]
         moved = "plunge" if any("plunge" in one for one in joints) else joints[0]
         expected = (
             f"the beats a second of a {kind} gait, such as '5 Hz', with --amplitude "
-            f"{moved}='30 deg'; or a section `cruise` in the robot's file; or --gait still"
+            f"{moved}='30 deg'; or those of a section `cruise` in the robot's "
+            "file; or --gait still"
         )
-        raise ParameterError("--frequency", expected, None)
+        raise ParameterError("--frequency", expected, frequency)
     if kind == "linkage":
         offsets: Any = {f"{name}_offset": value for name, value in means.items()}
         return gaits.linkage(machine, frequency=frequency, **offsets)
     return gaits.sinusoidal(machine, frequency=frequency, phase=leads, offset=means, **sizes)
+
+
+def _replaced(
+    machine: Robot, former: Mapping[str, float], given: Mapping[str, float]
+) -> dict[str, float]:
+    """Values of the cruise by joint, those of the joints that are given replaced."""
+    named = {joint for name in given for joint in machine.joints_named(name)}
+    values = {joint: v for name, v in former.items() for joint in machine.joints_named(name)}
+    return {joint: v for joint, v in values.items() if joint not in named} | dict(given)
 
 
 def _refuse_what_is_unused(kind: str, frequency: float | None, *named: Mapping[str, float]) -> None:

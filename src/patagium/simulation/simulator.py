@@ -691,8 +691,8 @@ def _by_cruise(
         gait = cruise(robot)
         speed, pitch = (own.speed, own.pitch) if own else (0.0, 0.0)
         if not robot.floating or (mount is not None and mount.kind == "fixed"):
-            wind = -speed
-        elif mount is None or mount.kind == "free":
+            speed, wind = 0.0, -speed
+        if robot.floating and (mount is None or mount.path is None):
             begin = level_start(robot, speed, pitch)
             q, v = (usual if one is None else one for one, usual in zip((q, v), begin, strict=True))
     if duration is None:
@@ -728,7 +728,7 @@ def simulate(
 
     Args:
         robot: The machine. A gait of None is the `cruise` of its file, and so is then the start,
-            or on a stand the wind; a duration of None is the cruise's, or 1 s.
+            or on a stand pitch and wind; a duration of None is the cruise's, or 1 s.
         aero: Model of the air around it; quasi-steady by default.
         gait: Motion of the actuated joints.
         duration: A whole number of time steps [s].

@@ -29,7 +29,7 @@ VERBS = (
 SCREEN = 30
 """Lines of a terminal, and of the first screen of help."""
 FLY = ("--duration", "0.05", "--time-step", "1e-4")
-BEAT = ("--frequency", "5 Hz", "--plunge", "30 deg")
+BEAT = ("--gait", "sinusoidal", "--frequency", "5 Hz", "--plunge", "30 deg")
 LEARN = ("--prior-std", "0.3", "--measurement-std", "3e-4", "--spread", "1.7")
 
 
@@ -140,6 +140,41 @@ def test_simulate_understands_units_as_it_does_si(tmp_path: Path, speak: Speak) 
         ends.append(pt.load_flight(path)["q"].values[-1])
     np.testing.assert_allclose(ends[0], ends[1], rtol=1e-9, atol=1e-12)  # rounding of units
     assert ends[0][6] != 0.0
+
+
+def test_numbers_of_the_cruise_that_are_given_again_change_nothing(
+    tmp_path: Path, speak: Speak
+) -> None:
+    """One word of the gait threw away the rest of the cruise, its speed and its pitch."""
+    file, flights = tmp_path / "f.nc", []
+    for words in (
+        (), ("--plunge", "0.855"), ("--feather", "0.462"), ("--frequency", "11"),
+        ("--amplitude", "left_plunge=0.855", "--phase", "right_feather=1.713"),
+        ("--offset", "feather=-0.321", "--speed", "4.08", "--pitch", "-0.533"),
+    ):  # fmt: skip
+        answer = speak("simulate", "aerobat", *words, *FLY, "-o", file)
+        assert answer.code == 0 and "Chosen for aerobat: its cruise, 11 Hz" in answer.out
+        assert ("at 4.08 m/s, pitch -30.5 deg" in answer.out) == ("--speed" not in words)
+        flights.append(pt.load_flight(file))
+    for other in flights[1:]:
+        for name in ("q", "v", "a"):
+            np.testing.assert_array_equal(flights[0][name], other[name])
+    assert speak("simulate", "aerobat", "--plunge", "0.4", *FLY, "-o", file).code == 0
+    less = pt.load_flight(file)["v"].sel(dof=["x", "left_plunge", "left_feather"])[0].values
+    whole = flights[0]["v"].sel(dof=["x", "left_plunge", "left_feather"])[0].values
+    np.testing.assert_allclose(less, whole * [1.0, 0.4 / 0.855, 1.0], rtol=1e-12)  # rounding
+
+
+def test_a_cruise_of_held_joints_takes_other_means(tmp_path: Path, speak: Speak) -> None:
+    """Such a cruise was refused for want of a frequency once a mean was given."""
+    fly = ("simulate", "hawk", "--duration", "0.01", "-o", tmp_path / "f.nc")
+    answer = speak(*fly, "--offset", "elevation=5 deg", "--speed", "8")
+    assert "Chosen for hawk: the rest of its cruise, joints held, pitch 11.5 deg" in answer.out
+    flight, own = pt.load_flight(tmp_path / "f.nc"), pt.load_robot("hawk").cruise
+    start = [float(flight["q"].sel(dof=name)[0]) for name in ("elevation", "pitch")]
+    assert start == [np.radians(5.0), own.pitch] and float(flight["v"].sel(dof="x")[0]) == 8.0
+    for lone in (("--frequency", "4"), ("--amplitude", "elevation=0.1")):
+        assert "'5 Hz', with --amplitude left_sweep='30 deg'" in speak(*fly, *lone).err
 
 
 @pytest.mark.parametrize(

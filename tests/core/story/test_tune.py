@@ -24,7 +24,8 @@ TUNE = ("--every", 10, "--trials", 8, "--jobs", 1, "--covariance", "node")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where a flight and its settings are."""
     folder = tmp_path_factory.mktemp("tune")
-    beat = ["--frequency", "5", "--plunge", "0.6", "--speed", "3", "--duration", "0.1"]
+    beat = ["--gait", "sinusoidal", "--frequency", "5", "--plunge", "0.6"]
+    beat += ["--speed", "3", "--duration", "0.1"]
     flight, settings = folder / "flight.nc", folder / "settings.yaml"
     words = ["tune", flight, *TUNE, "--hidden", "4", "--hidden", "3", "--out", settings]
     for said in (["simulate", "aerobat", *beat, "--time-step", "1e-4", "-o", flight], words):
@@ -163,7 +164,8 @@ def test_flights_are_left_out_and_must_be_of_one_robot_in_one_wind(
     folder: Path, tmp_path: Path, speak: Speak
 ) -> None:
     flight, out = folder / "flight.nc", tmp_path / "s.yaml"
-    beat = ("--frequency", 5, "--plunge", 0.3, "--speed", 4, "--duration", 0.1, "--time-step", 1e-4)
+    beat = ("--gait", "sinusoidal", "--frequency", 5, "--plunge", 0.3, "--speed", 4)
+    beat += ("--duration", 0.1, "--time-step", 1e-4)
     other, windy = tmp_path / "other.nc", tmp_path / "windy.nc"
     assert speak("simulate", "aerobat", *beat, "-o", other).code == 0
     assert speak("simulate", "aerobat", *beat, "--wind", "-1,0,0", "-o", windy).code == 0

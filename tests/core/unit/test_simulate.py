@@ -280,6 +280,19 @@ def test_what_is_given_takes_the_place_of_the_cruise(tmp_path):
         pt.simulate(replace(robot, cruise=None))
 
 
+def test_on_a_stand_the_air_meets_the_robot_as_in_the_cruise(tmp_path, capsys):
+    """The wind of a stand was that of the cruise, the pitch was level: the force pointed down."""
+    robot, path = pt.load_robot("aerobat"), tmp_path / "flight.nc"
+    held = pt.simulate(robot, mount=pt.mounts.fixed(), duration=0.01)
+    free = pt.simulate(robot, duration=0.01)
+    np.testing.assert_allclose(held["strip_force"][0], free["strip_force"][0], rtol=1e-12)
+    assert np.array_equal(held["q"][0], free["q"][0])
+    with pytest.raises(SystemExit, match="0"):
+        run(["simulate", "aerobat", "--mount", "fixed", "--duration", "0.01", "-o", str(path)])
+    np.testing.assert_array_equal(pt.load_flight(path)["q"], held["q"])
+    assert "in a wind of 4.08 m/s, pitch -30.5 deg" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("again", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
 def test_a_simulator_goes_to_another_process_and_flies_on_alike(again):
     robot = pt.load_robot("aerobat")

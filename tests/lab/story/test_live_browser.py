@@ -31,7 +31,8 @@ every: 2
 network: {{kind: strip, hidden: [4]}}
 learner: {json.dumps({"kind": "cubature", **LEARN})}
 """
-FLY = ("--frequency", "5 Hz", "--plunge", "0.6", "--speed", "3 m/s", "--time-step", "1e-3")
+BEAT = ("--gait", "sinusoidal", "--frequency", "5 Hz", "--plunge", "0.6")
+FLY = (*BEAT, "--speed", "3 m/s", "--time-step", "1e-3")
 WIDTH, HEIGHT = 1060, 600
 COLORS = """(() => {
   const view = document.querySelector("canvas[data-engine]");
