@@ -101,13 +101,17 @@ def command(words: str, *files: object) -> str:
 def similar(word: object, known: Iterable[str]) -> str:
     """Hint such as "; did you mean mass?", or nothing where no known word is similar.
 
+    Words that begin with what was written, as an abbreviation does, come first.
+
     Args:
         word: What was written.
         known: What may be written, or a mapping from that to what to write today.
     """
     today = known if isinstance(known, Mapping) else {name: name for name in known}
     names = {name.lower(): name for name in today}
-    near = get_close_matches(word.lower()[:SHOWN], names, 1) if isinstance(word, str) else []
+    text = word.lower()[:SHOWN] if isinstance(word, str) else ""
+    longer = [name for name in names if len(text) > 2 and name.startswith(text)]
+    near = get_close_matches(text, longer or names, 1, 0.0 if longer else 0.6)
     return f"; did you mean {today[names[near[0]]]}?" if near else ""
 
 

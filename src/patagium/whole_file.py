@@ -161,7 +161,7 @@ def make_folder(path: str | Path) -> Path:
 
 
 def placed(path: str | Path) -> None:
-    """Refuse an output that has no folder, or is one, before long work is done for it.
+    """Refuse an output that its folder does not take, or that is one, before long work for it.
 
     Args:
         path: The file, which need not exist.
@@ -169,10 +169,11 @@ def placed(path: str | Path) -> None:
     Raises:
         OutputError: If it cannot be written there.
     """
-    file = Path(path)
-    number = errno.EISDIR if file.is_dir() else 0 if file.parent.is_dir() else errno.ENOENT
-    if number:
-        raise OutputError(path, OSError(number, os.strerror(number)))
+    with _told_of(path):
+        place, former = _behind(Path(path))
+        replaced = former is None or stat.S_ISREG(former.st_mode)
+        if replaced and not os.access(place.parent, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
 
 @contextmanager

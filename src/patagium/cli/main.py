@@ -153,6 +153,9 @@ def run(arguments: Sequence[str] | None = None) -> None:
         SystemExit: Always, with the exit code.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
+    for name in ("stdout", "stderr"):  # closed before the start
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
     debug, stderr = "--debug" in words, sys.stderr
     if isinstance(sys.stdout, TextIOWrapper):  # names of files may hold what is no text
         codecs.register_error("patagium", _in_fewer_letters)

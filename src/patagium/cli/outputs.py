@@ -53,6 +53,10 @@ def check_files(verb: Callable[..., object], given: Mapping[str, Any]) -> None:
                 from patagium.report.figures import figure_kind
 
                 figure_kind(word)
+            if name == "report":
+                from patagium.report.page import page_path
+
+                page_path(word, name=name)
 
 
 class Outputs:

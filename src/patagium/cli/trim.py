@@ -44,7 +44,8 @@ EXAMPLES = (
     'patagium trim ornithopter --speed "7 m/s" -o trimmed.nc',
     "patagium trim aerobat --aero model.json",
     "patagium trim aerobat --along speed=2.5:6 --figure branch.svg",
-    "patagium trim dragonfly --speed 0 --free frequency --free fore_feather_offset --json",
+    "patagium trim dragonfly --speed 0 --free frequency --free fore_feather_offset "
+    "--free hind_feather_offset --json",
 )
 PANELS = {"Air and flight": "aero polar inflow density beats", "Branch of orbits": "along figure"}
 

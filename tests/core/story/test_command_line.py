@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import re
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
+from patagium.cli import trim
 from patagium.cli.main import app, run
 from patagium.errors import RobotFileError
 from patagium.learning.identify import identify
@@ -452,6 +454,57 @@ def test_an_output_without_a_folder_is_refused_before_the_work(
     answer = speak(*words.replace("{}", "nothing.nc").split(), place)
     assert answer.code == 2 and f"{place}: cannot be written" in answer.err
     assert f"mkdir -p '{place.parent}'" in answer.err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "identify {} --report", "identify {} --model", "evaluate {} {} --report",
+        "simulate aerobat -o", "robots aerobat --draw",
+    ],
+)  # fmt: skip
+def test_an_output_that_may_not_be_written_is_refused_before_the_work(
+    words: str, tmp_path: Path, speak: Speak, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was refused after minutes of work; what is asked for is the folder behind a link."""
+    there, link = tmp_path / "there", tmp_path / ("link.nc" if "-o" in words else "link.png")
+    there.mkdir()
+    link.symlink_to(there / "file")
+    monkeypatch.setattr(os, "access", lambda path, _: Path(path) != there)  # of root all is true
+    answer = speak(*words.replace("{}", "nothing.nc").split(), link)
+    assert answer.code == 2 and f"{link}: cannot be written: Permission denied" in answer.err
+    (there / "file").touch()  # may be written, but not replaced
+    assert "Permission denied" in speak(*words.replace("{}", "n.nc").split(), link).err
+
+
+@pytest.mark.parametrize("words", ["identify nothing.nc", "evaluate m.json nothing.nc"])
+def test_a_report_of_another_kind_is_refused_before_the_work(words: str, speak: Speak) -> None:
+    """All was learned before a report that is no page was not saved."""
+    answer = speak(*words.split(), "--report", "r.pdf")
+    assert answer.err == "patagium: --report: expected a name ending in .html, found 'r.pdf'\n"
+
+
+def test_closed_streams_lose_what_is_said_and_nothing_else() -> None:
+    """Python has None for a stream that is closed, which ended in two tracebacks."""
+    program = '"$0" -c "from patagium.cli.main import run; run([\'robots\'])" >&-'
+    for closed in ("", " 2>&-"):
+        done = subprocess.run(["sh", "-c", program + closed, sys.executable], capture_output=True)
+        assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_an_abbreviated_option_is_completed(speak: Speak) -> None:
+    """The most similar option was told, such as --figure for --freq."""
+    for verb, word, whole in (
+        ("simulate", "--freq", "--frequency"), ("simulate", "--amp", "--amplitude"),
+        ("identify", "--meas", "--measurement-std"), ("simulate", "--freqency", "--frequency"),
+    ):  # fmt: skip
+        assert f"did you mean {whole}?" in speak(verb, "aerobat", word, "5").err
+
+
+def test_the_example_of_a_hover_finds_its_orbit(speak: Speak) -> None:
+    """The example of the help had too few free parameters and ended with an error."""
+    (words,) = [one for one in trim.EXAMPLES if "dragonfly" in one]
+    assert json.loads(speak(*words.split()[1:]).out)["speed_m_s"] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_commands_to_come_are_quoted(
