@@ -21,16 +21,19 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
-from patagium.errors import CompilerError, OutputError, ParameterError
+from patagium.errors import CompilerError, ParameterError
 from patagium.native.cache import (
+    TEMPORARY,
     Library,
     build_lock,
     building_folder,
+    cache_folder,
     keep_library,
     load_library,
     record_library,
     short_hash,
     tell,
+    where_there_is_room,
 )
 from patagium.native.structs import HEADERS
 
@@ -86,7 +89,7 @@ def _works(command: tuple[str, ...]) -> bool:
     probe = {"probe.c": '#include "operations.h"\nint probe(void) { return LANES; }\n'}
     try:
         record_library(known, keep_library(_compiled(command, probe, STRAIGHT_LINE, {})), None)
-    except (CompilerError, OutputError) as error:
+    except CompilerError as error:
         tell(f"{shlex.join(command)} does not work: {str(error).splitlines()[-1]}")
         return False
     return load_library(known) is not None
@@ -174,13 +177,13 @@ def build(
         if library := load_library(name):  # of another process
             return library
         started, end = time.perf_counter(), ""
-        told = f"patagium: compiling {label}, kept for next time"
-        print(told, end="", file=sys.stderr, flush=True)
+        print(f"patagium: compiling {label}", end="", file=sys.stderr, flush=True)
         try:
             digest = keep_library(_compiled(compiler, sources, flags, own))
             seconds = time.perf_counter() - started
             record_library(name, digest, seconds)
-            end = f" ... {seconds:.1f} s"
+            kept = "" if cache_folder() in TEMPORARY else ", kept for next time"
+            end = f" ... {seconds:.1f} s{kept}"
         finally:
             print(end, file=sys.stderr)
         library = load_library(name)
@@ -189,6 +192,7 @@ def build(
     return library
 
 
+@where_there_is_room
 def _compiled(
     compiler: Sequence[str],
     sources: Mapping[str, str],
