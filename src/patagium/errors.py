@@ -101,8 +101,6 @@ def command(words: str, *files: object) -> str:
 def similar(word: object, known: Iterable[str]) -> str:
     """Hint such as "; did you mean mass?", or nothing where no known word is similar.
 
-    Words that begin with what was written, as an abbreviation does, come first.
-
     Args:
         word: What was written.
         known: What may be written, or a mapping from that to what to write today.
@@ -111,7 +109,8 @@ def similar(word: object, known: Iterable[str]) -> str:
     names = {name.lower(): name for name in today}
     text = word.lower()[:SHOWN] if isinstance(word, str) else ""
     longer = [name for name in names if len(text) > 2 and name.startswith(text)]
-    near = get_close_matches(text, longer or names, 1, 0.0 if longer else 0.6)
+    tried = ((names, 0.85), (longer, 0.0), (names, 0.6))  # a slip, an abbreviation, anything near
+    near = next(filter(None, (get_close_matches(text, one, 1, least) for one, least in tried)), [])
     return f"; did you mean {today[names[near[0]]]}?" if near else ""
 
 
