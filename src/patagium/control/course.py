@@ -57,6 +57,8 @@ class Course:
         self.origin, self.heading, self.lead, self.center = np.zeros(3), 0.0, 0.0, 0j
         self.ahead = np.zeros_like(self.states)
         self.ahead[:, self.places[0]] = 1.0
+        if abs(self.travel[0]) > abs(self.travel[1]):  # a robot that is not symmetric may crab
+            self.ahead[:, self.places[1]] = self.travel[1] / self.travel[0]
         if self.turn:
             self._bend()
         left = np.abs(self.apart(len(self.states), end))

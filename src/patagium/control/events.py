@@ -207,21 +207,26 @@ class PolarEvent(Event):
         """
         described = aero.describe()
         inner = innermost(described)
-        own = inner.get("polar") or inner.get("section") or {}
-        wings = {k: one for k, one in own.items() if isinstance(one, dict) and k != "stalled"}
-        parts = {f"{wing}.": one for wing, one in wings.items()} or {"": own or inner}
-        known = {
-            prefix + key: (part, key)
-            for prefix, part in parts.items()
-            for key, value in part.items()
-            if isinstance(value, float)
-        }
+        known = _numbers_of(inner.get("polar") or inner.get("section") or inner)
         for name, factor in self.factors.items():
             if name not in known:
                 raise ParameterError("factors", f"of {', '.join(known)}", name, [*known])
             part, key = known[name]
             part[key] *= factor
         return robot, aero_from_description(robot, described)
+
+
+def _numbers_of(described: dict[str, Any], prefix: str = "") -> dict[str, tuple[Any, str]]:
+    """Place of each number of a described polar or model by its name, of wings with theirs."""
+    known = {
+        prefix + key: (described, key)
+        for key, value in described.items()
+        if isinstance(value, int | float) and not isinstance(value, bool)
+    }
+    for key, part in described.items():
+        if isinstance(part, dict) and key not in ("stalled", "air"):
+            known |= _numbers_of(part, f"{prefix}{key}.")
+    return known
 
 
 @dataclass(frozen=True, kw_only=True)

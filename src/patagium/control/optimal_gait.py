@@ -27,7 +27,7 @@ from patagium.control.gait_program import (
     lateral_states,
 )
 from patagium.control.orbit import NoOrbit, Orbit, said
-from patagium.control.trimming import NEARBY, Conditions, OrbitSearch, orbit_of, trim
+from patagium.control.trimming import NEARBY, Conditions, OrbitSearch, orbit_of, stable_steps, trim
 from patagium.control.wingbeat import FlightMap
 from patagium.errors import ParameterError
 from patagium.robot import Robot
@@ -187,6 +187,8 @@ def optimize(
     elif (steps or start.steps, tolerable) != (start.steps, None):
         told = "those of start (pt.trim(..., steps=..., tolerable=..., start=start))"
         raise ParameterError("steps, tolerable", told, (steps, tolerable))
+    if "yaw" not in start.names:
+        raise ParameterError("robot", "a body that floats, with Euler angles", robot.name)
     for name, one in {"aero": aero, "added_mass": added_mass}.items():
         own = getattr(start, name)
         if one is not None and (own is None or one.describe() != own.describe()):
@@ -296,9 +298,9 @@ def _optimal(
     found = program.solve(progress)
     if not found.solved:
         return _not_found(family.names, found, program.overloads)
-    at, trouble = search.newton(
-        search.point(found.nodes[:-1], found.values, conditions), conditions
-    )
+    nodes, values = found.nodes[:-1], found.values
+    search.steps = max(search.steps, stable_steps(search, values, nodes))  # of a slower beat
+    at, trouble = search.newton(search.point(nodes, values, conditions), conditions)
     if trouble and not at.residual <= TOLERANCE:
         open_beat = f"the beat of the best gait does not close: a misfit of {at.residual:.2g}"
         return _not_found(family.names, replace(found, status=open_beat), ())

@@ -210,12 +210,13 @@ class Orbit:
         travel, grid = known[-1] - known[0], np.linspace(0.0, 1.0, len(known))
         beats, phases = np.divmod(time / self.period + 1e-9, 1.0)
         found = np.column_stack([np.interp(phases, grid, column) for column in known.T])
-        turns = np.exp(1j * self.turn_rate * self.period * np.arange(beats.max(initial=0.0) + 1))
-        done, now = np.cumsum(turns) - turns, beats.astype(int)
+        half = self.turn_rate * self.period / 2
+        turns, sine = np.exp(2j * half * beats), np.sin(half)
+        done = np.exp(1j * half * (beats - 1)) * (np.sin(half * beats) / sine if sine else beats)
         for shift in (0, size, 2 * size):  # horizontal vectors, as x + iy; Euler angles: n_q = n
             pair = [self.robot.index(name) + shift for name in "xy"]
-            way = turns[now] * (found[:, pair] @ (1.0, 1.0j))
-            way += 0.0 if shift else done[now] * complex(*travel[pair])
+            way = turns * (found[:, pair] @ (1.0, 1.0j))
+            way += 0.0 if shift else done * complex(*travel[pair])
             found[:, pair], travel[pair] = np.column_stack([way.real, way.imag]), 0.0
         return np.asarray(found + beats[:, None] * travel)
 

@@ -706,7 +706,7 @@ class OrbitController:
     def _weights(self, tolerable: Mapping[str, float]) -> Array:
         """Weights of the departures, those of lags and commands zero, (n_x,)."""
         weights = np.zeros(self.model.size)
-        given = dict(TOLERABLE)
+        given = {name: one for name, one in TOLERABLE.items() if name in self.model.names}
         for name in self.model.names:
             turning = name.rpartition(" ")[2] in ("roll", "pitch", "yaw")
             if name.startswith("velocity of "):

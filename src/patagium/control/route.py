@@ -11,6 +11,9 @@ from patagium.arguments import checked
 from patagium.control.orbit import Orbit
 from patagium.control.predictive import OrbitController, OuterController, begins
 from patagium.errors import ParameterError
+from patagium.robot import Robot
+from patagium.simulation.gait_models import Gait
+from patagium.simulation.mounts import Mount
 from patagium.simulation.simulator import FlightState
 
 
@@ -66,6 +69,11 @@ class Route(OuterController):
         self.controller = copy(self._first)
         self.controller.restart()
         self._left, self._time = sorted(self._legs), -np.inf
+
+    def check_flight(self, robot: Robot, gait: Gait, mount: Mount) -> None:
+        """Start anew, whose period a flight then takes, and refuse as `OrbitController` does."""
+        self.restart()
+        super().check_flight(robot, gait, mount)
 
     def report(self) -> str:
         """Sentences about the samples that were held and the legs that were begun."""

@@ -450,8 +450,9 @@ def trim(
     if excess := search.excess(family.neutral):
         raise ParameterError("gait", "a gait within the limits of the robot", excess)
     states = _first_states(search, robot, start)
-    if steps is None:
-        search.steps = max(search.steps, min(_BEARABLE, _stable_steps(search, states)))
+    if steps is None and robot.stiffness:
+        needed = stable_steps(search, search.family.neutral, states)
+        search.steps = max(search.steps, min(_BEARABLE, needed))
     at, trouble = _searched(search, states, conditions, start.turn_rate if start else 0.0)
     if trouble:
         return _not_found(search, at, trouble)
@@ -522,11 +523,15 @@ def _steps(family: GaitFamily, given: int | None) -> int:
     return SEGMENTS * int(np.ceil(max(STEPS, 400.0 / family.base.frequency) / SEGMENTS))
 
 
-def _stable_steps(search: OrbitSearch, states: Array) -> int:
-    """Time steps of a beat, half as long as is stable, that springs ask for; 0 without springs."""
-    if not search.map.robot.stiffness:
-        return 0
-    rows = search.family.rows(search.family.neutral, len(states), search.map.aero.air)
+def stable_steps(search: OrbitSearch, values: Array, states: Array) -> int:
+    """Time steps of a beat, half as long as is stable; 0 where its own are stable.
+
+    Args:
+        search: Of the orbit.
+        values: Of the gait's parameters, (k,) [SI].
+        states: Of the nodes, (m, n) [SI].
+    """
+    rows = search.family.rows(values, len(states), search.map.aero.air)
     _, slopes = search.map.slopes(states[::8], rows.table[:-1:16])
     beat = rows.steps * rows.time_step
     found = tightest_limit([k for k in slopes if np.isfinite(k).all()], beat / search.steps)
@@ -626,7 +631,8 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
         reason += f"; pitch came to {np.degrees(steep):.0f} degrees from level, and Euler angles "
         reason += "are singular at 90"
         remedy = f"ask for a speed or a climb at which it flies flatter, {NEARBY}"
-    elif not np.isfinite(at.residual) and (needed := _stable_steps(search, at.states)):
+    elif not np.isfinite(at.residual) and search.map.robot.stiffness:
+        needed = stable_steps(search, at.values, at.states) or 2 * search.steps
         remedy = f"take {needed} time steps of a beat (steps=, up to {MOST_STEPS}), as springs ask "
         remedy += "for, or springs of less stiffness and damping"
     elif not np.isfinite(at.residual):

@@ -26,6 +26,7 @@ _MEANINGS = {
     "mount_lift": ("N", "reading of a load cell under the robot upward, weight tared"),
     "mount_thrust": ("N", "its reading along the way through the air"),
     "power": ("W", "power of the actuated joints"),
+    "positive_power": ("W", "power of the joints that give some, nothing regained"),
 }
 
 
@@ -47,11 +48,11 @@ def cycle_statistics(
         phases: Points of a wingbeat.
 
     Returns:
-        For lift, thrust, power and, of a fixed robot, mount_lift and mount_thrust:
+        For lift, thrust, power, positive_power and, of a fixed robot, mount_lift, mount_thrust:
         `<name>` (phase,), mean over cycles [N, W]; `<name>_spread` (phase,), standard
         deviation between cycles; `<name>_by_cycle` (cycle,), mean of each cycle. Attributes:
         cycles; mean_lift, mean_thrust [N] and [gf], mean_power [W], mean_positive_power [W]
-        (nothing is regained when joints are driven), airspeed [m/s], cost_of_transport
+        (nothing is regained from a joint that is driven), airspeed [m/s], cost_of_transport
         mean_positive_power / (m g airspeed), NaN at rest.
 
     Raises:
@@ -96,7 +97,7 @@ def _means(flight: xr.Dataset, robot: Robot, found: dict[str, Array]) -> dict[st
     """Means over all cycles of signals over cycle and phase, (cycles, phases) each [N, W]."""
     speed = float(np.linalg.norm(air_velocity(flight, robot)))
     weight = float(robot.gravity) * robot.mass
-    driven = float(np.maximum(found["power"], 0.0).mean())
+    driven = float(found["positive_power"].mean())
     moving = speed >= _HOVERING
     lift, thrust = float(found["lift"].mean()), float(found["thrust"].mean())
     return {
@@ -134,8 +135,8 @@ def _signals(flight: xr.Dataset, robot: Robot, time: Array) -> dict[str, Array]:
         cell = -flight["mount_wrench"].transpose("time", "component").values[:, :3]
         cell = cell + float(robot.gravity) * robot.mass * np.array([0.0, 0.0, 1.0])
         signals |= {"mount_lift": cell[:, 2], "mount_thrust": cell @ forward}
-    joints = (flight["u1"] * flight["v"]).sum("dof", skipna=False)
-    return signals | {"power": np.asarray(joints.values, float)}
+    joints = (flight["u1"] * flight["v"]).transpose("time", "dof").values
+    return signals | {"power": joints.sum(axis=1), "positive_power": joints.clip(0.0).sum(axis=1)}
 
 
 def air_force(flight: xr.Dataset, robot: Robot, time: Array) -> Array:

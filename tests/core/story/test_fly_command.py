@@ -109,7 +109,7 @@ def test_a_glider_holds_its_glide(tmp_path, capsys):
         (  # an amplitude is over the gait's own: it was taken for .52 of it
             "rudder_offset, value: 0",
             "plunge_amplitude, value: 30 deg",
-            "line 13, events.5.stuck.value: expected .*a number",
+            "line 13, events.5.stuck.value: expected a quantity such as '0.5'",
         ),
         ("robot: ornithopter\n", "", "robot: expected `robot: ornithopter`, found nothing"),
     ],

@@ -101,6 +101,16 @@ def test_a_flight_that_is_late_is_compared_where_it_is(turn):
     assert course.lead == before
 
 
+def test_a_flight_that_crabs_and_is_late_is_on_its_line():
+    """Ahead was along x alone: late by 1 m, and at an angle, a flight was moved off its line."""
+    names = ("x", "y", "z", "yaw", "velocity of x", "velocity of y")
+    states = np.array([[0.25 * k, 0.1 * k, 0.0, 0.0, 5.0, 2.0] for k in range(5)])
+    course = Course(names, states)
+    late = course.along(6) - 1.3 * np.array([0.25, 0.1, 0.0, 0.0, 0.0, 0.0])
+    course.catch_up(6, late)
+    assert np.abs(course.apart(6, late)[1:]).max() < 1e-12
+
+
 @pytest.mark.parametrize(
     ("kind", "angle"),
     [(control.LinearRegulator, 2.1 * np.pi), (control.PredictiveController, 0.5 * np.pi)],
@@ -194,6 +204,9 @@ def test_a_leg_of_another_frequency_is_flown_at_its_own(ornithopter_orbit):
     # the way to the leg takes some seconds; as a lag of .2 beats it would be .2 off
     late = ((time > 4.0) & (time < 5.0)) | (time > 7.0)
     assert np.abs(off.values[late]).max() < 0.05
+    again = pt.fly(robot, pt.QuasiSteady(robot), route, orbit=first, duration=1.2)
+    once = flight.q.sel(time=again.time)  # which had the period of the last leg at first
+    np.testing.assert_array_equal(again.q.values[: len(once)], once.values)
     again = control.Route(control.LinearRegulator(first, commands), {1.0: fast, 5.0: first})
     steps = round(8.0 / first.time_step) * first.time_step
     other = first.flight(controller=again, duration=steps)

@@ -82,6 +82,17 @@ def test_a_fall_in_thin_air_gives_known_numbers() -> None:
     )
 
 
+def test_no_joint_spends_what_another_one_gives_back() -> None:
+    """Their sum was taken first, so that one drove another: 10 % too little for a dragonfly."""
+    robot = pt.load_robot("dragonfly")
+    flight = pt.simulate(robot, duration=0.2)
+    powers = (flight["u1"] * flight["v"]).values
+    means = pt.cycle_statistics(flight, period=0.05, skip=0).attrs
+    wanted = np.maximum(powers, 0.0).sum(axis=1).mean()
+    assert means["mean_positive_power"] == pytest.approx(wanted, rel=0.01)  # samples of a beat
+    assert np.maximum(powers.sum(axis=1), 0.0).mean() < 0.95 * wanted
+
+
 def test_lift_scales_with_the_density_and_thrust_turns_with_the_way(held: xr.Dataset) -> None:
     robot = pt.load_robot("aerobat")
     gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5)

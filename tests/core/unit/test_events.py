@@ -160,11 +160,13 @@ def test_a_centre_of_mass_moves_where_it_was_zero(event):
 
 
 def test_another_polar_of_any_air():
-    robot = pt.load_robot("aerobat")
+    robot, by_wing = pt.load_robot("aerobat"), {"left_wing": 6.0, "right_wing": 6}
     for aero, name in (
         (pt.QuasiSteady(robot), "lift_amplitude"),
         (pt.LiftingLine(robot), "profile_drag"),
         (pt.DeLaurier(robot), "friction_drag"),
+        (pt.DeLaurier(robot, lift_slope=by_wing), "lift_slope.left_wing"),
+        (pt.QuasiSteady(robot, polar=pt.air.SmoothPolar(lift_amplitude=2)), "lift_amplitude"),
         (pt.air.Inflow(pt.QuasiSteady(robot)), "lift_amplitude"),
     ):
         _, other = PolarEvent(time=0.0, factors={name: 0.5}).changed(robot, aero)

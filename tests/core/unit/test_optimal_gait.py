@@ -142,6 +142,16 @@ def test_named_parameters_are_the_least_power_of_a_trim(ornithopter):
     assert again.orbit.speed == pytest.approx(4.2) and again.residual <= TOLERANCE
 
 
+def test_a_slower_best_beat_takes_the_steps_that_it_asks_for():
+    """Half as fast as the start, its 240 steps were unstable: "found", and it could not be flown."""
+    robot = pt.load_robot("aerobat")
+    found = pt.control.optimize(robot, pt.QuasiSteady(robot), harmonics=1)
+    assert found.found and found.orbit.steps > 240
+    assert np.abs(pt.control.floquet(found.orbit).multipliers).max() < 1.0
+    flight = found.orbit.flight(beats=3.0)
+    np.testing.assert_allclose(flight["v"].values[-1], flight["v"].values[0], atol=1e-6)
+
+
 def test_a_robot_that_is_not_symmetric_has_a_best_gait(ornithopter, best):
     """Every parameter was left out, as each moves such a flight sideways: a bare ValueError."""
     robot = ornithopter.with_parameters({"body.center_of_mass.y": 1e-4})

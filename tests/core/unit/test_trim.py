@@ -144,6 +144,10 @@ def test_a_turn_is_found_without_a_start_nearby():
     assert orbit.turn_rate == pytest.approx(0.1, abs=1e-10)
     assert orbit.speed == pytest.approx(6.0, abs=1e-10)
     assert misfit(orbit, orbit.flight(beats=1)) <= 1e-11
+    rows = orbit.along(orbit.period * np.arange(-2.0, 3.0))  # before the start it was anywhere
+    ways = np.diff(rows[:, 0] + 1j * rows[:, 1])
+    turned = np.full(3, np.exp(1j * orbit.turn_rate * orbit.period))
+    np.testing.assert_allclose(ways[1:] / ways[:-1], turned, atol=1e-9)
 
 
 def test_one_robot_hovers_and_glides_another(tmp_path):
@@ -209,7 +213,8 @@ def test_lag_states_are_on_the_orbit(tmp_path):
 def test_an_attitude_may_be_prescribed(tmp_path):
     slides = "".join(f"{{name: {k}, type: prismatic, axis: {k}, passive: true}}, " for k in "xyz")
     joints = f"joints: [{slides}{{name: pitch, axis: y}}]"
-    robot = load_robot_text(FLAPPER.replace("floating: true", joints))
+    text = FLAPPER.replace("floating: true", joints)
+    robot = load_robot_text(f"{text}\nactuators: {{frequency: {{range: [5 Hz, 14 Hz]}}}}\n")
     gait = pt.gaits.sinusoidal(
         robot, frequency=9.0, plunge=0.6, feather=0.3, pitch=0.05, phase={"feather": 1.5}
     )
@@ -223,6 +228,10 @@ def test_an_attitude_may_be_prescribed(tmp_path):
     assert not failed.found
     with pytest.raises(ParameterError, match="attitude is prescribed"):
         pt.trim(robot, gait=gait, turn_rate=0.2)
+    law = pt.control.LinearRegulator(orbit, ("frequency",))  # which asked for a yaw
+    assert np.sort(np.abs(law.multipliers))[-2:] == pytest.approx([0.948, 1.0], abs=1e-3)  # y
+    with pytest.raises(ParameterError, match="robot: expected a body that floats"):
+        pt.control.optimize(robot, start=orbit)
 
 
 def test_parameters_stop_at_limits():
