@@ -143,7 +143,7 @@ def test_named_parameters_are_the_least_power_of_a_trim(ornithopter):
 
 
 def test_a_slower_best_beat_takes_the_steps_that_it_asks_for():
-    """Half as fast as the start, its 240 steps were unstable: "found", and it could not be flown."""
+    """Half as fast as the start, 240 steps were unstable: it was found, and could not fly."""
     robot = pt.load_robot("aerobat")
     found = pt.control.optimize(robot, pt.QuasiSteady(robot), harmonics=1)
     assert found.found and found.orbit.steps > 240
