@@ -187,8 +187,6 @@ def optimize(
     elif (steps or start.steps, tolerable) != (start.steps, None):
         told = "those of start (pt.trim(..., steps=..., tolerable=..., start=start))"
         raise ParameterError("steps, tolerable", told, (steps, tolerable))
-    if "yaw" not in start.names:
-        raise ParameterError("robot", "a body that floats, with Euler angles", robot.name)
     for name, one in {"aero": aero, "added_mass": added_mass}.items():
         own = getattr(start, name)
         if one is not None and (own is None or one.describe() != own.describe()):
@@ -288,6 +286,8 @@ def _optimal(
 ) -> OptimalGait | NoOrbit:
     """Optimal gait from an orbit nearby, within one family of gaits."""
     robot, added_mass = start.robot, start.added_mass
+    if "yaw" not in start.names:
+        raise ParameterError("robot", "a body that floats, with Euler angles", robot.name)
     names = coefficients(robot, start.gait, harmonics) if free is None else tuple(free)
     family = gait_family(robot, start.gait, names)
     if free is None:
