@@ -229,10 +229,11 @@ def _numbers(record: _Log, reach: float) -> Iterator[_Number]:
         error = partial(record.moved, [robot.index(name) for name in names])
         words = f"{' and '.join(names)} were {{:.2g}} deg {{}}"
         yield _Number(error, _OFFSET, 180.0 / np.pi, words)
-    for name in ("x", "y", "z"):
+    for name, stated in zip("xyz", record.network.air.wind, strict=True):
         if name in robot.dof_names and robot.index(name) in robot.floating_dofs:
             words = f"the wind along {name} were {{:.2g}} m/s {{}}"
-            yield _Number(partial(record.blown, robot.index(name)), _WIND, 1.0, words)
+            reach = max(_WIND, 2.2 * abs(stated))  # twice what is stated: the other sign
+            yield _Number(partial(record.blown, robot.index(name)), reach, 1.0, words)
 
 
 def _best_numbers(numbers: Sequence[_Number]) -> dict[float, str]:

@@ -14,6 +14,8 @@ from mcap.reader import make_reader
 import patagium as pt
 from patagium.cli.main import run
 from patagium.errors import LogError, ParameterError
+from patagium.sensing.logs.files.message_files import getter
+from patagium.sensing.logs.importing.inspection import inspect_log
 from patagium.viewer.export import body_frames, export
 
 
@@ -108,6 +110,19 @@ def test_what_cannot_be_written_is_told(
     with pytest.raises(ParameterError, match=r"rerun: pip install 'patagium\[rerun\]'"):
         export(flight, tmp_path / "flight.rrd")
     assert not list(tmp_path.iterdir())
+
+
+def test_what_is_exported_is_read_with_all_its_rows(flight: xr.Dataset, tmp_path: Path) -> None:
+    """Keys that hold dots, as of a covariance, made no row, and no word was said."""
+    covariance = xr.DataArray(np.ones((len(flight["time"]), 2)), dims=("time", "pair"))
+    pairs = flight.assign(covariance=covariance).assign_coords(pair=["q.x/q.x", "q.x/q.z"])
+    path = tmp_path / "pairs.mcap"
+    get = getter("data.q.x/q.z")
+    assert get({"data": {"q.x/q.z": 2.0}}) == 2.0 and get({"data": {"q": {"x/q.z": 3.0}}}) == 3.0
+    with pytest.raises(KeyError):
+        get({"data": {"q.x/q.y": 1.0}})
+    topics = {one.name: one.rows for one in inspect_log(export(pairs, path)).topics}
+    assert topics["/covariance"] == len(flight["time"])
 
 
 def test_rerun_is_given_every_number_with_its_name(

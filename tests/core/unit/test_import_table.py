@@ -218,6 +218,7 @@ def test_an_output_that_is_missing_costs_the_others_nothing(
     [
         ("", []),
         ("-999", ["-999 stands 31 time(s), far from all other"]),
+        ("-999 deg", ["-999 stands 4 time(s), far from all other"]),
         ("clipped", ["at the end of its numbers, -0.1:", "at the end of its numbers, 0.1:"]),
         ("held", ["change every 10 samples"]),
         ("counts", []),
@@ -238,11 +239,15 @@ def test_numbers_that_a_recorder_made_are_asked_for(
         lift = lift[np.arange(1200) // 10 * 10]
     elif fault == "counts":
         lift = 0.005 * np.round(lift / 0.005)
-    columns = np.column_stack([time, np.sin(4 * np.pi * time), lift])
+    angle, turned = np.sin(4 * np.pi * time), "deg" if "deg" in fault else "rad"
+    if turned == "deg":  # unwrapped first, it was 81
+        angle = np.where(np.isin(np.arange(1200), [100, 300, 301, 555]), -999.0, 90 * angle)
+    columns = np.column_stack([time, angle, lift])
     path, mapping = tmp_path / "log.csv", tmp_path / "map.yaml"
-    np.savetxt(path, columns, delimiter=",", header="t [s],angle [rad],lift [N]", comments="")
+    header = f"t [s],angle [{turned}],lift [N]"
+    np.savetxt(path, columns, delimiter=",", header=header, comments="")
     mapping.write_text(
-        "about: x\ntime: {column: t, unit: s}\ninputs: [{column: angle, unit: rad}]\n"
+        f"about: x\ntime: {{column: t, unit: s}}\ninputs: [{{column: angle, unit: {turned}}}]\n"
         "outputs: [{column: lift, unit: N}]\n"
     )
     found = [one.text for one in pt.import_log(path, mapping, tmp_path / "log.nc").findings]

@@ -114,6 +114,16 @@ def test_wind_that_is_stated_wrongly_is_named(flight: xr.Dataset) -> None:
     assert "if the wind along y were 0.6 m/s less" in told, told
 
 
+def test_a_wind_of_the_other_sign_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stated wind of 3 m/s was asked 3 m/s around, and its sign is 6 m/s away."""
+    monkeypatch.setattr("patagium.learning.what_if._LEAST", 1e-5)  # weights err by 1e-4 with it
+    gait, held = pt.gaits.linkage(ROBOT, frequency=5.0), pt.mounts.fixed()
+    aero = pt.QuasiSteady(ROBOT, pt.Air(wind=(-3.0, 0.0, 0.0)))
+    flight = pt.simulate(ROBOT, aero, gait, duration=0.6, time_step=5e-4, mount=held)
+    (told,) = asked(flight, LinearStripNetwork(ROBOT, pt.Air(wind=(3.0, 0.0, 0.0))))
+    assert "if the wind along x were 6 m/s less" in told, told
+
+
 def test_a_right_log_is_not_asked_whatever_its_air_and_noise(
     flight: xr.Dataset, network: LinearStripNetwork, rng: np.random.Generator
 ) -> None:

@@ -194,8 +194,12 @@ def getter(path: str) -> Getter:
     steps = [(a, b, bool(a)) for a, b in _STEP.findall(path)]
 
     def get(message: Any) -> Any:
-        above, value = None, message
-        for name, key, by_name in steps:
+        above, value, left = None, message, list(steps)
+        while left:
+            name, key, by_name = left.pop(0)
+            if by_name and isinstance(value, dict):
+                while name not in value and left and left[0][2]:  # a key that holds dots
+                    name += f".{left.pop(0)[0]}"
             if by_name:
                 above, value = value, member(value, name)
             else:

@@ -306,6 +306,7 @@ def recorder_findings(
     measured, joint = measured and not ordered, joint and not ordered
     whole = np.insert(values, find_gaps(stamps, gap), np.nan)
     seen = np.isfinite(whole)
+    marks = _marks(whole[seen])  # before -999 degrees become 81
     if turn:
         whole[seen] = np.unwrap(whole[seen], period=turn)
     values = whole[seen]
@@ -313,14 +314,15 @@ def recorder_findings(
     if len(levels) < _LEVELS:
         return []
     steps = np.abs(np.diff(values))
-    found = _at_ends(values, steps, levels, counts.astype(float), measured=measured, joint=joint)
+    ends = _at_ends(values, steps, levels, counts.astype(float), measured=measured, joint=joint)
+    found = marks + ends
     changes = np.diff(np.flatnonzero(steps))
     every = float(np.median(changes))
     if (measured or joint) and every > 1 and (np.abs(changes - every) < 1).mean() > 0.9:
         if not count_noise(values):
             text = f"its numbers change every {every:g} samples: they are held between, and late; "
             found.append(("held", text + "import at the `rate` at which they change"))
-    jumps = jumps_of(whole)[0] if joint or (turn and not ordered) else ()
+    jumps = jumps_of(whole)[0] if (joint or (turn and not ordered)) and not marks else ()
     if len(jumps):
         largest = max((whole[k : k + 2] for k in jumps), key=lambda pair: abs(pair[1] - pair[0]))
         text = f"it jumps {len(jumps)} time(s), such as from {largest[0]:g} to {largest[1]:g}: "
@@ -329,17 +331,27 @@ def recorder_findings(
     return [Finding("warning", where, kind, text) for kind, text in found]
 
 
-def _at_ends(
-    values: Array, steps: Array, levels: Array, counts: Array, *, measured: bool, joint: bool
-) -> list[tuple[str, str]]:
-    """Warnings at the least and the largest number: marks of missing samples, clipped samples."""
+def _marks(values: Array) -> list[tuple[str, str]]:
+    """Warnings of a least or largest number that marks missing samples."""
+    levels, counts = np.unique(values, return_counts=True)
     found: list[tuple[str, str]] = []
-    for end, near, far in ((0, 1, -1), (-1, -2, 0)):
+    for end, near, far in ((0, 1, -1), (-1, -2, 0)) if len(levels) >= _LEVELS else ():
         mark, count = levels[end], int(counts[end])
         apart = abs(levels[near] - mark) > _FAR * abs(levels[near] - levels[far])
         if apart and (count > 1 or {*f"{abs(mark):g}"} == {"9"}):
             text = f"{mark:g} stands {count} time(s), far from all other numbers: if it marks what "
             found.append(("missing numbers", text + "is missing, leave these cells empty"))
+    return found
+
+
+def _at_ends(
+    values: Array, steps: Array, levels: Array, counts: Array, *, measured: bool, joint: bool
+) -> list[tuple[str, str]]:
+    """Warnings at the least and the largest number: clipped samples."""
+    found: list[tuple[str, str]] = []
+    for end, near, far in ((0, 1, -1), (-1, -2, 0)):
+        mark, count = levels[end], int(counts[end])
+        apart = abs(levels[near] - mark) > _FAR * abs(levels[near] - levels[far])
         edges = np.flatnonzero(np.diff(np.r_[False, values == mark, False]))
         begins = edges[::2][edges[1::2] - edges[::2] >= _RUN]
         before = steps[begins[begins > 1] - 2]
