@@ -150,7 +150,8 @@ def floquet(orbit: Orbit) -> Floquet:
     kept = [k for k in order if values[k].imag >= 0]
     rates = np.emath.log(np.where(values == 0, 1e-300, values)[kept]) / period  # of 0: rounding
     near, nearer = _matched(rates, averaged), _matched(rates, first)
-    shares = [_shares(frame.names, vectors[:, k]) for k in kept]
+    sizes = _sizes(orbit, frame.names)
+    shares = [_shares(frame.names, vectors[:, k], sizes) for k in kept]
     names = _names(shares, rates, orbit)
     modes = tuple(
         Mode(name, complex(values[k]), complex(rate), part, one, other)
@@ -229,16 +230,26 @@ _LONGITUDINAL = ("pitch", "velocity of x", "velocity of z", "velocity of pitch")
 _LATERAL = ("roll", "velocity of y", "velocity of roll", "velocity of yaw")
 
 
-def _size(name: str) -> float:
-    """Size that shares of a state are measured by [SI]."""
-    if "velocity of " not in name:
-        return 0.1
-    return 2.0 if name.endswith(("roll", "pitch", "yaw")) else 1.0
+def _sizes(orbit: Orbit, names: tuple[str, ...]) -> Array:
+    """Sizes that shares of states are measured by, alike for robots of all lengths, (n,) [SI].
+
+    An angle counts as 0.1 rad, a length as 3/4 of gravity times the squared period of the beat, and
+    a velocity as 5/3 of them a beat: 1 m/s and 2 rad/s at 12 Hz.
+    """
+    robot, period = orbit.robot, orbit.period
+    length = 0.75 * (abs(float(robot.gravity)) or 9.81) * period**2
+    units = dict(zip(robot.dof_names, robot.dof_units, strict=True))
+    places = [name.removeprefix("velocity of ") for name in names]
+    sizes = np.array([length if units.get(place) == "m" else 0.1 for place in places])
+    faster = np.array([*map(str.__ne__, names, places)])
+    return np.where(faster, 5.0 / 3.0 / period * sizes, sizes)
 
 
-def _shares(names: tuple[str, ...], vector: NDArray[np.complex128]) -> dict[str, float]:
+def _shares(
+    names: tuple[str, ...], vector: NDArray[np.complex128], sizes: Array
+) -> dict[str, float]:
     """Share of each state in a mode by name, the largest first."""
-    parts = np.abs(vector) / np.array([_size(name) for name in names])
+    parts = np.abs(vector) / sizes
     parts = parts / parts.sum()
     order = np.argsort(-parts, kind="stable")
     return {names[k]: float(parts[k]) for k in order}
@@ -247,12 +258,12 @@ def _shares(names: tuple[str, ...], vector: NDArray[np.complex128]) -> dict[str,
 def _names(shares: list[dict[str, float]], rates: Array, orbit: Orbit) -> list[str]:
     """The field's names of modes that are these motions, else their largest states.
 
-    An airplane's names are for forward flight; of two oscillations in the plane of symmetry the
-    slower is the phugoid, and spiral and roll subsidence are the slowest and the fastest of the
-    lateral motions that do not oscillate.
+    An airplane's names are for flight forward, faster than the size of velocities; of two
+    oscillations in the plane of symmetry the slower is the phugoid, and spiral and roll subsidence
+    are the slowest and the fastest of the lateral motions that do not oscillate.
     """
     found = [_largest(part, rate, orbit.period) for part, rate in zip(shares, rates, strict=True)]
-    if orbit.speed < _SLOWEST:
+    if orbit.speed < _sizes(orbit, ("velocity of x",))[0]:
         return found
     order = [k for k in np.argsort(np.abs(rates)) if abs(rates[k]) * orbit.period >= _STILL]
     along = [k for k in order if _part(shares[k], _LONGITUDINAL) and rates[k].imag]
@@ -270,10 +281,6 @@ def _names(shares: list[dict[str, float]], rates: Array, orbit: Orbit) -> list[s
     if last is not None and _part(shares[last], ("velocity of roll", "roll"), 0.5):
         found[last] = "roll subsidence"
     return found
-
-
-_SLOWEST = 1.0
-"""Speed forward from which on modes bear an airplane's names [m/s]."""
 
 
 def _part(shares: dict[str, float], names: tuple[str, ...], most: float = 0.95) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -108,6 +110,23 @@ def test_modes_bear_the_fields_names_where_they_are_that():
     hover = floquet(pt.trim(pt.load_robot("dragonfly"), speed=0.0))
     assert not hover.stable
     assert all(" of " in mode.name for mode in hover.modes)
+
+
+def test_robots_that_are_alike_have_the_same_names_and_shares():
+    """Sizes were those of one robot, so that names changed with the scale of the same flight."""
+    robot = pt.load_robot("dragonfly")
+    usual = pt.trim(robot, speed=4.0)
+    heavy = replace(robot, gravity=4 * robot.gravity, actuators={})
+    faster = [1 + name.startswith("velocity of ") for name in usual.names]
+    start = replace(usual, states=usual.states * faster)
+    gait = replace(usual.gait, frequency=2 * usual.gait.frequency)
+    fast = pt.trim(heavy, pt.QuasiSteady(heavy), gait, free=("frequency",), start=start)
+    assert fast.speed == pytest.approx(8.0, rel=1e-6)
+    found = [floquet(one).modes for one in (usual, fast)]
+    for slow, fast in zip(*found, strict=True):
+        assert slow.multiplier == pytest.approx(fast.multiplier, abs=1e-6)
+        assert slow.name == fast.name
+        assert slow.shares == pytest.approx(fast.shares, abs=1e-5)
 
 
 def test_averaging_holds_for_a_glide_and_is_told_where_it_fails(orbit):
