@@ -239,7 +239,7 @@ def _sizes(orbit: Orbit, names: tuple[str, ...]) -> Array:
     robot, period = orbit.robot, orbit.period
     length = 0.75 * (abs(float(robot.gravity)) or 9.81) * period**2
     units = dict(zip(robot.dof_names, robot.dof_units, strict=True))
-    places = [name.removeprefix("velocity of ") for name in names]
+    places = [name.rpartition("velocity of ")[2] for name in names]
     sizes = np.array([length if units.get(place) == "m" else 0.1 for place in places])
     faster = np.array([*map(str.__ne__, names, places)])
     return np.where(faster, 5.0 / 3.0 / period * sizes, sizes)
