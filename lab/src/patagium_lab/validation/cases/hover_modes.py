@@ -140,9 +140,7 @@ def _times(modes: Floquet) -> np.ndarray:
     along = [
         mode
         for mode in modes.modes
-        if sum(mode.shares.get(name, 0.0) for name in LONGITUDINAL) > 0.5
-        and "induced velocity of x" not in mode.name
-        and "induced velocity of z" not in [*mode.shares][:1]
+        if sum(mode.shares.get(name, 0.0) for name in LONGITUDINAL) > 0.4
     ]
     turning = next(mode for mode in along if mode.rate.imag)
     straight = sorted((m for m in along if not m.rate.imag), key=lambda m: abs(m.rate.real))
