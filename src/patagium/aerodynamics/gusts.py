@@ -342,8 +342,8 @@ class RecordedGust(NamedGust):
         if not np.isfinite(velocity).all():
             wrong = float(velocity[~np.isfinite(velocity)][0])
             raise ParameterError("velocity", "finite numbers", wrong)
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "velocity", velocity)
+        object.__setattr__(self, "time", time.copy())
+        object.__setattr__(self, "velocity", velocity.copy())
 
     def velocity_at(self, time: Array) -> Array:
         """Velocity, world axes, (N, 3) [m/s], at times (N,) [s]."""

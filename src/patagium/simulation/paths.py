@@ -222,7 +222,7 @@ def waypoints(
         ShapeError: If times and points do not go together.
         ParameterError: If time does not rise, a number is not finite, or a closed path is open.
     """
-    times, places = real_array("time", time), real_array("points", points)
+    times, places = real_array("time", time), real_array("points", points).copy()
     if times.ndim != 1 or places.shape not in ((len(times), 3), (len(times), 6)):
         raise ShapeError("points", f"({times.size}, 3) or ({times.size}, 6)", places.shape)
     if not (np.isfinite(times).all() and np.isfinite(places).all()):

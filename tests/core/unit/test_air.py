@@ -94,6 +94,15 @@ def test_a_recorded_gust_is_straight_between_samples_and_held_beyond() -> None:
     assert RecordedGust(RECORDED.time, RECORDED.velocity) == RECORDED != DRYDEN
 
 
+def test_a_recorded_gust_stays_as_it_was_given() -> None:
+    """It changed with the arrays of its caller."""
+    time, velocity = np.arange(3.0), np.zeros((3, 3))
+    gust = RecordedGust(time, velocity)
+    time += 5.0
+    velocity += 5.0
+    assert gust == RecordedGust(np.arange(3.0), np.zeros((3, 3)))
+
+
 def test_a_description_from_before_gusts_decayed_is_read() -> None:
     told = Air(gust=TRAVELING).describe()
     del told["gust"]["decay_time"]

@@ -91,6 +91,16 @@ def test_way_points_are_passed_at_their_times():
     np.testing.assert_allclose(late.position, closed.motion(TIME).position, atol=1e-9)
 
 
+def test_points_stay_as_they_are_given():
+    """A closed path wrote into its caller's points, and changed with them afterwards."""
+    time, points = np.linspace(0.0, 1.0, 9), np.zeros((9, 6))
+    points[-1, 0] = 3e-10
+    path = pt.paths.waypoints(time, points, closed=True)
+    assert points[-1, 0] == 3e-10
+    points[:] = 7.0
+    np.testing.assert_array_equal(path.motion(0.5).position, np.zeros((1, 6)))
+
+
 def test_paths_add_up():
     eight = PATHS["eight"]
     nod = pt.paths.sinusoid((0, 0, 0.5), frequency=2 / eight.period, pitch=0.2)
