@@ -31,11 +31,15 @@ bodies:
 """
 
 
-def moved(robot: pt.Robot, duration: float = 0.8) -> xr.Dataset:
-    """A recorded motion of a robot's joints, with several frequencies."""
-    time = np.arange(0.0, duration + 1e-9, 1e-3)
-    rates = 2 * np.pi * np.array([3.0, 5.0])
-    q = 0.4 * np.sin(time[:, None] * rates) + 0.1 * np.sin(2.3 * time[:, None] * rates + 1.0)
+def moved(
+    robot: pt.Robot, duration: float = 0.8, beat: float = 0.0, fade: float = 0.0
+) -> xr.Dataset:
+    """A recorded motion of joints, with several frequencies or with a beat [Hz] that fades."""
+    time = np.arange(0.0, duration + 1e-9, 1e-4 if beat else 1e-3)
+    rates = 2 * np.pi * (np.array([beat, beat]) if beat else np.array([3.0, 5.0]))
+    second = 2.0 if beat else 2.3
+    q = 0.4 * np.sin(time[:, None] * rates) + 0.1 * np.sin(second * time[:, None] * rates + 1.0)
+    q *= np.exp(-fade * time[:, None])
     v = np.gradient(q, time, axis=0, edge_order=2)
     a = np.gradient(v, time, axis=0, edge_order=2)
     parts = {name: (("time", "dof"), x) for name, x in zip("qva", (q, v, a), strict=True)}
@@ -104,11 +108,45 @@ def test_deviations_hold_where_errors_are_correlated(flight: xr.Dataset) -> None
     assert 0.3 < np.sqrt(np.mean(np.square(ratios))) < 1.4  # eight of them: 1.4 is three deviations
 
 
+@pytest.mark.parametrize(("beat", "late"), [(20.0, 0.003), (150.0, 0.0021)])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_of_beats_that_look_alike_the_nearest_is_taken(beat: float, late: float, seed: int) -> None:
+    """Shifts were off by whole beats, 50 ms in a dragonfly, with deviations of microseconds."""
+    rod = moved(load_robot_text(ROD, "rod"), 0.6, beat)
+    noise = {"accelerometer_density": 1e-2, "gyroscope_density": 1e-3}
+    parts = [S.Encoder(rate=4000.0, std=1e-3, delay=late), S.Imu(body="rod", rate=2000.0, **noise)]
+    log = pt.sense(rod, parts, seed=seed).without_truth()
+    found = pt.sensing.estimate_shifts(log)
+    assert found.seconds["encoder"] == pytest.approx(late, abs=3e-5)
+    assert found.repeat == pytest.approx(1 / beat, abs=3e-5)
+    assert f" repeats every {1e3 / beat:.3g} ms: " in found_shifts(log)[1]
+
+
+def test_a_shift_of_more_than_half_a_beat_is_found_where_beats_differ() -> None:
+    rod = moved(load_robot_text(ROD, "rod"), 0.6, 20.0, 2.0)
+    parts = [S.Encoder(rate=500.0, std=1e-3, delay=0.03), S.Imu(body="rod", rate=400.0)]
+    found = pt.sensing.estimate_shifts(pt.sense(rod, parts))
+    assert found.seconds["encoder"] == pytest.approx(0.03, abs=1e-4)
+    assert found.repeat == np.inf
+
+
+def test_a_shift_as_large_as_was_searched_is_told(rod: xr.Dataset) -> None:
+    """What `largest` allowed beyond 50 ms was found, and left out of `told` without a word."""
+    parts = [S.Encoder(rate=500.0, std=1e-3, delay=0.08), P.bmi270("rod", rate=400.0)]
+    found = pt.sensing.estimate_shifts(pt.sense(rod, parts), largest=0.09)
+    assert found.told["encoder"] == pytest.approx(0.08, abs=1e-3)
+
+
+@pytest.mark.parametrize("beat", [0.0, 20.0])
 @pytest.mark.parametrize(("drift", "words"), [(0.0, None), (1e-3, " ppm from that of bmi270 (")])
-def test_a_clock_that_drifts_is_told(drift: float, words: str | None) -> None:
-    """One shift for the whole log left half of the drift on either side, without a word."""
-    encoder = S.Encoder(rate=500.0, std=1e-4, clock_drift=drift)
-    log = pt.sense(moved(load_robot_text(ROD, "rod"), 3.0), [encoder, P.bmi270("rod", rate=400.0)])
+def test_a_clock_that_drifts_is_told(drift: float, words: str | None, beat: float) -> None:
+    """One shift for the whole log left half of the drift on either side, without a word.
+
+    Where beats look alike, two of them made a drift of perfect clocks.
+    """
+    encoder = S.Encoder(rate=500.0, std=1e-3, clock_drift=drift)
+    rod = moved(load_robot_text(ROD, "rod"), 3.0, beat)
+    log = pt.sense(rod, [encoder, P.bmi270("rod", rate=400.0)], seed=3)
     notes = drift_notes(log.without_truth())
     assert len(notes) == (words is not None), notes
     assert not words or words in notes[0], notes

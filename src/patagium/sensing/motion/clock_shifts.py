@@ -9,13 +9,13 @@ the shifts in two parts of a log, and not corrected.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 from scipy.spatial.transform import Rotation, Slerp
 
 from patagium.arguments import checked
@@ -37,8 +37,15 @@ from patagium.sensing.motion.smoothers import smooth_series
 from patagium.sensing.sensors import Imu, SensorLog, from_quaternion
 
 _MOST_SAMPLES = 2000
-_COARSE = 2e-3
-"""Step of the first search over shifts [s]."""
+_ROUGH, _COARSE = 500, (1e-4, 2e-3)
+"""Samples of the first search over shifts; its least and largest step [s]."""
+_TURN = 0.5
+"""Angle by which a motion turns in such a step, at its root mean square frequency [rad]."""
+_ALIKE = 0.5
+"""Misfit above the least of shifts that are as likely: 5 in the logarithm of the likelihood where
+each stretch of the log counts as one sample."""
+_DEEP = 6.0
+"""Misfit below the largest from which a minimum is looked at: every row better by a factor e."""
 _SWEEPS = 3
 _LARGEST = 0.05
 """Largest shift of the search [s]."""
@@ -64,11 +71,16 @@ class Shifts:
         seconds: Shift of each sensor by name, positive if its stamps are late [s].
         std: Standard deviation of each shift; zero for the reference [s].
         unlinked: Sensors that share no motion with the reference.
+        largest: Largest shift of the search [s].
+        repeat: Least step to other shifts that are as likely, a beat of a periodic motion [s];
+            infinite where there are none. The smallest shifts are taken.
     """
 
     seconds: dict[str, float]
     std: dict[str, float]
     unlinked: tuple[str, ...]
+    largest: float
+    repeat: float
 
     @property
     def told(self) -> dict[str, float]:
@@ -76,7 +88,7 @@ class Shifts:
         return {
             name: late
             for name, late in self.seconds.items()
-            if abs(late) <= _LARGEST and self.std[name] <= _TOLD * _LARGEST
+            if abs(late) <= self.largest and self.std[name] <= _TOLD * self.largest
         }
 
 
@@ -118,7 +130,7 @@ def estimate_shifts(
     # the error of the reference's own shift is in all others
     of_zero = std[chosen]
     std_of = {name: float(np.hypot(value, of_zero)) for name, value in std.items()}
-    return Shifts(moved, std_of | {chosen: 0.0}, unlinked)
+    return Shifts(moved, std_of | {chosen: 0.0}, unlinked, largest, search.repeat)
 
 
 def found_shifts(log: SensorLog) -> tuple[dict[str, float], str]:
@@ -133,9 +145,13 @@ def found_shifts(log: SensorLog) -> tuple[dict[str, float], str]:
     told = found.told
     late = ", ".join(f"{name} {1e3 * value:.2f} ms" for name, value in told.items())
     rest = ", ".join([*(name for name in found.seconds if name not in told), *found.unlinked])
-    return told, f"Clocks, found from the motion that the sensors share: {late}." + (
-        f" Taken as right, for the motion does not tell them: {rest}." if rest else ""
-    )
+    note = f"Clocks, found from the motion that the sensors share: {late}."
+    if np.isfinite(found.repeat):
+        note += f" The motion repeats every {1e3 * found.repeat:.3g} ms: shifts by whole beats "
+        note += "look alike, and the smallest are taken."
+    if rest:
+        note += f" Taken as right, for the motion does not tell them: {rest}."
+    return told, note
 
 
 def drift_notes(log: SensorLog) -> list[str]:
@@ -150,31 +166,32 @@ def drift_notes(log: SensorLog) -> list[str]:
     power = np.cumsum(np.nan_to_num((rows - np.nanmean(rows, axis=0)) ** 2), axis=0).sum(axis=1)
     time, share = log[unit]["time"].values, power / max(power[-1], 1e-300)
     early, cut, other, late = np.interp([1 / 6, 1 / 3, 2 / 3, 5 / 6], share, time)
-    parts = [(time[0], cut), (other, time[-1])]
     try:
-        first, last = (estimate_shifts(_between(log, *part)) for part in parts)
+        first = estimate_shifts(_between(log, time[0], cut, {}))
+        last = estimate_shifts(_between(log, other, time[-1], first.told))  # the same beat
     except LogError:
         return []
     notes, apart = [], late - early
     for name in first.told.keys() & last.told.keys() - {unit}:
-        moved = last.seconds[name] - first.seconds[name]
+        moved = last.seconds[name]
+        begun, ended = 1e3 * first.seconds[name], 1e3 * (first.seconds[name] + moved)
         if abs(moved) > max(_DRIFTED, _SURE * np.hypot(first.std[name], last.std[name])):
             notes.append(
                 f"Warning: {name}: its clock drifts by about {1e6 * moved / apart:.0f} ppm from "
-                f"that of {unit} ({1e3 * first.seconds[name]:.2f} ms late at first, "
-                f"{1e3 * last.seconds[name]:.2f} ms at last), which no shift mends: take "
-                f"{moved / apart:.2g} (t - t[0]) from its stamps t in the log and import it "
-                "again, or import shorter parts (`start` and `end`)"
+                f"that of {unit} ({begun:.2f} ms late at first, {ended:.2f} ms at last), "
+                f"which no shift mends: take {moved / apart:.2g} (t - t[0]) from its stamps t in "
+                "the log and import it again, or import shorter parts (`start` and `end`)"
             )
     return sorted(notes)
 
 
-def _between(log: SensorLog, begin: float, end: float) -> SensorLog:
-    """Log of a span of time [s]."""
-    inside = {
-        n: (r["time"].values >= begin) & (r["time"].values <= end) for n, r in log.readings.items()
-    }
-    parts = {n: r.isel(time=np.flatnonzero(inside[n])) for n, r in log.readings.items()}
+def _between(log: SensorLog, begin: float, end: float, late: dict[str, float]) -> SensorLog:
+    """Log of a span of time [s], with stamps that are as much earlier as they are late [s]."""
+    parts = {}
+    for name, reading in log.readings.items():
+        time = reading["time"].values - late.get(name, 0.0)
+        inside = np.flatnonzero((time >= begin) & (time <= end))
+        parts[name] = reading.assign_coords(time=time).isel(time=inside)
     return replace(log, readings=parts)
 
 
@@ -216,7 +233,7 @@ def _track(robot: Robot, stream: Stream) -> _Track | None:
     step = min(median, 1e-3)
     times = np.linspace(begin, end, 1 + round((end - begin) / step))
     if isinstance(model, EncoderModel):
-        state = _smoothed(stream.time, stream.rows, model.std, times)
+        state = _smoothed(stream.time, stream.rows, np.sqrt(model.variances), times)
         return _Track(stream, tuple(model.columns), CubicSpline(times, state), None)
     if isinstance(model, CaptureModel) and base is not None:
         state, attitude = _smooth_base(stream, model, times)
@@ -263,6 +280,29 @@ def _smoothed(time: Array, values: Array, stated: ArrayLike, at: Array) -> Array
     return smooth_series(time, values, np.fmax(stated, shown), at).state
 
 
+def _alike(
+    misfit: Callable[[Array], float], best: Array, way: Array, steps: Array, tried: Array
+) -> list[float]:
+    """Steps along a way from the best shifts to all that are as likely, zero included, in order.
+
+    Minima among equal steps that were `tried` with fewer samples are looked at closely.
+    """
+
+    def along(step: float) -> float:
+        return misfit(best + step * way)
+
+    low = tried < np.minimum(np.append(tried[1:], np.inf), np.append(np.inf, tried[:-1]))
+    found = {0.0: along(0.0)}
+    for k in np.flatnonzero(low & (tried < tried.max() - min(_DEEP, np.ptp(tried) / 4))):
+        between = tried[np.abs(steps - steps[k] / 2) < abs(steps[k]) / 2]
+        if between.max(initial=-np.inf) < tried.min() + 2 * _ALIKE:
+            continue  # the same minimum
+        ends = steps[k] + (steps[1] - steps[0]) * np.array([-1, 1])
+        there = minimize_scalar(along, bounds=ends, method="bounded", options={"xatol": 1e-7})
+        found[float(there.x)] = float(there.fun)
+    return sorted(s for s, value in found.items() if value < min(found.values()) + _ALIKE)
+
+
 class _Search:
     """Search for the shifts by which inertial units are predicted best."""
 
@@ -274,6 +314,7 @@ class _Search:
         largest: float,
     ) -> None:
         self.robot, self.largest, self.units = robot, largest, list(units)
+        self.repeat = float("inf")
         tracks = [_track(robot, s) for s in streams]
         self.tracks = {track.stream.name: track for track in tracks if track is not None}
         self.links = {unit.name: self._seen_by(unit) for unit in self.units}
@@ -317,25 +358,47 @@ class _Search:
     ) -> tuple[dict[str, float], dict[str, float]]:
         """Shifts of the free sensors with the others fixed, and their standard deviations [s]."""
         times, shown = self._samples(unit)
+        step = self._step(unit, times, known | dict.fromkeys(free, 0.0))
 
-        def misfit(values: Array) -> float:
+        def misfit(values: Array, every: int = 1) -> float:
             late = known | dict(zip(free, values.tolist(), strict=True))
-            return self._misfit(unit, times, shown, late)
+            return self._misfit(unit, times[::every], shown[::every], late)
+
+        def tried(way: Array, reach: float) -> tuple[Array, Array]:
+            steps = step * np.arange(-(reach // step), reach // step + 1)
+            most = max(self.largest + step, np.abs(best).max())
+            steps = steps[[np.abs(best + s * way).max() <= most for s in steps]]
+            every = max(1, len(times) // _ROUGH)
+            return steps, np.array([misfit(best + s * way, every) for s in steps])
+
+        def polished() -> Array:
+            corners = best + step / 2 * np.vstack([np.zeros(len(free)), np.eye(len(free))])
+            options = {"initial_simplex": corners, "xatol": 1e-6, "fatol": 1e-9}
+            return np.asarray(minimize(misfit, best, method="Nelder-Mead", options=options).x)
 
         best = np.zeros(len(free))
         ways = [*np.eye(len(free))] + ([np.ones(len(free))] if len(free) > 1 else [])
         for sweep in range(_SWEEPS if len(free) > 1 else 1):
-            reach = self.largest / 2**sweep
-            steps = np.arange(-reach, reach + _COARSE / 2, _COARSE)
             for way in ways:  # each by itself, then all together
-                tried = [misfit(best + step * way) for step in steps]
-                best = best + steps[int(np.argmin(tried))] * way
-        corners = best + _COARSE / 2 * np.vstack([np.zeros(len(free)), np.eye(len(free))])
-        options = {"initial_simplex": corners, "xatol": 1e-6, "fatol": 1e-9}
-        best = minimize(misfit, best, method="Nelder-Mead", options=options).x
+                steps, values = tried(way, self.largest / 2**sweep)
+                best = best + steps[int(np.argmin(values))] * way
+        best = polished()
+        for way in ways:
+            alike = _alike(misfit, best, way, *tried(way, 2 * self.largest))
+            self.repeat = min([self.repeat, *np.diff(alike).tolist()])
+            best = best + alike[int(np.argmin([np.abs(best + s * way).sum() for s in alike]))] * way
+        best = polished()
         std = self._std(unit, times, shown, known, dict(zip(free, best.tolist(), strict=True)))
         seconds, stds = (dict(zip(free, one.tolist(), strict=True)) for one in (best, std))
         return seconds, stds
+
+    def _step(self, unit: Stream, times: Array, late: dict[str, float]) -> float:
+        """Step of a search over shifts within which the motion does not turn back [s]."""
+        first, last = (self._expected(unit, times + d, late) for d in (-_STEP, _STEP))
+        size, change = (
+            np.var(x, axis=0) @ (1 / unit.model.variances) for x in (first, last - first)
+        )
+        return float(np.clip(2 * _STEP * _TURN * np.sqrt(size / max(change, 1e-300)), *_COARSE))
 
     def _samples(self, unit: Stream) -> tuple[Array, Array]:
         tracks = [self.tracks[name] for name in self.links[unit.name]]
