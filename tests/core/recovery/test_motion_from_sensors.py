@@ -167,6 +167,56 @@ def test_noise_on_its_floor_is_said(flight: xr.Dataset) -> None:
     )
 
 
+SLIDE = """
+name: slide
+gravity: 9.81
+bodies:
+  sled:
+    joints: [{name: heave, type: prismatic, axis: z}]
+    mass: 1
+    inertia: {xx: 0.01, yy: 0.01, zz: 0.01}
+  crank:
+    parent: sled
+    joints: [{name: crank, type: revolute, axis: y}]
+    mass: 1
+    inertia: {xx: 0.01, yy: 0.01, zz: 0.01}
+"""
+
+
+@pytest.mark.parametrize("joints", [("heave",), ()])
+def test_a_slide_is_measured_in_metres(joints: tuple[str, ...]) -> None:
+    """A laser of 10 nm on a slide of 100 um was given the 1e-5 and the unit of an angle."""
+    robot, time = load_robot_text(SLIDE, "slide"), np.arange(2000) * 1e-4
+    levels = [
+        np.outer((200 * np.pi) ** k * np.sin(200 * np.pi * time + k * np.pi / 2), [1e-4, 0.2])
+        for k in range(3)
+    ]
+    parts = {name: (("time", "dof"), x) for name, x in zip("qva", levels, strict=True)}
+    facts = {"robot": robot.source, "robot_name": robot.name}
+    moved = xr.Dataset(parts, {"time": time, "dof": list(robot.dof_names)}, facts)
+    sensors = [S.Encoder(name="laser", rate=1e4, std=1e-8, joints=joints)]
+    sensors += [S.Encoder(name="turns", rate=5e3, std=1e-4, joints=("crank",))] * bool(joints)
+    motion = pt.estimate_motion(pt.sense(moved, sensors))
+    noise = json.loads(motion.attrs["findings"])["noise"]
+    assert [(one["part"], one["unit"]) for one in noise] == [("travel", "m"), ("angle", "rad")]
+    assert noise[0]["std"] == pytest.approx(1e-8, rel=0.1)
+    assert 0.3 < np.sqrt(normalized(motion, moved)[:, 0]).max() < 1.5
+
+
+def test_a_slide_of_a_log_has_the_rounding_of_its_own(tmp_path: Path) -> None:
+    """Its noise was at least the rounding of the angles beside it, 1 mrad as 1 mm."""
+    (tmp_path / "slide.yaml").write_text(SLIDE, "utf-8")
+    time = np.arange(300) * 1e-3
+    columns = {
+        "q.crank": ("time", np.sin(30 * time), {"units": "rad", "rounding_in_log": 1e-3}),
+        "q.heave": ("time", 1e-4 * np.sin(30 * time), {"units": "m", "rounding_in_log": 1e-7}),
+    }
+    log = pt.sensor_log(xr.Dataset(columns, {"time": time}), str(tmp_path / "slide.yaml"))
+    streams = streams_of(log, log.robot, {})
+    found = {s.name: (s.rounding, *(part.name for part in s.model.parts)) for s in streams}
+    assert found == {"encoders": ((1e-3,), "angle"), "slides": ((1e-7,), "travel")}
+
+
 def test_a_log_without_noise_has_deviations_of_its_rounding(tmp_path: Path) -> None:
     """They were 14 times too large: no sensor was taken to be more exact than 2e-6 m."""
     text = "name: brick\ngravity: 9.8 m/s^2\nbodies: {body: {floating: true, mass: 0.05, "
@@ -257,6 +307,9 @@ def test_what_no_sensor_sees_is_named(flight: xr.Dataset) -> None:
     log = pt.sense(flight, SENSORS)
     with pytest.raises(ShapeError, match="times"):
         pt.estimate_motion(log, times=[[0.01, 0.02], [0.03, 0.04]])
+    for none in ([], [np.nan]):  # they ended in tracebacks
+        with pytest.raises(ParameterError, match="times"):
+            pt.estimate_motion(log, times=none)
     with pytest.raises(ParameterError, match="order"):
         pt.estimate_motion(log, order=2)
 

@@ -123,6 +123,7 @@ def test_samples_and_times_that_are_none_are_refused() -> None:
         ("at", 0.1, ShapeError),
         ("at", [], ParameterError),
         ("at", [np.inf], ParameterError),
+        ("order", 2, ParameterError),  # has no acceleration
     ):
         with pytest.raises(error, match=name):
             smooth_series(**(given | {name: one}))

@@ -178,8 +178,12 @@ class _Found:
                 sensor = kind(name=f"{word} of {body}", rate=1.0 / step, body=body, **facts)
                 add(sensor, parts, [name, also])
         motors = partial(MotorCurrent, torque_constant=1.0)
+        units = dict(zip(self.robot.dof_names, self.robot.dof_units, strict=True))
+        turns = {name: one for name, one in self.joints.items() if units[name] == "rad"}
+        slides = {name: one for name, one in self.joints.items() if name not in turns}
         for part, word, make, found in (
-            ("position", "encoders", Encoder, self.joints),
+            ("position", "encoders", Encoder, turns),
+            ("position", "slides", Encoder, slides),
             ("current", "joint forces", motors, self.efforts),
         ):
             if found:

@@ -286,7 +286,7 @@ def _samples(stream: Stream, group: Sequence[int], used: Bools, order: int) -> S
         return None
     rows = stream.rows.copy()
     rows[:, others] = np.nan
-    return Samples(replace(stream, rows=rows), used, (_UNTOLD,))
+    return Samples(replace(stream, rows=rows), used, (_UNTOLD,) * len(stream.model.parts))
 
 
 _UNTOLD = Noise(float("nan"), 0.0)
@@ -398,6 +398,8 @@ def estimate_motion(
         wanted = common_times(streams)
     else:
         wanted = real_array("times", np.atleast_1d(real_array("times", times)), ("N",))
+        if not (len(wanted) and np.isfinite(wanted).all()):
+            raise ParameterError("times", "finite numbers", times)
     fitted = fit_motion(machine, streams, order, wanted)
     return _dataset(machine, wanted, fitted, log)
 
@@ -483,18 +485,18 @@ def motion_findings(fitted: MotionFits) -> dict[str, Any]:
     ]
     floor = [
         f"{one['sensor']}, {one['part']}: the noise lies on its least value of "
-        f"{FLOOR[one['unit']]:g} {one['unit']}, for the log does not tell it: the standard "
+        f"{FLOOR[one['part']]:g} {one['unit']}, for the log does not tell it: the standard "
         "deviations are too small for a sensor that is less exact, and too large for one that is "
         "more exact"
         for one in noise
-        if 0.99 < one["std"] / FLOOR[one["unit"]] < 1.01
+        if 0.99 < one["std"] / FLOOR[one["part"]] < 1.01
     ]
     apart = [
         f"Warning: {one['sensor']}, {one['part']}: its samples scatter by {one['shown']:.2g} "
         f"{one['unit']}, but are {one['std']:.2g} {one['unit']} off what the other sensors say: "
         "check clocks (pt.sensing.estimate_shifts), units, axes, and where the sensor sits and how"
         for one in noise
-        if one["shown"] is not None and one["std"] > _APART * max(one["shown"], FLOOR[one["unit"]])
+        if one["shown"] is not None and one["std"] > _APART * max(one["shown"], FLOOR[one["part"]])
     ]
     return {
         "noise": noise,

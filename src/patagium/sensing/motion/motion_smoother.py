@@ -116,7 +116,7 @@ class Samples:
         self.least, coarse = np.zeros(count), self.stream.rounding
         for k, part, place in self.parts():
             told = () if part.name == "attitude" else self.stream.rows.T[place]
-            self.least[k] = max([FLOOR[part.unit], *map(count_noise, told), *coarse[k : k + 1]])
+            self.least[k] = max([FLOOR[part.name], *map(count_noise, told), *coarse[k : k + 1]])
             self.variance[place] = np.maximum(self.variance[place], self.least[k] ** 2)
             if np.isfinite(self.first[k].std):
                 self.variance[place] = max(self.first[k].std, self.least[k]) ** 2
@@ -190,7 +190,7 @@ def _learn_part(
     normal = np.einsum("int,jnt,nt->ij", features, features, weight * (1 - lost))
     right = np.einsum("int,nt->i", features, weight * square)
     stated = one.stream.model.variances[place]
-    if (stated > 1.01 * FLOOR[part.unit] ** 2).all():
+    if (stated > 1.01 * FLOOR[part.name] ** 2).all():
         normal[0, 0] += _PRIOR_COUNT
         right[0] += _PRIOR_COUNT * float(np.mean(stated / base))
     factor, jitter = right[0] / normal[0, 0], 0.0
@@ -206,7 +206,7 @@ def _learn_part(
     freedom = float(np.einsum("nc,nc->", weight, 1 - lost))
     one.nis[k] = float(np.einsum("nc,nc->", weight, square)) / max(freedom, 1e-9)
     least = one.least[k]
-    if one.first[k].slowest < _QUIET * least == _QUIET * FLOOR[part.unit]:
+    if one.first[k].slowest < _QUIET * least == _QUIET * FLOOR[part.name]:
         follows = float((weight * lost).sum() / max(weight.sum(), 1e-9))
         least *= _EXACT ** np.clip(4.0 * (0.8 - follows), 0.0, 1.0)
     one.variance[place] = np.maximum(base * factor, least**2)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -22,8 +23,15 @@ from patagium.sensing.sensors import Encoder, Imu, MotionCapture, SensorLog, fro
 from patagium.sensing.sensors.joints import joint_names
 from patagium.sensing.sensors.sensor import Sensor
 
-FLOOR = {"m": 2e-6, "rad": 1e-5, "rad/s": 1e-5, "m/s^2": 1e-4}
-"""Smallest standard deviation of a measurement by its unit: a hundredth of data sheet values."""
+FLOOR = {
+    "angle": 1e-5,
+    "travel": 1e-8,
+    "position": 2e-6,
+    "attitude": 1e-5,
+    "angular rate": 1e-5,
+    "specific force": 1e-4,
+}
+"""Smallest standard deviation by part [its unit]: a hundredth of data sheet values."""
 
 
 @dataclass(frozen=True)
@@ -104,11 +112,11 @@ class EncoderModel(_NoBias):
         self.columns = [robot.index(name) for name in joint_names(sensor.joints, robot)]
         self._turns = [robot.dof_units[i] == "rad" for i in self.columns]
         self.width = len(self.columns)
-        self.std = max(sensor.sample_std, FLOOR["rad"])
         self._slope = np.zeros((len(self.columns), 1, robot.dof))
         self._slope[np.arange(len(self.columns)), 0, self.columns] = 1.0
-        self.variances: Array = np.full(len(self.columns), self.std**2)
-        self.parts: tuple[Part, ...] = (Part("angle", "rad", len(self.columns)),)
+        kinds = [("angle", "rad") if turns else ("travel", "m") for turns in self._turns]
+        self.variances: Array = np.array([max(sensor.sample_std, FLOOR[k]) for k, _ in kinds]) ** 2
+        self.parts: tuple[Part, ...] = tuple(Part(*k, len(list(g))) for k, g in groupby(kinds))
 
     def rows(self, reading: xr.Dataset) -> Array:
         """Coordinates, (N, k) [m, rad]; angles without whole turns that an encoder jumps by."""
@@ -138,7 +146,7 @@ class ImuModel:
 
     def __init__(self, sensor: Imu, robot: Robot) -> None:
         self.frame = FrameModel(robot, sensor.body, sensor.position, sensor.orientation)
-        floors = np.repeat([FLOOR["m/s^2"], FLOOR["rad/s"]], 3)
+        floors = np.repeat([FLOOR["specific force"], FLOOR["angular rate"]], 3)
         steps = np.repeat([sensor.accelerometer_step, sensor.gyroscope_step], 3)
         noise = np.concatenate([sensor.accelerometer_std, sensor.gyroscope_std])
         self.variances: Array = np.maximum(np.hypot(noise, steps / np.sqrt(12)), floors) ** 2
@@ -174,8 +182,8 @@ class CaptureModel(_NoBias):
 
     def __init__(self, sensor: MotionCapture, robot: Robot) -> None:
         self.frame = FrameModel(robot, sensor.body, sensor.position, sensor.orientation)
-        place = np.maximum(sensor.position_std, FLOOR["m"])
-        turn = np.maximum(sensor.attitude_std, FLOOR["rad"])
+        place = np.maximum(sensor.position_std, FLOOR["position"])
+        turn = np.maximum(sensor.attitude_std, FLOOR["attitude"])
         self.variances: Array = np.concatenate([place, turn]) ** 2
         self.parts: tuple[Part, ...] = (Part("position", "m", 3), Part("attitude", "rad", 3))
 

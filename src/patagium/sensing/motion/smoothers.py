@@ -259,16 +259,18 @@ def smooth_series(
         values: Measured coordinates, (N, B) [unit]; NaN where one is missing.
         std: Standard deviation of the samples, (B,) or one for all [unit].
         at: Times of the result, (M,) [s].
-        order: Number of levels, at least 3.
+        order: Number of levels, 3 to 5.
 
     Returns:
         Coordinate, rate and acceleration of each, (M, B, 3), and their covariance, (M, B, 3, 3).
 
     Raises:
         ShapeError: If arrays do not fit each other.
-        ParameterError: If they hold no numbers.
+        ParameterError: If they hold no numbers, or the order is another.
         LogError: If there are too few samples.
     """
+    if order not in MOTION_ORDERS:
+        raise ParameterError("order", f"one of {MOTION_ORDERS}", order)
     drive = likely_density(time, values, std, order=order)
     stamps, y = _samples(time, values)
     moments = real_array("at", at, ("N",))
