@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import atexit
 import ctypes
-import errno
 import functools
 import hashlib
 import importlib
@@ -30,9 +29,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NamedTuple, ParamSpec, TypeVar
+from typing import Any, NamedTuple
 
-from patagium.errors import CompilerError, OutputError, ParameterError, command
+from patagium.errors import OutputError, ParameterError, command
 from patagium.whole_file import whole_file
 
 fcntl: Any = importlib.import_module("fcntl") if os.name == "posix" else None
@@ -47,19 +46,13 @@ _TRANSIENT = re.compile(
     r"building-\w+|making-[0-9a-f]{32}|index-[0-9a-f]{32}\.\d+|\.[0-9a-f]+\.(so|record)\..*\.part"
 )
 _READ = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-_NO_ROOM = "has no room left"
 _REMEDIES = {
     "can be written to by others": "run `chmod go-w {}` if it is yours, or ",
     "is not writable": "run `chmod u+w {}` if it is yours, or ",
-    _NO_ROOM: "free space, or ",
 }
-_ROOM = 1 << 24  # B: more than a compiler may have tried to write
-_FULL: set[Path] = set()
 TEMPORARY: set[Path] = set()
 """Folders that are removed when the process ends."""
-_LOADED: dict[str, ctypes.CDLL] = {}
-_Given = ParamSpec("_Given")
-_Made = TypeVar("_Made")
+_LOADED: dict[Path, ctypes.CDLL] = {}
 _SERIAL = itertools.count(1)
 
 
@@ -108,8 +101,8 @@ def cache_folder() -> Path:
     """Folder of the cache, created when it is missing.
 
     Returns:
-        The folder; where it cannot be trusted or written to, or had no room for a build, which
-        is told, a private one that is removed when the process ends.
+        The folder; where it cannot be trusted or written to, which is told, a private one
+        that is removed when the process ends.
 
     Raises:
         ParameterError: If the environment names a relative path.
@@ -142,7 +135,6 @@ def _private(folder: Path) -> Path:
         fault = _fault(folder.stat()) or ("" if os.access(folder, os.W_OK) else "is not writable")
     except OSError as error:
         fault = f"cannot be used ({error.strerror})"
-    fault = fault or (_NO_ROOM if folder in _FULL else "")
     return _in_its_place(folder, fault) if fault else folder
 
 
@@ -157,26 +149,6 @@ def _in_its_place(folder: Path, fault: str) -> Path:
         f"{command(_REMEDIES.get(fault, ''), folder)}let PATAGIUM_CACHE name another folder"
     )
     return fallback
-
-
-def where_there_is_room(build: Callable[_Given, _Made]) -> Callable[_Given, _Made]:
-    """Build that a private temporary folder takes where the disk of the cache is full."""
-
-    @functools.wraps(build)
-    def tried(*given: _Given.args, **named: _Given.kwargs) -> _Made:
-        place = cache_folder()
-        try:
-            return build(*given, **named)
-        except OutputError as problem:
-            if problem.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-                raise
-            _FULL.add(place)
-            with suppress(OSError):  # no room there either
-                return build(*given, **named)
-            _FULL.discard(place)
-            raise
-
-    return tried
 
 
 def _remove_own(folder: Path, process: int) -> None:
@@ -199,31 +171,22 @@ def load_library(name: str) -> Library | None:
     Returns:
         The library; None where there is none that can be trusted and loaded, which is told.
     """
-    seal = lambda text: text[:64] == _digest(name.encode() + text[64:])  # noqa: E731
-    _, sealed = _found(f"{name}.record", seal)
+    record = cache_folder() / f"{name}.record"
+    sealed = _trusted_bytes(record, lambda text: text[:64] == _digest(name.encode() + text[64:]))
     if sealed is None:
         return None
     digest, facts = json.loads(sealed[64:])
-    if digest not in _LOADED:
-        file, content = _found(f"{digest}.so", lambda whole: _digest(whole) == digest.encode())
+    file = record.with_name(f"{digest}.so")
+    if file not in _LOADED:
+        content = _trusted_bytes(file, lambda content: _digest(content) == digest.encode())
         if content is None:
             return None
         try:
-            _LOADED[digest] = _opened(file, content)
+            _LOADED[file] = _opened(file, content)
         except OSError as error:
             tell(f"the cached library {file} cannot be loaded ({error})")
             return None
-    return Library(_LOADED[digest], digest, facts)
-
-
-def _found(name: str, sound: Callable[[bytes], bool]) -> tuple[Path, bytes | None]:
-    """File of the cache and its trusted content; one that has no room left is read as well."""
-    for folder in (cache_folder(), *_FULL):
-        file = folder / name
-        content = _trusted_bytes(file, sound)
-        if content is not None:
-            break
-    return file, content
+    return Library(_LOADED[file], digest, facts)
 
 
 def record_library(name: str, digest: str, facts: Any) -> None:
@@ -238,7 +201,7 @@ def record_library(name: str, digest: str, facts: Any) -> None:
         OutputError: If the disk does not take it.
     """
     text = json.dumps([digest, facts]).encode()
-    _keep(f"{name}.record", _digest(name.encode() + text) + text)
+    _keep(cache_folder() / f"{name}.record", _digest(name.encode() + text) + text)
 
 
 def _digest(content: bytes) -> bytes:
@@ -270,9 +233,9 @@ def keep_library(content: bytes) -> str:
     Raises:
         OutputError: If the disk does not take it.
     """
-    digest = _digest(content).decode()
-    _keep(f"{digest}.so", content)
-    _tidy_once(cache_folder())
+    digest, folder = _digest(content).decode(), cache_folder()
+    _keep(folder / f"{digest}.so", content)
+    _tidy_once(folder)
     return digest
 
 
@@ -281,9 +244,7 @@ def _tidy_once(folder: Path) -> None:  # thousands of files take a second
     tidy()
 
 
-@where_there_is_room
-def _keep(name: str, content: bytes) -> None:
-    file = cache_folder() / name
+def _keep(file: Path, content: bytes) -> None:
     with suppress(OSError):
         status = file.lstat()
         if not stat.S_ISREG(status.st_mode) or _fault(status):
@@ -363,11 +324,7 @@ def building_folder() -> Iterator[Path]:
                 handle = os.open(folder, os.O_RDONLY)
                 with suppress(OSError):
                     fcntl.flock(handle, fcntl.LOCK_EX)
-            try:
-                yield Path(folder)
-            except CompilerError:  # which tells of a full disk in words of its own
-                Path(folder, "room").write_bytes(bytes(_ROOM))
-                raise
+            yield Path(folder)
     except OSError as problem:
         raise OutputError(place, problem) from None
     finally:

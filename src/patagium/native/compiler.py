@@ -33,7 +33,6 @@ from patagium.native.cache import (
     record_library,
     short_hash,
     tell,
-    where_there_is_room,
 )
 from patagium.native.structs import HEADERS
 
@@ -192,7 +191,6 @@ def build(
     return library
 
 
-@where_there_is_room
 def _compiled(
     compiler: Sequence[str],
     sources: Mapping[str, str],
