@@ -155,6 +155,20 @@ def test_interval_grows_in_flow_that_was_not_seen() -> None:
     assert np.sqrt(seen) < 0.05 and np.sqrt(unseen) > 0.9  # the prior of the weight never seen
 
 
+def test_a_rest_is_no_flow_of_late() -> None:
+    """A log that ends at rest made its own flow unknown, in C and NumPy; a rest before all ends."""
+    fast, slow = pair(DenseNetwork(2, (), ("y",)), measurement_std=1e-3)
+    for k in range(900):
+        x = (200 <= k < 500) * np.array([np.sin(0.2 * k), np.cos(0.2 * k)])
+        for one in (fast, slow):
+            one.update(x, [x[0] + 0.2 * x[0] ** 3 + 1e-3 * np.sin(7 * k)], 0.01 * k)
+        if k == 499:
+            flown = one.predict([0.7, 0.7])[1], one.usual_std
+    np.testing.assert_allclose(fast.usual_std, slow.usual_std, rtol=1e-9)  # rounding
+    np.testing.assert_allclose(slow.usual_std, flown[1], rtol=0.2)
+    np.testing.assert_allclose(slow.predict([0.7, 0.7])[1], flown[0], rtol=0.2)
+
+
 def test_one_wild_sample_does_not_change_the_scale_for_good() -> None:
     network = DenseNetwork(1, (), ("y",))
     learner = ExtendedLearner(

@@ -51,6 +51,18 @@ def test_intervals_of_frozen_weights_hold_the_noise_of_each_sample() -> None:
         assert scores["nis_second_half"] == pytest.approx(1.0, abs=0.3)  # of 200 samples
 
 
+def test_noise_of_samples_is_no_flow_that_was_not_learned() -> None:
+    """A saved model with `misfit` counted the noise of each sample twice, and took it for flow."""
+    learner = ExtendedLearner(DenseNetwork(2, (), ("y",)), misfit=Misfit(), prior_std=3.0)
+    draw = np.random.default_rng(2)
+    time, x = 0.01 * np.arange(400), draw.uniform(-1, 1, (400, 2))
+    y, std = x @ np.array([[1.0], [-0.5]]) + draw.normal(0, 0.1, (400, 1)), np.full((400, 1), 0.1)
+    stream(learner, time, x, y, every=1, std=std)
+    own, saved = (compare(one, time, x, y, std=std).scores for one in (learner, model_of(learner)))
+    assert saved["unseen_share"] == own["unseen_share"] < 0.05
+    assert saved["nis_second_half"] == pytest.approx(own["nis_second_half"], rel=1e-6)  # rounding
+
+
 def test_wrong_intervals_of_tiny_errors_are_a_note() -> None:
     """Below a thousandth of an output's deviation: half of that squared, and twice."""
     scores = said(0.2)

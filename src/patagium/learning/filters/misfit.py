@@ -27,6 +27,8 @@ with e the errors of such predictions and h the variance that the weights alone 
 over 5 spans, at first over the last fifth of all samples, h by its logarithm, so that the prior's
 and the first errors are soon forgotten: in flow like that of late it is what the errors are, and it
 grows in flow that excites weights which the flow of late did not.
+A rest, where the output that varies most and the variance of its weights nearly vanish, is no flow,
+and leaves these averages as they are.
 In the flow that is being learned its width is turned up by each error outside of it and down by
 those inside, until it holds 95 %.
 
@@ -227,6 +229,11 @@ class Misfit:
         before, alone, width = last.copy(), self.parts["alone"], self.parts["width"]
         last[:] = carried
         error, least = innovation - carried, self.least
+        level, heard = self.parts["level"], self.parts["before"]
+        top = level.argmax()
+        quiet = self._weights[top] < _C.REST * usual[top]
+        if quiet and heard[top] ** 2 < _C.REST * level[top]:  # at rest
+            fast = 0.0
         for k in np.flatnonzero(kept).tolist():
             stated = float(self.parts["interval"][k])
             missed = error[k] ** 2 > _C.QUANTILE * stated

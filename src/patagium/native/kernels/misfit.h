@@ -27,6 +27,7 @@
 #define TURN 0.3       /* and the step of the logarithm of the width at each miss */
 #define STAYS 0.99      /* of an error from sample to sample, at most: none outlives a gap */
 #define BEYOND 15.0     /* factor on the variance of the weights beyond the usual one */
+#define REST 1e-2       /* of the usual variance of the weights, and of the measurement: rest */
 
 static double capped(double square, double mean, int64_t count) {
   return count > FIRST && mean > 0 ? fmin(square, WILD * mean) : square;
@@ -112,6 +113,15 @@ static void state_interval(screening *s, const double *covariance, int carried) 
   }
 }
 
+/* Whether the output that varies most is at rest, which says nothing of the flow of late. */
+static int at_rest(const screening *s, const double *covariance) {
+  int top = 0;
+  for (int k = 1; k < s->channels; k++)
+    if (s->level[k] > s->level[top]) top = k;
+  const double weights = covariance[top * s->channels + top] - s->noise[top];
+  return weights < REST * s->usual[top] && s->before[top] * s->before[top] < REST * s->level[top];
+}
+
 /* After a sample; gain: P_yy^-1 e. */
 static void learn_misfit(screening *s, const double *covariance, const double *innovation,
                          const double *gain) {
@@ -119,7 +129,8 @@ static void learn_misfit(screening *s, const double *covariance, const double *i
   const double count = (double)s->whole[LEARNED];
   const double slow = fmax(1 / (count + FIRST), 1 / (LONG * s->span));
   const double middle = fmax(1 / (count + FIRST), 1 / (MIDDLE * s->span));
-  const double fast = fmax(SHORT / (count + SHORT - 1), 1 / (SHORT * s->span));
+  const double late = fmax(SHORT / (count + SHORT - 1), 1 / (SHORT * s->span));
+  const double fast = at_rest(s, covariance) ? 0 : late;
   for (int k = 0; k < s->channels; k++) {
     const double left = s->noise[k] * gain[k], before = s->left[k];
     const double remains = capped(left * left, s->residual[k], s->whole[LEARNED]);
