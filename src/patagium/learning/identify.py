@@ -279,8 +279,8 @@ def compare(
     scorer.add_predictions(y, guess, held, late)
     rows = late_samples(len(y))
     if checks:
-        error, stated = (np.array([one[k] for one in checks]) for k in (1, 2))
-        scorer.add_checks(error, stated, late[chosen])
+        error, std = (np.array([one[k] for one in checks]) for k in (1, 2))
+        scorer.add_checks(error, std, late[chosen])
     scores: dict[str, Any] = {
         "samples": len(time),
         "samples_predicted": len(time),
@@ -295,22 +295,18 @@ def compare(
         **scorer.interval_scores(),
         **parameter_scores(model),
         **frozen_scores(model.network, (time, x, y), gaps, rows),
-        **_unseen_scores(model, checks, std, ~scorer.silent),
+        **_unseen_scores(model, checks, ~scorer.silent),
     }
     arrays = {"time": time, "measurement": y, "prediction": guess, "persistence": held}
     record = record_of(names, units or ["1"] * len(names), arrays, checks)
     return Identification(with_verdict(scores), record, model, Outcome.COMPLETED, "")
 
 
-def _unseen_scores(
-    model: Trained, checks: Sequence[Check], std: Array | None, heard: Bools
-) -> dict[str, Any]:
+def _unseen_scores(model: Trained, checks: Sequence[Check], heard: Bools) -> dict[str, Any]:
     """Share of the checks in flow that was not learned; nothing of models without `misfit`."""
     usual = getattr(model, "usual_std", None)
     error = getattr(model, "measurement_std", None)
     if usual is None or error is None or not checks:
         return {}
     stated = np.array([one.std for one in checks]) ** 2
-    if std is not None:  # what the samples' own noise added
-        stated -= np.nan_to_num(std[[one.sample for one in checks]]) ** 2
     return {"unseen_share": float(unseen(error**2, stated, usual**2)[:, heard].mean())}

@@ -87,8 +87,6 @@ def test_warning_of_flow_that_was_not_learned(tmp_path: Path) -> None:
         assert far["unseen_share"] > 0.8
         assert not any("not learned" in text for text in near["verdict"])
         assert any("not learned" in text for text in far["verdict"])
-        noisy = compare(one, time, x, y, std=np.full(y.shape, 30.0)).scores  # counted as the flow's
-        assert noisy["unseen_share"] < 0.05
 
 
 def test_warning_of_errors_above_physics_alone_and_held_samples() -> None:
