@@ -210,7 +210,7 @@ class PolarEvent(Event):
         known = _numbers_of(inner.get("polar") or inner.get("section") or inner)
         for name, factor in self.factors.items():
             if name not in known:
-                raise ParameterError("factors", f"of {', '.join(known)}", name, [*known])
+                raise ParameterError("factors", f"one of {', '.join(known)}", name, [*known])
             part, key = known[name]
             part[key] *= factor
         return robot, aero_from_description(robot, described)
