@@ -162,7 +162,8 @@ def _noise_words(std: Array | None, y: Array, scores: Mapping[str, Any]) -> list
     heard = np.flatnonzero(np.isfinite(y).any(axis=0) & np.isfinite(std).any(axis=0)).tolist()
     names = [[*nmse][k] for k in heard]
     stated, scatter = np.nanmedian(std[:, heard], axis=0), np.nanstd(y[:, heard], axis=0)
-    times = np.sqrt([nmse[name] for name in names]) * scatter / stated
+    usual = np.sqrt(np.nanmean(std[-len(y) :, heard] ** 2, axis=0))
+    times = np.sqrt([nmse[name] for name in names]) * scatter / usual
     below = [name for name, one in zip(names, scatter < stated, strict=True) if one]
     beyond = [name for name, one in zip(names, times, strict=True) if one > _BEYOND_NOISE]
     found = []

@@ -24,7 +24,7 @@ from patagium.learning.filters.weight_covariance import block_covariance
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.model_file import Model, model_of
 from patagium.learning.models.memory import network_inputs
-from patagium.learning.samples import samples
+from patagium.learning.samples import samples, stds
 from patagium.learning.stream import Samples, checked_samples, used_samples
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.sensing.logs.table import find_gaps
@@ -44,8 +44,8 @@ def refine(
 ) -> Model:
     """Most probable weights of a log, with their covariance.
 
-    Minimal over W: |y - y(W)|^2 / deviation^2 over the used samples + (W - W0)^2 / P0, with
-    W0, P0 and the deviation (as estimated by now) those of the learner.
+    Minimal over W: |y - y(W)|^2 / variance over the used samples + (W - W0)^2 / P0, with W0 and P0
+    those of the learner, and its variance (as estimated by now) with that of each measured force.
 
     Args:
         learner: What has learned the log; it is not changed.
@@ -64,9 +64,10 @@ def refine(
     """
     network = learner.network
     table: Any = time, x, y
+    noise = None
     if isinstance(time, xr.Dataset | ForceSamples):
-        table = samples(time, network)[:3]
-    log = checked_samples(network, table, (), None)
+        table, noise = samples(time, network)[:3], stds(time, network)
+    log = checked_samples(network, table, (), noise)
     log = replace(log, gaps=find_gaps(log.time))
     used = np.isin(np.arange(len(log.time)), used_samples(len(log.time), every, log.gaps))
     log = replace(log, y=np.where(used[:, None], log.y, np.nan))
@@ -103,23 +104,30 @@ def _moved(
     return weights, cost, False
 
 
+def _deviations(learner: FilterLearner, log: Samples) -> Array:
+    """Standard deviations of the measurements, the learner's and their own, (N, n_y) [y]."""
+    own = np.zeros(log.y.shape) if log.std is None else np.nan_to_num(log.std)
+    return np.asarray(np.hypot(learner.measurement_std, own))
+
+
 def _cost(learner: FilterLearner, log: Samples, weights: Array) -> float:
+    """Squares of errors and of departures from the prior, in standard deviations."""
     (first, prior), network = learner.prior, learner.network
     rows = network_inputs(network, weights, log.time, log.x, log.gaps)
     seen = np.isfinite(log.y).any(axis=1)
-    error = (log.y[seen] - network.evaluate(rows[seen], weights)) / learner.measurement_std
+    error = (log.y[seen] - network.evaluate(rows[seen], weights)) / _deviations(learner, log)[seen]
     cost = float(np.nansum(error**2) + ((weights - first) ** 2 / prior).sum())
     return cost if np.isfinite(rows).all() else float("inf")
 
 
 def _slopes(learner: FilterLearner, log: Samples, weights: Array) -> tuple[Array, Array]:
     """Sums of H'e and of H'H over the used samples, in standard deviations of the measurement."""
-    network, std = learner.network, learner.measurement_std
+    network, deviations = learner.network, _deviations(learner, log)
     rows = network_inputs(network, weights, log.time, log.x, log.gaps)
     gradient, information = np.zeros(len(weights)), np.zeros((len(weights), len(weights)))
     for k in np.flatnonzero(np.isfinite(log.y).any(axis=1)).tolist():
         value, slope = network.linearized(network.encode_one(rows[k]), weights)
-        seen = np.isfinite(log.y[k])
+        seen, std = np.isfinite(log.y[k]), deviations[k]
         slope = slope[seen] / std[seen, None]
         gradient += slope.T @ ((log.y[k] - value) / std)[seen]
         information += slope.T @ slope

@@ -31,6 +31,26 @@ def test_of_a_linear_network_nothing_changes():
     assert np.allclose(refine(again, TIME, x, y, every=2).weights, again.weights, atol=1e-10)
 
 
+def test_the_noise_of_each_measured_force_counts():
+    """It was dropped: numbers lay hundreds of their own deviations off where it changes."""
+    robot, draw = pt.load_robot("aerobat"), np.random.default_rng(0)
+    flight = pt.simulate(robot, pt.QuasiSteady(robot), duration=0.2, time_step=5e-4)
+    time, x, y = pt.training_data(flight)
+    noisy = np.arange(len(y)) // 50 % 4 == 3
+    std = (0.05 * y.std(axis=0) + 1e-6) * np.where(noisy, 30.0, 1.0)[:, None]
+    covariance = np.einsum("ki,ij->kij", std**2, np.eye(robot.dof))
+    q, v = np.split(x, 2, axis=1)
+    parts = q, v, y + std * draw.normal(size=y.shape), covariance, robot, "made"
+    forces = pt.sensing.ForceSamples(time, *parts, a=flight["a"].values)
+    network = pt.learning.LinearStripNetwork(robot)
+    learner = pt.ExtendedLearner(network, measurement_std=1e-3 * y.std(axis=0) + 1e-6)
+    pt.identify(forces, learner, every=5)
+    model, spread = refine(learner, forces, every=5), np.sqrt(np.diagonal(learner.covariance))
+    assert np.abs(model.weights - learner.weights).max() < 1e-3 * spread.max()
+    assert (np.abs(model.weights - learner.weights) < 1e-2 * spread).all()
+    np.testing.assert_allclose(np.sqrt(np.diagonal(model.covariance)), spread, rtol=1e-2)
+
+
 def test_of_another_the_cost_is_minimal():
     """No weight nearby explains log and prior better."""
     draw = np.random.default_rng(1)

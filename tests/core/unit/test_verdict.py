@@ -158,3 +158,8 @@ def test_errors_far_beyond_the_noise_of_measured_forces_are_told(rng: np.random.
     assert len(notes) == 2
     assert "force of c is smaller than its noise" in notes[0]
     assert "errors of b are up to" in notes[1] and "times the noise" in notes[1]
+    std[::4] *= 30.0  # errors of the size of such noise were called no noise
+    nmse = dict(zip("abc", (std[:, :1] ** 2).mean(axis=0) / y.var(axis=0), strict=True))
+    assert not any(
+        "times the noise" in one for one in _noise_words(std, y, {"nmse_second_half": nmse})
+    )
