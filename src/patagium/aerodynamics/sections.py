@@ -242,7 +242,7 @@ class Section(StripSection):
 
 
 def check_zero_lift(angle: float) -> None:
-    """Refuse an incidence of no lift [rad] that no wing has: most often it is in degrees.
+    """Refuse a zero-lift angle [rad] that no wing has: most often it was given in degrees.
 
     Raises:
         ParameterError: If it is.

@@ -231,7 +231,7 @@ _LATERAL = ("roll", "velocity of y", "velocity of roll", "velocity of yaw")
 
 
 def _sizes(orbit: Orbit, names: tuple[str, ...]) -> Array:
-    """Sizes that shares of states are measured by, alike for robots of all lengths, (n,) [SI].
+    """Reference values that make states dimensionless, similar for robots of all sizes, (n,) [SI].
 
     An angle counts as 0.1 rad, a length as 3/4 of gravity times the squared period of the beat, and
     a velocity as 5/3 of them a beat: 1 m/s and 2 rad/s at 12 Hz.

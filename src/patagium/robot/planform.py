@@ -106,7 +106,7 @@ def placed(pose: tuple[Array, Array], points: Array) -> Array:
 
 
 def side_of(strip: Strip) -> int:
-    """Side of a strip: 1 where its span, normal x forward, leads outward, else -1, 0 in the middle.
+    """Side of a strip: 1 if normal x forward points outward along the span, -1 if inward, else 0.
 
     Args:
         strip: A strip, in numbers; outward is away from the origin of its body.

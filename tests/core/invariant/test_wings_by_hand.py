@@ -294,7 +294,7 @@ def test_wings_on_both_sides_stay_as_they_are() -> None:
 
 
 def test_feathers_side_by_side_on_an_arm_are_in_their_order_along_it() -> None:
-    """Bodies of the right wing from the tip to the root, with hinges side by side."""
+    """The file lists the bodies of the right wing from tip to root, all hinged to one arm."""
     text = _described(1, 1)
     del text["mirror"], text["wings"][1]
     stations = text["wings"][0]["segments"][0]["stations"]

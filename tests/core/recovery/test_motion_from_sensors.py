@@ -204,7 +204,7 @@ def test_a_slide_is_measured_in_metres(joints: tuple[str, ...]) -> None:
 
 
 def test_a_slide_of_a_log_has_the_rounding_of_its_own(tmp_path: Path) -> None:
-    """Its noise was at least the rounding of the angles beside it, 1 mrad as 1 mm."""
+    """Its noise had the rounding of the angle encoders, 1 mrad, as a lower limit: 1 mm."""
     (tmp_path / "slide.yaml").write_text(SLIDE, "utf-8")
     time = np.arange(300) * 1e-3
     columns = {

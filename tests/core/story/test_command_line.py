@@ -493,7 +493,7 @@ def test_closed_streams_lose_what_is_said_and_nothing_else() -> None:
 
 
 def test_an_abbreviated_option_is_completed(speak: Speak) -> None:
-    """The most similar option was told, such as --figure for --freq."""
+    """For --freq the message suggested --figure instead of --frequency."""
     for verb, word, whole in (
         ("simulate", "--freq", "--frequency"), ("simulate", "--amp", "--amplitude"),
         ("identify", "--meas", "--measurement-std"), ("simulate", "--freqency", "--frequency"),

@@ -353,7 +353,7 @@ def test_a_drag_below_zero_is_told_where_it_was_fitted_and_refused_in_use(robot)
 
 
 def test_an_inertia_that_no_body_has_is_told_where_it_was_fitted_and_refused_in_use(robot):
-    """The filter may pass through it; a flight by it was flown without a word."""
+    """The filter may pass through it; a simulation with such an inertia ran without an error."""
     air = pt.QuasiSteady(robot, pt.Air())
     name = next(name for name in robot.parameter_names if name.endswith("wing.inertia.zz"))
     network = pt.GreyBox(air, {name: 1e-6})

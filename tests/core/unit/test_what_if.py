@@ -115,7 +115,7 @@ def test_wind_that_is_stated_wrongly_is_named(flight: xr.Dataset) -> None:
 
 
 def test_a_wind_of_the_other_sign_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A stated wind of 3 m/s was asked 3 m/s around, and its sign is 6 m/s away."""
+    """The search reached 3 m/s from the stated wind; the wind of the other sign is 6 m/s away."""
     monkeypatch.setattr("patagium.learning.what_if._LEAST", 1e-5)  # weights err by 1e-4 with it
     gait, held = pt.gaits.linkage(ROBOT, frequency=5.0), pt.mounts.fixed()
     aero = pt.QuasiSteady(ROBOT, pt.Air(wind=(-3.0, 0.0, 0.0)))

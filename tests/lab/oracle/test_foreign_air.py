@@ -188,7 +188,7 @@ def test_a_record_leaves_untold_what_the_program_does_not_tell() -> None:
 
 @pytest.mark.parametrize(("wing", "gait"), [("wing-swept", 1), ("wing-tapered", 0)])
 def test_attached_flow_is_not_asked_for_a_side_wind(wing: str, gait: int) -> None:
-    """What its edges pull along the span was explained by half a meter a second from the side."""
+    """The suction of its side edges was mistaken for a side wind of half a meter a second."""
     flight = foreign.make_flight(foreign.Case(LATTICE, wing, gait, 13, apart=False))
     network = default_network(flight)
     assert isinstance(network, LinearStripNetwork) and network.attached

@@ -393,7 +393,7 @@ class _Search:
         return seconds, stds
 
     def _step(self, unit: Stream, times: Array, late: dict[str, float]) -> float:
-        """Step of a search over shifts within which the motion does not turn back [s]."""
+        """Step of the search over shifts, short against the periods of the motion [s]."""
         first, last = (self._expected(unit, times + d, late) for d in (-_STEP, _STEP))
         size, change = (
             np.var(x, axis=0) @ (1 / unit.model.variances) for x in (first, last - first)
