@@ -274,7 +274,7 @@ def compare(
     held = persistence(y, used_samples(len(y), every, gaps))
     predicts = isinstance(model, Model | Updated)
     chosen = thin(np.arange(len(y)), MOST_CHECKS).tolist() if predicts else []
-    noise = [None] * len(y) if std is None else std
+    noise = np.zeros_like(y) if std is None else std
     checks = [check(model, k, (x[k], y[k]), noise[k]) for k in chosen]  # type: ignore[arg-type]
     scorer, late = Scorer(names), np.arange(len(y)) >= len(y) // 2
     scorer.add_predictions(y, guess, held, late)
@@ -296,18 +296,20 @@ def compare(
         **scorer.interval_scores(),
         **parameter_scores(model),
         **frozen_scores(model.network, (time, x, y), gaps, rows),
-        **_unseen_scores(model, checks, ~scorer.silent),
+        **_unseen_scores(model, checks, noise[chosen], ~scorer.silent),
     }
     arrays = {"time": time, "measurement": y, "prediction": guess, "persistence": held}
     record = record_of(names, units or ["1"] * len(names), arrays, checks)
     return Identification(with_verdict(scores), record, model, Outcome.COMPLETED, "")
 
 
-def _unseen_scores(model: Trained, checks: Sequence[Check], heard: Bools) -> dict[str, Any]:
+def _unseen_scores(
+    model: Trained, checks: Sequence[Check], noise: Array, heard: Bools
+) -> dict[str, Any]:
     """Share of the checks in flow that was not learned; nothing of models without `misfit`."""
     usual = getattr(model, "usual_std", None)
     error = getattr(model, "measurement_std", None)
     if usual is None or error is None or not checks:
         return {}
-    stated = np.array([one.std for one in checks]) ** 2
+    stated = np.array([one.std for one in checks]) ** 2 - noise**2
     return {"unseen_share": float(unseen(error**2, stated, usual**2)[:, heard].mean())}

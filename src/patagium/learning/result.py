@@ -165,8 +165,7 @@ def check(
         learner: What predicts.
         number: Number of the sample.
         sample: Its input, (n_x,) [units of x], and what was measured, (n_y,) [unit of y].
-        std: Of its noise on top of the learner's, (n_y,) [unit of y]; None for none. Errors of
-            late, from which a learner with `misfit` states its variance, hold it.
+        std: Of its noise on top of the learner's, (n_y,) [unit of y]; None for none.
         time: Of a sample of the flow that is being learned [s]; None: of any flow.
     """
     x, y = sample
@@ -174,7 +173,7 @@ def check(
         mean, covariance = learner.predict(x, std, time)
     else:
         mean, covariance = learner.predict(x)
-        if std is not None and getattr(learner, "usual_std", None) is None:
+        if std is not None:
             covariance = np.atleast_2d(covariance) + np.diag(std**2)
     return Check(number, y - mean, np.sqrt(np.diagonal(np.atleast_2d(covariance))))
 

@@ -188,6 +188,7 @@ SCREENING = struct(
     double *power: m: mean square of what the sample before left
     double *center: m: mean of the measurements
     double *per_newton: m: size of an output for one newton on each strip; 0: unknown
+    double *sampled: m: mean variance that came with the samples of late
     double *level: m: variance of the measurements
     double *change: m: mean square of their changes from sample to sample
     double *before: m: measured before, with or without screening

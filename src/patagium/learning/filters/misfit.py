@@ -21,12 +21,13 @@ in mean steps. Predictions of other flow, without a time, are the weights' alone
 
 The variance that the filter states is another thing than the one that it assumes:
 
-    <e_k^2> + 15 max(h_k - <h_k>, 0),
+    max(<e_k^2> - <v_k>, 0) + v_k + 15 max(h_k - <h_k>, 0),
 
-with e the errors of such predictions and h the variance that the weights alone give, both averaged
-over 5 spans, at first over the last fifth of all samples, h by its logarithm, so that the prior's
-and the first errors are soon forgotten: in flow like that of late it is what the errors are, and it
-grows in flow that excites weights which the flow of late did not.
+with e the errors of such predictions, v the variance that came with a sample as its own noise and
+h the variance that the weights alone give, all averaged over 5 spans, at first over the last fifth
+of all samples, h by its logarithm, so that the prior's and the first errors are soon forgotten: in
+flow like that of late it is what the errors are, and it grows with the noise of a sample and in
+flow that excites weights which the flow of late did not.
 A rest, where the output that varies most and the variance of its weights nearly vanish, is no flow,
 and leaves these averages as they are.
 In the flow that is being learned its width is turned up by each error outside of it and down by
@@ -34,7 +35,7 @@ those inside, until it holds 95 %.
 
 `kernels/misfit.h` does the same in C on the same arrays, and defines the numbers; 3, 5, 15, 20 and
 100 were chosen on flights in foreign air (docs/foreign.md). Neglected: noise that is larger in some
-flow than in other, but for the weights' part.
+flow than in other, but for the weights' part and what came with a sample.
 
 References:
     Kennedy & O'Hagan (2001), Bayesian calibration of computer models, J. R. Stat. Soc. B 63;
@@ -56,7 +57,7 @@ _FAR = 10.0  # usual variances: new flow
 _LAST, _MEAN_STEP = range(2)
 PARTS = (
     *("level", "change", "before", "residual", "recent", "usual", "interval"),
-    *("left", "carried", "lagged", "power", "alone", "width", "center", "per_newton"),
+    *("left", "carried", "lagged", "power", "alone", "width", "center", "per_newton", "sampled"),
 )
 
 
@@ -66,6 +67,8 @@ class Misfit:
     Args:
         floor: Error that is assumed at least, over the deviation of each output; 0: no error.
         known: Variances of the measurement itself, (n_y,) [y^2].
+        sample: Variances that came with the sample in hand, (n_y,) [y^2]; whoever gives it
+            changes it from sample to sample.
         offset: Value of y that counts as one sample before the first, (n_y,) or () [y].
         per_newton: Size of y for one newton on each strip, (n_y,) or () [y/N]; 0: unknown.
 
@@ -82,10 +85,11 @@ class Misfit:
         self,
         floor: float,
         known: Array,
+        sample: Array,
         offset: ArrayLike = 0.0,
         per_newton: ArrayLike = 0.0,
     ) -> None:
-        self.floor, self._known = floor, known
+        self.floor, self._known, self._sample = floor, known, sample
         self.parts = {name: np.zeros(len(known)) for name in PARTS}
         self.parts["center"][:], self.parts["per_newton"][:] = offset, per_newton
         self.clock = np.array([np.nan, 0.0])
@@ -100,8 +104,8 @@ class Misfit:
 
     @property
     def alone(self) -> Array:
-        """Variance of the errors of the weights alone, (n_y,) [y^2]."""
-        return np.asarray(np.maximum(self.parts["alone"], self.least))
+        """Variance of the errors of the weights alone, without the samples' own, (n_y,) [y^2]."""
+        return np.asarray(np.maximum(self.parts["alone"] - self.parts["sampled"], self.least))
 
     def at(self, time: ArrayLike) -> Array:
         """Part of the last error that is expected at a time, (n_y,), or at several, (N, n_y) [y].
@@ -126,7 +130,8 @@ class Misfit:
             time: Time [s].
         """
         parts, interval = self.parts, self.parts["interval"]
-        nearer = (interval - parts["alone"] + parts["recent"]) * np.exp(2 * parts["width"])
+        nearer = interval - self._expected("alone") + self._expected("recent")
+        nearer *= np.exp(2 * parts["width"])
         nearer = np.maximum(nearer, self.least)
         scale = np.sqrt(np.where(nearer > 0, nearer, interval) / interval)
         return mean + self.at(time), scale[:, None] * covariance * scale
@@ -194,13 +199,18 @@ class Misfit:
             carried: Whether what the last sample left is part of the prediction.
         """
         self._weights, interval = variances - noise, self.parts["interval"]
-        late = self.parts["recent" if carried else "alone"]
+        late = self._expected("recent" if carried else "alone")
         interval[:] = widened(late, self._weights, self.parts["usual"])
         if carried:
             interval *= np.exp(2 * self.parts["width"])
         interval[:] = np.where(interval > 0, np.maximum(interval, self.least), variances)
         self.scale = np.sqrt(interval / variances)
         return self.scale
+
+    def _expected(self, name: str) -> Array:
+        """Mean square of the errors of late, at the noise that came with this sample."""
+        own = np.maximum(self.parts[name] - self.parts["sampled"], 0.0)
+        return np.asarray(own + self._sample)
 
     def learned(
         self,
@@ -227,6 +237,7 @@ class Misfit:
         residual, recent, usual = (self.parts[name] for name in PARTS[3:6])
         last, carried, lagged, power = (self.parts[name] for name in PARTS[7:11])
         before, alone, width = last.copy(), self.parts["alone"], self.parts["width"]
+        sampled = self.parts["sampled"]
         last[:] = carried
         error, least = innovation - carried, self.least
         level, heard = self.parts["level"], self.parts["before"]
@@ -248,6 +259,7 @@ class Misfit:
             residual[k] += slow * (remains - residual[k])
             recent[k] += fast * (_capped(error[k] ** 2, recent[k], count) - recent[k])
             alone[k] += fast * (square - alone[k])
+            sampled[k] += fast * (self._sample[k] - sampled[k])
             here, before_it = float(self._weights[k]), float(usual[k])
             known = before_it > 0 and here > 0
             usual[k] = before_it * (here / before_it) ** fast if known else max(here, 0.0)

@@ -245,9 +245,9 @@ class FilterLearner(Learner):
         try:
             with self._noisier(std):
                 mean, covariance = self._filter.predict(sample)
-            if time is not None and self._screen.misfit.floor:
-                of_kind("time", time, float)
-                mean, covariance = self._screen.misfit.carry(mean, covariance, time)
+                if time is not None and self._screen.misfit.floor:
+                    of_kind("time", time, float)
+                    mean, covariance = self._screen.misfit.carry(mean, covariance, time)
         except MatrixLost as lost:
             raise diverged(lost.outcome, self.count, sample, nothing) from None
         if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):

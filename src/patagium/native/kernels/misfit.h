@@ -100,6 +100,11 @@ static void assume(screening *s) {
   }
 }
 
+/* Mean square of the errors of late, at the noise that came with this sample. */
+static double expected(const screening *s, const double *error, int k) {
+  return fmax(error[k] - s->sampled[k], 0) + s->stated[k];
+}
+
 /* Variance that the filter states; covariance: of y, noise included; carried: whether what the
  * last sample left is part of the prediction. */
 static void state_interval(screening *s, const double *covariance, int carried) {
@@ -108,7 +113,7 @@ static void state_interval(screening *s, const double *covariance, int carried) 
   for (int k = 0; k < s->channels; k++) {
     const double all = covariance[k * s->channels + k], weights = all - s->noise[k];
     const double beyond = BEYOND * fmax(weights - s->usual[k], 0);
-    const double stated = (recent[k] + beyond) * (carried ? exp(2 * s->width[k]) : 1);
+    const double stated = (expected(s, recent, k) + beyond) * (carried ? exp(2 * s->width[k]) : 1);
     s->interval[k] = stated > 0 ? fmax(stated, s->least) : all;
   }
 }
@@ -146,6 +151,7 @@ static void learn_misfit(screening *s, const double *covariance, const double *i
     s->residual[k] += slow * (remains - s->residual[k]);
     s->recent[k] += fast * (capped(e * e, s->recent[k], s->whole[LEARNED]) - s->recent[k]);
     s->alone[k] += fast * (square - s->alone[k]);
+    s->sampled[k] += fast * (s->stated[k] - s->sampled[k]);
     s->usual[k] = s->usual[k] > 0 && weights > 0 ? s->usual[k] * pow(weights / s->usual[k], fast)
                                                  : fmax(weights, 0);
   }
