@@ -600,7 +600,7 @@ def _bare(robot: Robot) -> list[int]:
 def _kind(robot: Robot, wing: str) -> str:
     """Name of a wing, the same for its mirror image, on the left and on the right."""
     originals = {image: name for name, image in robot.mirrored_wings}
-    return originals.get(wing, wing).removeprefix("left_").removeprefix("right_")
+    return robot.split_side(originals.get(wing, wing))[1]
 
 
 def surfaces_of(robot: Robot) -> tuple[str, ...]:

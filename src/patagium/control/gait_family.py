@@ -232,13 +232,9 @@ def gait_family(
 
 def symmetric_parameters(robot: Robot, gait: Gait) -> tuple[str, ...]:
     """Names of all parameters that keep a mirrored robot's gait mirrored."""
-    base, joints = fourier_series(gait), [robot.dof_names[i] for i in robot.actuated]
-    found = ["frequency"] if gait.period else []
-    for joint in joints:
-        name = joint.removeprefix("left_")
-        if joint.startswith("right_") and f"left_{joint[6:]}" in joints:
-            continue
-        if joint in base.moving:
+    base, found = fourier_series(gait), ["frequency"] if gait.period else []
+    for name, joints in robot.joint_groups.items():
+        if joints[0] in base.moving:
             found += [f"{name}_amplitude", f"{name}_phase"]
         found.append(f"{name}_offset")
     return tuple(found)
@@ -272,8 +268,8 @@ def _direction(robot: Robot, base: FourierGait, still: bool, name: str) -> Array
         if block is None or one not in answering:
             continue
         if one in base.moving or not needs_motion:
-            side = 0.5 if one.startswith("left_") else -0.5
-            way[1 + block * n + k] = side if name.endswith(DIFFERENCE) else 1.0
+            side = robot.split_side(one)[0]
+            way[1 + block * n + k] = side / 2 if name.endswith(DIFFERENCE) else 1.0
     if not way.any() or (name.endswith(DIFFERENCE) and np.count_nonzero(way) != 2):
         flapping = ", ".join(base.moving) or "none"
         expected = (

@@ -214,9 +214,9 @@ def _loaded(robot: Robot, in_plane: bool) -> _Loads:
     for first, limits in ((0, robot.effort_limit), (len(robot.actuated), robot.power_limit)):
         for k, i in enumerate(robot.actuated if limits else ()):
             name, turning = robot.dof_names[i], robot.dof_units[i] == "rad"
-            twin = name.replace("right_", "left_", 1)
-            mirrored = in_plane and name.startswith("right_") and twin in robot.dof_names
-            if np.isinf(limits[i]) or (mirrored and limits[robot.index(twin)] <= limits[i]):
+            twin = robot.index(robot.twin(name))
+            mirrored = in_plane and twin != i and robot.split_side(name)[0] < 0
+            if np.isinf(limits[i]) or (mirrored and limits[twin] <= limits[i]):
                 continue
             what = "power" if first else "torque" if turning else "force"
             unit = "W" if first else "N m" if turning else "N"

@@ -253,15 +253,13 @@ def power_front(
 
 def coefficients(robot: Robot, gait: Gait, harmonics: int) -> tuple[str, ...]:
     """Names of the parameters that an optimization changes where none are given."""
-    base, joints = fourier_series(gait), [robot.dof_names[i] for i in robot.actuated]
+    base = fourier_series(gait)
     series = base.cosine - 1j * base.sine
     moving = np.abs(series).max(axis=0, initial=0.0) > 0
-    own = {name.removeprefix("left_").removeprefix("right_") for name in robot.actuators}
+    own = {robot.split_side(name)[1] for name in robot.actuators}
     found, phased = ["frequency"] if gait.period else [], False
-    for k, (joint, i) in enumerate(zip(joints, robot.actuated, strict=True)):
-        name = joint.removeprefix("left_")
-        if joint.startswith("right_") and f"left_{joint[6:]}" in joints:
-            continue
+    for name, joints in robot.joint_groups.items():
+        k, i = base.joints.index(joints[0]), robot.index(joints[0])
         limited = np.isfinite(robot.lower[i]) and np.isfinite(robot.upper[i])
         if f"{name}_offset" in own if own else limited or moving[k]:
             found.append(f"{name}_offset")

@@ -494,10 +494,10 @@ def free_parameters(robot: Robot, gait: Gait, turn_rate: float = 0.0) -> tuple[s
         turn_rate: Mean rate of the heading [rad/s].
     """
     every = symmetric_parameters(robot, gait)
-    own = {name: name.removeprefix("left_").removeprefix("right_") for name in robot.actuators}
+    own = {name: robot.split_side(name)[1] for name in robot.actuators}
     if not turn_rate:
         return tuple(name for name in every if name in own.values()) or every
-    pairs = [name for name in every if f"left_{name.rpartition('_')[0]}" in robot.dof_names]
+    pairs = [name for name in every if len(robot.command(name)[1]) == 2 and "_" in name]
     turning = tuple(name for name in own if own[name] in every)
     return turning or (*every, *(name + DIFFERENCE for name in pairs))
 

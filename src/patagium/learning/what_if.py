@@ -225,7 +225,7 @@ def _numbers(record: _Log, reach: float) -> Iterator[_Number]:
         words = f"joints and their forces {stamped}"
         yield _Number(partial(record.later, True), reach, 1e3, words, ways)
     turning = [robot.dof_names[k] for k in record.joints if robot.dof_units[k] == "rad"]
-    for names in (*_pairs(turning), *([name] for name in turning)):
+    for names in (*_pairs(robot, turning), *([name] for name in turning)):
         error = partial(record.moved, [robot.index(name) for name in names])
         words = f"{' and '.join(names)} were {{:.2g}} deg {{}}"
         yield _Number(error, _OFFSET, 180.0 / np.pi, words)
@@ -286,27 +286,27 @@ def _exchanges(
     robot: Robot, free: Collection[str]
 ) -> Iterator[tuple[Sequence[tuple[str, str]], str, bool]]:
     """Pairs of columns that may be exchanged together, their name, and whether angles alone may."""
-    if sides := _pairs(robot.dof_names):
+    if sides := _pairs(robot, robot.dof_names):
         yield sides, "left and right", False
     joints = [name for name in robot.dof_names if name not in free]
     for one, other in combinations(joints, 2):
         yield [(one, other)], f"{one} and {other}", True
 
 
-def _pairs(names: Sequence[str]) -> list[tuple[str, str]]:
+def _pairs(robot: Robot, names: Sequence[str]) -> list[tuple[str, str]]:
     """Joints of the left, and the same of the right."""
-    both = [(name, f"right{name[4:]}") for name in names if name.startswith("left")]
-    return [(left, right) for left, right in both if right in names]
+    both = [(name, robot.twin(name)) for name in names if robot.split_side(name)[0] > 0]
+    return [(left, right) for left, right in both if right != left and right in names]
 
 
 def _groups(robot: Robot, free: Collection[str]) -> Iterator[tuple[Sequence[str], str]]:
     """Coordinates that may have a wrong sign together, and their name."""
     joints = [name for name in robot.dof_names if name not in free]
     yield from (([name], name) for name in robot.dof_names)
-    yield from ((pair, f"{pair[0]} and {pair[1]}") for pair in _pairs(joints))
-    for side in ("left", "right"):
-        group = [name for name in joints if name.startswith(side)]
+    yield from ((pair, f"{pair[0]} and {pair[1]}") for pair in _pairs(robot, joints))
+    for side, word in ((1, "left"), (-1, "right")):
+        group = [name for name in joints if robot.split_side(name)[0] == side]
         if len(group) > 1:
-            yield group, f"all joints of the {side}"
+            yield group, f"all joints of the {word}"
     if len(joints) > 1:
         yield joints, "all joints"

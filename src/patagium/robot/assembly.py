@@ -118,7 +118,8 @@ def assemble(file: RobotFile, source: str) -> Robot:
         floating = next(draft for draft in drafts if draft.part.floating)
         path = f"{floating.path}.attitude"
         raise AssemblyError((path, "coordinates named once", f"a joint {taken[0]} too"))
-    robot = _joined(file, replace(robot, cruise=_cruise(robot, file.cruise)))
+    robot = _joined(file, robot)
+    robot = replace(robot, cruise=_cruise(robot, file.cruise))
     actuators = {name: _actuator(robot, name, part) for name, part in file.actuators.items()}
     _check_actuators(robot, actuators)
     robot = replace(robot, actuators=actuators)
@@ -165,9 +166,10 @@ def _cruise(robot: Robot, part: CruisePart | None) -> Cruise | None:
         path, joints = f"cruise.{key}.{name}", robot.joints_named(name)
         if not joints:
             known = [robot.dof_names[i] for i in robot.actuated]
-            pairs = [k.removeprefix("left_") for k in known]
             expected = f"an actuated joint ({', '.join(known)}) or a pair"
-            raise AssemblyError((path, expected, name + similar(name, [*pairs, *known])))
+            raise AssemblyError(
+                (path, expected, name + similar(name, [*robot.joint_groups, *known]))
+            )
         unit = "rad" if key == "phase" else robot.dof_units[robot.index(joints[0])]
         noun = "an angle" if unit == "rad" else "a length"
         most = SWING if key == "amplitude" else TURN
@@ -215,8 +217,8 @@ def _actuator(robot: Robot, name: str, part: ActuatorPart) -> Actuator:
     if not joints or name == "amplitude":
         known = [robot.dof_names[i] for i in robot.actuated]
         kinds = ", ".join(f"<joint>_{one}" for one in COMMANDS)
-        every = [f"{one}_{kind}" for one in known for kind in COMMANDS]
-        near = similar(name, ["frequency", *every, *(one.removeprefix("left_") for one in every)])
+        every = [f"{one}_{kind}" for one in (*known, *robot.joint_groups) for kind in COMMANDS]
+        near = similar(name, ["frequency", *every])
         expected = f"frequency, {kinds} of an actuated joint ({', '.join(known)})"
         raise AssemblyError((path, expected, name + near))
     unit = "rad" if kind == "phase" else robot.dof_units[robot.index(joints[0])]

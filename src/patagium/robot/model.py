@@ -524,11 +524,47 @@ class Robot:
             vector[self.index(name)] = value
         return vector
 
+    @cached_property
+    def _sides(self) -> dict[str, int]:
+        """Words for a side in names, 1 for the left, from wings and their images."""
+        each = (zip(*(k.split("_") for k in pair), strict=False) for pair in self.mirrored_wings)
+        told = {k for words in each for k in words if k[0] != k[1] and "".join(k).isalpha()}
+        left, right = told.pop() if len(told) == 1 else ("left", "right")
+        return {left: 1, right: -1, "left": 1, "right": -1}
+
+    @checked
+    def split_side(self, name: str) -> tuple[int, str]:
+        """Side that a name tells, 1 left, -1 right and 0 neither, and the name without it.
+
+        Besides `left` and `right`, words by which a wing and its mirror image differ tell a side.
+        """
+        words = name.split("_")
+        found = next((k for k in words if k in self._sides), None)
+        if found is None or len(words) == 1:
+            return 0, name
+        words.remove(found)
+        return self._sides[found], "_".join(words)
+
+    def twin(self, name: str) -> str:
+        """Degree of freedom of the other side, `right_plunge` for `left_plunge`, or the same."""
+        side, own = self.split_side(name)
+        there = (k for k in self.dof_names if side and self.split_side(k) == (-side, own))
+        return next(there, name)
+
+    @cached_property
+    def joint_groups(self) -> dict[str, tuple[str, ...]]:
+        """Actuated joints by the name that addresses them: `plunge` those of both sides."""
+        groups: dict[str, tuple[str, ...]] = {}
+        for joint in (self.dof_names[i] for i in self.actuated):
+            name = self.split_side(joint)[1]
+            groups[name] = (*groups.get(name, ()), joint)
+        return groups
+
     @checked
     def joints_named(self, name: str) -> tuple[str, ...]:
         """Actuated joints that a name addresses: itself, or those of both sides."""
-        pair = (name, f"left_{name}", f"right_{name}")
-        return tuple(self.dof_names[i] for i in self.actuated if self.dof_names[i] in pair)
+        alone = [k for joints in self.joint_groups.values() for k in joints if k == name]
+        return self.joint_groups.get(name, tuple(alone))
 
     def command(self, name: str) -> tuple[str, tuple[str, ...]]:
         """Kind of a command of a gait, such as `plunge_offset`, and the joints that answer it.

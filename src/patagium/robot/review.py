@@ -164,7 +164,7 @@ def _same_axes(robot: Robot) -> Iterator[str]:
         chain, other = (inwards(robot, tip.body) for tip in (left, right))
         common = next((places[k][1] for k in chain if k in other), np.eye(3))
         for joint in (k for body in chain for k in robot.bodies[body].joints):
-            name = joint.name.replace("left_", "right_")
+            name = robot.twin(joint.name)
             if right.mirrored or name == joint.name or name not in joints:
                 continue
             image, turn = joints[name]

@@ -317,7 +317,7 @@ def _by_joint(robot: Robot, values: Mapping[str, float]) -> Array:
     for name, value in values.items():
         targets = robot.joints_named(name)
         if not targets:
-            known = [*joints, *(joint.removeprefix("left_") for joint in joints)]
+            known = [*joints, *robot.joint_groups]
             expected = f"an actuated joint of {robot.name} ({', '.join(joints)}) or a pair"
             raise ParameterError(name, expected, name, known)
         for joint in targets:

@@ -417,7 +417,7 @@ def _chosen(robot: Robot, force: Array) -> list[str]:
     own = [robot.dof_names[joint.dof] for body in carried for joint in body.joints]
     order = [*("x", "z", "pitch"), *own, *robot.dof_names]
     names = [n for n in dict.fromkeys(order) if n in robot.dof_names and loud[robot.index(n)]]
-    return [n for n in names if n not in _SIDEWAYS and not n.startswith("right_")][:_PLOTTED]
+    return [n for n in names if n not in _SIDEWAYS and robot.split_side(n)[0] >= 0][:_PLOTTED]
 
 
 def _subtitle(flight: xr.Dataset, robot: Robot, time: Array, period: float | None) -> str:

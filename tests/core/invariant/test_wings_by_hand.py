@@ -14,6 +14,7 @@ import patagium as pt
 from patagium.aerodynamics import Aerodynamics
 from patagium.aerodynamics.inflow import strokes_of
 from patagium.control.events import without_tip
+from patagium.control.gait_family import gait_family, symmetric_parameters
 from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.memory import network_inputs
 from patagium.robot import Robot, load_robot_text
@@ -329,3 +330,23 @@ def test_a_flexible_right_wing_is_cut_as_its_mirror_image() -> None:
         assert mirrored.bodies[one.body].name == written.bodies[other.body].name
         assert one.quarter_chord == pytest.approx(other.quarter_chord, abs=1e-15)
     assert strip_chains(mirrored) == strip_chains(written)
+
+
+@pytest.mark.parametrize("sides", [("port", "starboard"), ("l", "r")])
+def test_sides_have_the_words_of_the_mirror(sides: tuple[str, str]) -> None:
+    """Only `left` and `right` made pairs: `plunge` named no joint, and trims freed each side."""
+    text = TEXT + "cruise: {frequency: 4, amplitude: {plunge: 0.5}}\n"
+    usual = load_robot_text(text)
+    for word, other in zip(("left", "right"), sides, strict=True):
+        text = text.replace(f"{word}_", f"{other}_").replace(f": {word}", f": {other}")
+    robot = load_robot_text(text)
+    assert robot.joints_named("plunge") == tuple(f"{side}_plunge" for side in sides)
+    assert robot.twin(f"{sides[1]}_fold") == f"{sides[0]}_fold"
+    gaits = [pt.gaits.cruise(one) for one in (usual, robot)]
+    free = [symmetric_parameters(*one) for one in zip((usual, robot), gaits, strict=True)]
+    assert free[0] == free[1]
+    ways = [
+        gait_family(one, gait, ("plunge_offset_difference",)).directions
+        for one, gait in zip((usual, robot), gaits, strict=True)
+    ]
+    np.testing.assert_array_equal(*ways)
