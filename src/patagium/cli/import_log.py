@@ -74,7 +74,8 @@ def import_log(
             )
     typer.echo(f"The log is in {found.path}")
     verbs = [command(f"patagium {verb} {{}}", found.path) for verb in _verbs(found.path)]
-    say_next(*(verbs or [f"change {mapping}, then import again"]))
+    change = "OUT to a .nc file" if found.path.suffix.lower() == ".csv" else str(mapping)
+    say_next(*(verbs or [f"change {change}, then import again"]))
 
 
 def _verbs(path: Path) -> list[str]:
@@ -84,8 +85,11 @@ def _verbs(path: Path) -> list[str]:
     from patagium.sensing.motion.estimate_motion import coupled
     from patagium.sensing.motion.sensor_streams import streams_of
 
-    if path.suffix == ".csv":
-        return ["stream --robot ROBOT"]
+    if path.suffix.lower() == ".csv":
+        with path.open(encoding="utf-8") as lines:
+            names = next(line for line in lines if not line.startswith("#")).split(",")
+        flown = {"q", "v", "a", "u1"} <= {name.partition(".")[0] for name in names}
+        return ["stream --robot ROBOT"] * flown
     with LogRecord(path) as record:
         learns = record.is_flight or bool(record.of_role("output"))
         moves, robot, count = bool(record.of_role("channel")), record.robot, record.count

@@ -9,10 +9,12 @@ import pandas as pd
 import pytest
 
 from patagium.cli.main import run
+from patagium.cli.import_log import _verbs
 from patagium.errors import LogError
 from patagium.sensing.logs.files.message_files import unit_in_message
 from patagium.sensing.logs.importing.findings import Finding
 from patagium.sensing.logs.importing.import_log import Imported, import_log
+from patagium.sensing.logs.importing.inspection import inspect_log
 from patagium.sensing.logs.mapping import TableMapping, parse_mapping
 from patagium.sensing.logs.record import LogRecord, load_log
 
@@ -142,6 +144,45 @@ def test_json_in_mcap_and_a_recording_cut_off(recordings: Any, tmp_path: Path) -
     assert any("breaks off" in note for note in found.notes)
 
 
+def _json_messages(path: Path, messages: list[dict[str, Any]]) -> Path:
+    """MCAP file of JSON messages on the topic `s`, 10 ms apart."""
+    from mcap.writer import Writer
+
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema(name="Sample", encoding="jsonschema", data=b"{}")
+        channel = writer.register_channel(topic="s", message_encoding="json", schema_id=schema)
+        for k, words in enumerate(messages):
+            writer.add_message(channel, k * 10**7, json.dumps(words).encode(), 0, k)
+        writer.finish()
+    return path
+
+
+def test_keys_of_json_may_hold_dots(tmp_path: Path) -> None:
+    """Such messages, as `export` writes them, made no row, and nothing said so."""
+    held = [{"q": {"x": -1.0}, "q.x/q.x": float(k), "m.a": {"b.c": [0.0, 2.0 * k]}}
+            for k in range(50)]  # fmt: skip
+    path = _json_messages(tmp_path / "log.mcap", held)
+    told = inspect_log(path)
+    assert told.topics[0].rows == 50 and not told.findings
+    for field, slope in (("q.x/q.x", 1.0), ("m.a.b.c[1]", 2.0)):
+        words = {"channels": [{"topic": "s", "field": field, "unit": "1", "name": "f"}]}
+        found = import_log(path, parse_mapping(words), tmp_path / "log.nc")
+        read = load_log(found.path)["f"].to_numpy()
+        np.testing.assert_allclose(read, slope * np.arange(50.0), atol=1e-9)  # rounding of times
+    told = inspect_log(_json_messages(tmp_path / "b.mcap", held[:1] + [{"q": 1.0}] * 9))
+    assert "no rows" in {one.kind for one in told.findings}
+
+
+@pytest.mark.parametrize("names", ["imu.x,u1.roll", "q.x,v.x,a.x,u1.x"])
+def test_a_table_of_raw_sensors_is_not_sent_to_stream(tmp_path: Path, names: str) -> None:
+    """`import -o A.csv` of sensors recommended `stream`, which refuses them."""
+    path = tmp_path / "A.CSV"
+    path.write_text(f"# unit\ntime,{names}\n", encoding="utf-8")
+    assert _verbs(path) == ["stream --robot ROBOT"] * names.startswith("q.x")
+
+
 def test_ros1_messages_in_mcap_and_protobuf(recordings: Any, tmp_path: Path) -> None:
     ros = {"channels": [{**IMU["channels"][2], "frame": "frd"}]}
     found = import_log(recordings.ros1_mcap(tmp_path / "a.mcap"), mapping(ros), tmp_path / "a.nc")
@@ -248,17 +289,9 @@ def test_the_mapping_to_begin_from_names_joints(recordings: Any, tmp_path: Path)
 
 
 def test_stamps_of_a_header_may_begin_at_zero(tmp_path: Path) -> None:
-    from mcap.writer import Writer
-
-    with (tmp_path / "log.mcap").open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        schema = writer.register_schema(name="Sample", encoding="jsonschema", data=b"{}")
-        channel = writer.register_channel(topic="s", message_encoding="json", schema_id=schema)
-        for k in range(100):
-            words = {"header": {"stamp": {"sec": 0, "nsec": k * 10**7}}, "x": float(k)}
-            writer.add_message(channel, 5 * k * 10**7, json.dumps(words).encode(), 0, k)
-        writer.finish()
+    held = [{"header": {"stamp": {"sec": 0, "nsec": k * 10**7}}, "x": float(k)}
+            for k in range(100)]  # fmt: skip
+    _json_messages(tmp_path / "log.mcap", held)
     words = {"time": {"base": "header"}, "channels": [{"topic": "s", "field": "x", "unit": "1"}]}
     found = import_log(tmp_path / "log.mcap", mapping(words), tmp_path / "log.nc")
     assert found.duration == pytest.approx(0.99)

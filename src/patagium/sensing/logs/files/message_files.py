@@ -186,24 +186,26 @@ def getter(path: str) -> Getter:
     """Function that takes the value at a path out of a message.
 
     Args:
-        path: Names with dots, indices or names in brackets.
+        path: Names with dots, indices or names in brackets; of the keys of a dict, which may hold
+            dots themselves, the longest that it begins with is taken.
 
     Returns:
         The function; it raises KeyError or IndexError if a message has no such part.
     """
-    steps = [(a, b, bool(a)) for a, b in _STEP.findall(path)]
+    steps = [*_STEP.finditer(path)]
+    ends = [(step.end(), k) for k, step in enumerate(steps, 1)]
+    keys = [[(path[a.start(1) : b], k) for b, k in ends[n:][::-1]] for n, a in enumerate(steps)]
 
     def get(message: Any) -> Any:
-        above, value, left = None, message, list(steps)
-        while left:
-            name, key, by_name = left.pop(0)
-            if by_name and isinstance(value, dict):
-                while name not in value and left and left[0][2]:  # a key that holds dots
-                    name += f".{left.pop(0)[0]}"
-            if by_name:
+        above, value, k = None, message, 0
+        while k < len(steps):
+            name, key = steps[k].groups()
+            if name:
+                held = value if isinstance(value, dict) else ()
+                name, k = next((one for one in keys[k] if one[0] in held), keys[k][-1])
                 above, value = value, member(value, name)
             else:
-                value = _entry(above, value, key)
+                value, k = _entry(above, value, key), k + 1
         return value
 
     return get

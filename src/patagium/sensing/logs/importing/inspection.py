@@ -317,6 +317,9 @@ def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
     written = topic.base.kind == "column" and topic.kind == "table"
     found = stamp_findings(where, survey.stamps, GAP, written=written)
     never = [name for name, count in zip(fields, values.count, strict=True) if not count]
+    if survey.stamps.rows <= 1 < (topic.count or 0):
+        text = f"{survey.stamps.rows} of {topic.count} messages has all the numbers of the first"
+        found.append(Finding("warning", where, "no rows", text))
     if never and survey.stamps.rows:
         found.append(Finding("note", where, "no number", ", ".join(never)))
     lost = [n for n in topic.unplaced if topic.base.kind == "rows" and TIME_NAME.match(n.lower())]
