@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from patagium.cli.main import run
 from patagium.cli.import_log import _verbs
+from patagium.cli.main import run
 from patagium.errors import LogError
 from patagium.sensing.logs.files.message_files import unit_in_message
 from patagium.sensing.logs.importing.findings import Finding
