@@ -254,7 +254,7 @@ def check_zero_lift(angle: float) -> None:
 _LARGEST_CAMBER = 0.5
 """Incidence of no lift, either way, beyond which it is taken for an error [rad]: 29 degrees."""
 _MEASURED_NUMBERS = ("lift_slope", "zero_lift_angle", "profile_drag")
-_LINEAR = (radians(2.0), radians(10.0))
+_LINEAR = (radians(2.0) - 1e-9, radians(10.0) + 1e-9)
 """Distance from the incidence of no lift where the lift slope is read off a polar [rad]."""
 _NEAREST = radians(0.5)
 """Distance from the incidence of no lift within which lift over incidence tells no share [rad]."""
@@ -394,7 +394,8 @@ def measured_section(
     away = np.abs(a - zero)
     linear = (away > _LINEAR[0]) & (away < _LINEAR[1])
     if not linear.any():
-        raise ParameterError("polar", "points 2 to 10 degrees from zero lift", polar.angle)
+        found = f"none, but {np.degrees(away).min():.3g} degrees from it and more"
+        raise ParameterError("polar", "points 2 to 10 degrees from zero lift", found)
     slope = float((c_l[linear] / x[linear]).max())
     told = away > _NEAREST
     ratio = np.interp(a, a[told], np.clip(c_l[told] / (slope * x[told]), 0.0, 1.0))
