@@ -102,7 +102,10 @@ def samples(
     if not set(names) <= set(machine.dof_names):
         known = f"coordinates of robot {machine.name!r}: {', '.join(machine.dof_names)}"
         raise ShapeError("outputs of the model", known, f"another robot's: {', '.join(names)}")
-    seen = measured_inputs(network)
+    seen, own = measured_inputs(network), getattr(network, "robot", machine)
+    if own.attitude != machine.attitude:
+        words = f"{machine.attitude}; learn anew, with `robot.with_attitude({machine.attitude!r})`"
+        raise ShapeError("attitude of the robot", f"{own.attitude}, as the model sees it", words)
     if x.shape[1] not in (seen, network.inputs):
         raise ShapeError("inputs", f"as many as the network sees, {seen}", x.shape[1])
     columns = [machine.index(name) for name in names]

@@ -121,6 +121,9 @@ def test_networks_that_do_not_fit_the_flight_are_refused(flight: xr.Dataset) -> 
         identify(flight, learner(3, ("z",)))
     with pytest.raises(ShapeError, match="coordinates of robot 'aerobat'"):
         identify(flight, learner(28, ("lift",)))
+    other = pt.learning.LinearStripNetwork(pt.load_robot("aerobat").with_attitude("quaternion"))
+    with pytest.raises(ShapeError, match="expected quaternion, as the model sees it, found euler"):
+        identify(flight, pt.ExtendedLearner(other))
     with pytest.raises(ParameterError, match="q.left_plunge"):
         state_columns(pt.load_robot("aerobat"), ["plunge"])
 
