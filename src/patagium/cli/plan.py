@@ -73,8 +73,10 @@ def _in_si(written: Any, info: ValidationInfo, name: str = "") -> Any:
         expected = f"a coordinate ({', '.join(known)}), or `velocity of` one"
         raise ParameterError("state", expected, name, known)
     key = info.data.get("command", name)
-    command = None if key.endswith("amplitude") else robot.actuators.get(key)  # over the gait's own
-    unit = command.unit if command else ""
+    kind, joints = robot.command(key)
+    units = {"frequency": "Hz", "phase": "rad"}  # an amplitude is over the gait's own
+    unit = robot.dof_units[robot.index(joints[0])] if kind == "offset" and joints else ""
+    unit = units.get(kind, unit)
     if state in robot.dof_names:
         per = {"velocity": "/s", "acceleration": "/s^2"}.get(rate, "")
         unit = robot.dof_units[robot.index(state)] + per
@@ -419,7 +421,7 @@ def _route(
         conditions |= {k: x for k in conditions if (x := getattr(leg, k)) is not None}
         free = controller.model.commands
         known = {"gait": orbit.gait, "free": free, "start": orbit, **conditions}
-        found = trim(orbit.robot, orbit.aero, **known)
+        found = trim(orbit.robot, orbit.aero, added_mass=orbit.added_mass, **known)
         route[leg.time] = _found(found, f"the leg at {leg.time:g} s: ")
     return Route(controller, route)
 

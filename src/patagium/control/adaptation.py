@@ -384,7 +384,7 @@ class AdaptiveController(OuterController):
             turn_rate=design.turn_rate,
             start=design,
             added_mass=self._added_mass(self._air),
-            tolerable=STIFFNESS,
+            tolerable={k: size for k, size in STIFFNESS.items() if k in design.names},
         )
         if isinstance(found, NoOrbit):
             return self._failed("not found", found.reason)

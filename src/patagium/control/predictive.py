@@ -251,6 +251,10 @@ class OrbitModel:
             expected = "each once, and not a pair beside one of its joints"
             raise ParameterError("commands", expected, tuple(commands))
         self.places = [self.steered.places(name)[0] for name in commands]
+        for name in commands:
+            if np.ptp(self.steered.sharpness[self.steered.places(name)]):
+                expected = "joints that answer equally fast to one; name a command of each"
+                raise ParameterError("commands", expected, f"{name!r}, whose joints do not")
         beat = gait.period or 0.0
         self.period = positive("period of the gait", beat) / parts
         self.chains = [4 if name == "frequency" else 3 for name in commands]
@@ -523,8 +527,7 @@ class OrbitController:
                 raise ParameterError(f"actuators.{name}", "a range of every command", "none")
         self.low, self.high, self.rates = np.array(self.ends).T
         self.half = (self.high - self.low) / 2
-        costs = np.array([model.robot.actuators[k].cost if k in model.robot.actuators else 1.0
-                          for k in commands])  # fmt: skip
+        costs = model.steered.costs[model.places]
         self.state_cost = np.diag(self.weights)
         self.input_cost = np.diag(costs / self.half**2)
         self.before = np.zeros(len(commands))

@@ -159,12 +159,13 @@ class SteeredGait:
         times = np.r_[np.full(1 + n, beat or 1.0), np.full(n, offset), np.full(n, beat or 1.0)]
         self.neutral = self.target = np.r_[np.ones(1 + n), np.zeros(2 * n)]
         none = np.zeros_like(self.target)
-        self.rates = none + np.inf
+        self.rates, self.costs = none + np.inf, none + 1.0
         self.range = np.array([none - np.inf, none + np.inf])
         for name, actuator in robot.actuators.items():
             kind, places = self._places(name)
             bounds, rate = self._limits_of(name, kind, places, actuator)
             self.range[:, places], self.rates[places] = bounds, rate
+            self.costs[places] = actuator.cost
             if actuator.response_time is not None:
                 times[places] = actuator.response_time
         first = Responses(self.target, none, SHARPNESS / times, np.zeros((3, len(none))))
@@ -281,12 +282,12 @@ class SteeredGait:
         return np.concatenate(parts) / (self.gait.period or np.inf)
 
     def limits(self, name: str) -> tuple[float, float, float]:
-        """Least and greatest value of a command's response, and its fastest rate."""
-        kind, (place, *_) = self._commanded_places(name)
-        low, high = self.range[:, place]
+        """Least and greatest value of a command's responses that all its joints allow, and rate."""
+        kind, places = self._commanded_places(name)
+        low, high = self.range[:, places]
         if kind == "amplitude":
-            high = self.largest_amplitudes[place - 1]
-        return float(low), float(high), float(self.rates[place])
+            high = self.largest_amplitudes[np.array(places) - 1]
+        return float(low.max()), float(high.min()), float(self.rates[places].min())
 
     def places(self, name: str) -> list[int]:
         """Places among the responses of all joints that answer a command."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import patagium as pt
+from patagium.cli import plan
 from patagium.cli.main import run
 from patagium.cli.plan import load_plan, prepared
 from patagium.errors import LogError, ParameterError
@@ -137,6 +139,27 @@ def test_numbers_of_a_plan_may_carry_units(tmp_path):
     )
     assert plan.controller.tolerable == {"x": 0.2, "pitch": 0.1}
     assert plan.events[-1].value == pytest.approx(np.radians(-3))
+    path.write_text(PLAN.replace("rudder_offset, value: 0}", "left_plunge_phase, value: 4 deg}"))
+    assert load_plan(path).events[-1].value == pytest.approx(np.radians(4))  # no actuator's name
+
+
+def test_legs_have_the_added_mass_of_the_first_orbit(monkeypatch):
+    """They were trimmed without it, and the flight left an orbit that was its own."""
+    orbit = SimpleNamespace(
+        **dict.fromkeys(("robot", "aero", "gait")),
+        **{"speed": 6.0, "climb": 0.0, "turn_rate": 0.0, "added_mass": "that of the model"},
+    )
+    seen: dict[str, object] = {}
+
+    def trim(*args: object, **given: object) -> None:
+        seen.update(given)
+        raise LogError("far enough")
+
+    monkeypatch.setattr(plan, "trim", trim)
+    law = SimpleNamespace(model=SimpleNamespace(commands=()))
+    with pytest.raises(LogError, match="far enough"):
+        plan._route((plan.LegPart(time="1 s"),), law, orbit)
+    assert seen["added_mass"] == "that of the model"
 
 
 def test_the_robot_of_a_plan_is_looked_for_beside_it(tmp_path, monkeypatch):

@@ -17,6 +17,7 @@ from patagium.control.wingbeat import FlightMap
 from patagium.errors import ParameterError
 from patagium.robot import load_robot_text
 from patagium.simulation.simulator import FlightState
+from patagium.simulation.steered_gait import SteeredGait
 
 ACTUATORS = """actuators:
   frequency: {range: [3, 8], response_time: 0.15 s}
@@ -90,6 +91,22 @@ def test_its_model_is_the_simulator_near_the_orbit(orbit):
 
 
 BIRD_COMMANDS = ("frequency", "plunge_amplitude", "elevation_offset", "rudder_offset")
+
+
+def test_a_command_of_two_joints_keeps_the_actuators_of_both(orbit):
+    """It had the range, rate and speed of the first one; a side of a pair had no cost."""
+    sides = """  left_feather_offset: {range: [-20 deg, 20 deg], cost: 2}
+  right_feather_offset: {range: [-10 deg, 30 deg], rate_limit: 50 deg/s, response_time: 0.1 s}
+"""
+    pair = ACTUATORS.replace("left_feather_offset", "feather_offset")
+    own = "\n".join(k for k in ACTUATORS.splitlines() if "feather" not in k) + "\n" + sides
+    paired, apart = (load_robot_text(FLAPPER.replace("9.81 m/s^2", "0") + k) for k in (pair, own))
+    steered = SteeredGait(apart, GAIT)
+    ends = np.radians((-10.0, 20.0, 50.0))
+    np.testing.assert_allclose(steered.limits("feather_offset"), ends, rtol=1e-12)  # rounding
+    with pytest.raises(ParameterError, match="answer equally fast.*'feather_offset'"):
+        OrbitModel(an_orbit(robot=apart), ("frequency", "feather_offset"))
+    assert SteeredGait(paired, GAIT).costs.sum() == 2 * 2.0 + len(steered.costs) - 2
 
 
 @pytest.fixture(scope="module")

@@ -214,7 +214,9 @@ def test_an_attitude_may_be_prescribed(tmp_path):
     slides = "".join(f"{{name: {k}, type: prismatic, axis: {k}, passive: true}}, " for k in "xyz")
     joints = f"joints: [{slides}{{name: pitch, axis: y}}]"
     text = FLAPPER.replace("floating: true", joints)
-    robot = load_robot_text(f"{text}\nactuators: {{frequency: {{range: [5 Hz, 14 Hz]}}}}\n")
+    pitch = "pitch_offset: {range: [-30 deg, 30 deg]}"
+    text += f"\nactuators: {{frequency: {{range: [5 Hz, 14 Hz]}}, {pitch}}}\n"
+    robot = load_robot_text(text)
     gait = pt.gaits.sinusoidal(
         robot, frequency=9.0, plunge=0.6, feather=0.3, pitch=0.05, phase={"feather": 1.5}
     )
@@ -230,6 +232,9 @@ def test_an_attitude_may_be_prescribed(tmp_path):
         pt.trim(robot, gait=gait, turn_rate=0.2)
     law = pt.control.LinearRegulator(orbit, ("frequency",))  # which asked for a yaw
     assert np.sort(np.abs(law.multipliers))[-2:] == pytest.approx([0.948, 1.0], abs=1e-3)  # y
+    both = pt.control.LinearRegulator(orbit, ("frequency", "pitch_offset"))
+    learning = pt.control.AdaptiveController(both, orbit)  # which asked for roll
+    assert learning.use(learning.weights, 0)
     with pytest.raises(ParameterError, match="robot: expected a body that floats"):
         pt.control.optimize(robot, start=orbit)
 
