@@ -112,15 +112,17 @@ class GaitFamily:
         own = shape.frequency, shape.mean, series.real, -series.imag
         return FourierGait(self.base.joints, *own)
 
-    def swings(self, values: ArrayLike) -> tuple[float, Array, Array, Array]:
-        """Frequency [Hz], means and leads (n_a,), and positions at 513 phases (513, n_a) [SI, rad].
+    def swings(self, values: ArrayLike) -> tuple[float, Array, Array, Array, Array]:
+        """Frequency, amplitudes over the base's, means, leads, and positions at 513 phases.
+
+        These are [Hz], (n_a,) [1], (n_a,) [rad, m], (n_a,) [rad] and (513, n_a) [rad, m].
 
         Args:
             values: (p,) [Hz, 1, rad or m, rad].
         """
         shape = self._shape(values)
         wave = _waves(256, len(shape.added)) @ (shape.turned + shape.added)
-        return shape.frequency, shape.mean, shape.lead, shape.mean + wave.real
+        return shape.frequency, shape.amplitude, shape.mean, shape.lead, shape.mean + wave.real
 
     def _shape(self, values: ArrayLike) -> _Shape:
         base, n, neutral = self.base, len(self.base.joints), self.neutral

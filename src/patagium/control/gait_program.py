@@ -173,7 +173,7 @@ def _linear_ranges(family: GaitFamily) -> _Ranges:
     A frequency without an actuator stays between half and twice that of the gait.
     """
     robot, joints = family.robot, family.base.joints
-    own, mean, lead, _ = family.swings(family.neutral)
+    own, _, mean, lead, _ = family.swings(family.neutral)
     known = {"offset": ("mean", 1 + len(mean), mean), "phase": ("lead", 1 + 2 * len(mean), lead)}
     wanted = {"frequency": (0, own, (0.5 * own, 2.0 * own))}
     for name, actuator in robot.actuators.items():

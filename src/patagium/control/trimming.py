@@ -333,7 +333,7 @@ class OrbitSearch:
     def excess(self, values: Array, beyond: float = _BEYOND) -> str:
         """Limit that a gait exceeds, in words that begin with its joint; empty if there is none."""
         robot, moved = self.map.robot, self.family.base.joints
-        frequency, mean, lead, position = self.family.swings(values)
+        frequency, amplitude, mean, lead, position = self.family.swings(values)
         if not frequency > 0:
             return f"frequency would be {frequency:.3g} Hz"
         least, most = (-_peaks(-position)).tolist(), _peaks(position).tolist()
@@ -343,7 +343,7 @@ class OrbitSearch:
                 seen = _apart(robot.dof_units[i], *motion, low, high)
                 way = f"{joint} would go from {seen[0]} to {seen[1]} {seen[4]}"
                 return f"{way}, and its limits are {seen[2]} to {seen[3]} {seen[4]}"
-        half = np.subtract(most, least) / 2
+        half = np.subtract(most, least) / 2 * np.copysign(1.0, amplitude)
         known = dict(zip(COMMANDS, (half, mean, lead), strict=True))
         for name, actuator, kind, k in self._commands:
             low, high = actuator.range

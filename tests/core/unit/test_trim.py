@@ -514,3 +514,12 @@ def test_a_search_that_comes_to_the_vertical_says_so(aerobat, orbit):
     failed = _not_found(search, at, "stalled")
     assert "83 degrees from level" in failed.reason and " N of " not in failed.reason
     assert "flatter" in failed.remedy
+
+
+def test_no_actuator_gives_an_amplitude_below_zero():
+    """A hover was found with -.544 rad, whose size lies in the range, and no command gives it."""
+    robot = pt.load_robot("ornithopter")
+    family = gait_family(robot, pt.gaits.cruise(robot), ("plunge_amplitude",))
+    search = OrbitSearch(FlightMap(robot, pt.QuasiSteady(robot)), family, 100)
+    assert not search.excess(family.neutral)
+    assert "would need plunge_amplitude -" in search.excess(-family.neutral)
