@@ -236,6 +236,51 @@ def test_what_does_not_fit_is_refused(
         )
 
 
+def test_a_cell_within_the_robot_holds_nothing(log: pt.sensing.SensorLog) -> None:
+    """The last load cell of a log was taken as the mount, even one in the root of a wing."""
+    inner = replace(log.sensors["nano17"], name="root", wrench="load_cell_wrench", at="left_plunge")
+    both = replace(
+        log,
+        readings={**log.readings, "root": log["nano17"].assign(wrench=5.0 * log["nano17"].wrench)},
+        sensors={**log.sensors, "root": inner},
+    )
+    motion, forces = motion_and_force(both)
+    np.testing.assert_array_equal(forces.force, motion_and_force(log)[1].force)
+    notes = json.loads(motion.attrs["findings"])["notes"]
+    assert "load cell 'root': not used, for it is within the robot" in notes
+    with pytest.raises(ParameterError, match="without `at`"):
+        pt.sensing.cell_wrench(both, motion, "root")
+    under = replace(both, sensors={**log.sensors, "root": replace(inner, at=None)})
+    with pytest.raises(LogError, match="expected one that holds the robot, found 'root' too"):
+        motion_and_force(under)
+
+
+def test_the_stand_of_a_robot_that_does_not_float_does_no_work() -> None:
+    """A load cell under the hinge of a wing was taken as a force on the wing."""
+    plate = "{type: plate, axis: y, chord: 9 cm, span: 20 cm, thickness: 1 mm}"
+    joint = "{name: plunge, axis: x}"
+    edge = "leading: 2 cm, trailing: -7 cm"
+    stations = f"[{{span: 0 cm, {edge}}}, {{span: 20 cm, {edge}}}]"
+    segment = f"{{body: wing, strips: 3, stations: {stations}}}"
+    wing = load_robot_text(
+        f"{{name: half, gravity: 9.81, bodies: {{wing: {{joints: [{joint}], mass: 3 g, "
+        f"center_of_mass: [-1 cm, 9 cm, 0], shape: {plate}}}}}, "
+        f"wings: [{{name: wing, segments: [{segment}]}}]}}"
+    )
+    aero = pt.QuasiSteady(wing, pt.Air(wind=(-3.0, 0.0, 0.0)))
+    gait = pt.gaits.sinusoidal(wing, frequency=3.0, plunge=0.4)
+    flown = pt.simulate(wing, aero, gait, duration=0.4, time_step=1e-3)
+    parts = [S.Encoder(rate=500.0, std=1e-5), AMPLIFIER, S.LoadCell(rate=500.0)]
+    log = pt.sense(flown, parts)
+    motion, forces = motion_and_force(log)
+    true, error, _ = compared(forces, flown)
+    assert np.mean(error**2) < 0.01 * true.var()
+    mount = pt.sensing.cell_wrench(log, motion, "loadcell")
+    for refused in (pt.sensing.load_cell_force, pt.inverse_dynamics_force):
+        with pytest.raises(ParameterError, match="one with a floating body"):
+            refused(motion, mount=mount)
+
+
 def scores_of(words: list[str], capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
     with pytest.raises(SystemExit) as left:
         run([*words, "--json"])

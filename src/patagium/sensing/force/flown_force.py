@@ -11,10 +11,13 @@ import numpy as np
 import xarray as xr
 
 from patagium.arrays import Array
+from patagium.errors import LogError
 from patagium.netcdf_file import write_netcdf
 from patagium.robot.planform import wing_span
 from patagium.sensing.force.measured_force import (
     ForceSamples,
+    Measured,
+    Wrench,
     cell_wrench,
     inverse_dynamics_force,
     motor_forces,
@@ -71,7 +74,7 @@ def motion_and_force(
         The motion, and the force, which is NaN where the motion is not known.
 
     Raises:
-        LogError: If the sensors do not see the motion.
+        LogError: If the sensors do not see the motion, or several load cells hold the robot.
     """
     late = dict(shifts or {})
     motion = estimate_motion(log, shifts=late)
@@ -84,7 +87,12 @@ def motion_and_force(
             parts = joint_names(sensor.joints, log.robot)
             units = [log.robot.force_units[log.robot.index(part)] for part in parts]
             white = zip(parts, units, joints.noise.tolist(), strict=True)
-        elif isinstance(sensor, LoadCell):
+        elif isinstance(sensor, LoadCell) and sensor.at is not None:
+            facts["notes"].append(f"load cell {name!r}: not used, for it is within the robot")
+            continue
+        elif isinstance(sensor, LoadCell) and log.robot.floating:
+            if mount is not None:
+                raise LogError(f"load cells: expected one that holds the robot, found {name!r} too")
             mount = cell_wrench(log, motion, name, shift=late.get(name, 0.0))
             noise = np.sqrt((mount.measured.noise.reshape(2, 3) ** 2).mean(axis=1))
             white = zip(("force", "moment"), ("N", "N m"), noise.tolist(), strict=True)
@@ -99,24 +107,30 @@ def motion_and_force(
     found.covariance[unknown] = np.nan
     base = floating_base(found.robot)
     if mount is not None and base is not None:
-        if np.isfinite(found.force[:, base.place]).all(axis=1).sum() < 2:
-            facts["notes"].append("Warning: load cell: no two samples have a force that is known")
-            motion.attrs["findings"] = json.dumps(facts)
-            return motion, found
-        facts["notes"] += _arm_notes(mount.measured.values, wing_span(found.robot))
-        weight = found.robot.mass * found.robot.gravity
-        lift = float(np.nanmean(found.force[:, base.place[2]])) / weight
-        turned = replace(mount.measured, values=-mount.measured.values)
-        other = inverse_dynamics_force(motion, joints=joints, mount=replace(mount, measured=turned))
-        along = _drag(found, other, list(base.place))
-        drifts = _late_notes(found, other, list(base.place))
-        facts["notes"] += drifts
-        if lift > _HELD_DOWN or (along > _DRIVEN and not drifts):
-            facts["notes"].append(_sign_note(lift, along))
-        else:
-            facts["notes"] += _zero_notes(motion, found, list(base.place))
+        facts["notes"] += _cell_notes(motion, found, joints, mount, list(base.place))
     motion.attrs["findings"] = json.dumps(facts)
     return motion, found
+
+
+def _cell_notes(
+    motion: xr.Dataset,
+    found: ForceSamples,
+    joints: Measured | None,
+    mount: Wrench,
+    place: list[int],
+) -> list[str]:
+    """Warnings about unit, clock, sign and zero of the load cell that holds a robot."""
+    if np.isfinite(found.force[:, place]).all(axis=1).sum() < 2:
+        return ["Warning: load cell: no two samples have a force that is known"]
+    weight = found.robot.mass * found.robot.gravity
+    lift = float(np.nanmean(found.force[:, place[2]])) / weight
+    turned = replace(mount.measured, values=-mount.measured.values)
+    other = inverse_dynamics_force(motion, joints=joints, mount=replace(mount, measured=turned))
+    along, drifts = _drag(found, other, place), _late_notes(found, other, place)
+    notes = _arm_notes(mount.measured.values, wing_span(found.robot)) + drifts
+    if lift > _HELD_DOWN or (along > _DRIVEN and not drifts):
+        return [*notes, _sign_note(lift, along)]
+    return notes + _zero_notes(motion, found, place)
 
 
 def _sign_note(lift: float, along: float) -> str:

@@ -187,11 +187,11 @@ def cell_wrench(log: SensorLog, motion: xr.Dataset, name: str, *, shift: float =
         shift: Delay of its stamps [s].
 
     Raises:
-        ParameterError: If the sensor is no load cell.
+        ParameterError: If the sensor is no load cell, or one `at` a place within the robot.
     """
     cell = log.sensors.get(name)
-    if not isinstance(cell, LoadCell):
-        raise ParameterError("name", "a load cell of the log", name)
+    if not isinstance(cell, LoadCell) or cell.at is not None:
+        raise ParameterError("name", "a load cell of the log, without `at`", name)
     shown = cell.in_range(log[name]["wrench"].values)
     found = _at(log[name], shown, cell.sample_std, motion, shift)
     constant = np.concatenate([cell.force_bias, cell.moment_bias]) ** 2
@@ -222,6 +222,7 @@ def inverse_dynamics_force(
     Raises:
         FlightError: If the motion misses a quantity or carries no robot.
         ShapeError: If the signals do not fit the motion.
+        ParameterError: If there is a mount and the robot has no floating body.
     """
     return _along(motion, joints, mount, added_mass, "inverse dynamics")
 
@@ -244,8 +245,6 @@ def load_cell_force(
         ParameterError: If the robot has no floating body.
     """
     robot = robot_of(motion)
-    if not robot.floating:
-        raise ParameterError("robot", "one with a floating body", robot.name)
     silent = {*range(robot.dof)}.difference(robot.floating_dofs)
     return _along(motion, None, mount, added_mass, "load cell", silent)
 
@@ -260,6 +259,8 @@ def _along(
 ) -> ForceSamples:
     """Force of the air along a motion, with its covariance; NaN in silent coordinates."""
     robot = robot_of(motion)
+    if mount is not None and not robot.floating:
+        raise ParameterError("robot", "one with a floating body, for a mount", robot.name)
     if missing := [name for name in ("q", "v", "a", "covariance") if name not in motion]:
         held = ", ".join(map(str, motion.data_vars))
         raise FlightError(f"motion: expected {', '.join(missing)}, but it holds {held}")
@@ -358,10 +359,11 @@ def _of_cell(machine: Robot, q: ca.SX, shown: ca.SX, cell: LoadCell) -> ca.SX:
     if cell.body is not None:
         moment = moment + ca.cross(lever, force)
         return generalized_force(machine, q, {machine.body_index(cell.body): (force, moment)})
-    pose = body_poses(machine, q)[0]
+    body = next(iter(machine.floating_bodies))
+    pose = body_poses(machine, q)[body]
     moment = moment + ca.cross(lever - pose.position, force)
     to_body = pose.rotation.T
-    return generalized_force(machine, q, {0: (to_body @ force, to_body @ moment)})
+    return generalized_force(machine, q, {body: (to_body @ force, to_body @ moment)})
 
 
 def _at(
