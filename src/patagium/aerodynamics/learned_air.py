@@ -78,7 +78,8 @@ class LearnedAir(OnModel):
         wrench = parameters[own + len(strips) :]
         added = air.strip_force * ca.repmat(effective.T - 1, 3, 1)
         push = ca.vertcat(wrench[0], 0, wrench[1])
-        poses, wrenches = body_poses(robot, q), {0: (push, ca.vertcat(0, wrench[2], 0))}
+        body, poses = next(iter(robot.floating_bodies), 0), body_poses(robot, q)
+        wrenches = {body: (push, ca.vertcat(0, wrench[2], 0))}
         for k, strip in enumerate(strips):
             pose = poses[strip.body]
             force = pose.rotation.T @ added[:, k]
@@ -86,7 +87,7 @@ class LearnedAir(OnModel):
             add_wrench(wrenches, strip.body, force, cross(point, force))
         more = generalized_force(robot, q, wrenches)
         winds = wind if wind.shape[1] > 1 else ca.repmat(wind, 1, len(strips))
-        body_wind = poses[0].rotation.T @ ca.sum2(winds) / len(strips)
+        body_wind = poses[body].rotation.T @ ca.sum2(winds) / len(strips)
         carried = ca.sum1(ca.sum2(added * winds)) + ca.dot(push, body_wind)
         return replace(
             air,

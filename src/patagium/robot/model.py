@@ -396,6 +396,17 @@ class Robot:
         return {k: one for k, one in enumerate(self.bodies) if one.floating_dofs is not None}
 
     @property
+    def flying(self) -> Robot:
+        """The robot, massless in bodies that hang on the world beside a floating one."""
+        aloft: list[bool] = []
+        for k in self.bodies:
+            aloft.append(k.floating_dofs is not None or (k.parent >= 0 and aloft[k.parent]))
+        if all(aloft) or not any(aloft):
+            return self
+        parts = zip(self.bodies, aloft, strict=True)
+        return replace(self, bodies=tuple(k if up else replace(k, mass=0.0) for k, up in parts))
+
+    @property
     def attitude(self) -> Attitude | None:
         """Coordinates of the floating body's attitude; None where no body floats."""
         return next((body.attitude for body in self.floating_bodies.values()), None)

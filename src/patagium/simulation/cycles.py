@@ -96,7 +96,7 @@ def cycle_statistics(
 def _means(flight: xr.Dataset, robot: Robot, found: dict[str, Array]) -> dict[str, float]:
     """Means over all cycles of signals over cycle and phase, (cycles, phases) each [N, W]."""
     speed = float(np.linalg.norm(air_velocity(flight, robot)))
-    weight = float(robot.gravity) * robot.mass
+    weight = float(robot.gravity) * robot.flying.mass
     driven = float(found["positive_power"].mean())
     moving = speed >= _HOVERING
     lift, thrust = float(found["lift"].mean()), float(found["thrust"].mean())
@@ -133,7 +133,7 @@ def _signals(flight: xr.Dataset, robot: Robot, time: Array) -> dict[str, Array]:
     signals = {"lift": air[:, 2], "thrust": air @ forward}
     if flight.attrs.get("mount") == "fixed":
         cell = -flight["mount_wrench"].transpose("time", "component").values[:, :3]
-        cell = cell + float(robot.gravity) * robot.mass * np.array([0.0, 0.0, 1.0])
+        cell = cell + float(robot.gravity) * robot.flying.mass * np.array([0.0, 0.0, 1.0])
         signals |= {"mount_lift": cell[:, 2], "mount_thrust": cell @ forward}
     joints = (flight["u1"] * flight["v"]).transpose("time", "dof").values
     return signals | {"power": joints.sum(axis=1), "positive_power": joints.clip(0.0).sum(axis=1)}
@@ -161,7 +161,8 @@ def air_velocity(flight: xr.Dataset, robot: Robot) -> Array:
     """Mean velocity of the center of mass through the air, (3,) [m/s]."""
     momentum = flight["momentum"].transpose("time", "axis").values.mean(axis=0)
     wind = flight["wind"].transpose("time", "axis").values.mean(axis=0)
-    return np.asarray((momentum / robot.mass if robot.mass else np.zeros(3)) - wind, float)
+    mass = robot.flying.mass
+    return np.asarray((momentum / mass if mass else np.zeros(3)) - wind, float)
 
 
 def _forward(flight: xr.Dataset, robot: Robot) -> Array:

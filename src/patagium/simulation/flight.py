@@ -279,7 +279,7 @@ def _exchanged(flight: xr.Dataset, robot: Robot) -> tuple[float, float]:
         flight["strip_force"].to_numpy().sum(axis=1),
         flight["mount_wrench"].to_numpy()[:, :3],
     ]
-    weight = gravity * robot.mass
+    weight = gravity * robot.flying.mass
     pushed = weight + sum(np.linalg.norm(f, axis=1) for f in pushes)
     for used in (velocity, *forces, flight["strip_force"].to_numpy(), pushes[1]):
         release(used)

@@ -295,18 +295,18 @@ def observed(machine: Robot, q: ca.SX, v: ca.SX, air: AeroExpressions) -> dict[s
         "kinetic_energy": kinetic_energy(machine, q, v),
         "potential_energy": potential_energy(machine, q),
         "aero_power": air.power,
-        "momentum": momentum(machine, q, v),
+        "momentum": momentum(machine.flying, q, v),
     }
 
 
 def external_force(machine: Robot, force: ca.SX) -> ca.SX:
-    """Sum of external forces, weight included, world axes, (3, 1) [N].
+    """Sum of external forces on what floats, weight included, world axes, (3, 1) [N].
 
     Args:
         machine: A machine with a floating body.
         force: Generalized force of all but inertia, weight and joints, (n, 1) [N, N m].
     """
-    total = ca.vertcat(0, 0, -machine.mass * machine.gravity)
+    total = ca.vertcat(0, 0, -machine.flying.mass * machine.gravity)
     for body in machine.bodies:
         if body.floating_dofs is not None:
             total = total + force[list(body.floating_dofs[:3])]

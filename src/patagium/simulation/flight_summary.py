@@ -93,7 +93,7 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     if steered is not None and beats:
         beat = float(time[-1] - time[chosen][0]) / beats
     words = {0: "its second half", 1: "its last wingbeat"}.get(beats, f"its last {beats} wingbeats")
-    weight = float(robot.gravity) * robot.mass
+    weight = float(robot.gravity) * robot.flying.mass
     lift = _mean(air_force(flight, robot, time)[:, 2], time, chosen)
     span = time[chosen][-1] - time[chosen][0]
     work = flight["joint_work"].to_numpy()[chosen]

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 import patagium as pt
+from patagium.aerodynamics.learned_air import LearnedAir
 from patagium.dynamics import Dynamics
+from patagium.robot import load_robot_text
+from patagium.sensing.force.measured_force import Measured, Wrench
+from patagium.simulation.flight_summary import flight_summary
 
 TIME_STEP = 1e-4
 
@@ -111,3 +115,53 @@ def test_a_wind_that_carries_the_robot_changes_nothing_but_the_frame(robot, flap
     forces = [flight.aero_force.values for flight in flights]
     # rounding over 1,000 steps
     np.testing.assert_allclose(*forces, atol=1e-11 * np.abs(forces[0]).max())
+
+
+BIRD = """
+  bird: {floating: true, mass: 50 g, shape: {type: box, size: [10 cm, 6 cm, 4 cm]}}
+  wing: {parent: bird, joints: [{name: flap, axis: x}], mass: 5 g, center_of_mass: [0, 5 cm, 0],
+    shape: {type: plate, chord: 4 cm, span: 10 cm, thickness: 1 mm}}"""
+STAND = """
+  stand: {parent: world, joints: [{name: swing, axis: y, passive: true}], mass: 20 g,
+    center_of_mass: [0, 0, -30 cm], shape: {type: point}}"""
+WING = """
+wings: [{name: wing, segments: [{body: wing, strips: 2, stations: [
+  {span: 0 cm, leading: 2 cm, trailing: -8 cm}, {span: 20 cm, leading: 1 cm, trailing: -6 cm}]}]}]
+"""
+
+
+def beside(bodies, mount=None):
+    """Flight of a bird in air with a learned wrench; a stand that hangs on the world swings."""
+    robot = load_robot_text(f"name: two\ngravity: 9.81 m/s^2\nbodies:{bodies}{WING}")
+    aero = pt.QuasiSteady(robot, pt.Air(wind=(-4.0, 0.0, 0.0)))
+    aero = LearnedAir(aero, np.r_[np.ones(2), 0.1, 0.2, 0.01])
+    gait = pt.gaits.sinusoidal(robot, frequency=3.0, flap=0.4)
+    start = robot.coordinates(**({"swing": 0.3} if "stand" in bodies else {}))
+    return pt.simulate(robot, aero, gait, duration=0.1, time_step=1e-3, q=start, mount=mount)
+
+
+@pytest.mark.parametrize("bodies", [BIRD + STAND, STAND + BIRD])
+def test_what_hangs_on_the_world_weighs_nothing_in_flight(bodies):
+    """The audit of momentum was .3, and a learned wrench pushed the stand if it came first."""
+    alone, both = beside(BIRD), beside(bodies)
+    names = list(alone.dof.values)
+    for name in ("q", "aero_force"):
+        own = both[name].sel({alone[name].dims[1]: names})
+        np.testing.assert_allclose(own, alone[name], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(both.momentum, alone.momentum, rtol=1e-9, atol=1e-12)
+    assert both.attrs["momentum_audit"] < 1e-6
+    share = [flight_summary(one)["force_over_weight"] for one in (alone, both)]
+    assert share[1] == pytest.approx(share[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("bodies", [BIRD, STAND + BIRD])
+def test_a_cell_in_world_axes_holds_the_floating_body(bodies):
+    """It was taken to hold the first body of the file, be it a stand that hangs on the world."""
+    held = beside(bodies, pt.mounts.fixed())
+    n, (count, _) = held.sizes["dof"], held.v.shape
+    motion = held.assign(covariance=(("time", "part", "other"), np.zeros((count, 3 * n, 3 * n))))
+    shown = Measured(held.mount_wrench.values, np.zeros((count, 6)))
+    joints = Measured(held.u1.values, np.zeros((count, n)))
+    mount = Wrench(shown, pt.sensors.LoadCell(rate=1.0))
+    found = pt.inverse_dynamics_force(motion, joints=joints, mount=mount)
+    np.testing.assert_allclose(found.force, held.aero_force, atol=1e-9)

@@ -122,7 +122,7 @@ def _cell_notes(
     """Warnings about unit, clock, sign and zero of the load cell that holds a robot."""
     if np.isfinite(found.force[:, place]).all(axis=1).sum() < 2:
         return ["Warning: load cell: no two samples have a force that is known"]
-    weight = found.robot.mass * found.robot.gravity
+    weight = found.robot.flying.mass * found.robot.gravity
     lift = float(np.nanmean(found.force[:, place[2]])) / weight
     turned = replace(mount.measured, values=-mount.measured.values)
     other = inverse_dynamics_force(motion, joints=joints, mount=replace(mount, measured=turned))
@@ -251,7 +251,7 @@ def _zero_notes(motion: xr.Dataset, found: ForceSamples, place: list[int]) -> li
     rests = [slice(a, b + 1) for a, b in ends if found.time[b] - found.time[a] > _REST]
     if not rests:
         return []
-    weight = found.robot.mass * found.robot.gravity
+    weight = found.robot.flying.mass * found.robot.gravity
     turned = from_quaternion(motion["attitude"].values)
     spread = 3 * np.median(found.std[:, place][known], axis=0)
 
