@@ -107,10 +107,9 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     warnings, held = [], json.loads(flight.attrs.get("held", "null"))
     if held is not None:
         facts["held_samples"] = sum(held.values())
-    if "speed" in facts:
-        free = flight.attrs.get("mount") == "free"
-        warnings = _warnings(facts, free, judged=bool(weight) and (not beat or beats > 0))
-        if free and weight and air_of(flight).density > LIQUID:
+    if "speed" in facts and flight.attrs.get("mount") == "free":
+        warnings = _warnings(facts, judged=bool(weight) and (not beat or beats > 0))
+        if weight and air_of(flight).density > LIQUID:
             warnings.append(
                 "Buoyancy is not modeled: gravity: 0 m/s^2 in the robot file stands for a robot "
                 "as heavy as its water."
@@ -173,8 +172,8 @@ def _of_body(robot: Robot, flight: xr.Dataset, chosen: slice) -> dict[str, Any]:
     }
 
 
-def _warnings(facts: dict[str, Any], free: bool, judged: bool) -> list[str]:
-    """Sentences about what is wrong; `free` if nothing holds it, `judged` by its mean force."""
+def _warnings(facts: dict[str, Any], judged: bool) -> list[str]:
+    """Sentences about what is wrong in free flight; `judged` by its mean force."""
     warnings = []
     for name in ("roll", "pitch"):
         most = max(abs(one) for one in facts[name])
@@ -190,7 +189,7 @@ def _warnings(facts: dict[str, Any], free: bool, judged: bool) -> list[str]:
         warnings.append(
             f"It sinks at {sinking:.2g} m/s: the air carries {share:.0%} of the weight."
         )
-    elif free and not STEADY[0] <= share <= STEADY[1]:
+    elif not STEADY[0] <= share <= STEADY[1]:
         warnings.append(f"Its flight is not steady: the air carries {share:.0%} of the weight.")
     return warnings
 

@@ -41,6 +41,8 @@ from patagium.simulation.runge_kutta import (
 )
 from patagium.simulation.state_layout import StateLayout, state_layout
 from patagium.simulation.state_limits import (
+    PITCH_MARGIN,
+    SINGULARITY_REMEDY,
     SPEED_LIMIT,
     StepTooLong,
     check_start,
@@ -652,6 +654,11 @@ def _base_motion(
         if v[i] != 0:
             name = f"initial velocity of {robot.dof_names[i]}"
             raise ParameterError(name, "0, as a fixed mount holds it (give the air a wind)", v[i])
+    for body in robot.floating_bodies.values() if dofs else ():
+        pitch = q[robot.floating_coordinates(body)[4]]
+        if not body.by_quaternion and abs(np.cos(pitch)) < np.sin(PITCH_MARGIN):
+            expected = f"a held pitch {PITCH_MARGIN} rad from 90 degrees ({SINGULARITY_REMEDY})"
+            raise ParameterError("initial pitch", expected, pitch)
     position = q[[k - layout.hidden for k in layout.prescribed_coordinates[count:]]]
     return partial(_at_rest, position, len(dofs))
 

@@ -10,6 +10,7 @@ import patagium as pt
 from patagium.errors import ParameterError
 from patagium.robot.planform import poses
 from patagium.sensing.force.measured_force import Measured, Wrench
+from patagium.simulation.flight_summary import flight_summary
 from patagium.simulation.mounts import with_load_cells
 
 ROCKING = pt.paths.sinusoid(
@@ -101,6 +102,25 @@ def test_a_still_path_is_a_fixed_mount():
     for name in ("q", "mount_wrench", "u1", "aero_force"):
         np.testing.assert_array_equal(still[name], fixed[name])
     assert json.loads(fixed.attrs["mount_path"]) is None
+
+
+@pytest.mark.parametrize("pitch", [np.pi / 2, -np.pi / 2 + 0.01])
+def test_a_mount_holds_no_singular_pitch(pitch):
+    """The wrench of the mount lost a moment there without a word."""
+    with pytest.raises(ParameterError, match="a held pitch .* a quaternion is not"):
+        _flown(pt.mounts.fixed(), q=pt.load_robot("aerobat").coordinates(pitch=pitch))
+    robot = pt.load_robot("aerobat").with_attitude("quaternion")
+    upright = {"mount": pt.mounts.fixed(), "q": robot.coordinates(pitch=pitch)}
+    flight = pt.simulate(robot, pt.QuasiSteady(robot), pt.gaits.still(robot), **upright, **STEP)
+    assert not flight_summary(flight)["warnings"]
+
+
+def test_a_carried_robot_neither_sinks_nor_flies_backwards():
+    """Its summary said so of paths that lead down and back."""
+    path = pt.paths.line((0, 0, 1), (-0.2, 0, 0.8), duration=0.2)
+    facts = flight_summary(_flown(pt.mounts.carried(path), duration=0.2))
+    assert facts["speed"] < -0.5 and facts["climb_rate"] < -0.5
+    assert not [one for one in facts["warnings"] if one.startswith("It ")]
 
 
 def test_a_plan_travels_with_the_flight():

@@ -294,6 +294,17 @@ def test_a_robot_by_quaternion_shows_the_same() -> None:
         np.testing.assert_allclose(one, other, atol=1e-5 * (1 + np.abs(one).max()))
 
 
+def test_no_encoder_shows_a_part_of_a_quaternion() -> None:
+    """It showed the quaternion's y as a pitch in radians."""
+    robot = pt.load_robot("hawk").with_attitude("quaternion")
+    flown = pt.simulate(
+        robot, pt.QuasiSteady(robot), pt.gaits.still(robot), duration=0.01, time_step=1e-3
+    )
+    with pytest.raises(ParameterError, match="no part of a quaternion"):
+        pt.sense(flown, [S.Encoder(joints=("z", "pitch"), rate=500.0)])
+    assert "encoder" in pt.sense(flown, [S.Encoder(joints=("z",), rate=500.0)]).readings
+
+
 def test_attitude_noise_turns_about_the_frames_own_axes() -> None:
     camera = S.MotionCapture(body="body", rate=50.0, attitude_std=(0.0, 0.0, 0.01))
     flight = at_rest(20.0, (0.0, 0.5, 0.3))

@@ -56,8 +56,10 @@ class Encoder(Sensor):
     def shown(self, scene: Scene, times: Array, errors: tuple[Array, ...]) -> Reading:
         """Reading of a scene at given times, (N,) [s]; see `Sensor.shown`."""
         joints, (zero, white) = joint_names(self.joints, scene.robot), errors
-        places = scene.robot.coordinate_indices
+        places, units = scene.robot.coordinate_indices, scene.robot.coordinate_units
         columns = [places[scene.robot.index(name)] for name in joints]
+        if any(units[k] == "1" for k in columns):
+            raise ParameterError("joints", "coordinates that are no part of a quaternion", joints)
         truth = scene.coordinates(times)[0][:, columns]
         shown = stepped(truth + zero + white, self.resolution)
         return Reading(
