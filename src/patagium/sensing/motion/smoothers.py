@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 from patagium.arrays import Array, Indices, real_array, rising
 from patagium.errors import LogError, ParameterError, ShapeError
 
-ORDERS = (1, 2, 3, 4, 5)
 MOTION_ORDERS = (3, 4, 5)
 """Orders of a chain that has an acceleration."""
 _DIFFUSE = 3.0
@@ -73,14 +72,7 @@ def added_covariance(order: int, step: float) -> Array:
     )
 
 
-def smooth_chain(
-    time: ArrayLike,
-    values: ArrayLike,
-    std: ArrayLike,
-    density: ArrayLike,
-    *,
-    order: int = 4,
-) -> Smoothed:
+def smooth_chain(time: Array, values: Array, std: Array, density: Array, order: int) -> Smoothed:
     """Coordinates and their derivatives given all measurements.
 
     A Kalman filter runs forwards and a Rauch-Tung-Striebel smoother backwards.
@@ -88,51 +80,35 @@ def smooth_chain(
     Args:
         time: Increasing times, (N,) [s].
         values: Measured coordinates, (N, B) [unit]; NaN where one was not measured.
-        std: Standard deviation of the measurements, (B,), (N, B) or one for all [unit].
-        density: Density of the driving noise, (B,) or one for all [unit^2/s^(2m-1)].
+        std: Standard deviation of the measurements, (N, B), positive [unit].
+        density: Density of the driving noise, (B,) [unit^2/s^(2m-1)].
         order: Number m of levels.
-
-    Raises:
-        ShapeError: If arrays do not fit each other.
-        ParameterError: If order, standard deviation or density is out of its range.
-        LogError: If time does not advance, or a coordinate was never measured.
     """
-    stamps, y, noise, drive = _checked(time, values, std, density, order)
-    unit = float(np.median(np.diff(stamps)))  # time in steps: entries of like size
-    run = _Pass(stamps / unit, y, noise, drive * unit ** (2 * order - 1), order)
+    unit = float(np.median(np.diff(time)))  # time in steps: entries of like size
+    run = _Pass(time / unit, values, std**2, density * unit ** (2 * order - 1), order)
     run.forwards()
     state, covariance = run.backwards()
     scale = unit ** -np.arange(order, dtype=float)
     return Smoothed(state * scale, covariance * np.outer(scale, scale))
 
 
-def likely_density(time: ArrayLike, values: ArrayLike, std: ArrayLike, *, order: int = 4) -> Array:
+def likely_density(time: Array, values: Array, std: Array, order: int) -> Array:
     """Density of the driving noise for which the measurements are most likely, (B,).
 
-    The search is a grid over 22 powers of ten, refined about its best point.
-
-    Args:
-        time: Increasing times, (N,) [s].
-        values: Measured coordinates, (N, B) [unit]; NaN where one was not measured.
-        std: Standard deviation of the measurements, (B,) or one for all, positive [unit].
-        order: Number m of levels.
+    The search is a grid over 22 powers of ten, refined about its best point; the arguments are
+    those of `smooth_chain`.
 
     Returns:
         Density of each coordinate, (B,) [unit^2/s^(2m-1)].
-
-    Raises:
-        ShapeError: If arrays do not fit each other.
-        ParameterError: If order or standard deviation is out of its range.
-        LogError: If time does not advance, or a coordinate was never measured.
     """
-    stamps, y, noise, _ = _checked(time, values, std, 1.0, order)
-    count = y.shape[1]
-    unit = float(np.median(np.diff(stamps)))
+    noise, count = std**2, values.shape[1]
+    unit = float(np.median(np.diff(time)))
     best = np.log10(noise.mean(axis=0)) - (2 * order - 1) * np.log10(unit)
     for reach in _REACHES:
         exponents = best + np.linspace(*reach)[:, None]
         tried, drive = len(exponents), 10.0 ** exponents.ravel() * unit ** (2 * order - 1)
-        run = _Pass(stamps / unit, np.tile(y, tried), np.tile(noise, tried), drive, order, False)
+        y, variance = np.tile(values, tried), np.tile(noise, tried)
+        run = _Pass(time / unit, y, variance, drive, order, keep=False)
         run.forwards()
         likely = run.log_likelihood.reshape(exponents.shape).argmax(axis=0)
         best = exponents[likely, np.arange(count)]
@@ -225,30 +201,6 @@ def _solve(matrices: Array, right: Array) -> Array:
     return np.asarray(scale[..., None] * np.linalg.solve(scaled, scale[..., None] * right))
 
 
-def _checked(
-    time: ArrayLike, values: ArrayLike, std: ArrayLike, density: ArrayLike, order: int
-) -> tuple[Array, Array, Array, Array]:
-    stamps, y = _samples(time, values)
-    if order not in ORDERS:
-        raise ParameterError("order", f"one of {ORDERS}", order)
-    noise = np.broadcast_to(np.asarray(std, float), y.shape)
-    drive = np.broadcast_to(np.asarray(density, float), y.shape[1:])
-    for name, array in (("std", noise), ("density", drive)):
-        if not (np.isfinite(array).all() and (array > 0).all()):
-            raise ParameterError(name, "positive numbers", float(np.min(array)))
-    return stamps, y, noise**2, np.array(drive)
-
-
-def _samples(time: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
-    stamps, y = rising(time), real_array("values", values)
-    if y.ndim != 2 or stamps.shape != (len(y),) or len(y) < 2:
-        raise ShapeError("values", "(N, B) with N times, N >= 2", y.shape)
-    silent = np.flatnonzero(~np.isfinite(y).any(axis=0))
-    if len(silent):
-        raise LogError(f"values: expected measurements in column {silent[0]}, found none")
-    return stamps, y
-
-
 def smooth_series(
     time: ArrayLike, values: ArrayLike, std: ArrayLike, at: ArrayLike, *, order: int = 4
 ) -> Smoothed:
@@ -271,15 +223,23 @@ def smooth_series(
     """
     if order not in MOTION_ORDERS:
         raise ParameterError("order", f"one of {MOTION_ORDERS}", order)
-    drive = likely_density(time, values, std, order=order)
-    stamps, y = _samples(time, values)
+    stamps, y = rising(time), real_array("values", values)
+    if y.ndim != 2 or stamps.shape != (len(y),) or len(y) < 2:
+        raise ShapeError("values", "(N, B) with N times, N >= 2", y.shape)
+    silent = np.flatnonzero(~np.isfinite(y).any(axis=0))
+    if len(silent):
+        raise LogError(f"values: expected measurements in column {silent[0]}, found none")
+    noise = np.broadcast_to(np.asarray(std, float), y.shape)
+    if not (np.isfinite(noise).all() and (noise > 0).all()):
+        raise ParameterError("std", "positive numbers", float(np.min(noise)))
     moments = real_array("at", at, ("N",))
     if not (len(moments) and np.isfinite(moments).all()):
         raise ParameterError("at", "finite numbers", at)
+    drive = likely_density(stamps, y, noise, order)
     grid, rows = merged_times(stamps, moments)
     known = np.full((len(grid), y.shape[1]), np.nan)
     known[np.searchsorted(grid, stamps)] = y
-    found = smooth_chain(grid, known, std, drive, order=order)
+    found = smooth_chain(grid, known, np.broadcast_to(noise[0], known.shape), drive, order)
     return Smoothed(found.state[rows, :, :3], found.covariance[rows, :, :3, :3])
 
 
