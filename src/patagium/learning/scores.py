@@ -428,28 +428,6 @@ def persistence(measurement: ArrayLike, used: ArrayLike, before: ArrayLike | Non
     return np.asarray(held)
 
 
-def coverage(error: ArrayLike, std: ArrayLike, heard: ArrayLike | None = None) -> Array:
-    """Share of errors inside the predicted 95 % interval, for each output.
-
-    |y - yhat| <= 1.96 sigma; a calibrated Gaussian prediction gives 0.95.
-
-    Args:
-        error: y - yhat, (M, n_y) [unit of y]; NaN where y was not measured.
-        std: Predicted standard deviation, (M, n_y) [unit of y], same unit.
-        heard: Outputs to score, (n_y,) of bool; the others are nan. None: all.
-
-    Returns:
-        Share, (n_y,) [-].
-
-    Raises:
-        ShapeError: If the arrays are not (M, n_y).
-    """
-    miss, sigma = _table("error", error), _table("std", std)
-    sums = IntervalSums(miss.shape[1])
-    sums.add(miss, sigma)
-    return sums.coverage(heard)
-
-
 def span_scores(values: ArrayLike, names: Sequence[str], prefix: str) -> dict[str, Any]:
     """Score by output name, with its mean and worst over the outputs that are not silent.
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from patagium.learning.scores import ErrorSums, Scorer, coverage, normalized_error
+from patagium.learning.scores import ErrorSums, IntervalSums, Scorer, normalized_error
 
 NAMES = ("lift", "far", "still")
 COUNT = 900
@@ -66,7 +66,9 @@ def test_sums_give_the_scores_of_arrays(samples: dict[str, np.ndarray]) -> None:
             each = normalized_error(samples["y"][rows], samples[part][rows])
             assert list(found[key + end].values()) == pytest.approx(each, rel=1e-9, nan_ok=True)
             assert found[f"{key}{end}_worst"] == pytest.approx(np.nanmax(each), rel=1e-9)
-    each = coverage(innovation, std, heard)
+    intervals = IntervalSums(len(heard))
+    intervals.add(innovation, std)
+    each = intervals.coverage(heard)
     assert found["coverage"] == pytest.approx(np.nanmean(each), rel=1e-12)
     channels = np.isfinite(innovation[:, heard]).sum(axis=1)
     ratio = samples["nis"][channels > 0] / channels[channels > 0]

@@ -23,7 +23,7 @@ from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.network import Network
 from patagium.learning.models.strip import StripNetwork
 from patagium.learning.result import check
-from patagium.learning.scores import coverage, normalized_error
+from patagium.learning.scores import IntervalSums, normalized_error
 from patagium.report import PageSection, Table, picture
 from patagium.report.figures import comparison
 from patagium.robot import Robot, load_robot
@@ -173,7 +173,8 @@ def _learn(
         if cycle < cycles - 1:
             _teach(learner, candidate.x, lift)
     checks = [check(learner, k, (candidate.x[k], lift[k : k + 1])) for k in range(len(lift))]
-    inside = coverage([c.error for c in checks], [c.std for c in checks])
+    intervals = IntervalSums(1)
+    intervals.add(np.array([c.error for c in checks]), np.array([c.std for c in checks]))
     return (
         errors,
         guess,
@@ -182,7 +183,7 @@ def _learn(
             "second cycle": errors[1] if cycles > 1 else float("nan"),
             "last cycle": errors[-1],
             "last cycle nmse": float(normalized_error(lift[:, None], guess[:, None])[0]),
-            "last cycle coverage": float(inside[0]),
+            "last cycle coverage": float(intervals.coverage_in_all),
             "unseen quarter": _unseen_quarter(case, candidate, cycles),
             "weights": candidate.network.size,
             "time_per_update": learner.time_per_update,

@@ -15,7 +15,7 @@ import xarray as xr
 from patagium.arrays import Array
 from patagium.learning import load_learner
 from patagium.learning.models.memory import network_inputs
-from patagium.learning.scores import coverage, normalized_error
+from patagium.learning.scores import IntervalSums, normalized_error
 from patagium.sensing.sensors import Sensor
 from patagium.simulation import cycle_statistics
 from patagium_lab.rig.learning import LogResult, SourceResult
@@ -141,7 +141,9 @@ def _source_scores(
     error = normalized_error(truth[late], run.prediction[late])[heard]
     checked = run.checked >= count // 2
     apart = truth[run.checked[checked]] - run.prediction[run.checked[checked]]
-    inside = coverage(apart, run.std[checked], heard)[heard]
+    intervals = IntervalSums(len(heard))
+    intervals.add(apart, run.std[checked])
+    inside = intervals.coverage(heard)[heard]
     return {
         "measured_worst": measured_error(flight, run.samples),
         "measured": list(run.samples.measured),
