@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from math import inf, isfinite, isnan
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -60,18 +59,6 @@ _PARTS = (
 _MARKS = ("still", "moved", "left_out", "seen", "far")
 NEWER = ("offset", "scale", "largest", "seen", "far", "heard", "clock", *MISFIT_PARTS, *MEMORY)
 """Arrays that files of earlier releases do not hold."""
-
-
-class Screened(NamedTuple):
-    """Sample as it is learned from.
-
-    Attributes:
-        moments: Of y, without the channels left out and with the noise of those doubted.
-        innovation: Innovation, (n_y,) [unit of y]; zero where a channel is left out.
-    """
-
-    moments: Moments
-    innovation: Array
 
 
 class ChangeMonitor:
@@ -345,8 +332,11 @@ class Screen:
         """
         self.misfit.follow(measured, float(self.numbers[_STAMP]))
 
-    def screened(self, found: Moments, measured: Array) -> Screened | None:
-        """Sample as it is learned from; None where no channel is left.
+    def screened(self, found: Moments, measured: Array) -> tuple[Moments, Array] | None:
+        """Moments and innovation of a sample as it is learned from; None: no channel is left.
+
+        Channels left out are none of the moments, and their innovation is zero; the noise of
+        those doubted is raised.
 
         Args:
             found: Moments of y before it was measured.
@@ -365,7 +355,7 @@ class Screen:
         slopes[:, out] = 0.0
         remainder[out, :], remainder[:, out] = 0.0, 0.0
         remainder[out, out] = 1.0
-        return Screened(Moments(found.mean, slopes, remainder), innovation)
+        return Moments(found.mean, slopes, remainder), innovation
 
     def learned(
         self, mean: Array, innovation: Array, gain: Array, inverse: Array, nis: float

@@ -9,7 +9,7 @@ hands the sample on and keeps the books. Whatever fails leaves mean and covarian
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -19,24 +19,12 @@ from patagium.learning.filters.block_kernel import BlockKernel, structure_and_ke
 from patagium.learning.filters.kernel_memory import Compiled
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import MatrixLost, inverse_root
-from patagium.learning.filters.screening import Screened, new_screen
+from patagium.learning.filters.screening import new_screen
 from patagium.learning.filters.spread import Moments
 from patagium.learning.filters.state import arrays_like, vector
 from patagium.learning.filters.structure import Look, Structure
 from patagium.learning.filters.weight_covariance import BlockCovariance
 from patagium.learning.models.network import Encoding
-
-
-class Prediction(NamedTuple):
-    """Moments of y before it is measured.
-
-    Attributes:
-        mean: Mean, (n_y,) [y].
-        covariance: Covariance with the noise of the measurement, (n_y, n_y) [y^2].
-    """
-
-    mean: Array
-    covariance: Array
 
 
 class WeightFilter:
@@ -90,8 +78,8 @@ class WeightFilter:
         return None if self._kernel is None else self._kernel.compiled
 
     @np.errstate(over="ignore", invalid="ignore")
-    def predict(self, x: Array) -> Prediction:
-        """y at x, before it is measured.
+    def predict(self, x: Array) -> tuple[Array, Array]:
+        """Mean of y at x before it is measured, (n_y,), and covariance with noise, (n_y, n_y).
 
         Args:
             x: Input, (n_x,) [units of x].
@@ -100,23 +88,26 @@ class WeightFilter:
             MatrixLost: If the covariance is no longer positive definite.
         """
         if self._kernel is not None:
-            return Prediction(*self._kernel.predict(x))
+            return self._kernel.predict(x)
         look = self._look(self.numbers.network.encode_one(x))
         found, _ = self._structure.moments(self._advanced(), look)
         stated = self.screen.stated_covariance(found.covariance, carried=False)
-        return Prediction(found.mean, stated)
+        return found.mean, stated
 
-    def update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
+    def update(self, x: Array, y: Array) -> tuple[Outcome, tuple[Array, Array]]:
         """Learn one sample; whatever is not COMPLETED changed neither mean nor covariance.
 
         Args:
             x: Input, (n_x,) [units of x].
             y: Measurement, (n_y,) [y]; NaN where a channel is missing.
+
+        Returns:
+            How it went, and what `predict` would have said before.
         """
         if self._kernel is None:
             return self._update(x, y)
         outcome, mean, covariance = self._kernel.update(x, y)
-        return Outcome(outcome), Prediction(mean, covariance)
+        return Outcome(outcome), (mean, covariance)
 
     def drift(self, growth: float, noise: Array) -> None:
         """P <- growth P + diag(noise), once.
@@ -189,8 +180,8 @@ class WeightFilter:
         return Look(self.numbers, self._mean, encoding, self.screen.noise(encoding.readout))
 
     @np.errstate(over="ignore", invalid="ignore")
-    def _update(self, x: Array, y: Array) -> tuple[Outcome, Prediction]:
-        prediction = Prediction(np.full(len(y), np.nan), np.full((len(y), len(y)), np.nan))
+    def _update(self, x: Array, y: Array) -> tuple[Outcome, tuple[Array, Array]]:
+        prediction = np.full(len(y), np.nan), np.full((len(y), len(y)), np.nan)
         refused = self.screen.admit()
         if refused:
             return refused, prediction
@@ -208,7 +199,7 @@ class WeightFilter:
             before = self._advanced()
             found, directions = self._structure.moments(before, look)
             stated = self.screen.stated_covariance(found.covariance, carried=True)
-            prediction = Prediction(self.screen.carried_on(found.mean), stated)
+            prediction = self.screen.carried_on(found.mean), stated
             sample = self._screened(found, y)
             if isinstance(sample, Outcome):
                 return sample, prediction
@@ -216,14 +207,14 @@ class WeightFilter:
         except MatrixLost as lost:
             return lost.outcome, prediction
 
-    def _screened(self, found: Moments, y: Array) -> Screened | Outcome:
-        """Sample as it is learned from, or why it is not."""
+    def _screened(self, found: Moments, y: Array) -> tuple[Moments, Array] | Outcome:
+        """Moments and innovation as they are learned from, or why they are not."""
         if not (np.isfinite(found.mean).all() and np.isfinite(found.covariance).all()):
             return Outcome.NOT_FINITE
         sample = self.screen.screened(found, y)
         if sample is None:
             return Outcome.BLIND
-        return sample if np.isfinite(sample.innovation).all() else Outcome.NOT_FINITE
+        return sample if np.isfinite(sample[1]).all() else Outcome.NOT_FINITE
 
     def _learn(
         self, before: Any, look: Look, directions: Any, moments: Moments, innovation: Array

@@ -304,15 +304,15 @@ class FilterLearner(Learner):
         screen = self._filter.screen
         screen.stamp(time)
         with self._noisier(std):
-            outcome, prediction = self._filter.update(sample, measured)
+            outcome, (mean, covariance) = self._filter.update(sample, measured)
         if outcome is not Outcome.COMPLETED:
             self._refuse(outcome, sample, measured)
             return np.full(len(measured), np.nan)
         self._refused_run = 0
-        self._innovation_covariance = prediction.covariance
+        self._innovation_covariance = covariance
         self._act_on_alarm(self.count + 1)
         self._stopwatch.add(perf_counter_ns() - started)
-        return np.where(screen.left_out, np.nan, measured - prediction.mean)
+        return np.where(screen.left_out, np.nan, measured - mean)
 
     def _noisier(self, std: ArrayLike | None) -> AbstractContextManager[None]:
         """More noise of the measurement for one sample; where the filter's C code looks for it."""
