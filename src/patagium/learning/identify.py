@@ -101,7 +101,8 @@ def identify(
     else:
         simulated = isinstance(flight, xr.Dataset) and "air" not in flight.attrs  # imported has it
         time, x, y, units = samples(flight, chosen.network, inputs)
-        _know_ranges(chosen, x, y)
+        if isinstance(chosen, FilterLearner):
+            chosen.expect(x, y)  # by the ranges of the record it judges faults of sensors
         motion, period = None, None if isinstance(flight, ForceSamples) else gait_period(flight)
         if named_horizons(horizons) and not isinstance(flight, ForceSamples):
             motion = robot_motion(flight, robot_of(flight), chosen.network, inputs, period)
@@ -139,12 +140,6 @@ def _flight_words(
     left = f"; {lost} of {count} samples, whose motion is not known, are left out" * bool(lost)
     told = f"of {names} by {flight.source}, each with its standard deviation{left}"
     return words | {"forces": told}
-
-
-def _know_ranges(learner: Learner, x: Array, y: Array) -> None:
-    """Tell a learner the ranges of a record, by which it judges faults of sensors."""
-    if isinstance(learner, FilterLearner):
-        learner.expect(x, y)
 
 
 def _check_horizons(horizons: Horizons, span: float) -> None:

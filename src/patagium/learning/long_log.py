@@ -30,7 +30,6 @@ from patagium.learning.result import Identification
 from patagium.learning.scores import Scorer, persistence
 from patagium.learning.stream import (
     BlockRun,
-    ForecastPlan,
     Samples,
     forecast_scores,
     forecasters,
@@ -179,8 +178,8 @@ class _LongRun:
             self.memory.last = None  # it begins anew after a gap
         self.gaps += len(gaps)
         samples = Samples(time[rows], table.x[rows], table.y[rows], gaps)
-        plan = ForecastPlan(None, None, total // 2 - begin)
-        watches = forecasters(self.learner, samples, self.every, self.forecasts, plan)
+        half = total // 2 - begin
+        watches = forecasters(self.learner, samples, self.every, self.forecasts, half)
         run = BlockRun(self.learner, samples, self.every, watches, self.memory)
         run.go(None if progress is None else lambda done, _: progress(begin + done, total))
         held = persistence(samples.y, run.used, self.held)

@@ -492,8 +492,9 @@ def stream(
         if len(given) != outputs:
             raise ShapeError(word, (outputs,), (len(given),))
     sums = [ForecastSums(label, one, names) for label, one in named_horizons(horizons).items()]
-    plan = ForecastPlan(motion, period, len(samples.time) // 2)
-    watches = [*forecasters(learner, samples, every, sums, plan), *watches]
+    half = len(samples.time) // 2
+    ahead = forecasters(learner, samples, every, sums, half, motion, period)
+    watches = [*ahead, *watches]
     run = BlockRun(learner, samples, every, watches)
     run.go(progress)
     held, scorer = persistence(samples.y, run.used), Scorer(names)
@@ -516,22 +517,14 @@ def _counts(run: BlockRun, every: int) -> dict[str, Any]:
     }
 
 
-class ForecastPlan(NamedTuple):
-    """Knowledge of the forecasts of a block in addition to its samples.
-
-    Attributes:
-        motion: Forecast of the inputs; None: they are held, or their last wingbeat is repeated.
-        period: Wingbeat, where it is known beforehand [s].
-        half: First sample of the second half, counted from the block's first.
-    """
-
-    motion: Motion | None
-    period: float | None
-    half: int
-
-
 def forecasters(
-    learner: Learner, samples: Samples, every: int, sums: Sequence[ForecastSums], plan: ForecastPlan
+    learner: Learner,
+    samples: Samples,
+    every: int,
+    sums: Sequence[ForecastSums],
+    half: int,
+    motion: Motion | None = None,
+    period: float | None = None,
 ) -> list[Watch]:
     """Observers that forecast a block, one for each horizon.
 
@@ -540,11 +533,14 @@ def forecasters(
         samples: The block.
         every: One sample in so many is used.
         sums: Errors of each horizon, which they count.
-        plan: What they know in addition to the samples.
+        half: First sample of the second half, counted from the block's first.
+        motion: Forecast of the inputs; None: they are held, or their last wingbeat is repeated.
+        period: Wingbeat, where it is known beforehand [s].
     """
     used = used_samples(len(samples.time), every, samples.gaps)
     log = samples.time, samples.x, samples.y
-    return [Forecaster(one, learner, log, used, samples.gaps, *plan) for one in sums]
+    known = learner, log, used, samples.gaps, motion, period, half
+    return [Forecaster(one, *known) for one in sums]
 
 
 def forecast_scores(sums: Sequence[ForecastSums]) -> dict[str, Any]:
