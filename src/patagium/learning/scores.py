@@ -334,16 +334,12 @@ class Scorer:
             "reliability": dict(zip(map(str, NOMINAL), within, strict=True)),
         }
 
-    def innovation_scores(self) -> dict[str, Any]:
-        """Calibration of the filter by its innovations; see `InnovationSums.scores`."""
-        return self._innovations.scores(self.names, ~self.silent)
-
     def scores(self) -> dict[str, Any]:
         """All scores by name."""
         return {
             **self.error_scores(),
             **self.interval_scores(),
-            **self.innovation_scores(),
+            **self._innovations.scores(self.names, ~self.silent),
         }
 
     def state(self) -> dict[str, Array]:

@@ -499,22 +499,19 @@ def stream(
     run.go(progress)
     held, scorer = persistence(samples.y, run.used), Scorer(names)
     run.score(scorer, held)
-    scores = {**_counts(run, every), **scorer.scores(), **forecast_scores(sums), **run.facts()}
-    record, scores = run.record(names, units, held), with_verdict(scores)
-    return Identification(scores, record, learner, run.outcome, run.message)
-
-
-def _counts(run: BlockRun, every: int) -> dict[str, Any]:
-    """Numbers of samples, updates and gaps of a run that is a whole log, by name."""
-    time = run.samples.time
-    return {
-        "samples": len(time),
+    scores = {
+        "samples": len(samples.time),
         "samples_predicted": run.reached,
         "every": every,
         "updates": run.updates,
-        "median_step": float(np.median(np.diff(time))),
-        "gaps": len(run.samples.gaps),
+        "median_step": float(np.median(np.diff(samples.time))),
+        "gaps": len(samples.gaps),
+        **scorer.scores(),
+        **forecast_scores(sums),
+        **run.facts(),
     }
+    record, scores = run.record(names, units, held), with_verdict(scores)
+    return Identification(scores, record, learner, run.outcome, run.message)
 
 
 def forecasters(

@@ -53,8 +53,10 @@ def _drifted(numbers: FilterNumbers, roots: Roots, growth: float, noise: Array |
 
 def _moments(roots: Roots, look: Look) -> tuple[Moments, Array]:
     root = scattered(roots, blocks_in(look.numbers))
-    moments = linear_moments if look.numbers.linear else point_moments
-    return moments(look, root), root
+    if not look.numbers.linear:
+        return point_moments(look, root), root
+    y, slope = look.numbers.network.linearized(look.encoding, look.mean)
+    return Moments(y, root.T @ slope.T, np.diag(look.noise)), root
 
 
 def _learned(
@@ -201,14 +203,3 @@ def point_moments(look: Look, root: Array) -> Moments:
     y = np.concatenate(values)
     count = len(center)
     return moments_of(y[0], y[1 : count + 1], y[count + 1 :], look.noise, rule)
-
-
-def linear_moments(look: Look, root: Array) -> Moments:
-    """Moments of y with the network linear around the weights.
-
-    Args:
-        look: Sample before it is measured.
-        root: Square root S of P, (n, n) [1].
-    """
-    y, slope = look.numbers.network.linearized(look.encoding, look.mean)
-    return Moments(y, root.T @ slope.T, np.diag(look.noise))

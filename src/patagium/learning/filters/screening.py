@@ -305,14 +305,6 @@ class Screen:
         scale = self.misfit.stated(np.diag(covariance), self.parts["noise"], carried)
         return np.asarray(scale[:, None] * covariance * scale)
 
-    def carried_on(self, mean: Array) -> Array:
-        """Mean of y with what of the last error is still there at this sample, (n_y,) [y].
-
-        Args:
-            mean: Mean that the weights give, (n_y,) [y].
-        """
-        return mean + self.misfit.parts["carried"] if self.misfit.floor else mean
-
     def stated_innovation(self, innovation: Array) -> Array:
         """Innovation in the units that the filter assumes, larger where it states less, (n_y,).
 

@@ -199,7 +199,9 @@ class WeightFilter:
             before = self._advanced()
             found, directions = self._structure.moments(before, look)
             stated = self.screen.stated_covariance(found.covariance, carried=True)
-            prediction = self.screen.carried_on(found.mean), stated
+            misfit = self.screen.misfit  # of the last error, what is still there at this sample
+            mean = found.mean + misfit.parts["carried"] if misfit.floor else found.mean
+            prediction = mean, stated
             sample = self._screened(found, y)
             if isinstance(sample, Outcome):
                 return sample, prediction

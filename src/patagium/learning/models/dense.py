@@ -59,7 +59,11 @@ class DenseNetwork(PerceptronNetwork):
         output_center: ArrayLike = 0.0,
         output_scale: ArrayLike = 1.0,
     ) -> None:
-        names = named_outputs(outputs)
+        if isinstance(outputs, int):
+            outputs = [f"y{k}" for k in range(min(outputs, WIDEST + 1))]  # one more is refused
+        names = tuple(outputs)
+        if not names or len(set(names)) != len(names):
+            raise ParameterError("outputs", "one or more different names, or how many", outputs)
         self.inputs_jump = False
         self.perceptron = Perceptron((inputs, *hidden, len(names)), activation)
         self._names = names
@@ -144,20 +148,6 @@ DESCRIBED = (
     "output_center",
     "output_scale",
 )
-
-
-def named_outputs(outputs: int | Sequence[str]) -> tuple[str, ...]:
-    """Names of outputs given by number or by name.
-
-    Raises:
-        ParameterError: If there are none, or two of one name.
-    """
-    if isinstance(outputs, int):
-        outputs = [f"y{k}" for k in range(min(outputs, WIDEST + 1))]  # one more is refused below
-    names = tuple(outputs)
-    if not names or len(set(names)) != len(names):
-        raise ParameterError("outputs", "one or more different names, or how many", outputs)
-    return names
 
 
 def described(kind: str, description: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:

@@ -189,8 +189,13 @@ class TrialJournal:
             raise LogError(f"{path}: expected a journal of Optuna, found: {problem}") from problem
         before = self._study.user_attrs
         question = {**question, "optuna": optuna.__version__}
-        if before:
-            _check_question(path, before, question)
+        for name in sorted({*question, *before}) if before else ():
+            if before.get(name) != question.get(name):
+                raise LogError(
+                    f"{path}: expected the trials of this question, found those of another: {name} "
+                    f"was {before.get(name)!r}, is {question.get(name)!r}; name another result "
+                    "(--out) to ask anew, or delete the journal"
+                )
         for name in (name for name in question if name not in before):
             self._study.set_user_attr(name, question[name])
         self.scores: dict[int, PredictionScore] = {}
@@ -294,20 +299,3 @@ def _storage(path: Path) -> Any:
         if end < len(whole):
             write_whole(path, whole[:end])
     return JournalStorage(JournalFileBackend(str(path), lock_obj=Alone(str(path))))
-
-
-def _check_question(
-    path: str | Path | None, found: Mapping[str, Any], asked: Mapping[str, Any]
-) -> None:
-    """Refuse the journal of another question.
-
-    Raises:
-        LogError: If something differs.
-    """
-    for name in sorted({*asked, *found}):
-        if found.get(name) != asked.get(name):
-            raise LogError(
-                f"{path}: expected the trials of this question, found those of another: {name} "
-                f"was {found.get(name)!r}, is {asked.get(name)!r}; name another result (--out) "
-                "to ask anew, or delete the journal"
-            )
