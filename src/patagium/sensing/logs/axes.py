@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from patagium.arrays import Array, Bools
 from patagium.robot.attitude import without_flips
+from patagium.sensing.sensors import from_quaternion
 
 NAMED = {
     "flu": "x, y, z",
@@ -101,19 +102,6 @@ def is_rotation(matrices: Array) -> Bools:
         return np.asarray((error < _ROUNDED) & (np.linalg.det(rows) > 0))
 
 
-def rotate(q: Array, vector: Array) -> Array:
-    """Vectors in body axes as vectors in world axes.
-
-    Args:
-        q: Attitudes w, x, y, z, (N, 4) [-].
-        vector: Vectors in body axes, (N, 3) [any unit].
-
-    Returns:
-        Vectors in world axes, (N, 3), in the unit of `vector`.
-    """
-    return np.asarray(_rotation(q).apply(vector))
-
-
 def continuous(q: Array) -> Array:
     """Quaternions of the same attitudes without jumps of sign, (N, 4) [-]."""
     found = without_flips(q)
@@ -133,7 +121,7 @@ def slerp(stamps: Array, q: Array, wanted: Array) -> Array:
     """
     if len(stamps) == 1:
         return np.repeat(q, len(wanted), axis=0)
-    between = Slerp(stamps, _rotation(q))(wanted)
+    between = Slerp(stamps, from_quaternion(q))(wanted)
     return np.asarray(between.as_quat()[:, [3, 0, 1, 2]])
 
 
@@ -144,10 +132,6 @@ def turning_rate(stamps: Array, q: Array) -> Array:
         stamps: Increasing times of the attitudes, (N,) [s].
         q: Attitudes w, x, y, z, (N, 4) [-].
     """
-    attitude = _rotation(q)
+    attitude = from_quaternion(q)
     turn = (attitude[:-1].inv() * attitude[1:]).as_rotvec()
     return np.asarray(turn / np.diff(stamps)[:, None])
-
-
-def _rotation(q: Array) -> Rotation:
-    return Rotation.from_quat(q[:, [1, 2, 3, 0]])

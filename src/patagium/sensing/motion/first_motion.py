@@ -66,11 +66,14 @@ class FirstMotion:
 
     def density(self, columns: Indices, order: int) -> Array:
         """Density of the noise that drives each column, (n,) [unit^2/s^(2 order - 1)]."""
-        known = {**self.values, **self.turned}
-        found = [
-            spectral_density(*known[column], order) if column in known else np.nan
-            for column in columns.tolist()
-        ]
+        known, found = {**self.values, **self.turned}, np.full(len(columns), np.nan)
+        for k, column in enumerate(columns.tolist()):
+            if column not in known:
+                continue
+            time, values = known[column]
+            if (spectrum := _Spectrum.of(time, values, np.zeros_like(values))) is not None:
+                misfit, density = spectrum.misfits(order, 0.0)
+                found[k] = np.mean(density[np.argmin(misfit.min(axis=1), axis=1)])
         return np.where(np.isfinite(found), found, np.nanmax([*found, 1e-6]))
 
 
@@ -109,21 +112,6 @@ def first_motion(robot: Robot, streams: Sequence[Stream], used: Mapping[str, Boo
     for k, column in enumerate(base.turn):
         turned[column] = time, angles[:, k]
     return FirstMotion(values, turned, Slerp(time, attitude))
-
-
-def spectral_density(time: Array, values: Array, order: int) -> float:
-    """Density of the white noise that drives a derivative of a series [unit^2/s^(2 order - 1)].
-
-    Args:
-        time: Times of the samples, (N,) [s].
-        values: Samples, (N,) [unit].
-        order: Order of the derivative.
-    """
-    spectrum = _Spectrum.of(time, values, np.zeros_like(values))
-    if spectrum is None:
-        return float("nan")
-    misfit, density = spectrum.misfits(order, 0.0)
-    return float(np.mean(density[np.argmin(misfit.min(axis=1), axis=1)]))
 
 
 class Noise(NamedTuple):

@@ -206,25 +206,6 @@ class MotionFilter:
         after = MotionEstimate(now.motion, now.biases, root)
         return Corrected(after, scaled, parts[:, 1 : 1 + self.size], gain)
 
-    def before_span(self, adjoint: Array, span: float, turned: Array) -> Array:
-        """Adjoint error-state at the beginning of a span, (s,): the transition transposed.
-
-        Args:
-            adjoint: Adjoint error-state at its end, (s,) [per unit of the state].
-            span: Length of the span [s].
-            turned: Rotation vector of the attitude over the span, body axes, (3,) [rad].
-        """
-        main = self.order * len(self.columns)
-        found = adjoint.copy()
-        half = None if self.turn is None else Rotation.from_rotvec(0.5 * turned).as_matrix()
-        if half is not None:
-            found[self.turn] = half @ found[self.turn]
-        move, _ = self._blocks(span)
-        found[:main] = (move.T @ found[:main].reshape(self.order, -1)).ravel()
-        if half is not None:
-            found[self.turn] = half @ found[self.turn]
-        return found
-
     def enliven(self, factor: float) -> None:
         """Multiply the density of the driving noise by a factor."""
         self.density *= factor
@@ -271,17 +252,24 @@ class MotionFilter:
         biases = estimate.biases + change[self.order * n :]
         return MotionEstimate(Motion(levels, attitude), biases, estimate.root)
 
-    def _advanced(self, matrix: Array, span: float, turned: Array) -> Array:
-        """Product F M of the transition matrix of a span with error-states M, (s, k)."""
-        n = len(self.columns)
-        moved = np.array(matrix)
+    def advanced(self, errors: Array, span: float, turned: Array, *, back: bool = False) -> Array:
+        """Product F M of the transition matrix of a span with error-states M, (s, k) or (s,).
+
+        Args:
+            errors: Error-states M; adjoint ones, per unit of the state, to go back.
+            span: Length of the span [s].
+            turned: Rotation vector of the attitude over the span, body axes, (3,) [rad].
+            back: Whether F is transposed: from the end of the span to its beginning.
+        """
+        main = self.order * len(self.columns)
+        moved = np.array(errors)
         half = None
         if self.turn is not None:
-            half = Rotation.from_rotvec(-0.5 * turned).as_matrix()
+            half = Rotation.from_rotvec((0.5 if back else -0.5) * turned).as_matrix()
             moved[self.turn] = half @ moved[self.turn]
         move, _ = self._blocks(span)
-        main = moved[: self.order * n].reshape(self.order, -1)
-        moved[: self.order * n] = (move @ main).reshape(self.order * n, -1)
+        levels = moved[:main].reshape(self.order, -1)
+        moved[:main] = ((move.T if back else move) @ levels).reshape(moved[:main].shape)
         if half is not None:
             moved[self.turn] = half @ moved[self.turn]
         return moved
@@ -293,7 +281,7 @@ class MotionFilter:
         added[:main, :main] = self._blocks(span)[1]
         rows = main + np.arange(len(self.walk))
         added[rows, rows] = np.sqrt(self.walk * span)
-        return np.hstack([self._advanced(root, span, turned), added])
+        return np.hstack([self.advanced(root, span, turned), added])
 
     def predicted_motion(self, motion: Motion, span: float) -> tuple[Motion, Array]:
         """Motion after a span, and the rotation vector of the attitude over it, body axes.

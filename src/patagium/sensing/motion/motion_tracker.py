@@ -323,7 +323,7 @@ class _Part:
         for k in range(len(self.events) - 1, places[0] - 1, -1):
             event = self.events[k]
             if event.turned is not None:
-                adjoint = self.filter.before_span(adjoint, event.span, event.turned)
+                adjoint = self.filter.advanced(adjoint, event.span, event.turned, back=True)
             if k in wanted:
                 changes[k] = event.after.root @ (event.after.root.T @ adjoint)
             _, innovation, slope, gain = event.found

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from patagium.arrays import Array
 from patagium.robot import Robot
-from patagium.sensing.logs.axes import continuous, rotate, slerp, turning_rate
+from patagium.sensing.logs.axes import continuous, slerp, turning_rate
 from patagium.sensing.logs.importing.attitude_order import OTHER_ORDER, order_findings
 from patagium.sensing.logs.importing.findings import (
     GRAVITY,
@@ -273,7 +273,7 @@ def _forces(
     items = (attitude, force) if speed is None else (attitude, force, speed)
     scale = force.si_factor / force.factor
     stretches = [
-        (time, others, rotate(turned, felt * scale))
+        (time, others, from_quaternion(turned).apply(felt * scale))
         for time, (turned, felt, *others) in looked.of(*items)
     ]
     if not stretches:
@@ -361,7 +361,7 @@ def _seen_by(camera: Stream, unit: Stream) -> list[Finding]:
     force, rate = rows[:, :3] @ own.mount.T, rows[:, 3:] @ own.mount.T
     names = f"{camera.name} and {unit.name}"
     span = max(1, round(_SPAN / float(np.median(np.diff(time)))))
-    mean = rotate(attitude, force).mean(axis=0)
+    mean = from_quaternion(attitude).apply(force).mean(axis=0)
     carried = _LEAST * GRAVITY < np.linalg.norm(mean) < GRAVITY / _LEAST
     found = _agreement(names, [(time, attitude, rate)], span, turning=True)
     if mean[2] < 0 and carried and not found:  # a start by hand or a turn may lean, never hang
