@@ -9,22 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.estimates import (
-    AeroOption,
-    EstimateOption,
-    RefineOption,
-    check_estimate,
-    grey_box,
-    refined,
-)
-from patagium.cli.learner_options import (
-    WINGED,
-    LearnerChoice,
-    NetworkKind,
-    scaled_network,
-    winged_network,
-    with_learner_options,
-)
+from patagium.cli import estimates, learner_options
 from patagium.cli.options import LogArgument, MappingOption, ReportOption, ScoresOption, output_file
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import FLIGHT, progress_bar, say_json, say_next, show_table
@@ -59,9 +44,9 @@ _FIRST = 0.01
 """Span that scales a dense network where nothing repeats itself [s]."""
 
 
-@with_learner_options()
+@learner_options.with_learner_options()
 def identify(
-    choice: LearnerChoice,
+    choice: learner_options.LearnerChoice,
     file: LogArgument = FLIGHT,
     mapping: MappingOption = None,
     every: Annotated[
@@ -79,9 +64,9 @@ def identify(
             "alone, compared with predictors that know as much. May be repeated."
         ),
     ] = None,
-    estimate: EstimateOption = None,
-    aero: AeroOption = None,
-    refine: RefineOption = False,
+    estimate: estimates.EstimateOption = None,
+    aero: estimates.AeroOption = None,
+    refine: estimates.RefineOption = False,
     model: Annotated[
         Path | None,
         output_file(
@@ -118,7 +103,7 @@ def identify(
     long = long_record(file, mapping)
     flight: Any
     flight, table = (None, long.table(0, _START)) if long else flight_or_table(file, mapping)
-    check_estimate(estimate, aero, refine, table is None)
+    estimates.check_estimate(estimate, aero, refine, table is None)
     if table is not None:
         network = table_network(table, choice)
         given = choice.settings or {}
@@ -128,7 +113,7 @@ def identify(
     elif estimate:
         if choice.network is not None:
             raise ParameterError("--network", "none with --estimate", choice.network.value)
-        network = grey_box(flight, estimate, aero)
+        network = estimates.grey_box(flight, estimate, aero)
     else:
         network = flight_network(flight, choice)
     outputs = Outputs()
@@ -145,7 +130,7 @@ def identify(
         typer.echo(f"{file}: {result.scores['gaps_found']}", err=True)
     if refine and result.outcome is Outcome.COMPLETED:
         with progress_bar(f"Refining what {file.name} taught"):
-            result = refined(result, flight, result.scores["every"])
+            result = estimates.refined(result, flight, result.scores["every"])
     model = model or file.with_name("model.json")
     outputs.attempt("model", lambda: keep_model(model, result.learner, result.inputs, file.name))
     if predictions is not None and outputs.attempt("predictions", lambda: result.save(predictions)):
@@ -219,14 +204,14 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
     typer.echo("\n".join([summary(scores), *silent_words(scores), *scores["verdict"]]))
 
 
-def flight_network(flight: Any, choice: LearnerChoice) -> Any:
+def flight_network(flight: Any, choice: learner_options.LearnerChoice) -> Any:
     """A network for a flight; a dense one is scaled by its first wingbeat."""
     from patagium.learning.samples import with_force
     from patagium.sensing import ForceSamples, training_data
     from patagium.simulation import air_of, gait_period, robot_of
 
-    if choice.shape()[0] is not NetworkKind.DENSE:
-        return winged_network(choice, flight, air_of(flight))
+    if choice.shape()[0] is not learner_options.NetworkKind.DENSE:
+        return learner_options.winged_network(choice, flight, air_of(flight))
     names, forces = robot_of(flight).dof_names, with_force(flight)
     if isinstance(forces, ForceSamples):
         names, time, x = forces.measured, forces.time, forces.state
@@ -236,10 +221,10 @@ def flight_network(flight: Any, choice: LearnerChoice) -> Any:
     span = gait_period(flight) or _FIRST
     typer.echo(f"Inputs and outputs are scaled by the first {span:.4g} s.", err=True)
     first = time <= time[0] + span
-    return scaled_network(choice, names, x[first], y[first])
+    return learner_options.scaled_network(choice, names, x[first], y[first])
 
 
-def table_network(table: LogTable, choice: LearnerChoice) -> Any:
+def table_network(table: LogTable, choice: learner_options.LearnerChoice) -> Any:
     """Network for a table, scaled by the ranges of its mapping, else by the first samples.
 
     Raises:
@@ -249,7 +234,7 @@ def table_network(table: LogTable, choice: LearnerChoice) -> Any:
     from patagium.learning.table_network import network_for
 
     kind, hidden = choice.shape()
-    if kind in WINGED:
+    if kind in learner_options.WINGED:
         raise ParameterError("--network", "dense for a table: wings need q and v", kind.value)
     return network_for(table, hidden or HIDDEN, choice.activation)
 

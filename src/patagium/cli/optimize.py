@@ -7,18 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from patagium.cli import options
 from patagium.cli.estimates import AirOption, orbit_air, tell_unseen
-from patagium.cli.options import (
-    OUTPUT,
-    DensityOption,
-    InflowOption,
-    JsonOption,
-    PolarOption,
-    RobotArgument,
-    SpeedOption,
-    option_in,
-    output_file,
-)
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import Numbers, answer, numbers, progress_bar, say_json, show_table
 from patagium.errors import ParameterError, PatagiumError
@@ -39,9 +29,11 @@ PANELS = {"Air and flight": "climb aero polar inflow density", "Files": "output 
 
 
 def optimize(
-    robot: RobotArgument,
-    speed: SpeedOption = None,
-    climb: Annotated[float, option_in("m/s", "a speed", "Mean speed upward, in m/s.")] = 0.0,
+    robot: options.RobotArgument,
+    speed: options.SpeedOption = None,
+    climb: Annotated[
+        float, options.option_in("m/s", "a speed", "Mean speed upward, in m/s.")
+    ] = 0.0,
     goal: Annotated[
         Literal["power", "range", "speed"],
         typer.Option(help="Least mean power, least energy a meter, or greatest speed."),
@@ -61,22 +53,22 @@ def optimize(
         typer.Option(parser=numbers, help="Speeds of a front of speed and power, in m/s."),
     ] = None,
     aero: AirOption = "quasi-steady",
-    polar: PolarOption = None,
-    inflow: InflowOption = False,
-    density: DensityOption = None,
+    polar: options.PolarOption = None,
+    inflow: options.InflowOption = False,
+    density: options.DensityOption = None,
     output: Annotated[
-        Path | None, output_file("File for a flight with the gait (.nc).", *OUTPUT)
+        Path | None, options.output_file("File for a flight with the gait (.nc).", *options.OUTPUT)
     ] = None,
     beats: Annotated[
         float, typer.Option(min=1e-3, max=1e4, help="Wingbeats of that flight.")
     ] = 10.0,
     gait: Annotated[
-        Path | None, output_file("File for the gait (.csv), as simulate --gait takes it.")
+        Path | None, options.output_file("File for the gait (.csv), as simulate --gait takes it.")
     ] = None,
     figure: Annotated[
-        Path | None, output_file("File for a picture of the front (.svg, .png, .pdf).")
+        Path | None, options.output_file("File for a picture of the front (.svg, .png, .pdf).")
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Optimal gait of a periodic flight within the limits of joints and actuators.
 

@@ -10,21 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from patagium.cli import live as live_options
+from patagium.cli import options
 from patagium.cli.estimates import AirOption, chosen_air
 from patagium.cli.learner_options import LearnerChoice, with_learner_options
 from patagium.cli.mounting import MountKind, PathWords, mount_from, sizes
-from patagium.cli.options import (
-    DensityOption,
-    DrawingOption,
-    DurationOption,
-    FlightOutput,
-    InflowOption,
-    JsonOption,
-    PolarOption,
-    RobotArgument,
-    WindOption,
-    option_in,
-)
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import (
     Numbers,
@@ -78,11 +67,11 @@ PANELS = {
 
 @with_learner_options(file="Settings of a learner for --live, which patagium tune wrote")
 def simulate(
-    robot: RobotArgument,
-    duration: DurationOption = None,
+    robot: options.RobotArgument,
+    duration: options.DurationOption = None,
     time_step: Annotated[
         float | None,
-        option_in(
+        options.option_in(
             "s",
             "a time",
             "Fixed step of the RK4, in s; by default a 400th of a wingbeat or shorter.",
@@ -96,7 +85,7 @@ def simulate(
         ),
     ] = None,
     frequency: Annotated[
-        float | None, option_in("Hz", "a frequency", "Wing beats a second, in Hz.")
+        float | None, options.option_in("Hz", "a frequency", "Wing beats a second, in Hz.")
     ] = None,
     plunge: Annotated[
         float | None, typer.Option(**_ANGLE, help="Amplitude of plunge, in rad.")
@@ -118,22 +107,22 @@ def simulate(
         list[str] | None, typer.Option(help="Mean of a joint: elbow='-10 deg'. Repeat it.")
     ] = None,
     aero: AirOption = "quasi-steady",
-    polar: PolarOption = None,
-    inflow: InflowOption = False,
+    polar: options.PolarOption = None,
+    inflow: options.InflowOption = False,
     added_mass: Annotated[
         float | None,
         typer.Option(help="Factor of the added mass: 1 for long wings, .85 at aspect ratio 3."),
     ] = None,
-    density: DensityOption = None,
-    wind: WindOption = None,
+    density: options.DensityOption = None,
+    wind: options.WindOption = None,
     ground: Annotated[
         float | None,
-        option_in(
+        options.option_in(
             "m", "a height", "Height of the ground, world z, in m; without it there is none."
         ),
     ] = None,
     speed: Annotated[
-        float | None, option_in("m/s", "a speed", "Initial speed forward, in m/s.")
+        float | None, options.option_in("m/s", "a speed", "Initial speed forward, in m/s.")
     ] = None,
     pitch: Annotated[
         float | None, typer.Option(**_TILT, help="Initial pitch, positive nose down, in rad.")
@@ -163,10 +152,10 @@ def simulate(
         ),
     ] = None,
     path_speed: Annotated[
-        float | None, option_in("m/s", "a speed", "Greatest speed on the path, in m/s.")
+        float | None, options.option_in("m/s", "a speed", "Greatest speed on the path, in m/s.")
     ] = None,
     path_frequency: Annotated[
-        float | None, option_in("Hz", "a frequency", "Frequency of the path, in Hz.")
+        float | None, options.option_in("Hz", "a frequency", "Frequency of the path, in Hz.")
     ] = None,
     path_along: Annotated[
         Vector | None,
@@ -198,13 +187,13 @@ def simulate(
         list[str] | None,
         typer.Option(help="Body or joint whose wrench to record: body. Repeat it."),
     ] = None,
-    output: FlightOutput = Path("flight.nc"),
-    figure: DrawingOption = None,
+    output: options.FlightOutput = Path("flight.nc"),
+    figure: options.DrawingOption = None,
     live: live_options.LiveOption = False,
     live_address: live_options.LiveAddressOption = None,
     *,
     choice: LearnerChoice,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Fly a robot and keep the flight.
 

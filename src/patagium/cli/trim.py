@@ -8,18 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from patagium.cli import options
 from patagium.cli.estimates import AirOption, left_open, orbit_air, tell_unseen
-from patagium.cli.options import (
-    OUTPUT,
-    DensityOption,
-    InflowOption,
-    JsonOption,
-    PolarOption,
-    RobotArgument,
-    SpeedOption,
-    option_in,
-    output_file,
-)
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import (
     answer,
@@ -51,15 +41,17 @@ PANELS = {"Air and flight": "aero polar inflow density beats", "Branch of orbits
 
 
 def trim(
-    robot: RobotArgument,
-    speed: SpeedOption = None,
+    robot: options.RobotArgument,
+    speed: options.SpeedOption = None,
     climb: Annotated[
         float | None,
-        option_in("m/s", "a speed", "Mean speed upward, in m/s; 0 by default, free in a glide."),
+        options.option_in(
+            "m/s", "a speed", "Mean speed upward, in m/s; 0 by default, free in a glide."
+        ),
     ] = None,
     turn_rate: Annotated[
         float,
-        option_in(
+        options.option_in(
             "rad/s",
             "a rate of turning",
             "Mean rate of the heading, positive to the left, in rad/s.",
@@ -73,9 +65,9 @@ def trim(
         ),
     ] = None,
     aero: AirOption = "quasi-steady",
-    polar: PolarOption = None,
-    inflow: InflowOption = False,
-    density: DensityOption = None,
+    polar: options.PolarOption = None,
+    inflow: options.InflowOption = False,
+    density: options.DensityOption = None,
     beats: Annotated[
         float, typer.Option(min=1e-3, max=1e4, help="Wingbeats of the flight that -o writes.")
     ] = 10.0,
@@ -87,12 +79,12 @@ def trim(
         ),
     ] = None,
     figure: Annotated[
-        Path | None, output_file("File for a picture of the branch (.svg, .png, .pdf).")
+        Path | None, options.output_file("File for a picture of the branch (.svg, .png, .pdf).")
     ] = None,
     output: Annotated[
-        Path | None, output_file("File for a flight on the orbit (.nc).", *OUTPUT)
+        Path | None, options.output_file("File for a flight on the orbit (.nc).", *options.OUTPUT)
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Periodic flight of a robot: gait, attitude, stability; or what it lacks."""
     from patagium import control
