@@ -30,12 +30,7 @@ from patagium.learning.forecast import FrozenModel, Motion, Repetition
 from patagium.learning.models.memory import ModelMemory
 from patagium.learning.models.network import Network, flight_terms
 from patagium.robot import Robot
-from patagium.sensing.force.air_force import (
-    SampleForm,
-    recorded,
-    recorded_wind_change,
-    relative_to_wind,
-)
+from patagium.sensing.force import air_force
 from patagium.simulation import added_mass_of
 
 _SLOPE = 1e-4  # m/s and rad/s, difference by which the slope of the force is found
@@ -58,7 +53,7 @@ class RobotMotion:
 
     def __init__(
         self,
-        form: SampleForm,
+        form: air_force.SampleForm,
         network: Network,
         time: Array,
         motion: tuple[Array, Array, Array],
@@ -140,7 +135,7 @@ class RobotMotion:
 
     def _relative(self, x: Array) -> Array:
         """Measured inputs in the wind that is held, (N, n_measured) [units of x]."""
-        return relative_to_wind(x, self._wind, self._robot, self._form.inputs)
+        return air_force.relative_to_wind(x, self._wind, self._robot, self._form.inputs)
 
     def _mean_acceleration(
         self,
@@ -207,7 +202,7 @@ def robot_motion(
     if terms.strip_forces is not None:
         return None
     try:
-        form = SampleForm(
+        form = air_force.SampleForm(
             robot,
             None if inputs is None else tuple(inputs),
             added_mass=added_mass_of(flight),
@@ -216,7 +211,7 @@ def robot_motion(
         )
     except PatagiumError:
         return None
-    q, v, a = (recorded(flight, name, robot) for name in ("q", "v", "a"))
+    q, v, a = (air_force.recorded(flight, name, robot) for name in ("q", "v", "a"))
     time = np.asarray(flight["time"].values, float)
-    change = recorded_wind_change(flight)
+    change = air_force.recorded_wind_change(flight)
     return RobotMotion(form, network, time, (q, v, a), period, change)

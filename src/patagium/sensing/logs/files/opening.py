@@ -9,24 +9,17 @@ from pathlib import Path
 from patagium.errors import LogError
 from patagium.netcdf_file import kind_of
 from patagium.reading import check_room, regular_file
+from patagium.sensing.logs.files import table_files
 from patagium.sensing.logs.files.ardupilot_files import ArdupilotFile
 from patagium.sensing.logs.files.channels import LogFile
 from patagium.sensing.logs.files.message_files import BagFile, McapFile
-from patagium.sensing.logs.files.table_files import (
-    CsvFile,
-    Hdf5File,
-    MatFile,
-    ParquetFile,
-    UlogFile,
-    csv_file,
-)
 
 _SINGLE: dict[str, Callable[[Path], LogFile]] = {
-    ".csv": csv_file,
-    ".parquet": ParquetFile,
-    ".ulg": UlogFile,
-    ".mat": MatFile,
-    ".h5": Hdf5File,
+    ".csv": table_files.csv_file,
+    ".parquet": table_files.ParquetFile,
+    ".ulg": table_files.UlogFile,
+    ".mat": table_files.MatFile,
+    ".h5": table_files.Hdf5File,
     ".bin": ArdupilotFile,
 }
 _PARTED: dict[str, Callable[[list[Path]], LogFile]] = {
@@ -84,7 +77,7 @@ def open_log(paths: str | Path | Sequence[str | Path], *, skip_rows: int | None 
                 f"{given[0]}: skip_rows: expected one CSV file, whose lines it counts, found "
                 f"{len(parts)} of {kind}; leave it out"
             )
-        return CsvFile(parts[0], skip_rows)
+        return table_files.CsvFile(parts[0], skip_rows)
     if kind in _PARTED:
         return _PARTED[kind](parts)
     if kind == ".h5" and (own := kind_of(parts[0])):
