@@ -56,20 +56,6 @@ class Hold(NamedTuple):
     learns: bool
 
 
-def gap_starts(gaps: ArrayLike, count: int) -> Indices:
-    """Indices of the first sample after each gap, checked against the number of samples.
-
-    Raises:
-        ParameterError: If one is not the index of a sample.
-    """
-    places = np.atleast_1d(real_array("gaps", gaps))
-    inside = (places >= 0) & (places <= count)
-    if places.ndim > 1 or not inside.all():
-        expected = f"numbers of samples, at most {count}"
-        raise ParameterError("gaps", expected, places.tolist())
-    return places.astype(np.int64)
-
-
 def used_samples(count: int, every: int, gaps: ArrayLike = ()) -> Indices:
     """Samples that are used for an update: one in `every`, counted anew after each gap.
 
@@ -157,24 +143,10 @@ class Samples:
         return None if self.std is None else self.std[index]
 
 
-class Update(NamedTuple):
-    """Innovation of one update, with its predicted standard deviation.
-
-    Attributes:
-        innovation: (n_y,) [unit of y]; NaN where a channel was left out.
-        std: Predicted standard deviation of it, (n_y,) [unit of y]; NaN of learners without.
-        nis: Normalized innovation squared; NaN of learners without.
-    """
-
-    innovation: Array
-    std: Array
-    nis: float
-
-
 def learn(
     learner: Learner, x: Array, y: Array, time: float | None = None, std: Array | None = None
-) -> Update:
-    """Update of a learner by one sample.
+) -> tuple[Array, Array, float]:
+    """Innovation of a learner's update by one sample, its predicted deviation and its NIS.
 
     Args:
         learner: It is changed.
@@ -183,6 +155,10 @@ def learn(
         time: Of the sample [s]; None for none.
         std: Noise of the measurement in addition to the learner's own, (n_y,) [unit of y];
             None for none.
+
+    Returns:
+        Innovation, (n_y,), and its predicted standard deviation, (n_y,) [unit of y], NaN where a
+        channel was left out; normalized innovation squared. NaN of learners without.
 
     Raises:
         FilterDiverged: If the learner or its weights are lost.
@@ -195,9 +171,9 @@ def learn(
         raise FilterDiverged(f"the weights are not finite; {REMEDY}", Outcome.NOT_FINITE)
     covariance = getattr(learner, "innovation_covariance", None)
     if covariance is None or not np.isfinite(innovation).any():
-        return Update(innovation, np.full_like(innovation, np.nan), float("nan"))
+        return innovation, np.full_like(innovation, np.nan), float("nan")
     std = np.sqrt(np.diagonal(covariance))
-    return Update(innovation, std, getattr(learner, "nis", float("nan")))
+    return innovation, std, getattr(learner, "nis", float("nan"))
 
 
 def prequential(
@@ -206,7 +182,7 @@ def prequential(
     used: Indices,
     watch: BlockRun | None = None,
     memory: ModelMemory | None = None,
-) -> Iterator[tuple[Hold, Update | None]]:
+) -> Iterator[tuple[Hold, tuple[Array, Array, float] | None]]:
     """Loop over samples in order: each hold interval is predicted, then its last sample learned.
 
     Args:
@@ -413,7 +389,7 @@ class BlockRun:
         """Arrays over the updates so far."""
         return {name: values[: self.updates] for name, values in self.updated.items()}
 
-    def _learned(self, update: Update) -> None:
+    def _learned(self, update: tuple[Array, Array, float]) -> None:
         k, updated = self.updates, self.updated
         updated["innovation"][k], updated["innovation_std"][k], updated["nis"][k] = update
         updated["weights_norm"][k] = np.linalg.norm(self.learner.weights)
@@ -562,6 +538,7 @@ def checked_samples(
     Raises:
         ShapeError: If the arrays do not fit each other or the network.
         LogError: If an input is not finite or time does not advance.
+        ParameterError: If a gap begins at no sample.
     """
     stamps, inputs, outputs = (np.ascontiguousarray(real_array("time, x and y", a)) for a in arrays)
     if stamps.ndim != 1 or len(stamps) < 2:
@@ -578,4 +555,7 @@ def checked_samples(
     if inputs.shape not in known:
         raise ShapeError("x", (len(stamps), measured_inputs(network)), inputs.shape)
     noise = None if std is None else real_array("std", std, outputs.shape)
-    return Samples(stamps, inputs, outputs, gap_starts(gaps, len(stamps)), noise)
+    places, count = np.atleast_1d(real_array("gaps", gaps)), len(stamps)
+    if places.ndim > 1 or not ((places >= 0) & (places <= count)).all():
+        raise ParameterError("gaps", f"numbers of samples, at most {count}", places.tolist())
+    return Samples(stamps, inputs, outputs, places.astype(np.int64), noise)

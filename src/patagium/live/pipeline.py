@@ -344,7 +344,7 @@ def _learned(learner: Learner, time: float, x: Array, y: Array, record: Array) -
         mean, covariance = learner.predict(x)
         record[:m], record[m : 2 * m] = mean, np.sqrt(np.diagonal(np.atleast_2d(covariance)))
     try:
-        update = learn(learner, x, y, time)
+        innovation, _, nis = learn(learner, x, y, time)
     except FilterDiverged as failure:
         return failure.outcome
     after = learner.events
@@ -352,6 +352,6 @@ def _learned(learner: Learner, time: float, x: Array, y: Array, record: Array) -
         if after[event] > before[event]:
             record[: 2 * m] = np.nan if outcome in UNSEEN else record[: 2 * m]
             return outcome
-    record[3 * m] = update.nis
-    record[3 * m + 2] = float(np.isnan(update.innovation) @ 2.0 ** np.arange(m))
+    record[3 * m] = nis
+    record[3 * m + 2] = float(np.isnan(innovation) @ 2.0 ** np.arange(m))
     return Outcome.COMPLETED

@@ -295,8 +295,8 @@ def score_predictions(
         updates = [one for _, one in loop if one]
     except (FilterDiverged, MatrixLost) as problem:
         return PredictionScore(learner.count, outcome=problem.outcome, reason=str(problem))
-    error = np.array([update.innovation for update in updates])
-    variance = np.array([update.std for update in updates]) ** 2
+    error = np.array([innovation for innovation, _, _ in updates])
+    variance = np.array([std for _, std, _ in updates]) ** 2
     heard = flown.scored.any(axis=0)
     y, scored = flown.y[rows][:, heard], flown.scored[rows][:, heard]
     return _known(y, error[:, heard], variance[:, heard], scored)
