@@ -131,38 +131,23 @@ def left_out(
         text = f"left-out flights: {', '.join(one.name for one in others)}"
         folds = tuple(Fold(whole, one, np.arange(len(one.used))) for one in others)
         return LeftOut("left-out flights", text, folds)
-    found = stretches_of(kinematics)
-    if found.count > 1:
-        groups = [(found.group == k) for k in range(found.count)]
+    group, words = stretches_of(kinematics)
+    if group.any():
+        groups = [group == k for k in range(int(group.max()) + 1)]
         folds = tuple(Fold(~one, flown, np.flatnonzero(one)) for one in groups)
         if all(flown.scored[one].any() for one in groups):
-            text = f"wingbeats of other kinematics left out in turn: {found.text}"
+            text = f"wingbeats of other kinematics left out in turn: {words}"
             return LeftOut("left-out kinematics", text, folds)
     text = (
-        f"second half, by weights that stay; {found.text}, so that it cannot be judged how the "
+        f"second half, by weights that stay; {words}, so that it cannot be judged how the "
         "settings carry over to other kinematics: give a flight with others to --hold-out. Of "
         "the trials within one standard error of the best, that whose weights moved least"
     )
     return LeftOut("second half", text, _later(flown, horizon))
 
 
-@dataclass(frozen=True)
-class Stretches:
-    """Stretches of a log by their kinematics.
-
-    Attributes:
-        group: Group of each used sample, counted from 0, (U,).
-        count: Number of groups.
-        text: What was found, in words.
-    """
-
-    group: Indices
-    count: int
-    text: str
-
-
-def stretches_of(flights: Sequence[Kinematics]) -> Stretches:
-    """Groups of the wingbeats of flights, told apart by their kinematics.
+def stretches_of(flights: Sequence[Kinematics]) -> tuple[Indices, str]:
+    """Group of the wingbeat of each used sample, (U,), told apart by kinematics; what was found.
 
     Args:
         flights: Flights one after the other, with the same inputs.
@@ -183,7 +168,7 @@ def stretches_of(flights: Sequence[Kinematics]) -> Stretches:
         most = np.ptp(scaled, axis=0).max(initial=0.0)
         text = f"the {count} {word} are alike: mean and spread of the inputs differ by {most:.2g} "
         text += "times the size of the input at most, in no groups"
-        return Stretches(np.zeros(len(beat), np.int64), 1, text)
+        return np.zeros(len(beat), np.int64), text
     sizes = np.bincount(groups)
     centers = np.array([scaled[groups == k].mean(axis=0) for k in range(len(sizes))])
     place = int(np.ptp(centers, axis=0).argmax())
@@ -192,7 +177,7 @@ def stretches_of(flights: Sequence[Kinematics]) -> Stretches:
         f"{len(sizes)} groups of {', '.join(map(str, sizes))} {word}, which differ most in "
         f"{names[place]}: {values}"
     )
-    return Stretches(groups[beat], len(sizes), text)
+    return groups[beat], text
 
 
 def _later(flown: Flown, horizon: float | None) -> tuple[Fold, ...]:

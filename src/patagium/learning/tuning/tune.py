@@ -177,7 +177,7 @@ def tune(
     others = hold_out.items() if isinstance(hold_out, Mapping) else [("", one) for one in hold_out]
     _refuse_other_air([*flights, *(one for _, one in others)])
     exams = tuple(_exam(flights, one, every, (tuple(others), ahead, source)) for one in networks)
-    problem = _problem(exams, networks, learner, chosen, seed)
+    problem = _problem(exams, networks, learner, chosen, seed, every)
     if trials < LEAST_TRIALS:
         raise ParameterError("trials", f"at least {LEAST_TRIALS}", trials)
     with nullcontext() if journal is None else locked(journal):
@@ -234,21 +234,6 @@ def _scored_trials(
 
 
 @dataclass(frozen=True)
-class _Exam:
-    """Samples that all trials of a network learn, and those that they are judged on.
-
-    Attributes:
-        every: One sample in so many is used.
-        flown: Flights that are learned, as one.
-        left_out: Samples that are left out.
-    """
-
-    every: int
-    flown: Flown
-    left_out: LeftOut
-
-
-@dataclass(frozen=True)
 class _Problem:
     """Problem that all trials share.
 
@@ -256,33 +241,35 @@ class _Problem:
         networks: Networks by their hidden layers.
         space: Settings to try.
         seed: Seed of the search and of the initial weights.
-        exams: Samples that are learned and judged, network by network.
+        every: One sample in so many is used.
+        exams: Flights that are learned, as one, and samples that are left out, network by network.
     """
 
     networks: dict[tuple[int, ...], Network]
     space: SearchSpace
     seed: int
-    exams: dict[tuple[int, ...], _Exam]
+    every: int
+    exams: dict[tuple[int, ...], tuple[Flown, LeftOut]]
 
     def question(self) -> dict[str, Any]:
         """Question that the trials of a journal answer, as JSON values."""
         described = [one.describe() for one in self.networks.values()]
         exams = list(self.exams.values())
-        flown, left_out = exams[0].flown, exams[0].left_out
+        flown, left_out = exams[0]
         kinds = ", ".join(dict.fromkeys(one["kind"] for one in described))
         space = json.dumps([str(sorted(self.space.searched.items())), self.space.fixed])
         judged = [
             part.tobytes()
-            for exam in exams
-            for fold in exam.left_out.folds
+            for _, judged_by in exams
+            for fold in judged_by.folds
             for part in (fold.learned, fold.judged, fold.flown.samples.x, fold.flown.y)
         ]
         return {
             "patagium": __version__,
             "flight": flown.name,
             "samples": f"{len(flown.used)} of digest "
-            + _digest(b"".join(k.flown.samples.x.tobytes() + k.flown.y.tobytes() for k in exams)),
-            "every": exams[0].every,
+            + _digest(b"".join(k.samples.x.tobytes() + k.y.tobytes() for k, _ in exams)),
+            "every": self.every,
             "left out": f"{left_out.rule} of digest {_digest(b''.join(judged))}",
             "network": f"{kinds} of digest {_digest(json.dumps(described).encode())}",
             "learner": self.space.kind,
@@ -304,25 +291,25 @@ class _Problem:
         found = [Trial(*self.space.values(one.parameters), score) for one, score in scored]
         tried = sorted(found, key=lambda trial: -trial.prediction.score)
         best = tried[0]
-        rule, name = self.exams[best.hidden].left_out, self.exams[best.hidden].flown.name
+        flown, rule = self.exams[best.hidden]
         if not np.isfinite(best.prediction.score):
             raise LogError(
-                f"{name}: expected a trial that predicts what was left out "
+                f"{flown.name}: expected a trial that predicts what was left out "
                 f"({rule.text}), found that all {len(tried)} were refused; the first one: "
                 f"{best.prediction.reason}"
             )
         if rule.rule == "second half":
             best = min(_as_good_as(best, tried), key=lambda trial: trial.prediction.moved)
             tried = [best, *(trial for trial in tried if trial is not best)]
-        network, exam = self.networks[best.hidden], self.exams[best.hidden]
+        network, (flown, _) = self.networks[best.hidden], self.exams[best.hidden]
         outputs = np.array(network.output_names)
         scores = {name: _short(one) for name, one in best.prediction.describe().items()}
         settings = Settings(
-            flight=name,
-            every=exam.every,
+            flight=flown.name,
+            every=self.every,
             network=NetworkSettings.of(network),
             learner=LearnerSettings(kind=self.space.kind, seed=self.seed, **best.values),
-            prediction={**scores, "outputs": outputs[exam.flown.scored.any(axis=0)].tolist()},
+            prediction={**scores, "outputs": outputs[flown.scored.any(axis=0)].tolist()},
             search={
                 "rule": rule.text,
                 "trials": len(tried),
@@ -346,11 +333,12 @@ def _as_good_as(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
 
 
 def _problem(
-    exams: tuple[_Exam, ...],
+    exams: tuple[tuple[Flown, LeftOut], ...],
     networks: tuple[Network, ...],
     kind: str,
     settings: dict[str, Any],
     seed: int,
+    every: int,
 ) -> _Problem:
     """Networks, their exams and the search space."""
     by_hidden = {one.hidden: one for one in networks}
@@ -362,12 +350,12 @@ def _problem(
         settings.setdefault("covariance", Alternatives(("node",)))
     if any(hasattr(one, "own_misfit") for one in networks):  # which excludes the noise's search
         settings = {"measurement_std": None, "noise_estimation": None} | settings
-    y, scored = exams[0].flown.y, exams[0].flown.scored
+    y, scored = exams[0][0].y, exams[0][0].scored
     std, measured = np.zeros(y.shape[1]), np.isfinite(y).any(axis=0)
     std[measured] = np.nanstd(y[:, measured], axis=0)
     std[~(std > 1e-9 * std.max())] = np.median(std[scored.any(axis=0)])  # of those that move
     space = search_space(kind, list(by_hidden), std.tolist(), settings)
-    return _Problem(by_hidden, space, seed, dict(zip(by_hidden, exams, strict=True)))
+    return _Problem(by_hidden, space, seed, every, dict(zip(by_hidden, exams, strict=True)))
 
 
 def _exam(
@@ -375,7 +363,7 @@ def _exam(
     network: Network,
     every: int,
     others: tuple[tuple[tuple[str, Flight], ...], float | None, str],
-) -> _Exam:
+) -> tuple[Flown, LeftOut]:
     """Samples of flights that a network learns, and those that are left out."""
     named, ahead, source = others
     held_out = [_used(one, network, every, name)[0] for name, one in named]
@@ -386,15 +374,16 @@ def _exam(
         if not late.any():
             expected = "an output that moves in the second half of the samples used"
             raise ParameterError("flight", expected, f"{len(one.used)} samples of {one.name}")
-    return _Exam(every, flown, left_out(flown, [one for _, one in parts], held_out, ahead))
+    return flown, left_out(flown, [one for _, one in parts], held_out, ahead)
 
 
 def _try(
-    network: Network, kind: str, seed: int, values: dict[str, Any], exam: _Exam
+    network: Network, kind: str, seed: int, values: dict[str, Any], exam: tuple[Flown, LeftOut]
 ) -> PredictionScore:
     """Score of one trial, in a worker."""
     make = partial(make_learner, kind, network, values, seed)
-    return judged_trial(make, exam.flown, exam.left_out.folds)
+    flown, judged_by = exam
+    return judged_trial(make, flown, judged_by.folds)
 
 
 def _used(flight: Flight, network: Network, every: int, source: str) -> tuple[Flown, Kinematics]:
