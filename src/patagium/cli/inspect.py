@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -55,7 +56,7 @@ def inspect(
     with progress_bar(f"Reading {files[0].name}") as progress:
         found = inspect_log(files, skip_rows=skip_rows, progress=progress)
     if as_json:
-        say_json(found.plain())
+        say_json(asdict(found))
         return
     names = [one.name for one in found.topics]
     unknown = [name for name in topic or () if name not in names]

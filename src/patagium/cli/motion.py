@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from math import degrees
 from pathlib import Path
@@ -98,7 +98,7 @@ def _measured(log: Path, robot: str | None, mapping: Path | None, words: list[st
         raise ParameterError("--mapping", "a YAML file that says what the columns mean", None)
     with tempfile.TemporaryDirectory(prefix="patagium-") as folder:
         found = bring([log], existing(mapping), Path(folder) / "log.nc")
-        tell_warnings(log, [one.plain() for one in found.findings])
+        tell_warnings(log, [asdict(one) for one in found.findings])
         return sensor_log(found.path, machine, bodies=bodies)
 
 

@@ -12,8 +12,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -390,10 +389,6 @@ class Finding:
     where: str
     kind: str
     text: str
-
-    def plain(self) -> dict[str, Any]:
-        """Finding as a dict for JSON."""
-        return asdict(self)
 
 
 def stamp_findings(

@@ -12,7 +12,7 @@ import json
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -243,7 +243,7 @@ def _written(
         "mapping": mapping.model_copy(
             update={"robot": mapping.robot and Path(mapping.robot).name}  # no folders
         ).model_dump_json(by_alias=True, exclude_defaults=True),
-        "findings": json.dumps([one.plain() for one in findings], ensure_ascii=False),
+        "findings": json.dumps([asdict(one) for one in findings], ensure_ascii=False),
         "consistency": json.dumps(facts),
         "time_base": base.describe(plan),
         "time_origin_ns": str(base.origin),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import closing, suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -128,10 +128,6 @@ class Inspection:
     findings: tuple[Finding, ...]
     notes: tuple[str, ...]
     __repr__ = brief
-
-    def plain(self) -> dict[str, Any]:
-        """Inspection as a dict for JSON."""
-        return asdict(self)
 
 
 @checked
