@@ -468,10 +468,8 @@ def stream(
         if len(given) != outputs:
             raise ShapeError(word, (outputs,), (len(given),))
     sums = [ForecastSums(label, one, names) for label, one in named_horizons(horizons).items()]
-    half = len(samples.time) // 2
-    ahead = forecasters(learner, samples, every, sums, half, motion, period)
-    watches = [*ahead, *watches]
-    run = BlockRun(learner, samples, every, watches)
+    ahead = forecasters(learner, samples, every, sums, len(samples.time) // 2, motion, period)
+    run = BlockRun(learner, samples, every, [*ahead, *watches])
     run.go(progress)
     held, scorer = persistence(samples.y, run.used), Scorer(names)
     run.score(scorer, held)

@@ -65,7 +65,15 @@ class FirstMotion:
         return found, self.attitude(np.clip(times, *self.attitude.times[[0, -1]]))
 
     def density(self, columns: Indices, order: int) -> Array:
-        """Density of the noise that drives each column, (n,) [unit^2/s^(2 order - 1)]."""
+        """Density of the white noise that drives a derivative of each column.
+
+        Args:
+            columns: Places of the coordinates, indices (n,) [-].
+            order: Order of the derivative.
+
+        Returns:
+            (n,) [unit^2/s^(2 order - 1)].
+        """
         known, found = {**self.values, **self.turned}, np.full(len(columns), np.nan)
         for k, column in enumerate(columns.tolist()):
             if column not in known:

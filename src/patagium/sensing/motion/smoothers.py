@@ -95,8 +95,13 @@ def smooth_chain(time: Array, values: Array, std: Array, density: Array, order: 
 def likely_density(time: Array, values: Array, std: Array, order: int) -> Array:
     """Density of the driving noise for which the measurements are most likely, (B,).
 
-    The search is a grid over 22 powers of ten, refined about its best point; the arguments are
-    those of `smooth_chain`.
+    The search is a grid over 22 powers of ten, refined about its best point.
+
+    Args:
+        time: Increasing times, (N,) [s].
+        values: Measured coordinates, (N, B) [unit]; NaN where one was not measured.
+        std: Standard deviation of the measurements, (N, B), positive [unit].
+        order: Number m of levels.
 
     Returns:
         Density of each coordinate, (B,) [unit^2/s^(2m-1)].
