@@ -129,6 +129,35 @@ class Status:
     busy: float = 0.0
     rate: float = float("nan")
     gaps: int = 0
+    _began: float | None = None
+    _seen: float = 0.0
+    _counted: int = 0
+    _last_stamp: float = float("nan")
+    _usual: float = float("inf")
+
+    def start(self) -> None:
+        """Begin to count, at the first packet."""
+        if self._began is None:
+            self._began = self._seen = time.monotonic()
+
+    def count(self, packets: Array, records: Records) -> None:
+        """Count packets, (N, columns) [units of the columns], that were learned."""
+        self.counters.add(records)
+        self.busy += float(records.duration.sum())
+        self.elapsed = time.monotonic() - (self._began or 0.0)
+        steps = np.diff(packets[:, 0], prepend=self._last_stamp)
+        ahead = steps[steps > 0]
+        self.flown += float(ahead.sum())
+        if len(ahead) >= _USUAL:
+            self._usual = float(np.median(ahead))
+        self.gaps += int((ahead > 1.5 * self._usual).sum())
+        self._last_stamp = float(packets[-1, 0])
+
+    def update_rate(self, now: float) -> None:
+        """Count the rate up to now [s], unless it was counted a moment ago."""
+        if self._began is not None and now > self._seen + _SPAN:
+            self.rate = (self.counters.samples - self._counted) / (now - self._seen)
+            self._seen, self._counted = now, self.counters.samples
 
     @property
     def load(self) -> float:
@@ -175,23 +204,22 @@ def follow(
         FilterDiverged: If a covariance that was to be opened is lost.
     """
     due = [time.monotonic() + rhythm.period for rhythm in rhythms]
-    clock = _Clock(status)
     while most is None or status.counters.samples < most:
         left = BLOCK if most is None else min(BLOCK, most - status.counters.samples)
         packets = queue.take(left, PATIENCE)
         if packets is None or (stop.is_set() and not len(packets)):
             break
         if len(packets):
-            clock.start()
+            status.start()
             records = pipeline.run(packets)
             records.rows[:, -1] += 1e9 * queue.spent
-            clock.count(packets, records)
+            status.count(packets, records)
             for sink in sinks:
                 sink.append(packets, records)
         now = time.monotonic()
         for number, rhythm in enumerate(rhythms):
             if now >= due[number]:
-                clock.update_rate(now)
+                status.update_rate(now)
                 rhythm.action()
                 due[number] = now + rhythm.period
 
@@ -218,37 +246,3 @@ def summary(status: Status, queue: PacketQueue, pipeline: Pipeline) -> dict[str,
         "coverage_in_all": counters.coverage_in_all,
         "time_per_call": {name: counters.duration(share) for name, share in _QUANTILES.items()},
     }
-
-
-class _Clock:
-    """Clock of a stream: wall-clock and flown time, rate and gaps of its stamps."""
-
-    def __init__(self, status: Status) -> None:
-        self._status = status
-        self._began: float | None = None
-        self._seen, self._counted = 0.0, 0
-        self._last_stamp, self._usual = float("nan"), float("inf")
-
-    def start(self) -> None:
-        if self._began is None:
-            self._began = self._seen = time.monotonic()
-
-    def count(self, packets: Array, records: Records) -> None:
-        status = self._status
-        status.counters.add(records)
-        status.busy += float(records.duration.sum())
-        status.elapsed = time.monotonic() - (self._began or 0.0)
-        steps = np.diff(packets[:, 0], prepend=self._last_stamp)
-        ahead = steps[steps > 0]
-        status.flown += float(ahead.sum())
-        if len(ahead) >= _USUAL:
-            self._usual = float(np.median(ahead))
-        status.gaps += int((ahead > 1.5 * self._usual).sum())
-        self._last_stamp = float(packets[-1, 0])
-
-    def update_rate(self, now: float) -> None:
-        status = self._status
-        if self._began is None or now <= self._seen + _SPAN:
-            return
-        status.rate = (status.counters.samples - self._counted) / (now - self._seen)
-        self._seen, self._counted = now, status.counters.samples
