@@ -54,7 +54,11 @@ class Encoder(Sensor):
         return np.broadcast_to(zero, white.shape), white
 
     def shown(self, scene: Scene, times: Array, errors: tuple[Array, ...]) -> Reading:
-        """Reading of a scene at given times, (N,) [s]; see `Sensor.shown`."""
+        """Reading of a scene at given times, (N,) [s]; see `Sensor.shown`.
+
+        Raises:
+            ParameterError: If a coordinate is a part of a quaternion.
+        """
         joints, (zero, white) = joint_names(self.joints, scene.robot), errors
         places, units = scene.robot.coordinate_indices, scene.robot.coordinate_units
         columns = [places[scene.robot.index(name)] for name in joints]
