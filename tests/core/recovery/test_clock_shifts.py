@@ -30,6 +30,25 @@ bodies:
     inertia: {xx: 0.01, yy: 0.02, zz: 0.03}
 """
 
+TWINS = """
+name: twins
+gravity: 9.81
+bodies:
+  stand:
+    mass: 1
+    inertia: {xx: 0.01, yy: 0.01, zz: 0.01}
+  left:
+    parent: stand
+    joints: [{name: left_swing, type: revolute, axis: x}]
+    mass: 2
+    inertia: {xx: 0.01, yy: 0.02, zz: 0.03}
+  right:
+    parent: stand
+    joints: [{name: right_swing, type: revolute, axis: y}]
+    mass: 2
+    inertia: {xx: 0.01, yy: 0.02, zz: 0.03}
+"""
+
 
 def moved(
     robot: pt.Robot, duration: float = 0.8, beat: float = 0.0, fade: float = 0.0
@@ -160,6 +179,28 @@ def test_a_shift_that_the_motion_does_not_tell_is_not_taken() -> None:
     log = pt.sense(rest, [encoder, P.bmi270("rod", rate=400.0)]).without_truth()
     late, note = found_shifts(log)
     assert late.keys() == {"bmi270"} and "does not tell them: encoder" in note
+
+
+def test_units_that_share_no_motion_leave_the_others_their_clocks() -> None:
+    """A unit on the stand that came first left every clock of the log uncorrected.
+
+    Of two groups that share no motion, the second was left uncorrected.
+    """
+    twins = moved(load_robot_text(TWINS, "twins"))
+    places = {"stand": "stand", "left": "left", "right": "right"}
+    units = [S.Imu(body=body, name=name, rate=500.0) for name, body in places.items()]
+    late = {"left": 0.012, "right": -0.007}
+    encoders = [
+        S.Encoder(joints=(f"{side}_swing",), rate=500.0, std=1e-3, clock_offset=by, name=f"{side}s")
+        for side, by in late.items()
+    ]
+    log = pt.sense(twins, [*units, *encoders]).without_truth()
+    found = pt.sensing.estimate_shifts(log, reference="lefts")
+    assert found.unlinked == ("stand",)
+    expected = {"left": -0.012, "lefts": 0.0, "right": 0.0, "rights": -0.007}
+    assert found.seconds == pytest.approx(expected, abs=2e-4)
+    with pytest.raises(LogError, match="on a body that encoders or cameras see"):
+        pt.sensing.estimate_shifts(pt.sense(twins, [units[0], *encoders]))
 
 
 def test_what_cannot_tell_is_named(rod: xr.Dataset) -> None:

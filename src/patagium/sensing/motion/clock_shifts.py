@@ -68,9 +68,10 @@ class Shifts:
     """Shifts of the stamps of sensors against those of a reference.
 
     Args:
-        seconds: Shift of each sensor by name, positive if its stamps are late [s].
-        std: Standard deviation of each shift; zero for the reference [s].
-        unlinked: Sensors that share no motion with the reference.
+        seconds: Shift of each sensor by name, positive if its stamps are late [s]. Sensors that
+            share no motion with it have as theirs the first unit that they are linked to.
+        std: Standard deviation of each shift; zero for a reference [s].
+        unlinked: Encoders and cameras that no inertial unit is linked to, and such units.
         largest: Largest shift of the search [s].
         repeat: Least step to other shifts that are as likely, a beat of a periodic motion [s];
             infinite where there are none. The smallest shifts are taken.
@@ -103,14 +104,14 @@ def estimate_shifts(
 
     Args:
         log: Log with an inertial unit on a body that encoders or cameras see.
-        reference: Sensor whose stamps are taken as right; None for the first inertial unit.
+        reference: Sensor whose stamps are taken as right; None for the first linked inertial unit.
         largest: Largest shift of the search [s].
 
     Returns:
         Shifts of all linked sensors, for `estimate_motion`.
 
     Raises:
-        LogError: If there is no inertial unit, or too little time in common.
+        LogError: If no inertial unit is linked to others, or there is too little time in common.
         ParameterError: If the reference is not among the sensors that are linked.
     """
     positive("largest", largest)
@@ -120,17 +121,22 @@ def estimate_shifts(
     if not units:
         raise LogError(f"log: expected an inertial unit, found {', '.join(log.readings)}")
     search = _Search(machine, streams, units, largest)
-    seconds, std = search.run()
+    if not search.units:
+        raise LogError("log: expected an inertial unit on a body that encoders or cameras see")
+    groups = search.run()
+    linked = [name for late, _ in groups for name in late]
+    if reference is not None and reference not in linked:
+        raise ParameterError("reference", f"one of {', '.join(linked)}", reference)
+    seconds: dict[str, float] = {}
+    stds: dict[str, float] = {}
+    for late, std in groups:
+        zero = reference if reference in late else next(iter(late))
+        seconds |= {name: value - late[zero] for name, value in late.items()}
+        # the error of the reference's own shift is in all others
+        stds |= {name: float(np.hypot(value, std[zero])) for name, value in std.items()}
+        stds[zero] = 0.0
     unlinked = tuple(s.name for s in streams if s.name not in seconds)
-    chosen = units[0].name if reference is None else reference
-    if chosen not in seconds:
-        raise ParameterError("reference", f"one of {', '.join(seconds)}", chosen)
-    zero = seconds[chosen]
-    moved = {name: value - zero for name, value in seconds.items()}
-    # the error of the reference's own shift is in all others
-    of_zero = std[chosen]
-    std_of = {name: float(np.hypot(value, of_zero)) for name, value in std.items()}
-    return Shifts(moved, std_of | {chosen: 0.0}, unlinked, largest, search.repeat)
+    return Shifts(seconds, stds, unlinked, largest, search.repeat)
 
 
 def found_shifts(log: SensorLog) -> tuple[dict[str, float], str]:
@@ -155,7 +161,7 @@ def found_shifts(log: SensorLog) -> tuple[dict[str, float], str]:
 
 
 def drift_notes(log: SensorLog) -> list[str]:
-    """Warnings that the clock of a sensor drifts from that of the first inertial unit.
+    """Warnings that the clock of a sensor drifts from that of the first unit it is linked to.
 
     The shifts in the first third of the motion are compared with those in the last third.
     """
@@ -172,7 +178,10 @@ def drift_notes(log: SensorLog) -> list[str]:
     except LogError:
         return []
     notes, apart = [], late - early
-    for name in first.told.keys() & last.told.keys() - {unit}:
+    for name in first.seconds:
+        unit = name if first.std[name] == 0.0 else unit  # the reference of those after it
+        if name not in first.told.keys() & last.told.keys():
+            continue
         moved = last.seconds[name]
         begun, ended = 1e3 * first.seconds[name], 1e3 * (first.seconds[name] + moved)
         if abs(moved) > max(_DRIFTED, _SURE * np.hypot(first.std[name], last.std[name])):
@@ -313,26 +322,27 @@ class _Search:
         units: Sequence[Stream],
         largest: float,
     ) -> None:
-        self.robot, self.largest, self.units = robot, largest, list(units)
+        self.robot, self.largest = robot, largest
         self.repeat = float("inf")
         tracks = [_track(robot, s) for s in streams]
         self.tracks = {track.stream.name: track for track in tracks if track is not None}
-        self.links = {unit.name: self._seen_by(unit) for unit in self.units}
+        self.links = {unit.name: self._seen_by(unit) for unit in units}
+        self.units = [unit for unit in units if self.links[unit.name]]
 
-    def run(self) -> tuple[dict[str, float], dict[str, float]]:
-        """Shifts and their standard deviations of all sensors linked to the first unit [s]."""
-        first = self.units[0].name
-        late, std_of = {first: 0.0}, {first: 0.0}
+    def run(self) -> list[tuple[dict[str, float], dict[str, float]]]:
+        """Shifts of each group of linked sensors, and their standard deviations [s]."""
+        groups: list[tuple[dict[str, float], dict[str, float]]] = []
         for unit in self._in_order():
-            seen = self.links[unit.name]
-            tied = [name for name in (unit.name, *seen) if name in late]
-            free = [name for name in (unit.name, *seen) if name not in late]
-            if not tied or not free:
-                continue
-            found, std = self._fit(unit, late, free)
-            late |= found
-            std_of |= std
-        return late, std_of
+            names = (unit.name, *self.links[unit.name])
+            if not groups or not groups[-1][0].keys() & {*names}:
+                groups.append(({unit.name: 0.0}, {unit.name: 0.0}))
+            late, std_of = groups[-1]
+            free = [name for name in names if name not in late]
+            if free:
+                found, std = self._fit(unit, late, free)
+                late |= found
+                std_of |= std
+        return groups
 
     def _in_order(self) -> list[Stream]:
         """Inertial units, each after one that shares a sensor with it if possible."""
