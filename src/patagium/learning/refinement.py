@@ -3,8 +3,8 @@
 A filter takes slopes where its weights are at the time: what it learned far from the truth
 counts as if it had been learned there, and memory it recalled at early weights is only moved
 along its slopes. For few weights with a meaning that matters; here all samples are taken with
-slopes at the same weights, again and again (Gauss-Newton). Neglected: weights that wander,
-errors that are correlated.
+slopes at the same weights, again and again (Gauss-Newton), outliers weighed as `Screening` does.
+Neglected: weights that wander, errors that are correlated, channels that are stuck.
 """
 
 from __future__ import annotations
@@ -46,6 +46,8 @@ def refine(
 
     Minimal over W: |y - y(W)|^2 / variance over the used samples + (W - W0)^2 / P0, with W0 and P0
     those of the learner, and its variance (as estimated by now) with that of each measured force.
+    If the learner has `screening`, an error e beyond c standard deviations has its noise raised
+    until e is c of them.
 
     Args:
         learner: What has learned the log; it is not changed.
@@ -110,14 +112,30 @@ def _deviations(learner: FilterLearner, log: Samples) -> Array:
     return np.asarray(np.hypot(learner.measurement_std, own))
 
 
+def _raised(learner: FilterLearner, error: Array, std: Array) -> Array:
+    """Standard deviations with those of outliers raised as screening does, (N,) [y].
+
+    A cost of c^2 (1 + 2 log(e / c)) beyond c has the slope of that.
+    """
+    screening = learner.settings.screening
+    limit = np.inf if screening is None else screening.outlier_std
+    return np.asarray(np.fmax(std, np.abs(error) / limit))
+
+
 def _cost(learner: FilterLearner, log: Samples, weights: Array) -> float:
     """Squares of errors and of departures from the prior, in standard deviations."""
     (first, prior), network = learner.prior, learner.network
     rows = network_inputs(network, weights, log.time, log.x, log.gaps)
-    seen = np.isfinite(log.y).any(axis=1)
-    error = (log.y[seen] - network.evaluate(rows[seen], weights)) / _deviations(learner, log)[seen]
-    cost = float(np.nansum(error**2) + ((weights - first) ** 2 / prior).sum())
-    return cost if np.isfinite(rows).all() else float("inf")
+    seen = np.isfinite(log.y)
+    used = seen.any(axis=1)
+    error = np.zeros(log.y.shape)
+    error[used] = log.y[used] - network.evaluate(rows[used], weights)
+    std = _deviations(learner, log)[seen]
+    with np.errstate(invalid="ignore"):
+        raised = _raised(learner, error[seen], std)
+        cost = ((error[seen] / raised) ** 2 * (1.0 + 2.0 * np.log(raised / std))).sum()
+    cost += ((weights - first) ** 2 / prior).sum()
+    return float(cost) if np.isfinite(cost) else float("inf")
 
 
 def _slopes(learner: FilterLearner, log: Samples, weights: Array) -> tuple[Array, Array]:
@@ -127,8 +145,10 @@ def _slopes(learner: FilterLearner, log: Samples, weights: Array) -> tuple[Array
     gradient, information = np.zeros(len(weights)), np.zeros((len(weights), len(weights)))
     for k in np.flatnonzero(np.isfinite(log.y).any(axis=1)).tolist():
         value, slope = network.linearized(network.encode_one(rows[k]), weights)
-        seen, std = np.isfinite(log.y[k]), deviations[k]
-        slope = slope[seen] / std[seen, None]
-        gradient += slope.T @ ((log.y[k] - value) / std)[seen]
+        seen = np.isfinite(log.y[k])
+        error = (log.y[k] - value)[seen]
+        std = _raised(learner, error, deviations[k, seen])
+        slope = slope[seen] / std[:, None]
+        gradient += slope.T @ (error / std)
         information += slope.T @ slope
     return gradient, information

@@ -51,6 +51,25 @@ def test_the_noise_of_each_measured_force_counts():
     np.testing.assert_allclose(np.sqrt(np.diagonal(model.covariance)), spread, rtol=1e-2)
 
 
+def test_outliers_weigh_as_little_as_for_the_learner():
+    """All samples weighed the same: spikes moved numbers by 11 deviations, which were as small."""
+    draw = np.random.default_rng(0)
+    network = pt.DenseNetwork(3, (), 1)
+    teacher = np.array([0.5, -1.0, 0.3, 0.2])
+    x = draw.normal(size=(600, 3))
+    y = network.evaluate(x, teacher) + 0.1 * draw.normal(size=(600, 1))
+    y[::50] += 60 * 0.1
+    time = np.arange(600) * 0.01
+    learner = pt.ExtendedLearner(
+        network, prior_std=1.0, measurement_std=0.1, screening=pt.learning.Screening()
+    )
+    stream(learner, time, x, y, every=1)
+    model = refine(learner, time, x, y)
+    spread = np.sqrt(np.diagonal(model.covariance))
+    assert (np.abs(model.weights - teacher) < 4 * spread).all()
+    assert spread == pytest.approx(np.sqrt(np.diagonal(learner.covariance)), rel=0.02)
+
+
 def test_of_another_the_cost_is_minimal():
     """No weight nearby explains log and prior better."""
     draw = np.random.default_rng(1)
