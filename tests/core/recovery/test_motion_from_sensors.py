@@ -252,6 +252,20 @@ def test_a_unit_that_is_mounted_otherwise_than_stated_is_said(
     assert any("off what the other sensors say" in one for one in notes) != upright
 
 
+def test_a_unit_on_one_wing_of_a_held_robot_contradicts_nothing() -> None:
+    """It was also laid on the coordinates that encoders alone see: 6 rad/s off, listed twice."""
+    held = SLIDE.replace("parent: sled\n    ", "").replace("type: prismatic, axis: z", "axis: x")
+    robot, time = load_robot_text(held, "held"), np.arange(1000) * 5e-4
+    levels = [np.outer(30.0**k * np.sin(30 * time + k * np.pi / 2), [0.5, 0.2]) for k in range(3)]
+    parts = {name: (("time", "dof"), x) for name, x in zip("qva", levels, strict=True)}
+    facts = {"robot": robot.source, "robot_name": robot.name}
+    moved = xr.Dataset(parts, {"time": time, "dof": list(robot.dof_names)}, facts)
+    sensors = [S.Encoder(rate=500.0, std=1e-3), P.bmi270("sled", rate=500.0)]
+    findings = json.loads(pt.estimate_motion(pt.sense(moved, sensors)).attrs["findings"])
+    assert not findings["notes"]
+    assert [one["sensor"] for one in findings["noise"]].count("bmi270") == 2  # force and rate
+
+
 def test_accelerations_converge_as_noise_falls(flight: xr.Dataset) -> None:
     robot = pt.load_robot("aerobat")
     columns = [robot.index(name) + 2 * robot.dof for name in ("z", "left_plunge")]

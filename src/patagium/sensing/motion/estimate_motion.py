@@ -172,7 +172,10 @@ def fit_motion(robot: Robot, streams: Sequence[Stream], order: int, wanted: Arra
     groups += [own for s in checked.streams if (own := alone(s, columns))]
     fits, stretches = [], list(checked.stretches)
     for group in groups:
-        found = [_samples(s, group, checked.used[s.name], order) for s in checked.streams]
+        linked = [
+            s for s in checked.streams if isinstance(s.model, EncoderModel) or group is columns
+        ]
+        found = [_samples(s, group, checked.used[s.name], order) for s in linked]
         samples = [one for one in found if one is not None]
         begin, end = _extent(samples, wanted)
         fit = MotionFit(robot, group, samples, begin, end, order)
@@ -278,9 +281,7 @@ def alone(stream: Stream, columns: Sequence[int]) -> list[int]:
 def _samples(stream: Stream, group: Sequence[int], used: Bools, order: int) -> Samples | None:
     """Samples of a sensor for the fit of a group of coordinates; None if it sees none of them."""
     if not isinstance(stream.model, EncoderModel):
-        base = floating_base(stream.model.frame.robot)  # type: ignore[attr-defined]
-        linked = base is None or base.turn[0] in group
-        return Samples(stream, used, _noise(stream, used, order)) if linked else None
+        return Samples(stream, used, _noise(stream, used, order))
     others = [k for k, i in enumerate(stream.model.columns) if i not in group]
     if len(others) == len(stream.model.columns):
         return None
