@@ -21,6 +21,7 @@ from patagium.learning.models.registry import in_air, network_from_description, 
 from patagium.learning.parameter_paths import Trained
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import (
+    SampleForm,
     recorded,
     recorded_wind_change,
     relative_to_wind,
@@ -57,7 +58,8 @@ def samples(
 ) -> tuple[Array, Array, Array, list[str]]:
     """Training samples of a flight: inputs of a network, and what it should predict.
 
-    Where the wind of the flight changes, velocities of the base are those less the change.
+    Where the wind of the flight changes, velocities of the base are those less the change. Where
+    numbers of a robot are learned, the force is that by the numbers of the network's robot.
 
     Args:
         flight: Record with q, v, a, u1; or measured forces.
@@ -77,12 +79,13 @@ def samples(
     terms, flight = flight_terms(network), with_force(flight)
     machine, _ = flown(flight)
     if isinstance(flight, ForceSamples):
-        time, state, force = flight.time, flight.state, flight.force
+        time, state, force = flight.time, flight.state, _force_by(flight, terms.robot)
         acceleration = flight.a
         if terms.acceleration and acceleration is None:
             raise ParameterError("a", "accelerations, which the network sees", None)
     else:
-        machine = terms.robot or machine  # whose numbers the network learns
+        if terms.robot is not None:  # whose numbers the network learns, dampers included
+            machine, flight = terms.robot, flight.drop_vars("damping_force", errors="ignore")
         time, state, force = training_data(flight, machine, with_added_mass=terms.added_mass)
         acceleration = recorded(flight, "a", machine) if terms.acceleration else None
     if len(time) < 2:
@@ -110,6 +113,19 @@ def samples(
         raise ShapeError("inputs", f"as many as the network sees, {seen}", x.shape[1])
     columns = [machine.index(name) for name in names]
     return time, x, force[:, columns], [machine.force_units[k] for k in columns]
+
+
+def _force_by(flight: ForceSamples, robot: Robot | None) -> Array:
+    """Measured force by the numbers of a robot, None: of the flight's, (N, n) [N, N m]."""
+    if robot is None or np.array_equal(robot.parameters, flight.robot.parameters):
+        return flight.force
+    if flight.a is None:
+        expected = "accelerations, since the robot of the network has other numbers"
+        raise ParameterError("a", expected, None)
+    motion = flight.q, flight.v, flight.a, np.zeros(flight.v.shape)
+    forms = SampleForm(flight.robot), SampleForm(robot)
+    own, other = (np.array(form.function.batch(*motion, form.parameters)[1]) for form in forms)
+    return np.asarray(flight.force + (other - own).reshape(flight.force.shape))
 
 
 def flown(flight: xr.Dataset | ForceSamples) -> tuple[Robot, Air]:

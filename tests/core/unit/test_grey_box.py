@@ -336,6 +336,31 @@ def test_numbers_of_a_robot_are_found_from_a_flight_of_another_robot(robot, monk
     np.testing.assert_allclose(pt.refine(learner, log, every=2).weights, model.weights, rtol=1e-3)
 
 
+def test_the_force_is_that_by_the_numbers_of_the_robot_that_is_learned(one_wing):
+    """The flown robot's dampers, and its inertia in measured forces, hid what was to be learned."""
+    robot = one_wing("name: plunge, axis: x, damping: 1e-3", "name: feather, axis: -y")
+    numbers = {"wing.mass": 1.3 * robot.bodies[-1].mass, "plunge.damping": 2e-3}
+    true = robot.with_parameters(numbers)
+    gait = pt.gaits.sinusoidal(true, frequency=5.0, plunge=0.5, feather=0.3)
+    flight = pt.simulate(true, pt.QuasiSteady(true, AIR), gait, duration=0.2, time_step=1e-3)
+    network = pt.GreyBox(pt.QuasiSteady(robot, AIR), {name: 1e-3 for name in numbers})
+    weights = np.zeros(2)
+    for k, one in enumerate(network.parameters):
+        moved = numbers[one.name] - one.prior
+        weights[k] = (np.log1p(moved / one.prior) if one.positive else moved) / one.scale
+    time, x, y = pt.training_data(flight)
+    q, v = np.split(x, 2, axis=1)
+    spread, a = np.zeros((len(y), *[true.dof] * 2)), flight["a"].values
+    forces = pt.sensing.ForceSamples(time, q, v, y, spread, true, "made", a=a)
+    for given in (flight, forces):
+        _, x, y, _ = samples(given, network)
+        found = network.evaluate(x, weights)
+        np.testing.assert_allclose(found, y, atol=1e-9 * np.abs(y).max())
+    damped = pt.GreyBox(pt.QuasiSteady(robot, AIR), {"plunge.damping": 1e-3})
+    with pytest.raises(ParameterError, match="a: expected accelerations"):
+        samples(replace(forces, a=None), damped)
+
+
 def test_a_drag_below_zero_is_told_where_it_was_fitted_and_refused_in_use(robot):
     air = pt.QuasiSteady(robot, pt.Air(), polar=pt.air.SmoothPolar())
     gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.6)
