@@ -70,17 +70,17 @@ AeroOption: TypeAlias = Annotated[
 
 
 RefineOption: TypeAlias = Annotated[
-    bool,
+    bool | None,
     typer.Option(
-        "--refine",
-        help="Least squares over the whole flight afterwards: estimates and standard deviations "
-        "that do not depend on the order of the samples.",
+        "--refine/--no-refine",
+        help="Least squares over the whole flight after the one pass: estimates and standard "
+        "deviations that do not depend on the order of the samples; by default with --estimate.",
     ),
 ]
 
 
 def check_estimate(
-    words: Sequence[str] | None, aero: GreyModel | None, refine: bool, is_flight: bool
+    words: Sequence[str] | None, aero: GreyModel | None, refine: bool | None, is_flight: bool
 ) -> None:
     """Refuse --estimate for a table, and what goes with it without it.
 
@@ -89,7 +89,7 @@ def check_estimate(
     """
     if aero is not None and not words:
         raise ParameterError("--aero", "--estimate to go with it", aero)
-    if refine and not words:
+    if refine is not None and not words:
         raise ParameterError("--refine", "--estimate to go with it", refine)
     if words and not is_flight:
         raise ParameterError("--estimate", "a flight (.nc), which has a robot", ", ".join(words))
@@ -141,7 +141,8 @@ def refined(result: Identification, flight: xr.Dataset, every: int) -> Identific
     model = refine(result.learner, flight, every=every)
     scores = {**result.scores}
     scores.pop("parameter_problem", None)
-    return replace(result, scores=with_verdict(scores | parameter_scores(model)), learner=model)
+    scores |= parameter_scores(model) | {"parameter_fit": "a least-squares fit of the whole log"}
+    return replace(result, scores=with_verdict(scores), learner=model)
 
 
 def _model(flight: xr.Dataset, aero: GreyModel | None) -> Aerodynamics:

@@ -66,7 +66,7 @@ def identify(
     ] = None,
     estimate: estimates.EstimateOption = None,
     aero: estimates.AeroOption = None,
-    refine: estimates.RefineOption = False,
+    refine: estimates.RefineOption = None,
     model: Annotated[
         Path | None,
         output_file(
@@ -128,7 +128,7 @@ def identify(
     )
     if table is not None:
         typer.echo(f"{file}: {result.scores['gaps_found']}", err=True)
-    if refine and result.outcome is Outcome.COMPLETED:
+    if estimate and refine is not False and result.outcome is Outcome.COMPLETED:
         with progress_bar(f"Refining what {file.name} taught"):
             result = estimates.refined(result, flight, result.scores["every"])
     model = model or file.with_name("model.json")

@@ -98,4 +98,5 @@ def parameter_table(scores: Mapping[str, Any]) -> Table | None:
         "prior",
         "its standard deviation",
     ]
-    return Table(columns, rows, "Physical parameters, after the last sample and before any.")
+    found = scores.get("parameter_fit", "one pass, which may be far too sure of them")
+    return Table(columns, rows, f"Physical parameters, from {found}, and before any sample.")

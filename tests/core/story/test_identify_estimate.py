@@ -7,14 +7,33 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import patagium as pt
 from patagium.cli.main import run
-from patagium.robot import Robot
+from patagium.robot import Robot, load_robot_text
 
 from ...spoken import Speak
 
+MOTH = """
+name: moth
+gravity: 9.81
+bodies:
+  fore:
+    joints: [{name: flap, axis: x}, {name: twist, axis: -y}]
+    mass: 4 g
+    center_of_mass: [-1.2 cm, 8 cm, 3 mm]
+    inertia: {xx: 9 g cm^2, yy: 4 g cm^2, zz: 12 g cm^2}
+wings:
+  - name: fore
+    segments:
+      - body: fore
+        strips: 5
+        stations:
+          - {span: 1 cm, leading: 2 cm, trailing: -6 cm}
+          - {span: 17 cm, leading: 1.5 cm, trailing: -4.5 cm}
+"""
 ESTIMATE = "lift_slope=1.5,zero_lift_angle=5 deg"
 
 
@@ -42,11 +61,15 @@ def test_numbers_are_learned_shown_and_kept(identify: Speak, flight: Path, tmp_p
     page, model = tmp_path / "report.html", tmp_path / "model.json"
     answer = identify(*LEARN, "--aero", "quasi-steady")
     assert answer.code == 2 and "lift_slope" in answer.err and "polar.lift_offset" in answer.err
-    answer = identify(*LEARN, "--report", page, "--model", model, "--refine")
+    answer = identify(*LEARN, "--report", page, "--model", model)
     assert answer.code == 0
     assert "zero_lift_angle" in answer.out and "standard deviation" in answer.out
     text = page.read_text(encoding="utf-8")
     assert "Physical parameters" in text and "lift_slope" in text
+    assert "from a least-squares fit of the whole log" in " ".join(answer.out.split())
+    assert "from a least-squares fit of the whole log" in text
+    once = ("--no-refine", "--model", tmp_path / "once.json")
+    assert "from one pass, which" in " ".join(identify(*LEARN, *once).out.split())
     scores = json.loads(identify(*LEARN, "--learner", "extended", "--json").out)
     assert scores["parameter_value"]["lift_slope"] == pytest.approx(5.5, rel=1e-3)
     assert scores["parameter_prior_std"]["zero_lift_angle"] == pytest.approx(0.0872665)
@@ -66,6 +89,7 @@ def test_numbers_are_learned_shown_and_kept(identify: Speak, flight: Path, tmp_p
         (("--estimate", "lift_slope=-1", *LEARN[2:]), "positive prior deviation"),
         (("--aero", "delaurier", *LEARN[2:]), "--estimate"),
         (("--network", "strip", *LEARN), "none with --estimate"),
+        (("--no-refine", *LEARN[2:], "--prior-std", "1"), "--estimate"),
         (("--refine", *LEARN[2:], "--prior-std", "1"), "--estimate"),
     ],
 )
@@ -74,6 +98,30 @@ def test_what_cannot_be_is_said_in_a_line(
 ) -> None:
     answer = identify(*words)
     assert answer.code == 2 and message in answer.err
+
+
+def test_the_shortest_command_states_deviations_that_hold(tmp_path: Path, speak: Speak) -> None:
+    """A mass was 84 of its stated deviations off where the noise is found and nothing refined."""
+    robot = load_robot_text(MOTH, "moth")
+    air = pt.Air(wind=(-4.0, 0.0, 0.3))
+    polar = pt.air.DickinsonPolar(lift_amplitude=1.3)
+    gait = pt.gaits.sinusoidal(robot, frequency=4.0, flap=0.5, twist=0.3)
+    models = pt.QuasiSteady(robot, air, polar=polar), pt.QuasiSteady(robot, air)
+    flight, book = (
+        pt.simulate(robot, one, gait, duration=duration, time_step=5e-4)
+        for one, duration in zip(models, (2.0, 0.01), strict=True)
+    )
+    noise = (
+        0.05 * flight.u1.std("time").values * np.random.default_rng(0).normal(size=flight.u1.shape)
+    )
+    flight = flight.assign(u1=(flight.u1 + noise).assign_attrs(flight.u1.attrs))
+    pt.save_flight(flight.assign_attrs(aero=book.attrs["aero"]), tmp_path / "log.nc")
+    wanted = ("--estimate", "polar.lift_amplitude=0.5,fore.mass=5e-4")
+    answer = speak("identify", tmp_path / "log.nc", *wanted, "--every", 10, "--json")
+    scores = json.loads(answer.out)
+    for name, true in {"polar.lift_amplitude": 1.3, "fore.mass": 4e-3}.items():
+        error = scores["parameter_value"][name] - true
+        assert abs(error) < 4 * scores["parameter_std"][name] < 0.2 * true
 
 
 def test_a_table_has_no_numbers_of_the_air(tmp_path: Path) -> None:
