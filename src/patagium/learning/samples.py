@@ -17,6 +17,7 @@ from patagium.learning.learners.learner import Learner
 from patagium.learning.model_file import Model, model_of
 from patagium.learning.models.memory import measured_inputs
 from patagium.learning.models.network import Network, flight_terms
+from patagium.learning.models.physical import WIND
 from patagium.learning.models.registry import in_air, network_from_description, steady_air
 from patagium.learning.parameter_paths import Trained
 from patagium.robot import Robot
@@ -148,15 +149,25 @@ def wind_change(flight: xr.Dataset | ForceSamples) -> Array | None:
 
 
 def other_air(network: Network, flight: xr.Dataset | ForceSamples) -> tuple[Air, str] | None:
-    """Steady air of a flight and words on it; None if the network knows none, has or learns it."""
+    """Steady air of a flight and words on it; None if the network knows no air, or has this.
+
+    What the network learns of wind and density stays as it was before it was learned.
+    """
     own = steady_air(network)
     if own is None:
         return None
     _, air = flown(flight)
     if (air.wind, air.density) == (own.wind, own.density):
         return None
+    estimate = network.describe().get("estimate", ())
+    learned = [name for name in ("density", *WIND) if name in estimate]
+    each = zip(WIND, own.wind, air.wind, strict=True)
+    wind: Any = tuple(mine if name in learned else its for name, mine, its in each)
+    density = own.density if "density" in learned else air.density
+    air = replace(air, wind=wind, density=density)
     words = (f"wind {one.wind} m/s at {one.density:.4g} kg/m^3" for one in (air, own))
-    return air, "; learned in ".join(words)
+    kept = f" (as learned, not of the flight: {', '.join(learned)})" if learned else ""
+    return air, "; learned in ".join(words) + kept
 
 
 def in_flight(model: Trained, flight: xr.Dataset | ForceSamples) -> tuple[Trained, list[str]]:

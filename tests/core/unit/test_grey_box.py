@@ -361,6 +361,28 @@ def test_the_force_is_that_by_the_numbers_of_the_robot_that_is_learned(one_wing)
         samples(replace(forces, a=None), damped)
 
 
+def test_the_wind_of_a_flight_is_taken_where_density_is_learned(robot):
+    """A model of a learned density predicted in its old wind, and said nothing."""
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5, feather=0.3)
+    log = {
+        speed: pt.simulate(
+            robot,
+            pt.QuasiSteady(robot, pt.Air(wind=(-speed, 0.0, 0.0), density=1.1)),
+            gait,
+            duration=0.3,
+            time_step=1e-3,
+        )
+        for speed in (4.0, 6.0)
+    }
+    book = pt.QuasiSteady(robot, pt.Air(wind=(-4.0, 0.0, 0.0)))
+    network = pt.GreyBox(book, {"density": 0.1})
+    learner = pt.ExtendedLearner(network, measurement_std=1e-4)
+    pt.identify(log[4.0], learner, every=4)
+    found = pt.evaluate(log[6.0], model_of(learner))
+    assert found.scores["nmse_worst"] < 1e-4
+    assert "as learned, not of the flight: density" in str(found.scores["verdict"])
+
+
 def test_a_drag_below_zero_is_told_where_it_was_fitted_and_refused_in_use(robot):
     air = pt.QuasiSteady(robot, pt.Air(), polar=pt.air.SmoothPolar())
     gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.6)

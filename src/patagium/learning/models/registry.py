@@ -67,10 +67,9 @@ def network_from_description(description: Mapping[str, Any]) -> Network:
 
 
 def steady_air(network: Network) -> Air | None:
-    """Air with the wind and density that a network is given; None if it estimates or needs none."""
+    """Air with the wind and density that a network is given; None if it needs none."""
     own: Air | None = getattr(getattr(network, "model", network), "air", None)
-    learned = () if own is None else network.describe().get("estimate", ())
-    return None if any(name.startswith(("wind", "density")) for name in learned) else own
+    return own
 
 
 def in_air(description: Any, air: Air) -> Any:
