@@ -45,7 +45,7 @@ def cycle_statistics(
         flight: Record of a flight.
         period: Duration of a wingbeat [s]; None: that of the gait, as it was steered.
         skip: Whole wingbeats left out at the beginning.
-        phases: Points of a wingbeat.
+        phases: Points of a wingbeat at which curves are given; means do not depend on it.
 
     Returns:
         For lift, thrust, power, positive_power and, of a fixed robot, mount_lift, mount_thrust:
@@ -84,46 +84,61 @@ def cycle_statistics(
         ends = np.interp(steered[0] + skip + np.arange(count + 1), steered, time)
         beat = float(ends[-1] - ends[0]) / count
     stamps = ends[:-1, None] + np.diff(ends)[:, None] * phase
-    signals = _signals(flight, robot, time).items()
-    found = {name: np.interp(stamps, time, signal) for name, signal in signals}
+    signals = _signals(flight, robot, time)
+    by_cycle = {name: _cycle_means(signal, time, ends) for name, signal in signals.items()}
+    weights = np.diff(ends)
+    means = {name: float(np.average(each, weights=weights)) for name, each in by_cycle.items()}
+    variables: dict[str, tuple[str, Array, dict[str, str]]] = {}
+    for name, signal in signals.items():
+        variables |= _variables(name, np.interp(stamps, time, signal), by_cycle[name])
     return xr.Dataset(
-        {key: value for name, cycles in found.items() for key, value in _variables(name, cycles)},
+        variables,
         coords={"phase": ("phase", phase, {"units": "1", "long_name": "share of a wingbeat"})},
-        attrs={"cycles": count, "period": beat, **_means(flight, robot, found)},
+        attrs={"cycles": count, "period": beat, **_attributes(flight, robot, means)},
     )
 
 
-def _means(flight: xr.Dataset, robot: Robot, found: dict[str, Array]) -> dict[str, float]:
-    """Means over all cycles of signals over cycle and phase, (cycles, phases) each [N, W]."""
+def _cycle_means(signal: Array, time: Array, ends: Array) -> Array:
+    """Means of a signal, (N,), between the ends of cycles, (cycles + 1,) [s], by the trapezoid."""
+    stamps = np.union1d(ends, time[(time > ends[0]) & (time < ends[-1])])
+    values = np.interp(stamps, time, signal)
+    pieces = np.diff(stamps) * (values[1:] + values[:-1]) / 2
+    firsts = np.searchsorted(stamps, ends[:-1])
+    return np.asarray(np.add.reduceat(pieces, firsts) / np.diff(ends))
+
+
+def _attributes(flight: xr.Dataset, robot: Robot, means: dict[str, float]) -> dict[str, float]:
+    """Attributes of the statistics, from the mean of each signal over all cycles [N, W]."""
     speed = float(np.linalg.norm(air_velocity(flight, robot)))
     weight = float(robot.gravity) * robot.flying.mass
-    driven = float(found["positive_power"].mean())
-    moving = speed >= _HOVERING
-    lift, thrust = float(found["lift"].mean()), float(found["thrust"].mean())
+    driven, moving = means["positive_power"], speed >= _HOVERING
+    lift, thrust = means["lift"], means["thrust"]
     return {
         "mean_lift": lift,
         "mean_lift_gram_force": lift / GRAM_FORCE,
         "mean_thrust": thrust,
         "mean_thrust_gram_force": thrust / GRAM_FORCE,
-        "mean_power": float(found["power"].mean()),
+        "mean_power": means["power"],
         "mean_positive_power": driven,
         "airspeed": speed,
         "cost_of_transport": driven / (weight * speed) if moving and weight else float("nan"),
     }
 
 
-def _variables(name: str, cycles: Array) -> list[tuple[str, tuple[str, Array, dict[str, str]]]]:
+def _variables(
+    name: str, cycles: Array, by_cycle: Array
+) -> dict[str, tuple[str, Array, dict[str, str]]]:
     unit, meaning = _MEANINGS[name]
     spread = cycles.std(axis=0, ddof=1) if len(cycles) > 1 else np.full(cycles.shape[1], np.nan)
     kinds = {
         name: ("phase", cycles.mean(axis=0), meaning),
         f"{name}_spread": ("phase", spread, f"{meaning}: deviation between cycles"),
-        f"{name}_by_cycle": ("cycle", cycles.mean(axis=1), f"{meaning}: mean of each cycle"),
+        f"{name}_by_cycle": ("cycle", by_cycle, f"{meaning}: mean of each cycle"),
     }
-    return [
-        (key, (dim, value, {"units": unit, "long_name": words}))
+    return {
+        key: (dim, value, {"units": unit, "long_name": words})
         for key, (dim, value, words) in kinds.items()
-    ]
+    }
 
 
 def _signals(flight: xr.Dataset, robot: Robot, time: Array) -> dict[str, Array]:

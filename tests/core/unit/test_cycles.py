@@ -93,6 +93,18 @@ def test_no_joint_spends_what_another_one_gives_back() -> None:
     assert np.maximum(powers.sum(axis=1), 0.0).mean() < 0.95 * wanted
 
 
+def test_means_are_those_of_the_samples_whatever_the_points_of_a_curve() -> None:
+    """They were those of the curve's points: power was twice too large with two of them."""
+    flight = pt.simulate(pt.load_robot("aerobat"), duration=1.1)
+    few, many = (pt.cycle_statistics(flight, phases=n) for n in (2, 100))
+    assert few.attrs == many.attrs and (few["lift_by_cycle"] == many["lift_by_cycle"]).all()
+    ends = many.attrs["period"] * np.arange(1, 2 + many.attrs["cycles"])
+    work = np.interp(ends, flight["time"], flight["joint_work"])
+    wanted = np.diff(work) / many.attrs["period"]
+    assert many["power_by_cycle"].values == pytest.approx(wanted, rel=1e-3)  # of the trapezoid
+    assert many.attrs["mean_power"] == pytest.approx(wanted.mean(), rel=1e-3)
+
+
 def test_lift_scales_with_the_density_and_thrust_turns_with_the_way(held: xr.Dataset) -> None:
     robot = pt.load_robot("aerobat")
     gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5)
