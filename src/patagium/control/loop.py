@@ -166,15 +166,14 @@ class _Loop:
         self.time_step = step = period / ceil(period / longest * (1 - 1e-9))
         steps = max(1, round(min(positive("duration", self.duration) / step, 1e300)))
         self.duration = steps * step
-        self.gait = SteeredGait(self.robot, self.orbit.gait)
         aero, added = with_gusts(self.aero, self.events), self.added_mass
         lags = self.start.pop("aero_state")
         self.simulator = Simulator(
-            self.robot, aero, self.gait, duration=self.duration, time_step=step, **self.start,
+            self.robot, aero, self.orbit.gait, duration=self.duration, time_step=step, **self.start,
             aero_state=lags if len(lags) == aero.state_size else None,
             added_mass=None if added is None else replace(added, air=aero.air),
         )  # fmt: skip
-        self.due, machine = [], self.robot
+        self.gait, self.due, machine = self.simulator.steered, [], self.robot
         for event in sorted(self.events, key=lambda one: one.time):
             with event.named():
                 if event.time > self.duration:

@@ -244,7 +244,8 @@ class Integration:
                 if progress is not None:
                     progress(self.done, self.steps)
         except Interrupted:
-            self.outcome = Outcome.INTERRUPTED
+            if self.outcome is Outcome.COMPLETED and self.done < self.steps:
+                self.outcome = Outcome.INTERRUPTED
         return self.outcome
 
     def _chunk(self, count: int) -> None:

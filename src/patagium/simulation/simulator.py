@@ -217,7 +217,7 @@ class Simulator:
     Args:
         robot: The machine.
         aero: Model of the air around it.
-        gait: Motion of the actuated joints.
+        gait: Motion of the actuated joints; of a `SteeredGait` a copy is flown and commanded.
         duration: Longest time it can fly, a whole number of time steps; of chosen steps as many as
             come nearest [s].
         time_step: Step [s]; None for a 400th of a wingbeat, 1 ms at most, or half the longest
@@ -264,7 +264,8 @@ class Simulator:
         aero_state: ArrayLike | None = None,
     ) -> None:
         whole_steps(duration, duration if time_step is None else time_step)
-        self._steered: SteeredGait | None = gait if isinstance(gait, SteeredGait) else None
+        self._steered = gait.copied() if isinstance(gait, SteeredGait) else None
+        gait = self._steered or gait
         self._commands: list[tuple[int, dict[str, float]]] = []
         cells = tuple(load_cells)
         check_robots(robot, aero)
@@ -341,6 +342,13 @@ class Simulator:
         return self._integration.done * self.time_step
 
     @property
+    def steered(self) -> SteeredGait:
+        """Gait of this flight, as commands steer it."""
+        if self._steered is None:
+            self._gait = self._steered = SteeredGait(self._robot, self._gait)
+        return self._steered
+
+    @property
     def run(self) -> IntegrationResult:
         """Result of the integration so far."""
         return self._integration.run
@@ -390,13 +398,10 @@ class Simulator:
         Raises:
             ParameterError: If a name is no command, or a value not possible.
         """
-        if self._steered is None:
-            self._steered = SteeredGait(self._robot, self._gait)
         for name in commands:
             if name not in self._own_commands:
-                self._own_commands[name] = self._steered.commanded(name)
-        self._steered.command(self.time, commands)
-        self._gait = self._steered
+                self._own_commands[name] = self.steered.commanded(name)
+        self.steered.command(self.time, commands)
         self._commands.append((self._integration.done, dict(commands)))
 
     @checked

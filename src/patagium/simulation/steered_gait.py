@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -174,6 +175,10 @@ class SteeredGait:
         self._starts = [-np.inf]
         self._since = 0.0
         self.limited, self.stuck = 0, set[int]()
+
+    def copied(self) -> SteeredGait:
+        """Steered gait with the same commands so far, which no other object commands."""
+        return deepcopy(self, {id(one): one for one in (self.gait, self._robot)})
 
     @property
     def joints(self) -> tuple[str, ...]:

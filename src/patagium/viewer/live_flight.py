@@ -126,8 +126,8 @@ class LiveFlight:
 
     def _begin(self) -> None:
         """Fly from the start, by the gait's own frequency, on the way to what is asked for."""
-        self._gait = SteeredGait(self._robot, self._own) if self._steering else None
-        self._simulator = self._start(self._gait or self._own)
+        self._simulator = self._start(self._own)
+        self._gait = self._simulator.steered if self._steering else None
         self._done, self._outcome, self._said = 0, Outcome.COMPLETED, ""
         self._show(np.zeros(1), {k: part[:1] for k, part in self._simulator.run.samples.items()})
         if self._asked != self._first:

@@ -13,7 +13,7 @@ from tests.robots import FLAPPER
 
 import patagium as pt
 from patagium.cli.main import run
-from patagium.errors import Outcome, ParameterError, ShapeError, SimulationFailed
+from patagium.errors import Interrupted, Outcome, ParameterError, ShapeError, SimulationFailed
 from patagium.robot import load_robot_text
 from patagium.simulation import QUANTITIES
 from patagium.simulation.flight_summary import flight_summary
@@ -248,6 +248,24 @@ def test_interrupting_is_possible_between_chunks(robot, aero, gait, monkeypatch)
 
     with pytest.raises(KeyboardInterrupt):
         pt.simulate(robot, aero, gait, duration=0.1, time_step=1e-4, progress=interrupt)
+
+
+def test_an_interruption_hides_no_run_that_broke_or_is_complete(
+    robot, aero, gait, monkeypatch
+):
+    """A whole flight was `step 501 of 500: interrupted`, and a broken one had no cause."""
+
+    def interrupt(done, steps):
+        raise Interrupted
+
+    words = dict(time_step=5e-3, v=robot.coordinates(x=4.0), throw=False, progress=interrupt)
+    broken = pt.simulate(robot, aero, gait, duration=2.0, **words)
+    assert broken.attrs["outcome"] == "STEP_TOO_LONG"
+    words["time_step"] = 1e-3
+    assert pt.simulate(robot, aero, gait, duration=0.02, **words).attrs["outcome"] == "COMPLETED"
+    monkeypatch.setattr("patagium.simulation.runge_kutta.CHUNK", 10)
+    early = pt.simulate(robot, aero, gait, duration=0.02, **words)
+    assert early.attrs["outcome"] == "INTERRUPTED" and early.sizes["time"] == 11
 
 
 def test_a_keyword_that_no_flight_has_is_refused_by_name(robot, aero, gait):

@@ -288,6 +288,20 @@ def test_a_flight_follows_what_is_commanded(tmp_path):
     assert pt.simulation.gait_period(again) == pytest.approx(1 / 9)
 
 
+def test_a_flight_leaves_the_steered_gait_that_it_is_given_as_it_was():
+    """The flight commanded the caller's own object, so that the next one obeyed it too."""
+    gait, options = SteeredGait(ROBOT, a_gait()), dict(duration=0.05, time_step=5e-4, v=START)
+    gait.command(0.0, {"plunge_offset": 0.1})
+    faster = options | {"controller": lambda time, state: {"frequency": 9.0}}
+    first, second = (pt.simulate(ROBOT, AERO, gait, **faster) for _ in range(2))
+    assert first.identical(second)
+    assert gait.commanded("frequency") == pytest.approx(5.0)
+    flying = pt.Simulator(ROBOT, AERO, gait, **options)
+    flying.command({"frequency": 9.0})
+    assert flying.steered.commanded("frequency") == pytest.approx(9.0)
+    assert flying.steered.commanded("plunge_offset") == gait.commanded("plunge_offset") == 0.1
+
+
 def test_a_controller_is_a_loop_of_steps():
     """`simulate` with a controller, and `step` by hand, are the same flight to the last bit."""
     calls = []
