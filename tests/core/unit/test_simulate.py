@@ -250,9 +250,7 @@ def test_interrupting_is_possible_between_chunks(robot, aero, gait, monkeypatch)
         pt.simulate(robot, aero, gait, duration=0.1, time_step=1e-4, progress=interrupt)
 
 
-def test_an_interruption_hides_no_run_that_broke_or_is_complete(
-    robot, aero, gait, monkeypatch
-):
+def test_an_interruption_hides_no_run_that_broke_or_is_complete(robot, aero, gait, monkeypatch):
     """A whole flight was `step 501 of 500: interrupted`, and a broken one had no cause."""
 
     def interrupt(done, steps):
