@@ -84,7 +84,9 @@ def cycle_statistics(
         ends = np.interp(steered[0] + skip + np.arange(count + 1), steered, time)
         beat = float(ends[-1] - ends[0]) / count
     stamps = ends[:-1, None] + np.diff(ends)[:, None] * phase
-    signals = _signals(flight, robot, time)
+    counted = flight.isel(time=np.flatnonzero((time >= ends[0]) & (time <= ends[-1])))
+    velocity = air_velocity(counted, robot)
+    signals = _signals(flight, robot, time, _forward(flight, robot, velocity))
     by_cycle = {name: _cycle_means(signal, time, ends) for name, signal in signals.items()}
     weights = np.diff(ends)
     means = {name: float(np.average(each, weights=weights)) for name, each in by_cycle.items()}
@@ -94,7 +96,7 @@ def cycle_statistics(
     return xr.Dataset(
         variables,
         coords={"phase": ("phase", phase, {"units": "1", "long_name": "share of a wingbeat"})},
-        attrs={"cycles": count, "period": beat, **_attributes(flight, robot, means)},
+        attrs={"cycles": count, "period": beat, **_attributes(velocity, robot, means)},
     )
 
 
@@ -107,9 +109,9 @@ def _cycle_means(signal: Array, time: Array, ends: Array) -> Array:
     return np.asarray(np.add.reduceat(pieces, firsts) / np.diff(ends))
 
 
-def _attributes(flight: xr.Dataset, robot: Robot, means: dict[str, float]) -> dict[str, float]:
+def _attributes(velocity: Array, robot: Robot, means: dict[str, float]) -> dict[str, float]:
     """Attributes of the statistics, from the mean of each signal over all cycles [N, W]."""
-    speed = float(np.linalg.norm(air_velocity(flight, robot)))
+    speed = float(np.linalg.norm(velocity))
     weight = float(robot.gravity) * robot.flying.mass
     driven, moving = means["positive_power"], speed >= _HOVERING
     lift, thrust = means["lift"], means["thrust"]
@@ -141,9 +143,8 @@ def _variables(
     }
 
 
-def _signals(flight: xr.Dataset, robot: Robot, time: Array) -> dict[str, Array]:
+def _signals(flight: xr.Dataset, robot: Robot, time: Array, forward: Array) -> dict[str, Array]:
     """Signals to be averaged, (N,) each [N, W]."""
-    forward = _forward(flight, robot)
     air = air_force(flight, robot, time)
     signals = {"lift": air[:, 2], "thrust": air @ forward}
     if flight.attrs.get("mount") == "fixed":
@@ -180,9 +181,9 @@ def air_velocity(flight: xr.Dataset, robot: Robot) -> Array:
     return np.asarray((momentum / mass if mass else np.zeros(3)) - wind, float)
 
 
-def _forward(flight: xr.Dataset, robot: Robot) -> Array:
+def _forward(flight: xr.Dataset, robot: Robot, velocity: Array) -> Array:
     """Level direction of the way through the air, of the nose in hover, (3,)."""
-    level = air_velocity(flight, robot) * np.array([1.0, 1.0, 0.0])
+    level = velocity * np.array([1.0, 1.0, 0.0])
     if np.linalg.norm(level) >= _HOVERING:
         return np.asarray(level / np.linalg.norm(level))
     _, rotation = poses_at(robot, flight["q"].values[:1])

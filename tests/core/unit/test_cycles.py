@@ -105,6 +105,20 @@ def test_means_are_those_of_the_samples_whatever_the_points_of_a_curve() -> None
     assert many.attrs["mean_power"] == pytest.approx(wanted.mean(), rel=1e-3)
 
 
+def test_the_airspeed_is_that_of_the_beats_that_count() -> None:
+    """A bird that loses speed: with `skip` it stayed that of the whole flight."""
+    robot = pt.load_robot("ornithopter")
+    aero, gait = pt.QuasiSteady(robot), pt.gaits.cruise(robot)
+    given = {"duration": 1.2, "time_step": 2e-3, "v": robot.velocities(x=9.0)}
+    flight = pt.simulate(robot, aero, gait, **given)
+    for skip in (0, 3):
+        found = pt.cycle_statistics(flight, skip=skip).attrs
+        first = skip * found["period"]
+        late = (flight.time >= first) & (flight.time <= first + found["cycles"] * found["period"])
+        own = flight.momentum.values[late.values].mean(axis=0) / robot.mass
+        assert found["airspeed"] == pytest.approx(np.linalg.norm(own), rel=1e-12)  # rounding
+
+
 def test_lift_scales_with_the_density_and_thrust_turns_with_the_way(held: xr.Dataset) -> None:
     robot = pt.load_robot("aerobat")
     gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.5)
