@@ -114,7 +114,13 @@ class FrozenModel(NamedTuple):
 
 
 class Motion(Protocol):
-    """Forecast of the measured inputs of a network from samples up to one."""
+    """Forecast of the measured inputs of a network from samples up to one.
+
+    Attributes:
+        beating: Signals that show the wingbeat, (N, k) [their units].
+    """
+
+    beating: Array
 
     def path(self, last: int, ahead: Array, model: FrozenModel) -> Array:
         """Inputs at times after a sample, (N, n_measured) [units of x].
@@ -140,10 +146,18 @@ class Repetition:
         time: Increasing, (N,) [s].
         values: Signals, (N, k) [their units].
         period: Wingbeat [s]; None to find it in the samples so far.
+        beating: Signals that show the wingbeat, (N, m) [their units]; None: the values.
     """
 
-    def __init__(self, time: Array, values: Array, period: float | None = None) -> None:
+    def __init__(
+        self,
+        time: Array,
+        values: Array,
+        period: float | None = None,
+        beating: Array | None = None,
+    ) -> None:
         self._time, self._values = time, values
+        self.beating = values if beating is None else beating
         self._known, self._found, self._looked = period, period, 0
         self._repeated = np.zeros(values.shape[1], bool)
 
@@ -155,7 +169,7 @@ class Repetition:
         if last + 1 >= (_GROWTH if self._found else _PATIENCE) * self._looked:
             self._looked = last + 1
             seen = slice(0, last + 1)
-            self._found = wingbeat_period(self._time[seen], self._values[seen])
+            self._found = wingbeat_period(self._time[seen], self.beating[seen])
         return self._found
 
     def path(self, last: int, ahead: Array, model: FrozenModel | None = None) -> Array:
@@ -404,7 +418,7 @@ class Forecaster:
         sums.lead = max(1, round(min(sums.seconds / step, 1e15)))
         self._lead = min(sums.lead, len(y))  # beyond them nothing is forecast
         self._horizon = self._lead * step
-        self._inputs = Repetition(self._time, x, period)
+        self._inputs = Repetition(self._time, x, period, None if motion is None else motion.beating)
         self._motion: Motion = self._inputs if motion is None else motion
         self._outputs = Repetition(self._time, self._known, period)
         ways = len(WAYS) - (motion is None)

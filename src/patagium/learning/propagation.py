@@ -34,6 +34,7 @@ from patagium.sensing.force import air_force
 from patagium.simulation import added_mass_of
 
 _SLOPE = 1e-4  # m/s and rad/s, difference by which the slope of the force is found
+_ROUNDING = 1e-6  # of the largest force, below which a force on a free body is rounding
 
 
 class RobotMotion:
@@ -49,6 +50,8 @@ class RobotMotion:
 
     Attributes:
         passive: Degrees of freedom that are forecast by the equations.
+        beating: q and v of the joints, which show the wingbeat; of a body that drifts they would
+            not. All of the motion where no joint moves.
     """
 
     def __init__(
@@ -65,12 +68,15 @@ class RobotMotion:
         self.passive = np.array(robot.passive)
         names = list(network.output_names)
         self._outputs = np.array([names.index(robot.dof_names[i]) for i in robot.passive])
-        self._all = Repetition(time, np.hstack(motion), period)
+        self._joints = [robot.coordinate_indices[i] for i in robot.actuated]
+        self.beating = np.hstack([motion[0][:, self._joints], motion[1][:, list(robot.actuated)]])
+        if not np.ptp(self.beating, axis=0).any():
+            self.beating = np.hstack(motion)
+        self._all = Repetition(time, np.hstack(motion), period, self.beating)
         self._sizes = np.cumsum([part.shape[1] for part in motion])[:-1]
         self._forces = np.zeros(robot.dof)
         self._changes = np.zeros((len(time), 3)) if change is None else change
         self._wind = self._changes[0]
-        self._joints = [robot.coordinate_indices[i] for i in robot.actuated]
 
     def path(self, last: int, ahead: Array, model: FrozenModel) -> Array:
         """Inputs at times after a sample, (N, n_measured) [units of x]; see `Motion`.
@@ -185,8 +191,9 @@ def robot_motion(
 ) -> Motion | None:
     """Forecast of a flight by the robot's equations; None where the flight has not what it needs.
 
-    It needs a robot in free flight whose network gives the force on every coordinate that no
-    joint moves, and steady wind where the air's inertia is known.
+    It needs a robot in free flight, on whose body no other force (u1) is recorded, whose network
+    gives the force on every coordinate that no joint moves, and steady wind where the air's
+    inertia is known.
 
     Args:
         flight: Record with q, v and a.
@@ -199,7 +206,10 @@ def robot_motion(
     whole = {robot.dof_names[i] for i in robot.passive}
     if not whole or flight.attrs.get("mount", "free") != "free" or not whole <= set(names):
         return None
-    if terms.strip_forces is not None:
+    given = np.abs(np.nan_to_num(recorded(flight, "u1", robot)))  # an imported log's mount is here
+    if terms.strip_forces is not None or (
+        given[:, list(robot.floating_dofs)].max(initial=0.0) > _ROUNDING * given.max()
+    ):
         return None
     try:
         form = air_force.SampleForm(

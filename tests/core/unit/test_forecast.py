@@ -161,6 +161,28 @@ def test_waves_are_forecast_and_their_rivals_err_as_they_must() -> None:
     assert scores["forecast_h_rule"].startswith("last wingbeat of the inputs repeated")
 
 
+def test_the_joints_alone_show_the_wingbeat_of_a_body_that_drifts(flight: xr.Dataset) -> None:
+    """The drifting body took part: the wingbeat of an imported free flight came late and wrong."""
+    robot, network = pt.load_robot("aerobat"), strips(flight).network
+    motion = robot_motion(flight, robot, network, None, None)
+    assert motion is not None
+    time, x, _ = pt.training_data(flight)
+    found = Repetition(time, x, None, motion.beating).period(len(time) - 1)
+    assert found == pytest.approx(0.2, rel=1e-3)
+
+
+def test_no_equation_propagates_a_body_that_another_force_holds(flight: xr.Dataset) -> None:
+    """The body of an imported log on a mount, whose forces are in u1, was forecast to fall."""
+    robot, network = pt.load_robot("aerobat"), strips(flight).network
+    imported = flight.copy(deep=True)
+    del imported.attrs["mount"]
+    held = imported.copy(deep=True)
+    held["u1"][:, 2] = 0.1  # N
+    imported["u1"][:, 2] = 1e-14  # N, rounding
+    assert robot_motion(held, robot, network, None, None) is None
+    assert robot_motion(imported, robot, network, None, None) is not None
+
+
 def test_errors_before_the_first_wingbeat_choose_no_way(flight: xr.Dataset) -> None:
     """The joints are held until then; for a second outputs went a way that errs by far more."""
     scores = pt.identify(flight, horizons=["20ms"]).scores
