@@ -53,7 +53,7 @@ class Model:
         weights: Weights, (n,) [1].
         kept_covariance: Covariance of the weights as the learner kept it; None if it had none.
         measurement_std: Standard deviation of the measurements, given or estimated,
-            (n_y,) [unit of y]; None where unknown.
+            (n_y,) [unit of y]; 0 of outputs that were never measured, None where none is known.
         inputs: Names of the inputs; None: the state q, then v.
         learner: Description of the learner.
         source: Source of the samples, in words.
@@ -199,14 +199,14 @@ def model_of(learner: Learner, *, inputs: Sequence[str] | None = None, source: s
     """
     description = learner.describe()
     noise = getattr(learner, "measurement_std", description.get("measurement_std"))
-    if noise is not None and np.isnan(noise).any():  # not found before the first sample
+    if noise is not None and np.isnan(noise).all():  # not found before the first sample
         noise = None
     outputs = learner.network.outputs
     return Model(
         learner.network,
         np.array(learner.weights, float),
         _kept(learner),
-        None if noise is None else np.broadcast_to(np.asarray(noise, float), (outputs,)).copy(),
+        None if noise is None else np.broadcast_to(np.nan_to_num(noise), (outputs,)).copy(),
         None if inputs is None else tuple(inputs),
         {key: value for key, value in description.items() if key != "network"},
         source,

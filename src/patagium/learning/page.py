@@ -88,12 +88,12 @@ def _opening(scores: Mapping[str, Any], record: xr.Dataset) -> list[Block]:
     return [
         picture(plot, f"The last {100 // _SHOWN} %: measured, and {predicted}."),
         KeyNumber(
-            f"{cell_text(100 * error)} %",
+            _percent(error),
             "Mean square error of the predictions over the variance of the output, second half.",
-            f"{rival}, held: {cell_text(100 * held)} %.".capitalize(),
+            f"{rival}, held: {_percent(held)}.".capitalize(),
         ),
         KeyNumber(
-            f"{100 * scores['coverage_second_half']:.0f} %",
+            _percent(scores["coverage_second_half"]),
             "Share of the errors inside the predicted 95 % interval, second half.",
             "Right: 95 %.",
         ),
@@ -104,6 +104,11 @@ def _opening(scores: Mapping[str, Any], record: xr.Dataset) -> list[Block]:
             "Right: 1; below it intervals are too wide, above it too narrow.",
         ),
     ]
+
+
+def _percent(share: float) -> str:
+    """A share in percent, or "n/a" where it is unknown."""
+    return "n/a" if np.isnan(share) else f"{cell_text(100 * share)} %"
 
 
 def _parameters(scores: Mapping[str, Any], record: xr.Dataset) -> list[PageSection]:
@@ -199,9 +204,12 @@ def score_table(scores: Mapping[str, Any]) -> Table:
 
 
 def silent_words(scores: Mapping[str, Any]) -> list[str]:
-    """Sentence that names the outputs that never move; none where all do."""
-    names = ", ".join(scores["silent"])
-    return [f"Silent, and left out of mean and worst: {names}."] if names else []
+    """Sentences that name the outputs that never move or were not measured; none where all do."""
+    missing = scores.get("not_measured", [])  # later than the first files
+    still = [name for name in scores["silent"] if name not in missing]
+    kinds = {"Silent": still, "Not measured": missing}
+    rest = "and left out of mean and worst"
+    return [f"{kind}, {rest}: {', '.join(names)}." for kind, names in kinds.items() if names]
 
 
 def _remarks(scores: Mapping[str, Any]) -> list[Note]:

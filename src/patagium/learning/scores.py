@@ -314,8 +314,11 @@ class Scorer:
 
     def error_scores(self) -> dict[str, Any]:
         """Silent outputs, and NMSE of prediction and persistence, whole and second half."""
-        muted = zip(self.names, self.silent, strict=True)
-        scores: dict[str, Any] = {"silent": [name for name, silent in muted if silent]}
+        found = {"silent": self.silent, "not_measured": self._errors[_WHOLE].sums[0] == 0}
+        scores: dict[str, Any] = {
+            key: [name for name, one in zip(self.names, chosen, strict=True) if one]
+            for key, chosen in found.items()
+        }
         if self.samples < 2:
             return scores
         return scores | self._ratios("nmse") | self._ratios("persistence")

@@ -7,8 +7,11 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError, ParameterError, ShapeError
+from patagium.learning.default_learner import learner_choices
 from patagium.learning.filters.weight_covariance import block_covariance
+from patagium.learning.identify import compare
 from patagium.learning.model_file import Model, load_model, model_of, save_model
+from patagium.learning.stream import stream
 
 
 def taught(rng: np.random.Generator, **options: Any) -> pt.CubatureLearner:
@@ -45,6 +48,37 @@ def test_a_model_predicts_as_its_learner_did(tmp_path: Path, rng: np.random.Gene
     np.testing.assert_allclose(mean, expected_mean, atol=0.02)
     np.testing.assert_allclose(covariance, expected, atol=0.05 * np.abs(expected).max())
     np.testing.assert_array_equal(mean, learner.network(x, learner.weights))
+
+
+def test_an_output_that_was_never_measured_takes_no_interval_of_the_others(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """The model lost the noise of all outputs, the score its intervals; the page said "nan %"."""
+    x, time = rng.normal(size=(400, 2)), 0.01 * np.arange(400.0)
+    y = np.column_stack([x[:, 0] + 0.1 * rng.normal(size=400), np.full(400, np.nan)])
+    network = pt.DenseNetwork(2, (), ("lift", "drag"))
+    learner = pt.ExtendedLearner(network, misfit=pt.learning.Misfit())
+    stream(learner, time, x, y, every=1)
+    model = load_model(save_model(tmp_path / "model.json", learner))
+    assert model.measurement_std is not None and model.learner["found"]["measurement_std"][0] > 0
+    np.testing.assert_array_equal(model.measurement_std[0], learner.measurement_std[0])
+    assert model.measurement_std[1] == 0.0 and learner_choices(learner, given=False)["noise"]
+    later = compare(model, time, x, y)
+    assert later.scores["coverage_by_output"]["lift"] == pytest.approx(0.95, abs=0.1)  # it was NaN
+    assert later.scores["not_measured"] == ["drag"]
+    later.report(tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    assert "Not measured, and left out of mean and worst: drag." in page and "Silent" not in page
+
+
+def test_a_page_says_that_a_share_is_not_known(tmp_path: Path, rng: np.random.Generator) -> None:
+    """It was "nan %"."""
+    x, time = rng.normal(size=(100, 2)), 0.01 * np.arange(100.0)
+    network = pt.DenseNetwork(2, (), ("lift",))
+    model = Model(network, network.initial(0))
+    compare(model, time, x, x[:, :1]).report(tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    assert "nan %" not in page and "n/a" in page
 
 
 @pytest.mark.parametrize("count", [0, 1, 4])

@@ -175,8 +175,8 @@ class FilterLearner(Learner):
         if self.settings.prior_std is None and np.isnan(own_prior(self._network)).any():
             found["prior_std"] = PRIOR
         std = self.measurement_std
-        if self.settings.measurement_std is None and np.isfinite(std).all():
-            found["measurement_std"] = std.tolist()
+        if self.settings.measurement_std is None and np.isfinite(std).any():
+            found["measurement_std"] = [one if np.isfinite(one) else None for one in std.tolist()]
         return found
 
     @property
@@ -198,7 +198,7 @@ class FilterLearner(Learner):
     def measurement_std(self) -> Array:
         """Standard deviation of the measurement, as given or estimated so far, (n_y,) [y].
 
-        NaN before the first sample where nobody gave it.
+        NaN before an output's first sample where nobody gave it.
         """
         return np.sqrt(self._screen.variances)
 
