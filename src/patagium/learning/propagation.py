@@ -206,7 +206,7 @@ def robot_motion(
     whole = {robot.dof_names[i] for i in robot.passive}
     if not whole or flight.attrs.get("mount", "free") != "free" or not whole <= set(names):
         return None
-    given = np.abs(np.nan_to_num(recorded(flight, "u1", robot)))  # an imported log's mount is here
+    given = np.abs(np.nan_to_num(air_force.recorded(flight, "u1", robot)))  # or an imported mount
     if terms.strip_forces is not None or (
         given[:, list(robot.floating_dofs)].max(initial=0.0) > _ROUNDING * given.max()
     ):

@@ -99,7 +99,8 @@ class Identification:
             OutputError: If it cannot be written.
         """
         record = self.prediction.copy()
-        record.attrs = {**record.attrs, "scores": json.dumps(json_ready(self.scores))}
+        words = {"scores": self.scores, "inputs": self.inputs}
+        record.attrs |= {name: json.dumps(json_ready(one)) for name, one in words.items()}
         record.attrs["format"] = "patagium identification 1"
         write_netcdf(path, record)
 
@@ -134,8 +135,13 @@ def load_identification(path: str | Path) -> Identification:
         raise LogError(f"{file}: expected an identification, found {found}")
     with made_again(f"{file}: the identification"):
         scores = json_object(record.attrs.pop("scores"), "scores")
+        for by_output in (one for one in scores.values() if isinstance(one, dict)):
+            if all(isinstance(x, float | int | None) for x in by_output.values()):
+                by_output |= {name: np.nan for name, x in by_output.items() if x is None}
+        inputs = json.loads(record.attrs.pop("inputs", "null"))  # older files have none
+        seen = None if inputs is None else tuple(map(str, inputs))
         outcome = Outcome[scores.get("outcome", "COMPLETED")]
-        return Identification(scores, record, None, outcome, scores.get("message", ""))
+        return Identification(scores, record, None, outcome, scores.get("message", ""), seen)
 
 
 class Check(NamedTuple):

@@ -14,6 +14,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from math import isclose
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,12 +30,13 @@ from patagium.arrays import Array, rising
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, LogError, Outcome, ParameterError
 from patagium.netcdf_file import kind_of, loaded_dataset, netcdf_content, write_netcdf
-from patagium.reading import json_object, made_again, parsed_json
+from patagium.reading import json_object, json_ready, made_again, parsed_json
 from patagium.robot import Robot, load_robot_text
 from patagium.robot.strip_chains import chain_words
 from patagium.scratch import release
 from patagium.simulation.arm import Tool, track_tool
 from patagium.simulation.flight_equations import LOAD_CELLS, STRIP_WIND
+from patagium.simulation.gaits import Gait
 from patagium.simulation.mounts import InternalLoadCell
 from patagium.simulation.state_layout import ADDED_WORK, WORKS
 from patagium.version import __version__
@@ -391,7 +393,17 @@ def gait_period(flight: xr.Dataset) -> float | None:
         return _period(json_object(flight.attrs.get("gait", "{}"), "gait"))
 
 
+def described_gait(gait: Gait) -> dict[str, Any]:
+    """Description of a gait, with its period where its own words do not tell it [s]."""
+    words: dict[str, Any] = json_ready(gait.describe())
+    told = _period(words)
+    same = told is not None and gait.period is not None and isclose(told, gait.period)
+    return words if same or not gait.period else {**words, "period": float(gait.period)}
+
+
 def _period(gait: Mapping[str, Any]) -> float | None:
+    if gait.get("period"):
+        return float(gait["period"])
     if gait.get("frequency"):
         return 1.0 / float(gait["frequency"])
     if "time" in gait:

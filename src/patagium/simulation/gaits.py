@@ -54,6 +54,8 @@ suggest_names(__name__)
 AnyGait = TypeVar("AnyGait", bound=Gait)
 LIMIT_SAMPLES = 2001
 """Times in one period at which a gait is held against the joint limits."""
+FOUND = 1e-3
+"""Excess over a limit that a gait found by a search may have between its nodes [rad, m]."""
 
 
 @checked
@@ -329,10 +331,28 @@ def _by_joint(robot: Robot, values: Mapping[str, float]) -> Array:
 
 
 def _within_limits(robot: Robot, gait: AnyGait) -> AnyGait:
-    times = np.linspace(0.0, gait.period or 0.0, LIMIT_SAMPLES)
-    position = gait.motion(times).position
-    for k, (joint, dof) in enumerate(zip(gait.joints, robot.actuated, strict=True)):
-        beyond = beyond_limits(robot, dof, position[:, k].min(), position[:, k].max())
-        if beyond:
-            raise ParameterError(joint, *beyond)
+    check_limits(robot, gait, 0.0, 0.0)
     return gait
+
+
+def check_limits(robot: Robot, gait: Gait, duration: float, margin: float = FOUND) -> None:
+    """Refuse a gait that takes a joint beyond its limits.
+
+    Args:
+        robot: The machine.
+        gait: Gait of its joints.
+        duration: Time that is flown, of which a gait without a period is looked at [s].
+        margin: Excess that is no error: that of gaits which a search found [rad, m].
+
+    Raises:
+        ParameterError: If a joint goes beyond.
+    """
+    times = np.linspace(0.0, gait.period or duration, LIMIT_SAMPLES)
+    position = gait.motion(times).position
+    ends = np.nanmin(position, axis=0), np.nanmax(position, axis=0)
+    for joint, dof, low, high in zip(gait.joints, robot.actuated, *ends, strict=True):
+        least, most = min(low + margin, high), max(high - margin, low)
+        if beyond_limits(robot, dof, least, most) and (
+            seen := beyond_limits(robot, dof, low, high)
+        ):
+            raise ParameterError(joint, *seen)

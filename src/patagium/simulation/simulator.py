@@ -27,9 +27,23 @@ from patagium.limits import MOST_STEPS
 from patagium.native import load_functions
 from patagium.robot import Robot
 from patagium.robot.attitude import body_accelerations, body_rates, quaternion_from_angles
-from patagium.simulation.flight import COMMAND, GIVEN, WINGBEATS, FlightOrigin, flight_record
+from patagium.simulation.flight import (
+    COMMAND,
+    GIVEN,
+    WINGBEATS,
+    FlightOrigin,
+    described_gait,
+    flight_record,
+)
 from patagium.simulation.flight_equations import STRIP_WIND, flight_functions, recorded_names
-from patagium.simulation.gaits import Gait, PrescribedMotion, check_gait, cruise, level_start
+from patagium.simulation.gaits import (
+    Gait,
+    PrescribedMotion,
+    check_gait,
+    check_limits,
+    cruise,
+    level_start,
+)
 from patagium.simulation.mounts import InternalLoadCell, Mount, check_cells, mount_of
 from patagium.simulation.paths import Path
 from patagium.simulation.runge_kutta import (
@@ -271,6 +285,8 @@ class Simulator:
         check_robots(robot, aero)
         check_added_mass(robot, aero, added_mass)
         check_gait(robot, gait)
+        if self._steered is None:  # which keeps the limits itself
+            check_limits(robot, gait, duration)
         held = mount_of(robot, mount)
         check_cells(robot, cells, held.kind != "free")
         layout = state_layout(robot, aero, held, added_mass, cells)
@@ -302,7 +318,7 @@ class Simulator:
         self._own_commands, self._changes = {}, []
         self._held, self._control_period = held, control_period
         self._origin = FlightOrigin(
-            robot, aero, gait.describe(), held.kind, time_step, _STEPPING[self._implicit],
+            robot, aero, described_gait(gait), held.kind, time_step, _STEPPING[self._implicit],
             added_mass, mount_path=held.describe(), load_cells=cells,
         )  # fmt: skip
 
@@ -516,7 +532,7 @@ class Simulator:
         run = self.run
         time = times_of(0, run.steps + 1, self.time_step)
         run.samples["wind"] = _wind(self._aero, run.samples, time)
-        origin = replace(self._origin, gait=self._gait.describe())
+        origin = replace(self._origin, gait=described_gait(self._gait))
         if self._commands:
             names, values = self._command_samples(run.steps + 1)
             origin = replace(origin, commands=names)

@@ -11,6 +11,7 @@ import pytest
 import patagium as pt
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.robot import Linkage
+from patagium.simulation import gait_period
 
 TIME = np.linspace(0.0, 0.7, 57)
 ROUNDING = 1e-13  # a handful of sines
@@ -251,3 +252,33 @@ def test_gaits_and_paths_of_the_same_numbers_are_equal_and_short(robot):
     for one, same, other in zip(made(0.2), made(0.2), made(0.3), strict=True):
         assert one == same != other != 3
         assert len(repr(one)) < 500 and "\n" not in repr(one)
+
+
+class Half:
+    """Another gait at half its pace, whose description tells the other's period alone."""
+
+    def __init__(self, gait: pt.gaits.Gait) -> None:
+        self.gait, self.joints, self.period = gait, gait.joints, 2 * gait.period
+
+    def motion(self, time):
+        fast = self.gait.motion(np.asarray(time) / 2)
+        return pt.gaits.PrescribedMotion(fast.position, fast.velocity / 2, fast.acceleration / 4)
+
+    def describe(self):
+        return {"kind": "half", "parts": [self.gait.describe()], "pace": np.array([0.5])}
+
+
+def test_a_flight_knows_the_period_of_an_own_gait(robot):
+    """It was that of the gait within, or none, and an array in its words lost the flight."""
+    gait = Half(pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.3))
+    flight = pt.simulate(robot, pt.QuasiSteady(robot), gait, duration=0.01, time_step=1e-3)
+    assert gait_period(flight) == pytest.approx(0.4)
+
+
+def test_a_gait_beyond_the_limits_is_refused_whoever_made_it():
+    """Only gaits made by functions of `gaits` were; others flew through the joint's stops."""
+    bird = pt.load_robot("ornithopter")
+    gait = pt.gaits.cruise(bird)
+    wide = replace(gait, sine=2.5 * gait.sine)
+    with pytest.raises(ParameterError, match="left_plunge: expected a gait within its limits"):
+        pt.simulate(bird, pt.QuasiSteady(bird), wide, duration=0.01, time_step=1e-3)

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -240,9 +241,12 @@ def test_progress_ends_with_all_samples() -> None:
 def test_an_identification_comes_back_from_its_file(tmp_path: Path) -> None:
     time, x, y = log(50)
     result = stream(Kalman(3, 2), time, x, y, every=5, horizons={"h": 0.05})
+    lost = dict.fromkeys(result.scores["nmse"], np.nan)
+    result = replace(result, scores=result.scores | {"lost": lost}, inputs=("q.x", "v.x"))
     result.save(tmp_path / "run.nc")
     again = load_identification(tmp_path / "run.nc")
     assert again.scores["nmse_mean"] == result.scores["nmse_mean"]
+    assert np.isnan([*again.scores["lost"].values()]).all() and again.inputs == ("q.x", "v.x")
     np.testing.assert_array_equal(again.prediction["innovation"], result.prediction["innovation"])
     assert [file.name for file in tmp_path.iterdir()] == ["run.nc"]
     (tmp_path / "no.nc").write_text("no")

@@ -195,3 +195,12 @@ def test_a_saved_model_meets_another_flight(flight: xr.Dataset, tmp_path: Path) 
 def test_times_and_coordinates_that_are_no_flights_are_refused(flight, change, said) -> None:
     with pytest.raises(PatagiumError, match=said):
         training_data(change(flight))
+
+
+def test_measured_forces_are_cut_whatever_they_were_given_as() -> None:
+    """Lists and DataArrays were taken, and `where` then failed by their shapes."""
+    robot, time = pt.load_robot("aerobat"), [0.0, 0.1, 0.2]
+    motion = xr.DataArray(np.ones((3, robot.dof)))
+    spread = np.tile(np.eye(robot.dof), (3, 1, 1)).tolist()
+    forces = pt.sensing.ForceSamples(time, motion, motion, motion, spread, robot, "made")
+    assert forces.where(slice(1, None)).std.shape == (2, robot.dof)

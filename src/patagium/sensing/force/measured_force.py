@@ -68,9 +68,10 @@ class ForceSamples:
     def __post_init__(self) -> None:
         of_kind("robot", self.robot, Robot)
         shape = (len(real_array("time", self.time, ("N",))), self.robot.dof)
-        for name in ("q", "v", "force", "a")[: 3 + (self.a is not None)]:
-            real_array(name, getattr(self, name), shape)
-        real_array("covariance", self.covariance, (*shape, self.robot.dof))
+        shapes: dict[str, tuple[int, ...]] = {"time": shape[:1], "covariance": (*shape, shape[1])}
+        shapes |= dict.fromkeys(("q", "v", "force", "a")[: 3 + (self.a is not None)], shape)
+        for name, one in shapes.items():
+            object.__setattr__(self, name, real_array(name, getattr(self, name), one))
 
     @property
     def state(self) -> Array:
