@@ -439,6 +439,31 @@ def test_only_a_sender_with_the_key_is_learned_from(flight, packets, tmp_path, c
     assert (facts["samples"], facts["unauthenticated"], facts["lost"]) == (200, 7, 0)
 
 
+@pytest.mark.parametrize("fault", ["doubled", "late", "not a number", "leap", "reset"])
+def test_a_record_with_one_bad_packet_is_used(packets, pipeline, tmp_path, fault):
+    """One such packet made the whole record useless, and only the samples it spoils are left out."""
+    bad, left = packets[:300].copy(), 1
+    if fault == "doubled":
+        bad = np.insert(bad, 100, bad[99], axis=0)
+    elif fault == "late":
+        bad = np.insert(bad, 100, bad[50], axis=0)
+    elif fault == "not a number":
+        bad[100, 3] = np.nan
+    elif fault == "leap":
+        bad[100, 0] = 1e9
+    else:
+        bad[200:, 0], left = bad[:100, 0], 100
+    record = StreamFile(tmp_path / "stream.nc", pipeline)
+    record.append(bad, pipeline.run(bad))
+    file = record.close({})
+    with pytest.warns(UserWarning, match=rf"{left} of {len(bad)} samples are left out"):
+        log = pt.load_log(file)
+    time, x, y = pt.training_data(log)
+    assert len(time) == len(bad) - left and (np.diff(time) > 0).all()
+    assert np.isfinite(x).all() and np.isfinite(y).all()
+    assert pt.replay(log, tmp_path / "page.html").is_file()
+
+
 def test_the_air_is_that_of_the_log_and_of_the_options(packets, tmp_path, capsys):
     windy = pt.simulate(
         pt.load_robot("aerobat"), duration=0.02, time_step=1e-4,

@@ -6,6 +6,7 @@ Logs are not compressed: 10^7 samples of ten numbers take 0.9 GB on the disk.
 from __future__ import annotations
 
 import json
+import warnings
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import xarray as xr
 
 from patagium.aerodynamics import Air
 from patagium.arguments import checked
-from patagium.arrays import Array
+from patagium.arrays import Array, Indices
 from patagium.errors import FlightError, LogError, command
 from patagium.netcdf_file import kind_of, loaded_dataset, netcdf_content, open_netcdf
 from patagium.reading import parsed_json
@@ -298,8 +299,8 @@ def load_log(path: str | Path) -> xr.Dataset:
     Vectors are (time, axis), attitudes (time, quaternion) with w, x, y, z, body to world. A log
     with q, v, a and u1 of every coordinate of its robot has them as the variables of a flight,
     (time, dof), and `identify` learns from it as from a simulated flight. A record of `patagium
-    stream` is such a log, in still air; of a file of `patagium motion` the measured `force` is
-    learned.
+    stream` is such a log, in still air, without the samples that nothing can learn from: a warning
+    says how many. Of a file of `patagium motion` the measured `force` is learned.
 
     Args:
         path: The netCDF file.
@@ -307,8 +308,34 @@ def load_log(path: str | Path) -> xr.Dataset:
     Raises:
         LogError: If the file is no imported log. A simulated flight is read by `load_flight`.
     """
-    if kind_of(path).startswith(LOADED):
+    if (kind := kind_of(path)).startswith(LOADED):
         log = loaded_dataset(path, LogError, "a whole record")
+        if kind.startswith(LOADED[0]):
+            with netcdf_content(path, LogError, "a whole record"):
+                kept, count = _usable(log), log.sizes["time"]
+                log = log.isel(time=kept)
+            if left := count - len(kept):
+                why = "their motion is no number, or their stamps do not rise"
+                warnings.warn(
+                    f"{path}: {left} of {count} samples are left out: {why}", stacklevel=3
+                )
         return log.assign_attrs({"air": "{}", "gait": "{}"} | log.attrs)
     with LogRecord(path) as record, netcdf_content(path, LogError, "a whole log"):
         return record.dataset()
+
+
+def _usable(stream: xr.Dataset) -> Indices:
+    """Index of each sample of a stream with finite motion and rising times.
+
+    After a clock that was set, either what is later than all before it is kept or what is earlier
+    than all after it, whichever is more.
+    """
+    good = np.isfinite(stream["time"].values)
+    for name in {*PARTS, *OPTIONAL_PARTS} & {*stream}:
+        values = stream[name].values
+        good &= (np.isfinite(values) if name in PARTS[:3] else ~np.isinf(values)).all(axis=1)
+    rows = np.flatnonzero(good)
+    time = np.concatenate([[-np.inf], stream["time"].values[rows], [np.inf]])
+    later = time[1:-1] > np.maximum.accumulate(time)[:-2]
+    earlier = time[1:-1] < np.minimum.accumulate(time[::-1])[::-1][2:]
+    return rows[max(later, earlier, key=np.count_nonzero)]
