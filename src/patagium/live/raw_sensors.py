@@ -251,6 +251,8 @@ class MotionPackets:
             if self._late[name][1] < _RESTARTED:
                 return False
             self.counts["clock_resets"] += 1
+            if self._tracker is not None:  # what waits is learned, however rows come in blocks
+                self._made = np.concatenate([self._made, *self._follow(ended=True)])
             for held in (self._newest, self._first, self._late, self._waiting, self._due):
                 held.clear()
             self._torque.clear()

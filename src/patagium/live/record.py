@@ -27,6 +27,7 @@ from patagium.version import __version__
 
 FORMAT = "patagium stream 1"
 _AT_ONCE = 4096
+_CACHE = 1 << 20  # B of each variable; the default of netCDF4 is many times that
 _RESERVE = 64 << 20  # B, or a twentieth of the disk: left free for the state and the model
 _FORCE = "N or N m"
 _MEANING = {
@@ -133,6 +134,7 @@ class StreamFile:
     ) -> None:
         shape = [_AT_ONCE, *(len(self._file.dimensions[dim]) for dim in dims)]
         made = self._file.createVariable(name, kind, ("time", *dims), chunksizes=shape)
+        made.set_var_chunk_cache(_CACHE)
         made.units, made.long_name = units, meaning
 
     def _has_room(self) -> bool:

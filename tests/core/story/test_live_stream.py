@@ -439,9 +439,18 @@ def test_only_a_sender_with_the_key_is_learned_from(flight, packets, tmp_path, c
     assert (facts["samples"], facts["unauthenticated"], facts["lost"]) == (200, 7, 0)
 
 
+def test_a_record_keeps_little_in_memory(pipeline, tmp_path):
+    """Caches of its variables grew to hundreds of MB with the record."""
+    kept = StreamFile(tmp_path / "stream.nc", pipeline)
+    caches = [one.get_var_chunk_cache()[0] for one in kept._file.variables.values()]
+    kept.discard()
+    over_time = len(kept._parts) + 7
+    assert sum(size <= 1 << 20 for size in caches) >= over_time
+
+
 @pytest.mark.parametrize("fault", ["doubled", "late", "not a number", "leap", "reset"])
 def test_a_record_with_one_bad_packet_is_used(packets, pipeline, tmp_path, fault):
-    """One such packet made the whole record useless, and only the samples it spoils are left out."""
+    """One such packet made the whole record useless; only what it spoils is left out."""
     bad, left = packets[:300].copy(), 1
     if fault == "doubled":
         bad = np.insert(bad, 100, bad[99], axis=0)

@@ -180,6 +180,24 @@ def test_a_stream_leaves_out_saturated_currents_and_believes_a_clock_that_went_b
     assert not len(motion.take(rows[len(again) :], 2000)) and motion.counts["lost_tracks"] > 0
 
 
+def test_a_clock_that_goes_back_costs_nothing_that_waits(
+    log: pt.sensing.SensorLog, robot: pt.Robot
+) -> None:
+    """Samples before the reset were lost, as many as the block of rows held."""
+    rows, half = sensor_rows(log), len(sensor_rows(log)) * 3 // 4
+    rows[half:, 0] -= 1.0
+    found = []
+    for size in (1, 512):
+        motion, made = MotionPackets(robot, sensors_text(log)), []
+        for block in [rows[k : k + size] for k in range(0, len(rows), size)]:
+            made.append(motion.take(block, 9999))
+        made.append(motion.take(None, 9999))
+        found.append(np.concatenate(made)[:, 0])
+        assert motion.counts["clock_resets"] == 1
+    np.testing.assert_array_equal(*found)
+    assert found[0].max() == pytest.approx(rows[half - 1, 0], abs=0.01)
+
+
 def changed(log: pt.sensing.SensorLog, name: str, change) -> list[str]:
     """Doubts about a log, where the values of a sensor are changed."""
     other = replace(log, readings={**log.readings, name: log[name].map(change)})
