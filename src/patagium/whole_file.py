@@ -24,7 +24,9 @@ from typing import Self
 
 from patagium.errors import OutputError, ParameterError, PatagiumError
 
-_ABANDONED = 600.0  # s without a byte written: nobody is at work on such a draft
+_ABANDONED = (
+    600.0  # s without a byte written: nobody is at work on such a draft, unless HDF5 locks it
+)
 _MOST_LINKS = 40  # as many as Linux follows
 
 
@@ -304,6 +306,10 @@ def _remove_abandoned(file: Path) -> None:
     for name in os.listdir(file.parent):
         if name.startswith(f".{file.name}.") and name.endswith(".part"):
             draft = file.parent / name
-            with suppress(OSError):
+            with suppress(OSError, ImportError):
                 if time.time() - draft.stat().st_mtime > _ABANDONED:
-                    draft.unlink()
+                    import fcntl
+
+                    with draft.open("rb+") as stream:
+                        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                        draft.unlink()

@@ -27,7 +27,8 @@ BLOCK = 512
 PATIENCE = 0.1
 """Longest wait for a packet before the loop looks at what else is due [s]."""
 _SPAN = 0.1  # s: shortest time over which a rate is counted
-_USUAL = 5  # fewest steps of a call whose median is the usual step
+_USUAL, _RECENT = 5, 50  # fewest and most steps whose median is the usual step
+_JUMP = 10.0  # usual steps that one step counts at most, as in the learner
 _BINS = np.concatenate([[0.0], np.geomspace(1e-7, 10.0, 1600)])  # s: steps of 1.2 %
 _QUANTILES = {"p50": 0.5, "p99": 0.99, "p999": 0.999, "slowest": 1.0}
 
@@ -117,10 +118,10 @@ class Status:
     Attributes:
         counters: Running scores.
         elapsed: Wall-clock time since the first packet [s].
-        flown: Time that the packets' stamps span [s].
+        flown: Time that the stamps of packets in order span [s]; jumps count as ten usual steps.
         busy: Time spent in calls [s].
         rate: Packets a second since the last status [1/s].
-        gaps: Steps of the stamps that are longer than 1.5 usual ones (the median of a call).
+        gaps: Steps of the stamps that are longer than 1.5 usual ones (the median of the last 50).
     """
 
     counters: Counters
@@ -133,7 +134,7 @@ class Status:
     _seen: float = 0.0
     _counted: int = 0
     _last_stamp: float = float("nan")
-    _usual: float = float("inf")
+    _recent: Array = field(default_factory=lambda: np.empty(0))
 
     def start(self) -> None:
         """Begin to count, at the first packet."""
@@ -145,13 +146,15 @@ class Status:
         self.counters.add(records)
         self.busy += float(records.duration.sum())
         self.elapsed = time.monotonic() - (self._began or 0.0)
-        steps = np.diff(packets[:, 0], prepend=self._last_stamp)
+        stamps = packets[~np.isin(records.outcome, (Outcome.LATE, Outcome.DUPLICATE)), 0]
+        stamps = np.concatenate([[self._last_stamp], stamps[np.isfinite(stamps)]])
+        steps = np.diff(stamps)
         ahead = steps[steps > 0]
-        self.flown += float(ahead.sum())
-        if len(ahead) >= _USUAL:
-            self._usual = float(np.median(ahead))
-        self.gaps += int((ahead > 1.5 * self._usual).sum())
-        self._last_stamp = float(packets[-1, 0])
+        self._recent = np.concatenate([self._recent, ahead])[-_RECENT:]
+        usual = float(np.median(self._recent)) if len(self._recent) >= _USUAL else np.inf
+        self.flown += float(np.minimum(ahead, _JUMP * usual).sum())
+        self.gaps += int((ahead > 1.5 * usual).sum())
+        self._last_stamp = float(stamps[-1])
 
     def update_rate(self, now: float) -> None:
         """Count the rate up to now [s], unless it was counted a moment ago."""

@@ -439,6 +439,22 @@ def test_only_a_sender_with_the_key_is_learned_from(flight, packets, tmp_path, c
     assert (facts["samples"], facts["unauthenticated"], facts["lost"]) == (200, 7, 0)
 
 
+@pytest.mark.parametrize("block", [1, 300])
+def test_time_flown_is_that_of_packets_in_order(packets, pipeline, block):
+    """Climbing back after a late packet was counted again, and one wrong stamp for ever."""
+    sent = packets[:300].copy()
+    sent[150, 0] = 1e9
+    sent = np.insert(sent, 60, sent[10], axis=0)
+    status = Status(Counters(14, 500.0))
+    clock = loop._Clock(status)
+    for begin in range(0, len(sent), block):
+        part = sent[begin : begin + block]
+        clock.count(part, pipeline.run(part))
+    step = packets[1, 0] - packets[0, 0]
+    assert status.flown == pytest.approx(299 * step, abs=12 * step)
+    assert status.gaps == 1
+
+
 def test_a_record_keeps_little_in_memory(pipeline, tmp_path):
     """Caches of its variables grew to hundreds of MB with the record."""
     kept = StreamFile(tmp_path / "stream.nc", pipeline)

@@ -103,6 +103,14 @@ def test_a_file_that_may_not_be_written_is_not_replaced(tmp_path: Path) -> None:
     assert file.read_text() == "old"
 
 
+def test_a_draft_that_is_open_is_not_abandoned(tmp_path: Path) -> None:
+    """A stream of few packets writes seldom: others removed its draft after ten minutes."""
+    slow = NetcdfDraft(tmp_path / "stream.nc")
+    os.utime(slow.path, (1e9, 1e9))
+    write_whole(tmp_path / "stream.nc", "of another process")
+    assert slow.publish().read_bytes()[1:4] == b"HDF" and not drafts(tmp_path)
+
+
 def test_a_folder_that_is_not_there_is_not_made(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"mkdir -p .*/a$"):
         write_whole(tmp_path / "a" / "file", "new")
