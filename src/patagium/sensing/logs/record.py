@@ -338,4 +338,4 @@ def _usable(stream: xr.Dataset) -> Indices:
     time = np.concatenate([[-np.inf], stream["time"].values[rows], [np.inf]])
     later = time[1:-1] > np.maximum.accumulate(time)[:-2]
     earlier = time[1:-1] < np.minimum.accumulate(time[::-1])[::-1][2:]
-    return rows[max(later, earlier, key=np.count_nonzero)]
+    return np.asarray(rows[max(later, earlier, key=np.count_nonzero)])
