@@ -356,11 +356,6 @@ class RecordedGust(NamedGust):
         begin = min(max(begin - 1, 0), len(self.time) - 2)
         return self.time[begin : max(end + 1, begin + 2)]
 
-    def describe(self) -> dict[str, Any]:
-        """Description from which the object can be made again, as JSON-able values."""
-        numbers = {"time": self.time.tolist(), "velocity": self.velocity.tolist()}
-        return {"name": self.name, **numbers}
-
 
 def profile_from_description(description: Mapping[str, Any]) -> Profile:
     """The gust of `describe()`, one that can travel.

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar
 
+import numpy as np
+
 from patagium.errors import ParameterError
 
 _Kind = TypeVar("_Kind")
@@ -21,6 +23,8 @@ def _told(value: Any) -> Any:
         return [_told(one) for one in value]
     if isinstance(value, dict):
         return {name: _told(one) for name, one in value.items()}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
     if hasattr(value, "describe"):
         return value.describe()
     return field_values(value) if is_dataclass(value) else value
