@@ -290,8 +290,6 @@ class AdaptiveController(OuterController):
     def __init__(
         self, controller: OrbitController, orbit: Orbit, *, memory: float = MEMORY
     ) -> None:
-        if not memory > 1.0:
-            raise ParameterError("memory", "more than one beat", memory)
         if orbit.aero.state_size:
             expected = "air without states of its own (quasi-steady)"
             raise ParameterError("orbit", expected, orbit.aero.name)
@@ -358,11 +356,13 @@ class AdaptiveController(OuterController):
 
         Most of what was learned is forgotten, and the beat so far teaches nothing.
         """
-        self._air = air
         self._surprised = False
-        self._disturbance = Disturbance()
         self._departures = Departures()
         self._samples.clear()
+        self._change(air)
+
+    def _change(self, air: Aerodynamics) -> None:
+        self._air, self._disturbance = air, Disturbance()
         self._failures = self._pause = 0
         self.learner.forget(FORGOTTEN)
 
@@ -475,10 +475,7 @@ class AdaptiveController(OuterController):
         least, air = min(found, key=lambda one: one[0])
         if not least <= min(SURPRISE, surprise / 4):
             return False
-        self._air = air
-        self._disturbance = Disturbance()
-        self.learner.forget(FORGOTTEN)
-        self._failures = self._pause = 0
+        self._change(air)
         self.counts["cut of a wing found"] += 1
         return True
 
