@@ -131,11 +131,8 @@ def _plot(gui: Any, title: str, names: Sequence[str]) -> Any:
     """An empty plot; of four series the last two are the edges of a band."""
     looks: dict[str, dict[str, Any]] = {
         "measured": {"stroke": TRUTH, "width": 1.6},
-        "predicted": {"stroke": COLORS[0], "width": 1.6},
-        "low": {"stroke": "rgba(213, 94, 0, 0.25)", "width": 1},
-        "high": {"stroke": "rgba(213, 94, 0, 0.25)", "width": 1},
-        "NMSE": {"stroke": COLORS[0], "width": 1.6},
-        "inside": {"stroke": COLORS[0], "width": 1.6},
+        **dict.fromkeys(("predicted", "NMSE", "inside"), {"stroke": COLORS[0], "width": 1.6}),
+        **dict.fromkeys(("low", "high"), {"stroke": "rgba(213, 94, 0, 0.25)", "width": 1}),
         "95 %": {"stroke": "#7b8894", "width": 1, "dash": (6, 4)},
     }
     series: list[dict[str, Any]] = [{"label": "t [s]"}]
@@ -304,15 +301,8 @@ class LiveScene:
         self._axes = scene.add_frame("/axes", show_axes=False)
         for number, (name, color) in enumerate(_AXES.items()):
             tip = self._square * np.eye(3)[number]
-            points, width = np.array([[np.zeros(3), tip]]), 0.008 * reach
-            scene.add_arrows(
-                f"/axes/{name}",
-                points,
-                arrow_rgb(color),
-                shaft_radius=width,
-                head_radius=2.6 * width,
-                head_length=8 * width,
-            )
+            points = np.array([[np.zeros(3), tip]])
+            self._new_arrows(f"/axes/{name}", points, arrow_rgb(color), 0.008 * reach, 8)
             length = f"{name}, {100 * self._square:g} cm" if name == "x" else name
             scene.add_label(f"/axes/{name}/name", length, position=1.12 * tip)
         self._interval = scene.add_icosphere(
@@ -418,16 +408,16 @@ class LiveScene:
             return
         points = np.stack([at, at + self.scales.get(kind, 0.0) * np.nan_to_num(force)], axis=1)
         if handle is None:
-            self._handles[name] = self._scene.add_arrows(
-                name,
-                points,
-                color,
-                shaft_radius=width,
-                head_radius=2.6 * width,
-                head_length=5 * width,
-            )
+            self._handles[name] = self._new_arrows(name, points, color, width, 5)
             return
         handle.points, handle.visible = points, True
+
+    def _new_arrows(
+        self, name: str, points: Array, color: tuple[int, int, int], width: float, head: float
+    ) -> Any:
+        """Arrows in the scene, with heads as long as so many widths."""
+        sizes = {"head_radius": 2.6 * width, "head_length": head * width}
+        return self._scene.add_arrows(name, points, color, shaft_radius=width, **sizes)
 
 
 def _drawn(force: Array) -> bool:
