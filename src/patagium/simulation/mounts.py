@@ -14,7 +14,7 @@ elasticity; noise belongs to the sensor that reads a cell.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -195,7 +195,7 @@ class InternalLoadCell:
 
     def describe(self) -> dict[str, Any]:
         """Description, as JSON-able values."""
-        return {"at": self.at, "position": self.position, "orientation": self.orientation}
+        return asdict(self)
 
 
 def check_cells(robot: Robot, cells: Sequence[InternalLoadCell], held: bool) -> None:
