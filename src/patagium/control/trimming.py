@@ -99,14 +99,19 @@ class Conditions:
             ways.append(np.eye(frame.size)[z])
             rates.append(self.climb)
         if self.speed is not None:
-            half = 0.5 * self.turn_rate * period  # of the turn; chord to arc
-            longer = half / np.sin(half) if half else 1.0
             way = np.zeros(frame.size)
-            way[x], way[y] = longer * np.cos(half), longer * np.sin(half)
+            way[[x, y]] = _along_arc(self.turn_rate * period)
             ways.append(way)
             rates.append(self.speed)
         slope, rate = np.array(ways).reshape(-1, frame.size), np.array(rates, float)
         return slope @ end - rate * period, slope, -rate
+
+
+def _along_arc(turned: float) -> Array:
+    """Factors of a chord's x and y, (2,) [1], that make its arc, which turns by an angle [rad]."""
+    half = 0.5 * turned
+    longer = half / np.sin(half) if half else 1.0
+    return np.array([longer * np.cos(half), longer * np.sin(half)])
 
 
 class Point(NamedTuple):
@@ -590,9 +595,7 @@ def orbit_of(search: OrbitSearch, at: Point, added_mass: AddedMass | None) -> Or
     x, y, z, *yaw = search.frame.neutral
     end, period = at.flown.ends[-1], at.period
     turned = float(end[yaw].sum())
-    half = 0.5 * turned
-    longer = half / np.sin(half) if half else 1.0
-    forward = longer * (np.cos(half) * end[x] + np.sin(half) * end[y])
+    forward = _along_arc(turned) @ end[[x, y]]
     return Orbit(
         search.map.robot,
         search.map.aero,
