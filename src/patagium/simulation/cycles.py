@@ -66,23 +66,10 @@ def cycle_statistics(
         expected = "0 to a million wingbeats, 2 to ten thousand points"
         raise ParameterError("skip, phases", expected, (skip, phases))
     robot, time = robot_of(flight), np.asarray(flight["time"].values, float)
-    begin = time[0] + skip * beat
-    if time[-1] - begin > beat * len(time):
-        raise ParameterError("period", "more than the time between two samples", beat)
-    count = int(np.floor((time[-1] - begin) / beat + 1e-6))
     steered = flight[WINGBEATS].to_numpy() if period is None and WINGBEATS in flight else None
-    if steered is not None:
-        count = int(np.floor(steered[-1] - steered[0] - skip + 1e-6))
-    if count < 1:
-        raise FlightError(
-            f"flight: expected {skip + 1} wingbeat{'s' * bool(skip)} of {beat:.6g} s at least, "
-            f"found {time[-1] - time[0]:.6g} s; fly longer, or skip fewer"
-        )
-    phase = np.arange(phases) / phases
-    ends = begin + beat * np.arange(count + 1)
-    if steered is not None:
-        ends = np.interp(steered[0] + skip + np.arange(count + 1), steered, time)
-        beat = float(ends[-1] - ends[0]) / count
+    ends = _ends(time, beat, skip, steered)
+    count, phase = len(ends) - 1, np.arange(phases) / phases
+    beat = beat if steered is None else float(ends[-1] - ends[0]) / count
     stamps = ends[:-1, None] + np.diff(ends)[:, None] * phase
     counted = flight.isel(time=np.flatnonzero((time >= ends[0]) & (time <= ends[-1])))
     velocity = air_velocity(counted, robot)
@@ -98,6 +85,29 @@ def cycle_statistics(
         coords={"phase": ("phase", phase, {"units": "1", "long_name": "share of a wingbeat"})},
         attrs={"cycles": count, "period": beat, **_attributes(velocity, robot, means)},
     )
+
+
+def _ends(time: Array, beat: float, skip: int, steered: Array | None) -> Array:
+    """Beginning and ends of the wingbeats after those that are skipped, (cycles + 1,) [s].
+
+    Raises:
+        ParameterError: If the beat is shorter than the samples tell.
+        FlightError: If no whole wingbeat is left.
+    """
+    begin = time[0] + skip * beat
+    if time[-1] - begin > beat * len(time):
+        raise ParameterError("period", "more than the time between two samples", beat)
+    count = int(np.floor((time[-1] - begin) / beat + 1e-6))
+    if steered is not None:
+        count = int(np.floor(steered[-1] - steered[0] - skip + 1e-6))
+    if count < 1:
+        raise FlightError(
+            f"flight: expected {skip + 1} wingbeat{'s' * bool(skip)} of {beat:.6g} s at least, "
+            f"found {time[-1] - time[0]:.6g} s; fly longer, or skip fewer"
+        )
+    if steered is not None:
+        return np.asarray(np.interp(steered[0] + skip + np.arange(count + 1), steered, time))
+    return np.asarray(begin + beat * np.arange(count + 1))
 
 
 def _cycle_means(signal: Array, time: Array, ends: Array) -> Array:
