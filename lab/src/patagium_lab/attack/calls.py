@@ -56,6 +56,7 @@ _UNTOLD = {
     "evaluate on a table",
     "stream",
     "inverse_dynamics_force",
+    "load_identification",
     "tune",
     "read_table",
     "Pipeline.run",
