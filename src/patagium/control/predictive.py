@@ -216,7 +216,8 @@ class OrbitModel:
         parameters: Values of the commands on the orbit, where the steered gait's own are others.
 
     Raises:
-        ParameterError: If a command is none of the gait, or the orbit is none.
+        ParameterError: If a command is none of the gait, its joints answer it at different
+            speeds, or the orbit is none.
 
     Attributes:
         neutral: Response to the commands on the orbit, (n_u,) [unit of a response].
@@ -527,7 +528,7 @@ class OrbitController:
                 raise ParameterError(f"actuators.{name}", "a range of every command", "none")
         self.low, self.high, self.rates = np.array(self.ends).T
         self.half = (self.high - self.low) / 2
-        costs = model.steered.costs[model.places]
+        costs = [model.steered.costs[model.steered.places(name)].max() for name in commands]
         self.state_cost = np.diag(self.weights)
         self.input_cost = np.diag(costs / self.half**2)
         self.before = np.zeros(len(commands))
@@ -802,7 +803,12 @@ class PredictiveController(OrbitController):
             if self.model.course.turn and name in ("y", "yaw"):
                 expected = "a state that a turn brings back, such as z or velocity of y"
                 raise ParameterError("limits", expected, name)
-            self._limits[self._state(name)] = low, high
+            place = self._state(name)
+            self._limits[place] = low, high
+            own = self._along(range(parts))[:, place]
+            if own.min() > high or own.max() < low:
+                expected = f"limits that hold the orbit's {own.min():.3g} to {own.max():.3g}"
+                raise ParameterError(f"limits: {name}", expected, (low, high))
         self._horizon = horizon
         self._begin()
 
@@ -853,9 +859,13 @@ class PredictiveController(OrbitController):
 
     def _place_limits(self, first: int) -> None:
         """Soft limits about the orbit, at each interval of the horizon."""
-        program, model = self.iteration.program, self.model
-        course, intervals = model.course, range(first, first + len(program["x"]))
-        ahead = np.array([course.seen(k, course.along(k)) for k in intervals])
+        program = self.iteration.program
+        ahead = self._along(range(first, first + len(program["x"])))
         for place, (low, high) in self._limits.items():
-            along = ahead[:, model.kept[place]]
+            along = ahead[:, place]
             program["least"][:, place], program["most"][:, place] = low - along, high - along
+
+    def _along(self, intervals: range) -> Array:
+        """States that are kept, on the orbit at the beginning of intervals, (N, n) [SI]."""
+        course = self.model.course
+        return np.array([course.seen(k, course.along(k)) for k in intervals])[:, self.model.kept]

@@ -312,6 +312,10 @@ def test_a_quaternion_is_refused_with_the_remedy(ornithopter_orbit: Any, regulat
         ),
         ({"limits": {"z": (np.nan, 1)}}, "limits: z: expected 2 numbers, each a finite number"),
         ({"limits": {1: (0, 1)}}, "limits: a name: expected text, found 1"),
+        (  # taken without a word, and fought all along the orbit
+            {"limits": {"velocity of z": (50, None)}},
+            "limits: velocity of z: expected limits that hold the orbit's -",
+        ),
         ({"horizon": 0}, "horizon: expected one interval at least, found 0"),
     ],
 )
