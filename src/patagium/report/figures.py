@@ -154,8 +154,7 @@ def innovation_and_covariance(
     variance = _columns("largest_variance", largest_variance, t.size, 1)
     _curve(axes[-1], t, variance[:, 0], "largest", color=color(0))
     axes[-1].set_yscale("log")
-    axes[-1].set_title("Largest variance of a weight")
-    axes[-1].set_ylabel("[1]")
+    _name(axes[-1], "Largest variance of a weight", "1")
     _time_axis(axes, 1)
     return figure
 
@@ -226,8 +225,7 @@ def curves(
     for i, (name, values) in enumerate(found.items()):
         row = real_array(name, values, along.shape)
         _curve(axes[0], along, row, name, color=color(i), linestyle=dash(i), **few)
-    axes[0].set_xlabel(abscissa)
-    axes[0].set_ylabel(ordinate)
+    axes[0].set(xlabel=abscissa, ylabel=ordinate)
     legend_above(figure, axes[0])
     return figure
 
@@ -241,8 +239,7 @@ def _grid(count: int, columns: int, height: float = 1.7) -> tuple[Figure, list[A
 
 
 def _name(panel: Axes, title: str, unit: str) -> None:
-    panel.set_title(title)
-    panel.set_ylabel(f"[{unit}]")
+    panel.set(title=title, ylabel=f"[{unit}]")
 
 
 def _time_axis(axes: Sequence[Axes], columns: int) -> None:
@@ -362,14 +359,9 @@ def machine(
         panel.set_ylim(low[view[1]], high[view[1]])
     if corners:  # of an arm there are none
         _draw_nose(above, (*outlines, seen)[0], 2.0 * room)
-    above.set_title(f"{title}, from above")
-    above.set_ylabel("x, forward [m]")
-    behind.set_title("from behind")
-    behind.set_ylabel("z, up [m]")
-    behind.set_xlabel("y, to the left [m]")
-    left.set_title("from the left")
-    left.set_ylabel("z, up [m]")
-    left.set_xlabel("x, forward [m]")
+    above.set(title=f"{title}, from above", ylabel="x, forward [m]")
+    behind.set(title="from behind", xlabel="y, to the left [m]", ylabel="z, up [m]")
+    left.set(title="from the left", xlabel="x, forward [m]", ylabel="z, up [m]")
     middle, half = (high + low)[0] / 2, (high - low)[:2].max() / 2  # the scale of the others
     left.set_xlim(middle + half, middle - half)
     legend_above(figure, above)
@@ -452,11 +444,8 @@ def _overview_groups(flight: Any) -> list[_Group]:
     ]
     if "reference" in flight:
         off = dict(zip(coordinates, off_reference(flight).T, strict=True))
-        turned = {n: np.degrees(off[n]) for n in angles}
-        groups += [
-            ("Off reference", "m", {n: off[n] for n in position}),
-            ("Off reference", "deg", turned),
-        ]
+        groups.append(("Off reference", "m", {n: off[n] for n in position}))
+        groups.append(("Off reference", "deg", {n: np.degrees(off[n]) for n in angles}))
     if "command" in flight:
         names = [str(name) for name in flight["command_name"].values]
         given = dict(zip(names, flight["command"].values.T, strict=True))
