@@ -86,10 +86,8 @@ class LinearRegulator(OrbitController):
 
     def answer(self, first: int, start: Array, before: Array) -> Array | None:
         """Departures of the commands, limited in range and rate, for one flight or several."""
-        neutral = self.model.neutral
-        gain = self.gains[first % self.model.parts]
-        whole = np.concatenate([start, before], axis=-1)
-        change = -whole @ gain.T
+        neutral, gain = self.model.neutral, self.gains[first % self.model.parts]
+        change = -np.concatenate([start, before], axis=-1) @ gain.T
         change = np.clip(change, -self.fastest, self.fastest)
         values = np.clip(neutral + before + change, self.low, self.high)
         return np.asarray(values - neutral)

@@ -429,9 +429,7 @@ def _subtitle(flight: xr.Dataset, robot: Robot, time: Array, period: float | Non
 
 def _wind(shown: xr.Dataset) -> list[str]:
     """Notes about wind and events; none where there are none."""
-    notes = []
-    for when, words in events_of(shown):
-        notes.append(f"At {when:.4g} s: {words}.")
+    notes = [f"At {when:.4g} s: {words}." for when, words in events_of(shown)]
     own = [air_of(shown).wind] if "wind" not in shown else shown["wind"].values
     wind = np.asarray(own, float)
     if wind.any():
