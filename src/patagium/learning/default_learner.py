@@ -282,7 +282,7 @@ def _found_words(described: Mapping[str, Any], *, own: bool) -> dict[str, str]:
 
 
 def _span(value: Any) -> str:
-    """A number, or the span of several; those that are None are left out."""
+    """A number, or the least and the greatest of several; None is left out."""
     known = np.array(value, float)
     low, high = np.nanmin(known), np.nanmax(known)
     return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}, by output"

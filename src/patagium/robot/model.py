@@ -537,7 +537,7 @@ class Robot:
 
     @cached_property
     def _sides(self) -> dict[str, int]:
-        """Words for a side in names, 1 for the left, from wings and their images."""
+        """Words in names that tell a side, 1 for left and -1 for right."""
         each = (zip(*(k.split("_") for k in pair), strict=False) for pair in self.mirrored_wings)
         told = {k for words in each for k in words if k[0] != k[1] and "".join(k).isalpha()}
         left, right = told.pop() if len(told) == 1 else ("left", "right")

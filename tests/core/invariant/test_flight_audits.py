@@ -156,7 +156,7 @@ def test_what_hangs_on_the_world_weighs_nothing_in_flight(bodies):
 
 @pytest.mark.parametrize("bodies", [BIRD, STAND + BIRD])
 def test_a_cell_in_world_axes_holds_the_floating_body(bodies):
-    """It was taken to hold the first body of the file, be it a stand that hangs on the world."""
+    """A load cell in world axes was taken to hold the first body of the file, even a stand."""
     held = beside(bodies, pt.mounts.fixed())
     n, (count, _) = held.sizes["dof"], held.v.shape
     motion = held.assign(covariance=(("time", "part", "other"), np.zeros((count, 3 * n, 3 * n))))

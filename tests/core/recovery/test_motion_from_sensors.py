@@ -253,7 +253,7 @@ def test_a_unit_that_is_mounted_otherwise_than_stated_is_said(
 
 
 def test_a_unit_on_one_wing_of_a_held_robot_contradicts_nothing() -> None:
-    """It was also laid on the coordinates that encoders alone see: 6 rad/s off, listed twice."""
+    """An inertial unit on one wing was compared with the other wing: a false alarm of 6 rad/s."""
     held = SLIDE.replace("parent: sled\n    ", "").replace("type: prismatic, axis: z", "axis: x")
     robot, time = load_robot_text(held, "held"), np.arange(1000) * 5e-4
     levels = [np.outer(30.0**k * np.sin(30 * time + k * np.pi / 2), [0.5, 0.2]) for k in range(3)]

@@ -144,7 +144,7 @@ def test_numbers_of_a_plan_may_carry_units(tmp_path):
 
 
 def test_legs_have_the_added_mass_of_the_first_orbit(monkeypatch):
-    """They were trimmed without it, and the flight left an orbit that was its own."""
+    """Legs were trimmed without the learned added mass, and the flight left its own orbit."""
     orbit = SimpleNamespace(
         **dict.fromkeys(("robot", "aero", "gait")),
         **{"speed": 6.0, "climb": 0.0, "turn_rate": 0.0, "added_mass": "that of the model"},

@@ -441,7 +441,7 @@ def test_only_a_sender_with_the_key_is_learned_from(flight, packets, tmp_path, c
 
 @pytest.mark.parametrize("block", [1, 300])
 def test_time_flown_is_that_of_packets_in_order(packets, pipeline, block):
-    """Climbing back after a late packet was counted again, and one wrong stamp for ever."""
+    """Time flown counted steps after a late packet twice, and a wrong stamp for ever."""
     sent = packets[:300].copy()
     sent[150, 0] = 1e9
     sent = np.insert(sent, 60, sent[10], axis=0)

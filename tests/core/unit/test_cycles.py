@@ -94,7 +94,7 @@ def test_no_joint_spends_what_another_one_gives_back() -> None:
 
 
 def test_means_are_those_of_the_samples_whatever_the_points_of_a_curve() -> None:
-    """They were those of the curve's points: power was twice too large with two of them."""
+    """Means over cycles were taken at the points of the curve: two points doubled the power."""
     flight = pt.simulate(pt.load_robot("aerobat"), duration=1.1)
     few, many = (pt.cycle_statistics(flight, phases=n) for n in (2, 100))
     assert few.attrs == many.attrs and (few["lift_by_cycle"] == many["lift_by_cycle"]).all()
@@ -106,7 +106,7 @@ def test_means_are_those_of_the_samples_whatever_the_points_of_a_curve() -> None
 
 
 def test_the_airspeed_is_that_of_the_beats_that_count() -> None:
-    """A bird that loses speed: with `skip` it stayed that of the whole flight."""
+    """The airspeed of a bird that slows down was that of the whole flight, despite `skip`."""
     robot = pt.load_robot("ornithopter")
     aero, gait = pt.QuasiSteady(robot), pt.gaits.cruise(robot)
     given = {"duration": 1.2, "time_step": 2e-3, "v": robot.velocities(x=9.0)}

@@ -162,7 +162,7 @@ def test_waves_are_forecast_and_their_rivals_err_as_they_must() -> None:
 
 
 def test_the_joints_alone_show_the_wingbeat_of_a_body_that_drifts(flight: xr.Dataset) -> None:
-    """The drifting body took part: the wingbeat of an imported free flight came late and wrong."""
+    """The drift of the body spoiled the wingbeat that a forecast found in a free flight."""
     robot, network = pt.load_robot("aerobat"), strips(flight).network
     motion = robot_motion(flight, robot, network, None, None)
     assert motion is not None

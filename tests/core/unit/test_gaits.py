@@ -269,7 +269,7 @@ class Half:
 
 
 def test_a_flight_knows_the_period_of_an_own_gait(robot):
-    """It was that of the gait within, or none, and an array in its words lost the flight."""
+    """The period was that of the inner gait or none, and an array in `describe` lost the flight."""
     gait = Half(pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.3))
     flight = pt.simulate(robot, pt.QuasiSteady(robot), gait, duration=0.01, time_step=1e-3)
     assert gait_period(flight) == pytest.approx(0.4)

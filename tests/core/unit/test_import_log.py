@@ -160,7 +160,7 @@ def _json_messages(path: Path, messages: list[dict[str, Any]]) -> Path:
 
 
 def test_keys_of_json_may_hold_dots(tmp_path: Path) -> None:
-    """Such messages, as `export` writes them, made no row, and nothing said so."""
+    """Messages whose keys hold dots, as `export` writes them, made no row without a warning."""
     held = [{"q": {"x": -1.0}, "q.x/q.x": float(k), "m.a": {"b.c": [0.0, 2.0 * k]}}
             for k in range(50)]  # fmt: skip
     path = _json_messages(tmp_path / "log.mcap", held)

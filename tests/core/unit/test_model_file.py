@@ -72,7 +72,7 @@ def test_an_output_that_was_never_measured_takes_no_interval_of_the_others(
 
 
 def test_a_page_says_that_a_share_is_not_known(tmp_path: Path, rng: np.random.Generator) -> None:
-    """It was "nan %"."""
+    """A report showed an unknown coverage as "nan %"."""
     x, time = rng.normal(size=(100, 2)), 0.01 * np.arange(100.0)
     network = pt.DenseNetwork(2, (), ("lift",))
     model = Model(network, network.initial(0))

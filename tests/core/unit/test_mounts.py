@@ -116,7 +116,7 @@ def test_a_mount_holds_no_singular_pitch(pitch):
 
 
 def test_a_carried_robot_neither_sinks_nor_flies_backwards():
-    """Its summary said so of paths that lead down and back."""
+    """The summary of a carried robot warned that it sinks, or flies backwards."""
     path = pt.paths.line((0, 0, 1), (-0.2, 0, 0.8), duration=0.2)
     facts = flight_summary(_flown(pt.mounts.carried(path), duration=0.2))
     assert facts["speed"] < -0.5 and facts["climb_rate"] < -0.5

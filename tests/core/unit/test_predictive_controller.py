@@ -94,7 +94,7 @@ BIRD_COMMANDS = ("frequency", "plunge_amplitude", "elevation_offset", "rudder_of
 
 
 def test_a_command_of_two_joints_keeps_the_actuators_of_both(orbit):
-    """It had the range, rate and speed of the first one; a side of a pair had no cost."""
+    """A command of two joints had the limits of the first; one side of a pair had no cost."""
     sides = """  left_feather_offset: {range: [-20 deg, 20 deg], cost: 2}
   right_feather_offset: {range: [-10 deg, 30 deg], rate_limit: 50 deg/s, response_time: 0.1 s}
 """

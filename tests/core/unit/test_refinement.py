@@ -52,7 +52,7 @@ def test_the_noise_of_each_measured_force_counts():
 
 
 def test_outliers_weigh_as_little_as_for_the_learner():
-    """All samples weighed the same: spikes moved numbers by 11 deviations, which were as small."""
+    """`refine` ignored the screening of outliers: spikes moved numbers by 11 deviations."""
     draw = np.random.default_rng(0)
     network = pt.DenseNetwork(3, (), 1)
     teacher = np.array([0.5, -1.0, 0.3, 0.2])

@@ -295,7 +295,7 @@ def test_a_robot_by_quaternion_shows_the_same() -> None:
 
 
 def test_no_encoder_shows_a_part_of_a_quaternion() -> None:
-    """It showed the quaternion's y as a pitch in radians."""
+    """An encoder of pitch showed the y component of the quaternion as an angle."""
     robot = pt.load_robot("hawk").with_attitude("quaternion")
     flown = pt.simulate(
         robot, pt.QuasiSteady(robot), pt.gaits.still(robot), duration=0.01, time_step=1e-3
