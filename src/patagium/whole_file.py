@@ -24,9 +24,7 @@ from typing import Self
 
 from patagium.errors import OutputError, ParameterError, PatagiumError
 
-_ABANDONED = (
-    600.0  # s without a byte written: nobody is at work on such a draft, unless HDF5 locks it
-)
+_ABANDONED = 600.0  # s without a byte written: abandoned, unless HDF5 locks the draft
 _MOST_LINKS = 40  # as many as Linux follows
 
 

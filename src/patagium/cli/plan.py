@@ -74,9 +74,9 @@ def _in_si(written: Any, info: ValidationInfo, name: str = "") -> Any:
         raise ParameterError("state", expected, name, known)
     key = info.data.get("command", name)
     kind, joints = robot.command(key)
-    units = {"frequency": "Hz", "phase": "rad"}  # an amplitude is over the gait's own
-    unit = robot.dof_units[robot.index(joints[0])] if kind == "offset" and joints else ""
-    unit = units.get(kind, unit)
+    unit = {"frequency": "Hz", "phase": "rad"}.get(kind, "")  # of an amplitude: over the gait's
+    if kind == "offset" and joints:
+        unit = robot.dof_units[robot.index(joints[0])]
     if state in robot.dof_names:
         per = {"velocity": "/s", "acceleration": "/s^2"}.get(rate, "")
         unit = robot.dof_units[robot.index(state)] + per

@@ -204,7 +204,7 @@ def score_table(scores: Mapping[str, Any]) -> Table:
 
 
 def silent_words(scores: Mapping[str, Any]) -> list[str]:
-    """Sentences that name the outputs that never move or were not measured; none where all do."""
+    """Sentences that name the outputs that never move, and those that were not measured."""
     missing = scores.get("not_measured", [])  # later than the first files
     still = [name for name in scores["silent"] if name not in missing]
     kinds = {"Silent": still, "Not measured": missing}

@@ -113,7 +113,7 @@ def _deviations(learner: FilterLearner, log: Samples) -> Array:
 
 
 def _raised(learner: FilterLearner, error: Array, std: Array) -> Array:
-    """Standard deviations with those of outliers raised as screening does, (N,) [y].
+    """Standard deviations, larger for outliers by the rule of the screening, (N,) [y].
 
     A cost of c^2 (1 + 2 log(e / c)) beyond c has the slope of that.
     """

@@ -182,7 +182,7 @@ def test_a_shift_that_the_motion_does_not_tell_is_not_taken() -> None:
 
 
 def test_units_that_share_no_motion_leave_the_others_their_clocks() -> None:
-    """A unit on the stand that came first left every clock of the log uncorrected.
+    """Clocks stayed uncorrected where an inertial unit on the stand came first in the log.
 
     Of two groups that share no motion, the second was left uncorrected.
     """

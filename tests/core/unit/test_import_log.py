@@ -145,7 +145,7 @@ def test_json_in_mcap_and_a_recording_cut_off(recordings: Any, tmp_path: Path) -
 
 
 def _json_messages(path: Path, messages: list[dict[str, Any]]) -> Path:
-    """MCAP file of JSON messages on the topic `s`, 10 ms apart."""
+    """MCAP file with one JSON message every 10 ms on the topic `s`."""
     from mcap.writer import Writer
 
     with path.open("wb") as stream:

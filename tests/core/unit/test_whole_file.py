@@ -104,7 +104,7 @@ def test_a_file_that_may_not_be_written_is_not_replaced(tmp_path: Path) -> None:
 
 
 def test_a_draft_that_is_open_is_not_abandoned(tmp_path: Path) -> None:
-    """A stream of few packets writes seldom: others removed its draft after ten minutes."""
+    """A stream with few packets writes rarely, and another process removed its open file."""
     slow = NetcdfDraft(tmp_path / "stream.nc")
     os.utime(slow.path, (1e9, 1e9))
     write_whole(tmp_path / "stream.nc", "of another process")

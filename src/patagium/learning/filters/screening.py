@@ -325,7 +325,7 @@ class Screen:
         self.misfit.follow(measured, float(self.numbers[_STAMP]))
 
     def screened(self, found: Moments, measured: Array) -> tuple[Moments, Array] | None:
-        """Moments and innovation of a sample as it is learned from; None: no channel is left.
+        """Moments of y and innovation of a sample as the filter uses them; None if it uses none.
 
         Channels left out are none of the moments, and their innovation is zero; the noise of
         those doubted is raised.

@@ -210,7 +210,7 @@ class WeightFilter:
             return lost.outcome, prediction
 
     def _screened(self, found: Moments, y: Array) -> tuple[Moments, Array] | Outcome:
-        """Moments and innovation as they are learned from, or why they are not."""
+        """Moments of y and innovation as the filter uses them, or why it uses none."""
         if not (np.isfinite(found.mean).all() and np.isfinite(found.covariance).all()):
             return Outcome.NOT_FINITE
         sample = self.screen.screened(found, y)
