@@ -47,7 +47,7 @@ class FrozenSpans:
         self._learner, self._y = learner, y
         self._durations, step = dict(durations), float(np.median(np.diff(time)))
         self._lengths = {name: max(1, round(d / step)) for name, d in durations.items()}
-        used, edges = used_samples(len(y), every, gaps) + 1, np.asarray(gaps, int)
+        used, edges = used_samples(y, every, gaps) + 1, np.asarray(gaps, int)
         self._begins: dict[str, set[int]] = {}
         self._windows: dict[str, list[tuple[int, Array]]] = {name: [] for name in durations}
         for name, length in self._lengths.items():

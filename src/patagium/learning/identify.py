@@ -163,7 +163,8 @@ def _noise_words(std: Array | None, y: Array, scores: Mapping[str, Any]) -> list
     beyond = [name for name, one in zip(names, times, strict=True) if one > _BEYOND_NOISE]
     found = []
     if below:
-        found.append(f"Note: the force of {', '.join(below)} is smaller than its noise; no score.")
+        words = "is smaller than its noise, and its score says little."
+        found.append(f"Note: the force of {', '.join(below)} {words}")
     if beyond:
         found.append(
             f"Note: errors of {', '.join(beyond)} are up to {np.nanmax(times):.2g} times the noise "
@@ -266,7 +267,7 @@ def compare(
     names = model.network.output_names
     x = network_inputs(model.network, model.weights, time, x, gaps)
     guess = model.network.evaluate(x, model.weights)
-    held = persistence(y, used_samples(len(y), every, gaps))
+    held = persistence(y, used_samples(y, every, gaps))
     predicts = isinstance(model, Model | Updated)
     chosen = thin(np.arange(len(y)), MOST_CHECKS).tolist() if predicts else []
     noise = np.zeros_like(y) if std is None else std

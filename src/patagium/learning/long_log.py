@@ -168,7 +168,7 @@ class _LongRun:
         table = self.record.table(begin, end)
         time = table.time if begin else self.record.time(begin, end)
         gaps = find_gaps(time, self.record.gap)
-        used = used_samples(len(time), self.every, gaps)
+        used = used_samples(table.y, self.every, gaps)
         if end < total and len(used) > 1:
             end = begin + int(used[-1])  # the next block begins with a used sample
         rows = slice(0, end - begin)

@@ -71,7 +71,7 @@ def refine(
         table, noise = samples(time, network)[:3], stds(time, network)
     log = checked_samples(network, table, (), noise)
     log = replace(log, gaps=find_gaps(log.time))
-    used = np.isin(np.arange(len(log.time)), used_samples(len(log.time), every, log.gaps))
+    used = np.isin(np.arange(len(log.time)), used_samples(log.y, every, log.gaps))
     log = replace(log, y=np.where(used[:, None], log.y, np.nan))
     first, prior = learner.prior
     begins = [(_cost(learner, log, one), one) for one in (learner.weights, first)]

@@ -56,11 +56,14 @@ class Hold(NamedTuple):
     learns: bool
 
 
-def used_samples(count: int, every: int, gaps: ArrayLike = ()) -> Indices:
+def used_samples(y: Array, every: int, gaps: ArrayLike = ()) -> Indices:
     """Samples that are used for an update: one in `every`, counted anew after each gap.
 
+    It is the first of them, or the one that measures what was learned least often: a torque that
+    is sent every tenth sample would else be missed by one sample in ten.
+
     Args:
-        count: Number of samples N.
+        y: What was measured, (N, n_y) [unit of y]; NaN where it was not.
         every: 1 for each sample, 100 for one in 100.
         gaps: First sample after each gap.
 
@@ -69,9 +72,18 @@ def used_samples(count: int, every: int, gaps: ArrayLike = ()) -> Indices:
     """
     if every < 1:
         raise ParameterError("every", "a whole number of at least 1", every)
-    starts = [0, *np.asarray(gaps, int).tolist(), count]
+    starts = [0, *np.asarray(gaps, int).tolist(), len(y)]
     spans = [np.arange(a, b, every) for a, b in zip(starts[:-1], starts[1:], strict=True)]
-    return np.concatenate(spans).astype(np.int64)
+    used = np.concatenate(spans).astype(np.int64)
+    measured = np.isfinite(y)
+    measured = measured[:, measured.any(axis=0)]
+    if not measured.all():
+        learned = np.zeros(measured.shape[1])
+        for k, (begin, end) in enumerate(zip(used, [*used[1:], len(y)], strict=True)):
+            worth = measured[begin:end] @ (1.0 / (1.0 + learned))
+            used[k] += worth.argmax()
+            learned += measured[used[k]]
+    return used
 
 
 def holds(used: Indices, count: int) -> Iterator[Hold]:
@@ -264,7 +276,7 @@ class BlockRun:
         self.learner, self.samples, self._memory = learner, samples, memory
         self._watches = tuple(watches)
         count, outputs = samples.y.shape
-        self.used = used_samples(count, every, samples.gaps)
+        self.used = used_samples(samples.y, every, samples.gaps)
         self.prediction = np.full((count, outputs), np.nan)
         shape = len(self.used), outputs
         self.updated = {name: np.full(shape[:n], np.nan) for name, n in UPDATED.items()}
@@ -508,7 +520,7 @@ def forecasters(
         motion: Forecast of the inputs; None: they are held, or their last wingbeat is repeated.
         period: Wingbeat, where it is known beforehand [s].
     """
-    used = used_samples(len(samples.time), every, samples.gaps)
+    used = used_samples(samples.y, every, samples.gaps)
     log = samples.time, samples.x, samples.y
     known = learner, log, used, samples.gaps, motion, period, half
     return [Forecaster(one, *known) for one in sums]

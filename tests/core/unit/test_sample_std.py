@@ -99,7 +99,7 @@ def test_a_stream_hands_it_on(rng) -> None:
     time, extra = np.arange(40.0), np.abs(rng.standard_normal((40, 2)))
     one, other = learner("cubature", 0.1), learner("cubature", 0.1)
     stream(one, time, x, y, every=2, std=extra)
-    for k in used_samples(40, 2):
+    for k in used_samples(y, 2):
         other.update(x[k], y[k], time[k], extra[k])
     np.testing.assert_array_equal(one.weights, other.weights)
     with pytest.raises(ShapeError, match="std"):

@@ -74,7 +74,7 @@ def log(count: int, seed: int = 0, noise: float = 0.1) -> tuple[Array, Array, Ar
 
 
 def test_hold_intervals_hold_each_sample_once_and_learn_one_in_every() -> None:
-    used = used_samples(10, 4)
+    used = used_samples(np.zeros((10, 1)), 4)
     assert used.tolist() == [0, 4, 8]
     assert list(holds(used, 10)) == [
         Hold(0, 1, True), Hold(1, 5, True), Hold(5, 9, True), Hold(9, 10, False)
@@ -82,17 +82,29 @@ def test_hold_intervals_hold_each_sample_once_and_learn_one_in_every() -> None:
 
 
 def test_a_gap_starts_the_count_anew() -> None:
-    assert used_samples(10, 4, [6]).tolist() == [0, 4, 6]
-    assert used_samples(10, 4, [4, 5]).tolist() == [0, 4, 5, 9]
+    y = np.zeros((10, 1))
+    assert used_samples(y, 4, [6]).tolist() == [0, 4, 6]
+    assert used_samples(y, 4, [4, 5]).tolist() == [0, 4, 5, 9]
+
+
+def test_outputs_that_are_measured_seldom_are_learned() -> None:
+    """A torque of every tenth row, not the first of them, was learned by no update."""
+    y = np.zeros((1000, 4))
+    y[np.arange(1000) % 10 != 3, 1] = np.nan
+    y[np.arange(1000) % 20 != 17, 2] = np.nan
+    y[:, 3] = np.nan
+    used = used_samples(y, 10)
+    assert (used // 10).tolist() == list(range(100))
+    assert np.isfinite(y[used]).sum(axis=0).tolist() == [100, 50, 50, 0]
 
 
 def test_every_must_be_positive() -> None:
     with pytest.raises(ParameterError, match="every"):
-        used_samples(10, 0)
+        used_samples(np.zeros((10, 1)), 0)
 
 
 def test_interval_checks_see_all_distances_to_the_update() -> None:
-    intervals = list(holds(used_samples(3000, 10), 3000))
+    intervals = list(holds(used_samples(np.zeros((3000, 1)), 10), 3000))
     offsets = {
         i - hold.begin
         for hold, checks in zip(intervals, check_samples(intervals), strict=True)
@@ -123,7 +135,7 @@ def test_no_prediction_sees_its_own_sample_or_a_later_one(every: int, k: int) ->
     honest = stream(Kalman(3, 2), time, x, y, every=every).prediction["prediction"].values
     again = stream(Kalman(3, 2), time, x, changed, every=every).prediction["prediction"].values
     np.testing.assert_array_equal(honest[: k + 1], again[: k + 1])
-    following = used_samples(40, every)
+    following = used_samples(y, every)
     following = following[following >= k][0]
     assert not np.array_equal(honest[following + 1], again[following + 1])
 

@@ -189,7 +189,7 @@ def teach(
     """
     progress, started = Progress(), np.inf
     watches = [_SpanWatch(data, span) for span in spans]
-    used = used_samples(len(data.clock), data.every, data.gaps)
+    used = used_samples(data.y, data.every, data.gaps)
     used = used[data.clock[used] < max(span.end for span in spans)]
     try:
         with np.errstate(all="ignore"):
@@ -218,7 +218,7 @@ class _SpanWatch:
 
     def __init__(self, data: DataSet, span: ScoredSpan) -> None:
         self.data, self.span = data, span
-        used = used_samples(len(data.clock), data.every, data.gaps)
+        used = used_samples(data.y, data.every, data.gaps)
         begins = used[(data.clock[used] >= span.begin) & (data.clock[used] < span.end)]
         lengths = {"hold": data.every, "short": SHORT / data.step}
         lengths["long"] = data.beat / data.step

@@ -404,7 +404,7 @@ def _used(flight: Flight, network: Network, every: int, source: str) -> tuple[Fl
             f"{sees} inputs, {network.outputs} outputs",
         )
     gaps = np.asarray(gaps, np.int64)
-    chosen = used_samples(len(x), every, gaps)
+    chosen = used_samples(y, every, gaps)
     log, used = Samples(time, x, y, gaps), chosen
     if sees == network.inputs:
         log, used = Samples(time[chosen], x[chosen], y[chosen], gaps[:0]), np.arange(len(chosen))
