@@ -352,7 +352,7 @@ class AdaptiveController(OuterController):
         return told
 
     def take(self, air: Aerodynamics) -> None:
-        """Take another robot and air, without weights, as the model, as where a loss is known.
+        """Replace the model by another robot and air without weights, for a loss that is known.
 
         Most of what was learned is forgotten, and the beat so far teaches nothing.
         """

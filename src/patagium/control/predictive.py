@@ -286,7 +286,7 @@ class OrbitModel:
     def _rows(
         self, flight: FlightMap, steps: int, parameters: Mapping[str, float]
     ) -> PrescribedRows:
-        """Rows of a beat, and their slopes by each command, of the frequency by the own time."""
+        """Rows of a beat and their slopes by each command; "frequency" moves the gait in time."""
         robot, gait = self.robot, self.steered.gait
         base = fourier_series(gait)
         leads = [f"{name}_phase" for name in base.moving]

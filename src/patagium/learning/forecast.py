@@ -250,7 +250,7 @@ class _LeastSquares:
         self._targets = np.zeros((size, y.shape[1]))
 
     def at(self, last: int) -> Array | None:
-        """Output a lead after a sample, (n_y,) [unit of y]; None before there are pairs."""
+        """Output predicted a lead after a sample, (n_y,) [unit of y]; None before any pair."""
         end = last - self._lead + 1
         if end > self._done:
             rows = np.arange(self._done, end)

@@ -175,7 +175,7 @@ def paths(
         time: Time of each estimate, (U,) [s].
         value: Estimates, (U, k).
         std: Their standard deviations, (U, k); nan draws no band.
-        prior: Values before any, (k,) [units].
+        prior: Values before the first estimate, (k,) [units].
         names: Names of the k numbers.
         units: Units of the k numbers.
 

@@ -90,7 +90,8 @@ class LobattoStep:
         Args:
             missing: Residual of the equations by changes of the stages, (3, size) each [SI].
             state: At the beginning, (size,) [SI].
-            renew: Damp corrections until they help, and renew the factors by this after each.
+            renew: Function that renews the factors. With it each correction is damped until the
+            residual falls, and the factors are renewed after it.
         """
         changes, last = np.zeros((3, state.size)), np.inf
         left, scale = missing(changes), 1.0 + np.abs(state)

@@ -383,7 +383,7 @@ class LiveScene:
         self._path.points = pieces
 
     def _rescale(self, kind: str, force: Array | None) -> None:
-        """Meters a newton, a round number, such that the largest force of late fits and is seen."""
+        """Length of an arrow of one newton [m], rounded so that the recent largest force fits."""
         if force is None or not _drawn(force):
             return
         now = float(np.linalg.norm(force, axis=-1).max())

@@ -258,7 +258,7 @@ def test_the_mirror_image_of_a_motion_has_the_mirrored_force(
 
 
 def test_a_robot_on_a_stand_has_one_hinge_a_side() -> None:
-    """The stand was the hinge of both wings."""
+    """Each wing has its own hinge; the stand's joint was once taken for the hinge of both."""
     strokes = []
     for robot in _pair(2, 2, "y", False):
         held = robot.mounted_on(pt.load_robot("ur5e"), "tool")

@@ -467,7 +467,7 @@ def test_a_tracker_refuses_numbers_of_sensors_that_it_has_not(word: str, given: 
 
 
 def test_samples_of_a_wrong_size_or_kind_are_refused() -> None:
-    """The filter in C takes as many numbers as the sensor has."""
+    """A sample of another size is refused, since the filter in C reads a fixed count of numbers."""
     robot = pt.load_robot("aerobat")
     sensors = {"angles": P.as5600(), "camera": P.prime_x_13("body")}
     tracker = pt.sensing.MotionTracker(robot, sensors, np.full(robot.dof, 1e6))

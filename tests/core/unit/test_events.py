@@ -93,7 +93,7 @@ wings:
 
 
 def test_a_lamina_whose_moments_are_estimates_can_be_cut():
-    """What its normal moment is too large by stayed as the span shrank: no body has that."""
+    """The excess of its normal moment of inertia stayed as the span shrank, as in no real body."""
     robot = pt.load_robot("ornithopter")
     xx, yy = robot.bodies[robot.body_index("left_wing")].inertia[:2]
     estimated = robot.with_parameters({"left_wing.inertia.zz": 1.08 * (xx + yy)})

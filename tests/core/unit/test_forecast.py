@@ -66,7 +66,7 @@ def forecasts(
 
 
 def assert_nothing_after(before: list[Any], after: list[Any], known: int) -> None:
-    """Forecasts made up to a time do not change with the samples after it; later ones do."""
+    """Forecasts made before a time do not depend on the samples after it; later ones do."""
     assert known > 3
     for one, other in zip(before[:known], after[:known], strict=True):
         for name in METHODS:

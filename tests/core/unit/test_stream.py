@@ -88,7 +88,7 @@ def test_a_gap_starts_the_count_anew() -> None:
 
 
 def test_outputs_that_are_measured_seldom_are_learned() -> None:
-    """A torque of every tenth row, not the first of them, was learned by no update."""
+    """A torque measured in one row of ten, and not in the first, was never learned."""
     y = np.zeros((1000, 4))
     y[np.arange(1000) % 10 != 3, 1] = np.nan
     y[np.arange(1000) % 20 != 17, 2] = np.nan
