@@ -316,7 +316,7 @@ def air_model(
             expected += f"line, for one wing after its name ({', '.join(wings)}) and ="
             raise ParameterError("--polar", expected, text)
     if any(isinstance(one, models.ReynoldsPolar) for one in given.values()) and not (
-        0.5 < air.density < 2.0
+        0.5 <= air.density <= 2.0
     ):
         expected = "0.5 to 2 kg/m^3 with reynolds, which has the viscosity of air (of another: "
         expected += "pt.air.ReynoldsPolar(viscosity=...) in Python)"

@@ -57,7 +57,8 @@ def view(
         output_file("File for a film of --start to --end instead (.gif; .mp4: [film])."),
     ] = None,
     at: Annotated[
-        float | None, option_in("s", "a time", "That moment, in s; else the middle.")
+        float | None,
+        option_in("s", "a time", "That moment, in s; else of the largest force of a middle beat."),
     ] = None,
 ) -> None:
     """Show a flight in three dimensions: one HTML file, opened by any browser, offline.

@@ -105,6 +105,6 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
     if unseen > UNSEEN:
         warnings.append(
             f"Warning: {100 * unseen:.0f} % of the samples are flow that was not learned: there "
-            "the weights alone make the prediction ten times as uncertain as they used to."
+            "the weights alone make the prediction three times as uncertain as they used to."
         )
     return warnings

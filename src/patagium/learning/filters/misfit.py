@@ -277,7 +277,7 @@ def widened(error: Array, weights: Array, usual: Array) -> Array:
 
 
 def unseen(error: Array, stated: Array, usual: Array) -> Bools:
-    """Outputs whose weights vary ten times as much here as they did of late, (..., n_y).
+    """Outputs whose variance by the weights is ten times the usual one, (..., n_y).
 
     Args:
         error: Mean square of the errors of late, (n_y,) [y^2].
