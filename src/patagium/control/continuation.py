@@ -88,7 +88,7 @@ class Branch:
             row = {f"{self.along}_{self.unit}".removesuffix("_1"): float(value)}
             units = dict(zip(orbit.family.names, orbit.family.units, strict=True))
             for name in self.free:
-                unit = "over_cruise" if units[name] == "1" else units[name]
+                unit = "over_start" if units[name] == "1" else units[name]
                 row[f"{name}_{unit}"] = orbit.parameters[name]
             size = float(abs(own[0]))
             rows.append(row | {"largest_multiplier": size, "stable": size < 1.0})

@@ -104,7 +104,21 @@ class OptimalGait:
             facts["saved_over_sinusoid"] = 1.0 - self.power / self.sinusoid.power
         facts |= {"kkt_residual": self.residual, "iterations": self.iterations}
         told = {"note": self.note} if self.note else {}
-        return facts | told | {"held_by": list(self.held)} | self.orbit.summary()
+        facts |= told | {"held_by": list(self.held)} | self._swings()
+        own = [f"{name}_" for name in self.orbit.family.names if name != "frequency"]
+        orbit = self.orbit.summary()  # its parameters count from the trim, which nobody is shown
+        return facts | {k: v for k, v in orbit.items() if not k.startswith(tuple(own))}
+
+    def _swings(self) -> dict[str, float]:
+        """Least and greatest position of each joint by name and unit."""
+        robot, family = self.orbit.robot, self.orbit.family
+        position = family.swings(self.orbit.values)[-1]
+        ends = zip(family.base.joints, position.min(axis=0), position.max(axis=0), strict=True)
+        facts: dict[str, float] = {}
+        for joint, least, most in ends:
+            unit = robot.dof_units[robot.index(joint)]
+            facts |= {f"{joint}_least_{unit}": float(least), f"{joint}_most_{unit}": float(most)}
+        return facts
 
     def __repr__(self) -> str:
         orbit, best = self.orbit, self.sinusoid

@@ -252,7 +252,7 @@ class Orbit:
             "pitch_most_rad": float(pitch.max()),
         }
         for name, unit in zip(self.family.names, self.family.units, strict=True):
-            facts[f"{name}_{'over_cruise' if unit == '1' else unit}"] = self.parameters[name]
+            facts[f"{name}_{'over_start' if unit == '1' else unit}"] = self.parameters[name]
         facts = {name: value if abs(value) > 1e-10 else 0.0 for name, value in facts.items()}
         size = float(np.abs(np.linalg.eigvals(self.return_slope)).max())
         facts |= {"largest_multiplier": size, "stable": size < 1}

@@ -45,6 +45,7 @@ from patagium.learning.what_if import what_if
 from patagium.sensing.force.measured_force import ForceSamples
 from patagium.sensing.logs.table import LogTable, find_gaps
 from patagium.simulation import gait_period, robot_of
+from patagium.simulation.flight import MASS
 
 _BEYOND_NOISE = 10.0
 """Errors over the noise of a measured force from which they are no noise."""
@@ -135,6 +136,8 @@ def _flight_words(
     if changes and not robot.floating:
         words["wind"] += f", because no body of {robot.name} is floating (`floating: true`)"
     if not isinstance(flight, ForceSamples):
+        if MASS in flight:
+            words["mass"] = "changes in the flight; what its change weighs counts as force of air"
         return words
     names, lost = ", ".join(flight.measured), count - len(flight.time)
     left = f"; {lost} of {count} samples, whose motion is not known, are left out" * bool(lost)

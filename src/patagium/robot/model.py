@@ -397,7 +397,7 @@ class Robot:
 
     @property
     def flying(self) -> Robot:
-        """The robot without the mass of bodies fixed to the ground, where another one floats."""
+        """The robot without the mass of bodies attached to the ground, where another one floats."""
         aloft: list[bool] = []
         for k in self.bodies:
             aloft.append(k.floating_dofs is not None or (k.parent >= 0 and aloft[k.parent]))

@@ -14,7 +14,7 @@ from patagium.arrays import Array
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, ParameterError
 from patagium.robot import Robot
-from patagium.simulation.flight import WINGBEATS, gait_period, robot_of
+from patagium.simulation.flight import WINGBEATS, flying_mass, gait_period, robot_of
 
 GRAM_FORCE = 9.80665e-3
 """Weight of a gram in standard gravity [N]."""
@@ -75,6 +75,7 @@ def cycle_statistics(
     velocity = air_velocity(counted, robot)
     signals = _signals(flight, robot, time, _forward(flight, robot, velocity))
     by_cycle = {name: _cycle_means(signal, time, ends) for name, signal in signals.items()}
+    weight = float(robot.gravity * flying_mass(counted, robot).mean())
     weights = np.diff(ends)
     means = {name: float(np.average(each, weights=weights)) for name, each in by_cycle.items()}
     variables: dict[str, tuple[str, Array, dict[str, str]]] = {}
@@ -83,7 +84,7 @@ def cycle_statistics(
     return xr.Dataset(
         variables,
         coords={"phase": ("phase", phase, {"units": "1", "long_name": "share of a wingbeat"})},
-        attrs={"cycles": count, "period": beat, **_attributes(velocity, robot, means)},
+        attrs={"cycles": count, "period": beat, **_attributes(velocity, weight, means)},
     )
 
 
@@ -119,10 +120,9 @@ def _cycle_means(signal: Array, time: Array, ends: Array) -> Array:
     return np.asarray(np.add.reduceat(pieces, firsts) / np.diff(ends))
 
 
-def _attributes(velocity: Array, robot: Robot, means: dict[str, float]) -> dict[str, float]:
+def _attributes(velocity: Array, weight: float, means: dict[str, float]) -> dict[str, float]:
     """Attributes of the statistics, from the mean of each signal over all cycles [N, W]."""
     speed = float(np.linalg.norm(velocity))
-    weight = float(robot.gravity) * robot.flying.mass
     driven, moving = means["positive_power"], speed >= _HOVERING
     lift, thrust = means["lift"], means["thrust"]
     return {
@@ -159,7 +159,7 @@ def _signals(flight: xr.Dataset, robot: Robot, time: Array, forward: Array) -> d
     signals = {"lift": air[:, 2], "thrust": air @ forward}
     if flight.attrs.get("mount") == "fixed":
         cell = -flight["mount_wrench"].transpose("time", "component").values[:, :3]
-        cell = cell + float(robot.gravity) * robot.flying.mass * np.array([0.0, 0.0, 1.0])
+        cell[:, 2] += float(robot.gravity) * flying_mass(flight, robot)
         signals |= {"mount_lift": cell[:, 2], "mount_thrust": cell @ forward}
     joints = (flight["u1"] * flight["v"]).transpose("time", "dof").values
     return signals | {"power": joints.sum(axis=1), "positive_power": joints.clip(0.0).sum(axis=1)}
@@ -179,16 +179,18 @@ def air_force(flight: xr.Dataset, robot: Robot, time: Array) -> Array:
         return np.asarray(force, float)
     momentum = flight["momentum"].transpose("time", "axis").values
     mount = flight["mount_wrench"].transpose("time", "component").values[:, :3]
-    weight = np.array([0.0, 0.0, -float(robot.gravity) * robot.mass])
-    return np.asarray(np.gradient(momentum, time, axis=0) - mount - weight, float)
+    force = np.gradient(momentum, time, axis=0) - mount
+    force[:, 2] += float(robot.gravity) * flying_mass(flight, robot)
+    return np.asarray(force, float)
 
 
 def air_velocity(flight: xr.Dataset, robot: Robot) -> Array:
     """Mean velocity of the center of mass through the air, (3,) [m/s]."""
-    momentum = flight["momentum"].transpose("time", "axis").values.mean(axis=0)
-    wind = flight["wind"].transpose("time", "axis").values.mean(axis=0)
-    mass = robot.flying.mass
-    return np.asarray((momentum / mass if mass else np.zeros(3)) - wind, float)
+    momentum = flight["momentum"].transpose("time", "axis").values
+    wind = flight["wind"].transpose("time", "axis").values
+    mass = flying_mass(flight, robot)[:, None]
+    moved = np.divide(momentum, mass, out=np.zeros_like(momentum), where=mass > 0)
+    return np.asarray((moved - wind).mean(axis=0), float)
 
 
 def _forward(flight: xr.Dataset, robot: Robot, velocity: Array) -> Array:

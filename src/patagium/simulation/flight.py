@@ -114,7 +114,10 @@ WINGBEATS = "wingbeats"
 """Name of the wingbeats since the start of a gait that was steered."""
 GIVEN = "given"
 """Samples of the energy and momentum that changes of the machine gave, (N, 4) [J, kg m/s]."""
+MASS = "mass"
+"""Name of the mass that flies, of flights in which it changed."""
 OPTIONAL: dict[str, Quantity] = {
+    MASS: Quantity((), "kg", "mass that flies: a payload or a loss changed it"),
     "effective_angle_of_attack": Quantity(
         ("strip",), "rad", "incidence that the load answers to, with lag and downwash if modeled"
     ),
@@ -281,7 +284,7 @@ def _exchanged(flight: xr.Dataset, robot: Robot) -> tuple[float, float]:
         flight["strip_force"].to_numpy().sum(axis=1),
         flight["mount_wrench"].to_numpy()[:, :3],
     ]
-    weight = gravity * robot.flying.mass
+    weight = gravity * flying_mass(flight, robot)
     pushed = weight + sum(np.linalg.norm(f, axis=1) for f in pushes)
     for used in (velocity, *forces, flight["strip_force"].to_numpy(), pushes[1]):
         release(used)
@@ -291,6 +294,13 @@ def _exchanged(flight: xr.Dataset, robot: Robot) -> tuple[float, float]:
         stored = np.diff(flight["potential_energy"].to_numpy())
         energy += float(np.abs(stored - risen).sum())
     return energy, float(np.trapezoid(pushed, time))
+
+
+def flying_mass(flight: xr.Dataset, robot: Robot) -> Array:
+    """Mass that flies, (N,) [kg]: that of its robot but where a payload or a loss changed it."""
+    if MASS in flight:
+        return flight[MASS].to_numpy()
+    return np.full(flight.sizes["time"], robot.flying.mass)
 
 
 def robot_of(flight: xr.Dataset, name: str = "flight", late: bool = False) -> Robot:

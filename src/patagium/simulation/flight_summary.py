@@ -22,7 +22,7 @@ from patagium.robot.model import CAPACITIES, capacity_units
 from patagium.robot.planform import poses
 from patagium.simulation.air_audit import air_findings
 from patagium.simulation.cycles import air_force, air_velocity
-from patagium.simulation.flight import WINGBEATS, air_of, gait_period, robot_of
+from patagium.simulation.flight import WINGBEATS, air_of, flying_mass, gait_period, robot_of
 
 TUMBLE = np.radians(80.0)
 """Roll or pitch from which on a robot tumbles [rad]."""
@@ -93,7 +93,7 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     if steered is not None and beats:
         beat = float(time[-1] - time[chosen][0]) / beats
     words = {0: "its second half", 1: "its last wingbeat"}.get(beats, f"its last {beats} wingbeats")
-    weight = float(robot.gravity) * robot.flying.mass
+    weight = float(robot.gravity) * _mean(flying_mass(flight, robot), time, chosen)
     lift = _mean(air_force(flight, robot, time)[:, 2], time, chosen)
     span = time[chosen][-1] - time[chosen][0]
     work = flight["joint_work"].to_numpy()[chosen]

@@ -30,6 +30,7 @@ from patagium.robot.attitude import body_accelerations, body_rates, quaternion_f
 from patagium.simulation.flight import (
     COMMAND,
     GIVEN,
+    MASS,
     WINGBEATS,
     FlightOrigin,
     described_gait,
@@ -255,7 +256,7 @@ class Simulator:
     """
 
     _own_commands: dict[str, float]
-    _changes: list[tuple[int, float, Array]]
+    _changes: list[tuple[int, float, Array, float]]
 
     def __repr__(self) -> str:
         return f"<Simulator of {self._robot.name}, time step {self.time_step:g} s>"
@@ -456,7 +457,7 @@ class Simulator:
         energy, momentum = (
             now - then for now, then in zip(_energy_and_momentum(self.run), before, strict=True)
         )
-        self._changes.append((self._integration.done, float(energy), momentum))
+        self._changes.append((self._integration.done, float(energy), momentum, robot.flying.mass))
 
     @checked
     def fly(
@@ -539,9 +540,11 @@ class Simulator:
             run.samples[COMMAND] = values
         if self._steered is not None and self._steered.period:
             run.samples[WINGBEATS] = self._steered.wingbeats(time)
-        for first, energy, momentum in self._changes:
+        for first, energy, momentum, mass in self._changes:
             given = run.samples.setdefault(GIVEN, np.zeros((run.steps + 1, 4)))
             given[first:] += np.r_[energy, momentum]
+            first_mass = np.full(run.steps + 1, origin.robot.flying.mass)
+            run.samples.setdefault(MASS, first_mass)[first:] = mass
         if self.outcome is Outcome.COMPLETED and run.steps < self.steps:  # it may fly on
             for values in run.samples.values():
                 values.flags.writeable = False

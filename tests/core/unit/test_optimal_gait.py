@@ -184,6 +184,16 @@ def test_a_phase_keeps_the_range_of_its_actuator():
     assert any("lead of left_feather at its" in one for one in found.held)
 
 
+def test_the_summary_tells_the_swings_of_the_gait(best):
+    """It told differences to the trim it had begun from, which nobody was shown."""
+    facts, gait = best.summary(), best.orbit.gait
+    position = gait.motion(gait.period * np.arange(512) / 512).position
+    for k, joint in enumerate(gait.joints):
+        told = facts[f"{joint}_least_rad"], facts[f"{joint}_most_rad"]
+        assert told == pytest.approx((position[:, k].min(), position[:, k].max()), abs=1e-12)
+    assert not [name for name in facts if "_sine_" in name or name.endswith("_offset_rad")]
+
+
 def test_the_usual_parameters_are_those_of_actuators(ornithopter):
     names = coefficients(ornithopter, pt.gaits.cruise(ornithopter), 2)
     assert names == (

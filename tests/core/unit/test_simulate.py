@@ -328,6 +328,29 @@ def test_a_simulator_goes_to_another_process_and_flies_on_alike(again):
 
 
 @pytest.mark.usefixtures("interpreted")
+def test_weight_and_speed_are_those_of_the_mass_that_flies():
+    """After a payload the airspeed of cycles was 30 % too fast, and the weight that of before."""
+    robot = load_robot_text(FLAPPER)
+    gait = pt.gaits.sinusoidal(robot, frequency=10.0)
+    one = pt.Simulator(robot, pt.QuasiSteady(robot), gait, duration=0.3, time_step=1e-3)
+    one.advance(50)
+    body, mass = robot.bodies[0], robot.flying.mass
+    heavier = robot.with_parameters({f"{body.name}.mass": body.mass + 0.5 * mass})
+    one.change(heavier, pt.QuasiSteady(heavier))
+    one.fly()
+    flight = one.flight()
+    assert flight["mass"].values[[49, 50, -1]] == pytest.approx([mass, 1.5 * mass, 1.5 * mass])
+    late = flight.isel(time=slice(100, None))
+    velocity = late["momentum"].mean("time").values / (1.5 * mass)
+    found = pt.cycle_statistics(flight, skip=1)
+    assert found.attrs["airspeed"] == pytest.approx(np.linalg.norm(velocity), rel=1e-9)
+    last = flight.isel(time=slice(200, None))
+    lift = np.trapezoid(last["strip_force"].sum("strip").sel(axis="z"), last["time"]) / 0.1
+    weight = 1.5 * mass * robot.gravity
+    assert flight_summary(flight)["force_over_weight"] == pytest.approx(lift / weight, rel=1e-9)
+
+
+@pytest.mark.usefixtures("interpreted")
 def test_a_gust_that_travels_meets_a_robot_of_one_strip():
     """Its record ended in a traceback of NumPy."""
     one = load_robot_text(FLAPPER.split("mirror:")[0])
