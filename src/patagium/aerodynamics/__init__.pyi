@@ -8,7 +8,6 @@ from patagium.aerodynamics.gusts import RecordedGust as RecordedGust
 from patagium.aerodynamics.gusts import TravelingGust as TravelingGust
 from patagium.aerodynamics.indicial import FOUR_STATE as FOUR_STATE
 from patagium.aerodynamics.indicial import Indicial as Indicial
-from patagium.aerodynamics.indicial import fitted_indicial as fitted_indicial
 from patagium.aerodynamics.inflow import Inflow as Inflow
 from patagium.aerodynamics.learned_air import LearnedAir as LearnedAir
 from patagium.aerodynamics.lifting_line import LiftingLine as LiftingLine

@@ -6,8 +6,8 @@
 in s semichords travelled, with the same rates beta for both. A section then
 carries one lagged normalwash a rate, d z_k/ds = beta_k (w - z_k), and the
 effective normalwashes are phi(0) w + sum a_k z_k and Gamma(0) w + sum g_k z_k.
-Theodorsen's exact function is here too: incompressible potential flow, small motion about a
-straight path, flat wake. Neglected: thickness, viscosity, wake roll-up.
+They stand for incompressible potential flow, small motion about a straight path, flat wake.
+Neglected: thickness, viscosity, wake roll-up.
 """
 
 from __future__ import annotations
@@ -26,35 +26,6 @@ from patagium.arrays import Array, real_array
 from patagium.errors import ParameterError, positive
 
 ComplexArray = NDArray[np.complex128]
-
-
-def theodorsen_function(reduced_frequency: ArrayLike) -> ComplexArray:
-    """Circulatory lift over its quasi-steady value in harmonic motion, C(k), (N,).
-
-    C = H1 / (H1 + i H0), Hankel functions of the second kind.
-
-    Args:
-        reduced_frequency: k = angular frequency x semichord / airspeed > 0, (N,) [-].
-    """
-    from scipy.special import hankel2  # takes long to load
-
-    k = np.asarray(reduced_frequency, float)
-    return np.asarray(hankel2(1, k) / (hankel2(1, k) + 1j * hankel2(0, k)))
-
-
-def circulation_function(reduced_frequency: ArrayLike) -> ComplexArray:
-    """Bound circulation over its quasi-steady value in harmonic motion, (N,).
-
-    (2 i / (pi k)) exp(-i k) / (H1 + i H0), Hankel functions of the second kind.
-
-    Args:
-        reduced_frequency: k = angular frequency x semichord / airspeed > 0, (N,) [-].
-    """
-    from scipy.special import hankel2
-
-    k = np.asarray(reduced_frequency, float)
-    wake = hankel2(1, k) + 1j * hankel2(0, k)
-    return np.asarray(2j / (np.pi * k) * np.exp(-1j * k) / wake)
 
 
 @dataclass(frozen=True)
@@ -127,44 +98,10 @@ class Indicial:
         return replace(self, rate=tuple(float(np.hypot(b, 1 / aspect_ratio)) for b in self.rate))
 
 
-def fitted_indicial(rate: Sequence[float]) -> Indicial:
-    """Amplitudes of given rates by linear least squares on the exact functions.
-
-    Lift on Theodorsen's function at 200 reduced frequencies from .01 to 10, its sum
-    held at Wagner's phi(0) = 1/2; circulation on its exact transfer function from .01 to 2.
-
-    Args:
-        rate: Rates [1/semichord].
-
-    Raises:
-        ParameterError: If there is none, or one is not finite.
-    """
-    low = np.geomspace(0.01, 10.0, 200)
-    high = np.geomspace(0.01, 2.0, 200)
-    rates = np.atleast_1d(real_array("rate", rate))
-    if rates.ndim != 1 or not (rates.size and np.isfinite(rates).all()):
-        raise ParameterError("rate", "finite numbers in a row, one at least", rates.tolist())
-    lift = _amplitudes(low, theodorsen_function(low), rates, total=0.5)
-    circulation = _amplitudes(high, circulation_function(high), rates, total=None)
-    return Indicial(tuple(rates), tuple(lift), tuple(circulation))
-
-
 def _basis(reduced_frequency: ArrayLike, rate: ArrayLike) -> ComplexArray:
     given = real_array("reduced_frequency", reduced_frequency)
     frequency = 1j * np.atleast_1d(given)[:, None]
     return np.asarray(frequency / (frequency + np.asarray(rate, float)))
-
-
-def _amplitudes(k: Array, transfer: ComplexArray, rate: Array, total: float | None) -> Array:
-    basis, wanted = _basis(k, rate), 1.0 - transfer
-    matrix = np.vstack([basis.real, basis.imag])
-    right = np.append(wanted.real, wanted.imag)
-    if total is None:
-        return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0])
-    # the sum is held exactly: the last amplitude is what the others leave of it
-    free = matrix[:, :-1] - matrix[:, -1:]
-    others = np.linalg.lstsq(free, right - total * matrix[:, -1], rcond=None)[0]
-    return np.append(others, total - others.sum())
 
 
 NO_STATE = Indicial(rate=(), lift=(), circulation=())
@@ -174,14 +111,15 @@ ONE_STATE = Indicial(rate=(0.25,), lift=(0.5,), circulation=(0.8,))
 """One lag a section; Izraelevitz, Zhu and Triantafyllou (2017)."""
 
 TWO_STATE = Indicial(rate=(0.0455, 0.3), lift=(0.165, 0.335), circulation=(0.1469, 0.6133))
-"""R. T. Jones' two lags for the lift; the circulation's amplitudes fitted by `fitted_indicial`."""
+"""R. T. Jones' two lags for the lift; the circulation's amplitudes by least squares from the exact
+function."""
 
 FOUR_STATE = Indicial(
     rate=(0.02, 0.1, 0.3, 1.0),
     lift=(0.0551, 0.1847, 0.2202, 0.04),
     circulation=(0.0527, 0.2316, 0.3084, 0.2674),
 )
-"""Four lags, all amplitudes by `fitted_indicial`."""
+"""Four lags, all amplitudes by least squares from Theodorsen's function and that of circulation."""
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ def _others() -> list[tuple[str, Callable[..., Any], dict[str, Any]]]:
         ("v", pt.Dynamics(ROBOT).bias, {"q": STATE["q"]}),
         ("q", pt.AddedMass(ROBOT).mass_matrix, {}),
         ("time", pt.Air().uniform_wind_at, {}),
-        ("reduced_frequency", air.fitted_indicial([0.05, 0.3]).lift_transfer, {}),
+        ("reduced_frequency", air.FOUR_STATE.lift_transfer, {}),
     ]  # fmt: skip
 
 

@@ -7,21 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patagium.aerodynamics import Indicial, fitted_indicial
+from patagium.aerodynamics import Indicial
 from patagium.aerodynamics.indicial import (
     FOUR_STATE,
     NO_STATE,
     ONE_STATE,
     TWO_STATE,
-    circulation_function,
-    theodorsen_function,
 )
 from patagium.aerodynamics.named_descriptions import field_values, from_field_values
 from patagium.errors import ParameterError, ShapeError
 from patagium_lab.validation.cases.thrust import Motion, garrick
 from patagium_lab.validation.exact_functions import (
+    circulation_function,
+    fitted_indicial,
     kussner_function,
     sears_function,
+    theodorsen_function,
     wagner_function,
 )
 

@@ -18,7 +18,6 @@ from patagium.aerodynamics import (
     TravelingGust,
 )
 from patagium.aerodynamics.gusts import gusts_at_strips, strip_delays
-from patagium.aerodynamics.indicial import theodorsen_function
 from patagium.dynamics.kinematics import coordinate_rates
 from patagium.robot import load_robot
 from patagium.simulation import gaits, mounts, simulate
@@ -26,6 +25,7 @@ from patagium_lab.validation.cases.wings import INFINITE, rectangular_wing
 from patagium_lab.validation.exact_functions import (
     kussner_function,
     sears_function,
+    theodorsen_function,
     wagner_function,
 )
 

@@ -334,7 +334,6 @@ def _airs() -> dict[str, Valid]:
             {"intensity": (0.1, 0.1, 0.1), "length_scale": (5.0, 5.0, 5.0), "airspeed": 5.0,
              "seed": 1},
         ),
-        "fitted_indicial": Valid(pt.air.fitted_indicial, {"rate": [0.05, 0.3]}),
         "AddedMass": Valid(pt.AddedMass, {"robot": robot}, ("air", "factor")),
         "replay": Valid(
             pt.replay, {"flight": flight, "path": "x.html"},

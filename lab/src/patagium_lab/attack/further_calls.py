@@ -249,7 +249,7 @@ def _air() -> dict[str, Valid]:
     state = {"q": np.full(robot.dof, 0.1), "v": np.full(robot.dof, 0.2)}
     lifting, mass = pt.LiftingLine(robot), pt.AddedMass(robot)
     gust = pt.air.OneMinusCosineGust((0.0, 0.0, 1.0), 0.01, 0.02)
-    line = pt.air.fitted_indicial([0.05, 0.3])
+    line = pt.air.FOUR_STATE
     found = {
         "AddedMass.mass_matrix": Valid(mass.mass_matrix, {"q": state["q"]}),
         "AddedMass.circulatory_force": Valid(mass.circulatory_force, state, ("wind",)),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from patagium.aerodynamics import Indicial
-from patagium.aerodynamics.indicial import FOUR_STATE, ONE_STATE, TWO_STATE, theodorsen_function
+from patagium.aerodynamics.indicial import FOUR_STATE, ONE_STATE, TWO_STATE
 from patagium.arrays import Array
 from patagium_lab.validation.cases.case import CaseResult, ErrorLimit
 from patagium_lab.validation.cases.wings import (
@@ -14,6 +14,7 @@ from patagium_lab.validation.cases.wings import (
     lifting_line,
     rectangular_wing,
 )
+from patagium_lab.validation.exact_functions import theodorsen_function
 
 REDUCED_FREQUENCY = np.array([0.05, 0.1, 0.2, 0.5, 1.0])
 

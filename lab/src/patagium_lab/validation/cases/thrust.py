@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from patagium.aerodynamics import AddedMass, Air, Indicial, LiftingLine, Section
-from patagium.aerodynamics.indicial import FOUR_STATE, TWO_STATE, theodorsen_function
+from patagium.aerodynamics.indicial import FOUR_STATE, TWO_STATE
 from patagium.aerodynamics.trailing_vortices import SURFACE_CONSTANT
 from patagium.arrays import Array
 from patagium.robot import load_robot_text
 from patagium.simulation import gaits, simulate
 from patagium_lab.validation.cases.case import CaseResult, ErrorLimit, largest_difference
 from patagium_lab.validation.cases.wings import AIRSPEED, INFINITE
+from patagium_lab.validation.exact_functions import theodorsen_function
 
 STEPS, BEATS = 200, 6
 """Time steps a beat, and beats, of which the last counts."""
