@@ -84,6 +84,7 @@ class LivePlots:
     def add(self, letter: Any) -> None:
         """Add the samples and scores of a frame."""
         fresh = letter["trace"][: letter["traced"]]
+        fresh = fresh[fresh[:, 0] <= letter["time"]]  # later ones are of the flight before
         self._trace = np.concatenate([self._trace, fresh])[-_KEPT:]
         score = np.array([[letter["time"], letter["nmse"], letter["coverage"]]])
         self._scores = np.concatenate([self._scores, score])[-_KEPT:]
@@ -97,12 +98,11 @@ class LivePlots:
         if len(self._trace) < 2:
             return
         for name, plot in zip(self._shown, self._plots, strict=True):
-            plot.data = self._lines(name)
+            plot.data = _drawable(*self._lines(name))
         if self._learned:
             time, error, inside = self._scores.T
-            sound = np.where(error > 0, error, np.nan)
-            self._error.data = (time, np.log10(sound))
-            self._coverage.data = (time, 100.0 * inside, np.full_like(time, 95.0))
+            self._error.data = _drawable(time, np.log10(np.where(error > 0, error, np.nan)))
+            self._coverage.data = _drawable(time, 100.0 * inside, np.full_like(time, 95.0))
 
     def _choose(self, place: int, name: str) -> None:
         self._shown[place] = name
@@ -125,6 +125,14 @@ class LivePlots:
         known = known[np.isfinite(known)]
         reach = np.minimum(INTERVAL * std, np.ptp(known) if len(known) else np.inf)  # else too flat
         return time, truth, guess, guess - reach, guess + reach
+
+
+def _drawable(*lines: Array) -> tuple[Array, ...]:
+    """Lines that begin with their first finite value, or 0: uPlot takes limits from the first."""
+    found = np.where(np.isfinite(lines), lines, np.nan)
+    known = np.isfinite(found).argmax(axis=1)
+    found[:, 0] = np.nan_to_num(found[np.arange(len(lines)), known])
+    return tuple(found)
 
 
 def _plot(gui: Any, title: str, names: Sequence[str]) -> Any:

@@ -10,6 +10,7 @@ from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -139,6 +140,31 @@ def test_an_interval_that_is_wide_at_first_does_not_flatten_the_force() -> None:
     _, measured, _, low, high = plots._lines("z")
     assert max(high.max(), -low.min()) < 4 * np.abs(measured).max()  # it was 196 N
     np.testing.assert_allclose((high - low)[1:], 2 * 1.96 * 0.01, rtol=1e-3)
+
+
+def test_plots_of_a_learner_that_has_not_begun_have_limits() -> None:
+    """A first value of NaN, from which uPlot took its limits, left plots empty.
+
+    Rows of the flight before stood among those of the next.
+    """
+    from patagium.viewer.live_page import LivePlots
+
+    robot = pt.load_robot("aerobat")
+    subject: Any = SimpleNamespace(outputs=("z",), network=object(), robot=robot)
+    plots = LivePlots(MagicMock(), subject, MagicMock())
+    charts = plots._plots[0], plots._error, plots._coverage = [MagicMock() for _ in range(3)]
+    time, force = np.r_[9.0, np.arange(3.0)], np.array([5.0, 1.0, 2.0, 3.0])
+    guess = np.array([5.0, np.nan, 2.5, np.inf])
+    letter = {"trace": np.column_stack([time, force, guess, 0.1 * guess]), "traced": 4, "time": 2.0}
+    for score in (np.nan, 0.1):
+        plots.add(letter | {"nmse": score, "coverage": score})
+    plots.draw()
+    for chart in charts:
+        assert all(np.isfinite(line[0]) and not np.isinf(line).any() for line in chart.data)
+    assert plots._plots[0].data[0].max() == 2.0
+    plots._scores[:, 1:] = np.nan
+    plots.draw()
+    assert np.isfinite([line[0] for line in plots._error.data]).all()
 
 
 def test_the_command_streams_beside_a_page(
