@@ -38,7 +38,7 @@ PANELS = {
     "State, settings, predictions": "state settings predictions",
 }
 """Options of each panel of the help; the usual ones come before, in none."""
-_MOMENT = "The force on each strip, the predicted one as a halo; a click plays the flight."
+_MOMENT = "The force of the air, the predicted one as a halo; a click plays the flight."
 _START = 1 << 18  # samples of a long log that a network is made from
 _FIRST = 0.01
 """Span that scales a dense network where nothing repeats itself [s]."""

@@ -84,6 +84,11 @@ def view(
     page = page_path(flight.with_suffix(".html") if out is None else out, name="--out")
     if at is not None and still is None:
         raise ParameterError("--at", "--still, the picture it is for, as well", "none")
+    unused: dict[str, Any] = {"--title": title, "second flight": " ".join(map(str, others)) or None}
+    unused |= {} if still is None else {"--start": start, "--end": end}
+    for name, value in unused.items():
+        if value is not None and (still or film):
+            raise ParameterError(name, f"none with {'--still' if still else '--film'}", value)
     with progress_bar(f"Reading {flight.name}"):
         shown, predicted = _flight(flight), _predicted(model, predictions)
     if still is not None:

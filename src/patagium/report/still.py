@@ -176,14 +176,14 @@ def draw_still(
     shadow.add(np.dstack([faces[..., :2], np.full(faces.shape[:2], ground)]), SCENE["shadow"])
     _add_bodies(scene, bodies, 0.004 * reach)
     _add_paths(scene, replay, frame, reach)
-    scale, tips = _add_arrows(scene, replay, frame, reach)
+    scale, tips, kind = _add_arrows(scene, replay, frame, reach)
     for layer in (floor, shadow, scene):
         layer.paint(figure)
     _fit(figure, np.concatenate([points, tips]) if room is None else points)
     words = f"grid {_length(square)}"
     if scale:
         force = round_down(0.4 * reach / scale)
-        words = f"arrows: {force:.1g} N = {_length(force * scale)} · {words}"
+        words = f"{kind}: {force:.1g} N = {_length(force * scale)} · {words}"
     behind = {"facecolor": SCENE["paper"], "alpha": 0.75, "linewidth": 0, "pad": 2.5}
     figure.text(0.985, 0.03, words, bbox=behind, ha="right", color="#5a6570")
     return figure
@@ -266,24 +266,29 @@ def _add_paths(layer: _Layer, replay: Replay, frame: int, reach: float) -> None:
         layer.lines(tip, SCENE["trace"], 0.008 * reach)
 
 
-def _add_arrows(layer: _Layer, replay: Replay, frame: int, reach: float) -> tuple[float, Array]:
-    """Forces on strips, or their total: meters a newton, 0 if there are none, and the ends."""
-    arrows = replay.arrows
+def _add_arrows(
+    layer: _Layer, replay: Replay, frame: int, reach: float
+) -> tuple[float, Array, str]:
+    """Forces on strips, or their total: meters a newton, 0 if none, the ends, and their name."""
+    arrows, kind = replay.arrows, "arrows"
     if arrows is None:
-        return 0.0, np.zeros((0, 3))
+        return 0.0, np.zeros((0, 3)), kind
     known, points, guess = arrows.force, arrows.point, arrows.predicted
-    if known is None or points is None:
-        known, points, guess = arrows.total[:, None], arrows.center[:, None], None
+    total = arrows.predicted_total
+    if known is None or points is None or (guess is None and total is not None):
+        known, points, kind = arrows.total[:, None], arrows.center[:, None], "total force"
+        guess = None if total is None else total[:, None]
     sizes = np.linalg.norm(known, axis=2)
     largest = float(np.quantile(sizes[np.isfinite(sizes)], 0.98))
     if not largest > 0:
-        return 0.0, np.zeros((0, 3))
+        return 0.0, np.zeros((0, 3)), kind
     scale, starts = _LONGEST * reach / largest, replay.origin[frame] + points[frame]
     if guess is not None:  # a halo under the true ones
+        kind = f"predicted in color\n{kind}"
         halo = {"alpha": 0.65, "nearer": 0.05 * reach}
         layer.arrows(starts, scale * guess[frame], COLORS[0], 0.026 * reach, **halo)
     layer.arrows(starts, scale * known[frame], TRUTH, 0.011 * reach, nearer=0.06 * reach)
-    return scale, starts + scale * known[frame]
+    return scale, starts + scale * known[frame], kind
 
 
 def _length(meters: float) -> str:

@@ -114,6 +114,9 @@ view flight.nc --model modl.json
 view flight.nc --out page.txt
 view flight.nc --still picture.bmp
 view flight.nc --still picture.png --film film.gif
+view flight.nc flight.nc --still picture.png
+view flight.nc --still picture.png --start 0.01 --end 0.02
+view flight.nc --film film.gif --title Flight
 stream flight.nc --robot aerobat
 stream udp://127.0.0.1:9000
 view model.json

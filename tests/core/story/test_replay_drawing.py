@@ -20,9 +20,9 @@ from PIL import Image
 
 import patagium as pt
 from patagium.errors import ParameterError
-from patagium.report.replay_page import Replay
+from patagium.report.replay_page import Replay, write_replay
 from patagium.report.still import draw_still, solid_faces
-from patagium.report.style import SCENE, figures_for
+from patagium.report.style import COLORS, SCENE, TRUTH, figures_for
 from patagium.viewer import film as films
 from patagium.viewer.replay import replay_content
 
@@ -134,6 +134,21 @@ def test_at_rest_the_robot_is_drawn_with_all_dots(
     assert browser.ask(moving) is True  # a finger on the button
     browser.size(500, 360)
     assert browser.complaints == []
+
+
+def test_words_of_an_event_are_read_on_a_phone(
+    flight: xr.Dataset, browser: Chromium, tmp_path: Path
+) -> None:
+    """The line of the moment did not break: what happened was cut at the edge of a phone."""
+    words = "the robot carries 5 g more at the nose, and the left wing loses its outer third"
+    told = replace(replay_content(flight), events=[(0.0, words)])
+    browser.size(390, 700)
+    browser.go(f"{write_replay(tmp_path / 'flight.html', told).as_uri()}#play=0")
+    line = "document.getElementById('moment')"
+    assert words in browser.ask(f"{line}.textContent")
+    wide, room = browser.ask(f"[{line}.scrollWidth, {line}.clientWidth]")
+    assert 0 < wide <= room < 390
+    browser.size(500, 360)
 
 
 @pytest.mark.parametrize("size", [(500, 360), (390, 700)])
@@ -258,6 +273,29 @@ def test_what_is_nearer_hides_what_is_behind_it(shown: Replay) -> None:
     assert front["bodies"].sum() > 1.2 * behind["bodies"].sum()  # nearer and whole
     wing = [(dots["upper"] | dots["lower"]).sum() for dots in (behind, front)]
     assert wing[1] < 0.8 * wing[0]
+
+
+@pytest.mark.parametrize("of_log", [False, True])
+def test_a_still_shows_the_predicted_total_where_strips_are_not_predicted(
+    of_log: bool, shown: Replay, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Predictions without strips were left out, and those of a log, whose strips are not known."""
+    drawn: dict[str, NDArray[np.float64]] = {}
+    arrows = "patagium.report.still._Layer.arrows"
+    monkeypatch.setattr(
+        arrows, lambda _, starts, along, color, *__, **___: drawn.update({color: along})
+    )
+    told = shown.arrows
+    assert told is not None
+    told = replace(told, **({"force": None, "point": None} if of_log else {}))
+    alone = draw_still(replace(shown, arrows=told), 500)
+    assert set(drawn) == {TRUTH}
+    told = replace(told, predicted_total=2.0 * told.total)
+    figure = draw_still(replace(shown, arrows=told), 500)
+    np.testing.assert_allclose(drawn[COLORS[0]], 2.0 * drawn[TRUTH])
+    np.testing.assert_allclose(np.cross(drawn[TRUTH], told.total[500]), 0.0, atol=1e-9)
+    kinds = [one.texts[0].get_text().partition(":")[0] for one in (alone, figure)]
+    assert kinds == ["total force" if of_log else "arrows", "predicted in color\ntotal force"]
 
 
 def test_words_of_a_still_are_large_on_slides(shown: Replay) -> None:
