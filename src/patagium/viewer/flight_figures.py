@@ -32,7 +32,8 @@ def flight_figures(
         model: Learned model of the air, its weights frozen; None for none.
 
     Returns:
-        robot, flight, strips; wingbeat where the gait has one and it fits; forces with a model.
+        robot, flight; strips of a robot with wings; wingbeat where the gait has one and it fits;
+        forces with a model.
 
     Raises:
         ParameterError: If there is no such look.
@@ -42,8 +43,9 @@ def flight_figures(
         figures = {
             "robot": draw_robot(robot_of(flight), flight["q"].values[0]),
             "flight": flight_overview(flight),
-            "strips": _strips(flight),
         }
+        if flight.sizes["strip"]:
+            figures["strips"] = _strips(flight)
         if gait_period(flight) is not None:
             with suppress(FlightError):  # shorter than two wingbeats
                 figures["wingbeat"] = wingbeat(cycle_statistics(flight))

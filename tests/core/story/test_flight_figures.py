@@ -15,6 +15,7 @@ from patagium.cli.main import run
 from patagium.errors import ParameterError
 from patagium.learning.model_file import save_model
 from patagium.report.style import LOOKS, figures_for, width
+from patagium.robot import load_robot_text
 from patagium.viewer.flight_figures import flight_figures
 
 
@@ -41,6 +42,15 @@ def test_letters_and_widths_are_those_of_the_place(look: str, flight: xr.Dataset
 def test_a_flight_of_one_beat_has_no_wingbeat_figure(flight: xr.Dataset) -> None:
     short = flight.isel(time=slice(0, 150))
     assert "wingbeat" not in flight_figures(short)
+
+
+def test_a_robot_without_wings_has_no_figure_of_strips() -> None:
+    """The first strip was asked for its name where there was none."""
+    brick = "{floating: true, mass: 10 g, shape: {type: box, size: [1 cm, 2 cm, 3 cm]}}"
+    robot = load_robot_text(f"{{name: brick, gravity: 9.8 m/s^2, bodies: {{brick: {brick}}}}}")
+    air, gait = pt.QuasiSteady(robot, pt.Air()), pt.gaits.still(robot)
+    fallen = pt.simulate(robot, air, gait, duration=0.02, time_step=1e-3)
+    assert set(flight_figures(fallen)) == {"robot", "flight"}
 
 
 def test_an_unknown_place_is_refused() -> None:
