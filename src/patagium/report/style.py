@@ -218,13 +218,13 @@ def envelope(time: Array, values: Array) -> tuple[Array, Array]:
     if time.size <= _DRAWN:
         return time, values
     run = -(-2 * time.size // _DRAWN)
-    whole = time.size // run * run
-    blocks = values[:whole].reshape(-1, run)
+    start = np.arange(0, time.size, run)
+    room = start.size * run - time.size
+    blocks = np.pad(values, (0, room), constant_values=np.nan).reshape(-1, run)
     finite = np.where(np.isfinite(blocks), blocks, np.inf)
     low = finite.argmin(axis=1)
     finite[np.isinf(finite)] = -np.inf
     high = finite.argmax(axis=1)
-    start = np.arange(0, whole, run)
     ends = np.sort(np.stack([start + low, start + high]), axis=0)
     index = np.concatenate([ends.T.ravel(), [time.size - 1]])
     return time[index], values[index]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from patagium.report import (
     picture,
     write_page,
 )
+from patagium.report.page import Link, Picture
 from patagium.report.style import envelope
 
 
@@ -52,6 +55,16 @@ def test_cell_reads_as_a_person_writes(value: object, text: str) -> None:
 def test_table_with_a_short_row_is_refused() -> None:
     with pytest.raises(ShapeError, match="row 1"):
         Table(("a", "b"), [[1, 2], [1]])
+
+
+@pytest.mark.parametrize("block", [Link, lambda text, to: Picture("data:image/png;,", text, to)])
+def test_a_link_leads_to_a_page_whatever_its_name(block: Any, tmp_path: Path) -> None:
+    """Addresses stood in links as they were: from # or ? on they named no file."""
+    name = "run: #3? 5%-replay.html"
+    page = write_page(tmp_path / "r.html", "R", [PageSection("S", [block("flight", name)])])
+    (found,) = re.findall(r'<a href="([^"]+)"', page.read_text("utf-8"))
+    parts = urlsplit(found)
+    assert unquote(parts.path) == name and not parts.query and not parts.fragment
 
 
 def test_powers_of_ten_are_set_as_such_and_names_are_not() -> None:
@@ -165,6 +178,16 @@ def test_envelope_keeps_the_peaks() -> None:
     assert (np.diff(short_time) >= 0.0).all()
     assert short_time[-1] == time[-1]
     assert np.isin(short, values).all()
+
+
+def test_envelope_keeps_a_peak_at_the_end() -> None:
+    """Samples after the last whole run were dropped, but for the last one."""
+    time = np.arange(999_999) * 1e-3
+    values = np.sin(time)
+    values[-5] = 50.0
+    thinned_time, thinned = envelope(time, values)
+    assert thinned.max() == 50.0 and thinned_time[-1] == time[-1]
+    assert (np.diff(thinned_time) >= 0.0).all() and np.isfinite(thinned).all()
 
 
 def test_envelope_of_a_signal_that_broke_down_keeps_what_was() -> None:
