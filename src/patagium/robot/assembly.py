@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import combinations
 from math import copysign, isfinite
 from typing import Any
 
@@ -32,7 +33,7 @@ from patagium.robot.model import (
     Strip,
     repeated,
 )
-from patagium.robot.planform import from_the_root, reflected_axis, written_images
+from patagium.robot.planform import from_the_root, mirror_body, reflected_axis
 from patagium.robot.schema import (
     ActuatorPart,
     BodyPart,
@@ -151,7 +152,8 @@ def _joined(file: RobotFile, robot: Robot) -> Robot:
             sides = [tuple(_renamed(k, m.source, m.target) for k in pair) for m in mirrors]
             said += [pair, *((one, two) for one, two in sides if {one, two} != {*pair})]
     pairs = [k for n, k in enumerate(said) if not {k, k[::-1]} & {*said[:n]}]
-    images += written_images(robot, {name for pair in images for name in pair})
+    left = [name for name in wings if name not in {name for pair in images for name in pair}]
+    images += [k for k in combinations(left, 2) if mirror_body(robot, *k) is not None]
     told = {wing.name for wing in file.wings if wing.joins is not None}
     near = joined_images(robot, [pair for pair in images if not {*pair} & told])
     return replace(robot, joined_wings=(*pairs, *near), mirrored_wings=tuple(images))

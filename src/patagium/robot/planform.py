@@ -6,9 +6,8 @@ own kinematics, `patagium.dynamics.kinematics`, on symbols; a test holds the two
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -158,28 +157,30 @@ def from_the_root(robot: Robot, strips: Sequence[Strip]) -> list[Strip]:
     return [replace(strips[k], name=f"{strips[k].wing}[{i}]") for i, k in enumerate(order)]
 
 
-def written_images(robot: Robot, others: Collection[str]) -> list[tuple[str, str]]:
-    """Wings and their mirror images at zero coordinates, where the file writes both.
+def mirror_body(robot: Robot, one: str, other: str) -> int | None:
+    """Innermost body in whose axes two wings are mirror images in y at zero coordinates.
 
     Args:
         robot: The machine, in numbers.
-        others: Names of wings that are left out.
+        one: Name of a wing.
+        other: Name of the other wing.
+
+    Returns:
+        Index of a body that carries both, -1 for the world, None where they are no images.
     """
-    places, found = poses(robot), list[tuple[str, str]]()
-    wings = {name: [s for s in robot.strips if s.wing == name] for name in robot.wing_names}
-    left = [name for name in wings if name not in others]
-    for one, other in combinations(left, 2):
-        first, second = wings[one], wings[other]
-        if len(first) != len(second):
-            continue
-        common = {*inwards(robot, first[0].body)} & {*inwards(robot, second[0].body)}
-        origin, axes = places[max(common)] if common else (np.zeros(3), np.eye(3))
-        corners = [placed(places[s.body], strip_corners(s)) for s in (*first, *second)]
-        seen, image = np.split((np.array(corners) - origin) @ axes, 2)
+    first, second = ([s for s in robot.strips if s.wing == name] for name in (one, other))
+    if len(first) != len(second):
+        return None
+    places = [*poses(robot), (np.zeros(3), np.eye(3))]  # the last is the world
+    corners = np.array([placed(places[s.body], strip_corners(s)) for s in (*first, *second)])
+    common = {*inwards(robot, first[0].body)} & {*inwards(robot, second[0].body)}
+    for body in (*sorted(common, reverse=True), -1):
+        origin, axes = places[body]
+        seen, image = np.split((corners - origin) @ axes, 2)
         apart = image[:, [1, 0, 3, 2]] * [1.0, -1.0, 1.0] - seen
         if np.abs(apart).max() < 1e-6 * np.ptp(seen, axis=(0, 1)).max():
-            found.append((one, other))
-    return found
+            return body
+    return None
 
 
 def mirrored_bodies(robot: Robot) -> set[int]:

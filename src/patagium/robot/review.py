@@ -16,6 +16,7 @@ from patagium.reading import lines_of
 from patagium.robot.model import Robot
 from patagium.robot.planform import (
     inwards,
+    mirror_body,
     mirrored_bodies,
     placed,
     poses,
@@ -157,13 +158,13 @@ def _wide_bodies(robot: Robot, images: set[int]) -> Iterator[str]:
 
 def _same_axes(robot: Robot) -> Iterator[str]:
     """Joints of a written right wing, image of the left one, on an axis that is not mirrored."""
-    places = poses(robot)
+    places = [*poses(robot), (np.zeros(3), np.eye(3))]  # the last is the world
     joints = {k.name: (k, places[i][1]) for i, b in enumerate(robot.bodies) for k in b.joints}
     for wings in robot.mirrored_wings:
         left, right = ([s for s in robot.strips if s.wing == name][-1] for name in sorted(wings))
-        chain, other = (inwards(robot, tip.body) for tip in (left, right))
-        common = next((places[k][1] for k in chain if k in other), np.eye(3))
-        for joint in (k for body in chain for k in robot.bodies[body].joints):
+        base = mirror_body(robot, *wings)
+        common = places[-1 if base is None else base][1]
+        for joint in (k for body in inwards(robot, left.body) for k in robot.bodies[body].joints):
             name = robot.twin(joint.name)
             if right.mirrored or name == joint.name or name not in joints:
                 continue
