@@ -27,10 +27,10 @@ from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.aerodynamics.wind_shear import WindShear
 from patagium.arrays import Array
 from patagium.dynamics.chain import cross, vector
-from patagium.dynamics.kinematics import body_poses, body_velocities
+from patagium.dynamics.kinematics import Pose, Twist, body_poses, body_velocities
 from patagium.errors import positive
 from patagium.robot.model import Robot, Strip
-from patagium.robot.planform import BOTH_SIDES, inwards, placed, poses, strip_corners
+from patagium.robot.planform import BOTH_SIDES, inwards, mirror_body, placed, poses, strip_corners
 
 NUMBERS = ("induced_factor", "apparent_mass", "memory")
 """Parameters that follow those of the model, in their order."""
@@ -165,12 +165,17 @@ class Stroke:
     Attributes:
         wings: Wings.
         sides: 2 where there are wings on the left and on the right, else 1.
+        base: Body in whose axes y points left; "" of the world. Bodies are named, since their
+            numbers are others in a machine with load cells.
+        hinges: Body at the hinge of each wing that sweeps, and the body that the hinge is fixed to.
         ends: Strips farthest apart, each with the side of it that ends there, of wings whose span
             no joint turns or that go to both sides of their hinge, as tails do; else none.
     """
 
     wings: tuple[Wing, ...]
     sides: int
+    base: str
+    hinges: tuple[tuple[str, str], ...] = ()
     ends: tuple[tuple[int, int], ...] = ()
 
     @property
@@ -186,26 +191,34 @@ class Stroke:
 
 def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
     """Strokes of a robot: wings whose hinges, or edges if held, are close along the body."""
-    groups: list[list[tuple[Wing, bool, Array]]] = []
-    bodies, axes = poses(robot), np.eye(3)
+    groups: list[list[_Placed]] = []
+    bodies, base = poses(robot), _base(robot)
+    axes = bodies[base][1] if base >= 0 else np.eye(3)
     for wing, hinge, tip in _wings(robot):
-        parent = robot.bodies[hinge].parent
-        if not groups and parent >= 0:  # all in the axes that the first wing's hinge is fixed to
-            axes = bodies[parent][1]
         strips = [robot.strips[i] for i in wing]
         edges = np.vstack([placed(bodies[s.body], strip_corners(s)[:2]) for s in strips]) @ axes
         root = bodies[hinge][0] @ axes
         near, far = sorted((edges[:, 1].max() - root[1], root[1] - edges[:, 1].min()))
         both = near > BOTH_SIDES * far  # on both sides of its hinge
         held = both or not _turned(robot, wing, bodies)
-        one = wing, held, edges if held else np.array([root, tip @ axes])
-        for group in groups:
-            if held == group[0][1] and _near(one[2], group[0][2], held):
-                group.append(one)
-                break
-        else:
-            groups.append([one])
-    return tuple(_stroke(group) for group in groups)
+        one = wing, hinge, held, edges if held else np.array([root, tip @ axes])
+        joined = [*(k for k, group in enumerate(groups) if _close(group, one)), len(groups)]
+        groups.append([one])
+        groups[joined[0]] = [each for k in joined for each in groups[k]]
+        groups = [group for k, group in enumerate(groups) if k not in joined[1:]]
+    return tuple(_stroke(robot, base, group) for group in groups)
+
+
+_Placed: TypeAlias = tuple[Wing, int, bool, Array]
+"""Wing, body at its hinge, whether it is held, and hinge and tip, or if held all edges [m]."""
+
+
+def _base(robot: Robot) -> int:
+    """Body in whose axes y points left: that of a pair's mirror, or under a hinge; -1: world."""
+    mirrors = (mirror_body(robot, *pair) for pair in robot.mirrored_wings)
+    roots = ((k, robot.bodies[k]) for _, k, _ in _wings(robot))
+    others = (k if body.mounted else body.parent for k, body in roots)
+    return next((k for k in (*mirrors, *others) if k is not None), -1)
 
 
 def _turned(robot: Robot, wing: Wing, bodies: Any) -> bool:
@@ -217,17 +230,24 @@ def _turned(robot: Robot, wing: Wing, bodies: Any) -> bool:
     return any(np.linalg.norm(np.cross(axis, span)) > TANDEM for axis in axes)
 
 
-def _near(one: Array, other: Array, held: bool) -> bool:
-    """Whether the roots of two wings, or any edges of held wings, are close seen from the side."""
-    roots = (one, other) if held else (one[:1], other[:1])  # left and right are one
-    apart = np.linalg.norm(roots[0][:, None, ::2] - roots[1][:, ::2], axis=-1).min()
-    return bool(apart < TANDEM * min(np.linalg.norm(np.ptp(x, axis=0)) for x in (one, other)))
+def _close(group: list[_Placed], one: _Placed) -> bool:
+    """Whether a wing and one of a group are close seen from the side: roots, or if held, edges."""
+    *_, held, points = one
+    cut = slice(None) if held else slice(1)  # left and right are one
+    for *_, other_held, other in group:
+        apart = np.linalg.norm(points[cut, None, ::2] - other[cut, ::2], axis=-1).min()
+        length = min(np.linalg.norm(np.ptp(x, axis=0)) for x in (points, other))
+        if held == other_held and apart < TANDEM * length:
+            return True
+    return False
 
 
-def _stroke(group: list[tuple[Wing, bool, Array]]) -> Stroke:
+def _stroke(robot: Robot, base: int, group: list[_Placed]) -> Stroke:
     """Stroke of wings with their hinge and tip, or if held the two edges of each strip."""
-    wings, (held, *_), points = zip(*group, strict=True)
-    stroke = Stroke(wings, len({one[-1, 1] > one[0, 1] for one in points}))
+    wings, hinges, (held, *_), points = zip(*group, strict=True)
+    names = [*(body.name for body in robot.bodies), ""]  # the last is the world
+    fixed = tuple((names[k], names[robot.bodies[k].parent]) for k in hinges if not held)
+    stroke = Stroke(wings, len({k[-1, 1] > k[0, 1] for k in points}), names[base], fixed)
     edges = np.vstack(points)[:, 1:]
     across = edges[:, np.ptp(edges, axis=0).argmax()]  # of a fin upward
     ends = [divmod(int(k), 2) for k in (across.argmin(), across.argmax())]
@@ -243,7 +263,8 @@ def _wings(robot: Robot) -> Iterator[tuple[Wing, int, Array]]:
         last, hinge = robot.strips[wing[-1]], _inwards(robot, wing)[-1]
         tip = placed(bodies[last.body], np.array(last.quarter_chord))
         reach = float(np.linalg.norm(tip - bodies[hinge][0]))
-        key = hinge if robot.bodies[hinge].parent >= 0 else name
+        body = robot.bodies[hinge]
+        key = name if body.parent < 0 or body.mounted else hinge
         parts.setdefault(key, []).append((reach, wing, hinge, tip))
     for one in parts.values():
         outwards = sorted(one, key=lambda part: part[0])
@@ -252,23 +273,18 @@ def _wings(robot: Robot) -> Iterator[tuple[Wing, int, Array]]:
 
 def _inwards(robot: Robot, wing: Wing) -> list[int]:
     """Bodies from that of a wing's outermost strip inwards to the one that its hinge moves."""
-    sides, bodies = _carried_sides(robot), robot.bodies
-    found = [robot.strips[wing[-1]].body]
-    parent = bodies[found[-1]].parent
-    while parent >= 0 and bodies[parent].parent >= 0 and len(sides[parent]) < 2:
-        found.append(parent)
-        parent = bodies[parent].parent
-    held = parent < 0 or bodies[parent].parent >= 0 or bodies[parent].floating_dofs is not None
-    return found if held or not bodies[parent].joints else [*found, parent]
-
-
-def _carried_sides(robot: Robot) -> list[set[bool]]:
-    """Whether the wings that each body carries are images: both on one between two wings."""
-    images, carried = {k for _, k in robot.mirrored_wings}, [set[bool]() for _ in robot.bodies]
-    for strip in robot.strips:
-        for body in inwards(robot, strip.body):
-            carried[body].add(strip.wing in images)
-    return carried
+    chain, images = (
+        inwards(robot, robot.strips[wing[-1]].body),
+        {k for _, k in robot.mirrored_wings},
+    )
+    carried = [(s.wing in images, inwards(robot, s.body)) for s in robot.strips]
+    found = 1
+    for n, k in enumerate(chain):
+        if robot.bodies[k].joints and len({side for side, on in carried if k in on}) < 2:
+            found = n + 1  # what carries wings of both sides is no wing
+        if robot.bodies[k].mounted:
+            break
+    return chain[:found]
 
 
 class _Moving:
@@ -282,10 +298,12 @@ class _Moving:
     """
 
     def __init__(self, robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX, ground: Any) -> None:
-        self.robot, self.poses, self.ground = robot, body_poses(robot, q), ground
+        still, world = ca.SX.zeros(3, 1), Pose(ca.SX.zeros(3, 1), ca.SX.eye(3))
+        self.robot, self.poses, self.ground = robot, [*body_poses(robot, q), world], ground
         self.wind = ca.sum2(wind) / wind.shape[1]
-        self._twists = body_velocities(robot, q, v)
-        self._at_zero = body_poses(robot, ca.SX(ca.DM(robot.coordinates())))
+        self._twists = [*body_velocities(robot, q, v), Twist(still, still)]
+        self._at_zero = [*body_poses(robot, ca.SX(ca.DM(robot.coordinates()))), world]
+        self._places = {name: k for k, name in enumerate([*(b.name for b in robot.bodies), ""])}
 
     def sizes(self, stroke: Stroke) -> tuple[list[Any], Any]:
         """Length R of each wing that sweeps [m], and area of the circle on their span [m^2]."""
@@ -293,11 +311,10 @@ class _Moving:
         if stroke.ends:
             ends = [self._end(self.robot.strips[place], side) for place, side in stroke.ends]
             return [], pi * ca.sumsqr(ends[1] - ends[0]) / 4
-        first = self.robot.bodies[_inwards(self.robot, stroke.wings[0])[-1]].parent
-        left = self._at_zero[first].rotation[:, 1] if first >= 0 else ca.SX([0, 1, 0])
-        for wing in stroke.wings:
+        left = self._at_zero[self._places[stroke.base]].rotation[:, 1]
+        for wing, (hinge, _) in zip(stroke.wings, stroke.hinges, strict=True):
             strip = self.robot.strips[wing[-1]]
-            root = self._at_zero[_inwards(self.robot, wing)[-1]].position
+            root = self._at_zero[self._places[hinge]].position
             roots.append(ca.dot(left, root))
             away = ca.sqrt(ca.sumsqr(quarter_chord(self._at_zero, strip) - root))
             lengths.append(away + strip.width / 2)
@@ -310,13 +327,11 @@ class _Moving:
         half = side * strip.width / 2 * cross(vector(strip.normal), vector(strip.forward))
         return self._at_zero[strip.body].at(vector(strip.quarter_chord) + half)
 
-    def direction(self, wing: Wing) -> tuple[ca.SX, ca.SX]:
+    def direction(self, wing: Wing, hinged: tuple[str, str]) -> tuple[ca.SX, ca.SX]:
         """Unit vector from hinge to tip in the axes that the hinge is fixed to, its rate [1/s]."""
         strip = self.robot.strips[wing[-1]]
-        hinge = _inwards(self.robot, wing)[-1]
-        parent = self.robot.bodies[hinge].parent
-        axes = self.poses[parent].rotation if parent >= 0 else ca.SX.eye(3)
-        turn = self._twists[parent].angular if parent >= 0 else ca.SX.zeros(3, 1)
+        hinge, fixed = (self._places[name] for name in hinged)
+        axes, turn = self.poses[fixed].rotation, self._twists[fixed].angular
         away = axes.T @ (quarter_chord(self.poses, strip) - self.poses[hinge].position)
         at_tip = self._speed(strip.body, vector(strip.quarter_chord))
         velocity = axes.T @ (at_tip - self._speed(hinge, ca.SX.zeros(3, 1)))
@@ -333,19 +348,19 @@ class _Moving:
         """
         if self.ground is None:
             return 1.0
-        heights = [self.poses[body].at(offset)[2] for body, offset in self._places(stroke)]
+        heights = [self.poses[body].at(offset)[2] for body, offset in self._points(stroke)]
         height = sum(heights, ca.SX(0)) / len(heights) - self.ground
         return 1.0 - ground_share(height, 2 * ca.sqrt(circle / pi))
 
     def velocity(self, stroke: Stroke) -> ca.SX:
         """Mean velocity of the hinges, or strips if held, world axes, (3, 1) [m/s]."""
-        moving = [self._speed(*place) for place in self._places(stroke)]
+        moving = [self._speed(*place) for place in self._points(stroke)]
         return sum(moving, ca.SX.zeros(3, 1)) / len(moving)
 
-    def _places(self, stroke: Stroke) -> list[tuple[int, ca.SX]]:
+    def _points(self, stroke: Stroke) -> list[tuple[int, ca.SX]]:
         """Body and place on it of every hinge of a stroke, or of every strip if held."""
         held = [self.robot.strips[i] for i in stroke.strips] if stroke.ends else []
-        hinges = [(_inwards(self.robot, wing)[-1], ca.SX.zeros(3, 1)) for wing in stroke.swept]
+        hinges = [(self._places[hinge], ca.SX.zeros(3, 1)) for hinge, _ in stroke.hinges]
         return hinges + [(strip.body, vector(strip.quarter_chord)) for strip in held]
 
     def _speed(self, body: int, offset: ca.SX) -> ca.SX:
@@ -367,9 +382,9 @@ def _relaxation(
     tandem = len(stroke.wings) // stroke.sides
     met = moving.wind - moving.velocity(stroke)
     swept, rates, targets = ca.SX(0), [], []
-    for k, wing in enumerate(stroke.swept):
+    for k, (wing, hinge) in enumerate(zip(stroke.swept, stroke.hinges, strict=True)):
         swept = swept + _half_angle(ca.sumsqr(means[:, k])) * lengths[k] ** 2 / tandem
-        direction, turning = moving.direction(wing)
+        direction, turning = moving.direction(wing, hinge)
         turned = ca.sumsqr(turning) + ca.sumsqr(met) / lengths[k] ** 2
         rates.append(ca.repmat(smooth_norm(turned, _SLIGHT) / memory, 3, 1))
         targets.append(direction)

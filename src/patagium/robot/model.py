@@ -119,6 +119,7 @@ class Body:
         inertia: xx, yy, zz, xy, xz, yz about the centre of mass, body axes [kg m^2].
         attitude: Coordinates of a floating body's attitude.
         piece: Whether it is a piece of a flexible body and goes on from its parent, another one.
+        mounted: Whether it is the root of a robot that an arm carries.
     """
 
     name: str
@@ -132,6 +133,7 @@ class Body:
     inertia: tuple[Any, Any, Any, Any, Any, Any]
     attitude: Attitude = "euler"
     piece: bool = False
+    mounted: bool = False
 
     @property
     def by_quaternion(self) -> bool:
@@ -795,6 +797,7 @@ def _carried(
         orientation=(axis_of(turned[0]), axis_of(turned[1]), axis_of(turned[2])),
         joints=joints,
         floating_dofs=None,
+        mounted=True,
     )
 
 

@@ -18,6 +18,7 @@ from patagium.control.gait_family import gait_family, symmetric_parameters
 from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.learning.models.memory import network_inputs
 from patagium.robot import Robot, load_robot_text
+from patagium.robot.review import robot_warnings
 from patagium.robot.solids import wing_tips
 from patagium.robot.strip_chains import chain_words, strip_chains
 
@@ -184,6 +185,42 @@ def test_the_air_is_that_of_a_mirrored_wing(
     )
     np.testing.assert_allclose(forces[1], forces[0], rtol=1e-9, atol=1e-12)  # rounding
     np.testing.assert_allclose(rates[1], rates[0], rtol=1e-9, atol=1e-9)
+
+
+FRAMES = {
+    "yaw": ([0, 0, np.pi / 2], [[0, -1, 0], [1, 0, 0], [0, 0, 1]]),
+    "roll": (
+        [0.3, 0, 0],
+        [[1, 0, 0], [0, np.cos(0.3), -np.sin(0.3)], [0, np.sin(0.3), np.cos(0.3)]],
+    ),
+}
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_wings_on_a_turned_frame_are_mirror_images(frame: str, rng: np.random.Generator) -> None:
+    """Wings mirrored in the axes of the body, not in those of a frame, had no lift in common."""
+    text = _by_hand(_described(2, 2))
+    angles, turn = FRAMES[frame]
+    turned = _copy(text)
+    turned["bodies"]["thorax"] = {"parent": "body", "massless": True, "orientation": angles}
+    for name in ("left_arm", "right_arm"):
+        arm = turned["bodies"][name]
+        back = [-angle for angle in angles]
+        arm.update(parent="thorax", at=list(np.array(arm["at"]) @ turn), orientation=back)
+    pair = _robot(text), _robot(turned)
+    assert pair[1].mirrored_wings == pair[0].mirrored_wings == (("left_wing", "right_wing"),)
+    assert pair[1].joined_wings == pair[0].joined_wings
+    assert robot_warnings(pair[1]) == robot_warnings(pair[0])  # axes are mirrored
+    q, v = _state(pair[0], rng)
+    for make in MODELS.values():
+        models = [make(robot) for robot in pair]
+        state = rng.normal(size=models[0].state_size)
+        forces = [model.generalized_force(q, v, state) for model in models]
+        np.testing.assert_allclose(forces[1], forces[0], rtol=1e-9, atol=1e-12)  # rounding
+        rates = [model.state_derivative(q, v, state) for model in models]
+        if isinstance(models[0], pt.air.Inflow):  # directions are in the axes of the frame
+            rates = [rate[:3] for rate in rates]
+        np.testing.assert_allclose(rates[1], rates[0], rtol=1e-9, atol=1e-9)
 
 
 def test_a_flight_with_added_mass_and_inflow_is_that_of_a_mirrored_wing() -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from math import pi
 from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import patagium as pt
 from patagium.aerodynamics import Aerodynamics
@@ -401,3 +404,95 @@ def test_a_wing_in_two_parts_is_one_wing_whatever_their_names_and_order():
     whole = pt.simulate(hawk, model, pt.gaits.cruise(hawk), duration=0.05)
     assert flown[0] == pytest.approx(whole["q"].to_numpy()[-1], rel=1e-12, abs=1e-14)
     assert flown[1] == pytest.approx(flown[0], rel=1e-12, abs=1e-14)  # sums in another order
+
+
+BEFORE, _, _AFTER = HOVERER.partition("  left_wing:\n")
+WING, _, MIRROR = _AFTER.partition("mirror:")
+BLOCK = "  block: {{mass: 20 g, shape: {{type: box, size: [4 cm, 4 cm, 4 cm]}}{}}}\n"
+
+
+def on_block(block: str = "", frames: str = "", parent: str = "block", pair: bool = False) -> Robot:
+    """Robot with one wing on a block, or two; more frames are welded to it."""
+    wing = f"  left_wing:\n    parent: {parent}\n{WING}"
+    mirror = f"mirror:{MIRROR}" if pair else ""
+    return load_robot_text(BEFORE + BLOCK.format(block) + frames + wing + mirror, "block")
+
+
+def one_beat(robot: Robot, cells: Sequence[pt.mounts.InternalLoadCell] = ()) -> xr.Dataset:
+    """First beat of a robot that is held, with inflow."""
+    return pt.simulate(
+        robot,
+        pt.air.Inflow(pt.QuasiSteady(robot)),
+        gait(robot, 1.0),
+        duration=1 / FREQUENCY,
+        time_step=1 / (200 * FREQUENCY),
+        mount=pt.mounts.fixed(),
+        load_cells=cells,
+    )
+
+
+@pytest.mark.usefixtures("interpreted")
+@pytest.mark.parametrize("block", ["", ", floating: true"])
+@pytest.mark.parametrize("at", [None, "block", "left_feather"])
+def test_a_flight_has_the_inflow_of_its_model(block: str, at: str | None) -> None:
+    """The wing's hinge was sought in a machine with a mount or a load cell: 13 % of the lift."""
+    robot = on_block(block)
+    cells = [pt.mounts.load_cell(at, orientation=(0.3, 0.2, 0.1))] if at else []
+    flight = one_beat(robot, cells)
+    model = pt.air.Inflow(pt.QuasiSteady(robot))
+    q, v, states = (flight[name].to_numpy() for name in ("q", "v", "aero_state"))
+    rates = np.gradient(states, flight["time"].to_numpy(), axis=0)
+    some = [50, 90, 130, 170]
+    expected = [model.state_derivative(q[k], v[k], states[k]) for k in some]
+    errors, sizes = (
+        np.linalg.norm(one.reshape(len(one), -1, 3), axis=2).max(axis=0)
+        for one in (rates[some] - expected, rates)
+    )
+    assert (errors < 0.02 * sizes).all()  # 2 %: central differences of 200 samples a beat
+
+
+STAND = "  stand: {massless: true, at: [-30 cm, -40 cm, -1 m]}\n"
+ON_STAND = ", parent: stand, at: [30 cm, 40 cm, 1 m]"
+ROOT = "  left_root: {parent: block, massless: true}\n"
+
+
+@pytest.mark.usefixtures("interpreted")
+@pytest.mark.parametrize("pair", [False, True])
+def test_frames_stands_and_arms_are_no_hinge_of_a_wing(pair: bool) -> None:
+    """The hinge of a wing was the stand of its robot, far from the wing."""
+    free, arm = on_block(", floating: true", pair=pair), pt.load_robot("ur5e")
+    robots = [
+        on_block(pair=pair),
+        on_block(frames=ROOT, parent="left_root", pair=pair),
+        on_block(ON_STAND, STAND, pair=pair),
+        free.mounted_on(arm, "tool"),
+        *([on_block(", joints: [{name: rail, axis: z}]", pair=True)] if pair else []),
+    ]
+    found = [one_beat(robot)["aero_state"].to_numpy()[-1] for robot in (free, *robots)]
+    sizes = [[*map(np.linalg.norm, state.reshape(-1, 3))] for state in found]
+    assert sizes[0][0] > 0.3
+    for size in sizes[1:]:
+        assert size == pytest.approx(sizes[0], rel=1e-9)
+
+
+def test_a_glider_on_an_arm_has_the_strokes_of_the_free_one() -> None:
+    """Its wing and its fin were one wing on the arm's shoulder."""
+    free, arm = load_robot_text(GLIDER), pt.load_robot("ur5e")
+    held = free.mounted_on(arm, "tool", orientation=(0.2, -pi / 2, 0.4))
+    assert strokes_of(held) == tuple(replace(k, base="body") for k in strokes_of(free))
+
+
+@pytest.mark.parametrize("order", ["abc", "bac", "acb"])
+def test_which_wings_share_a_stroke_does_not_depend_on_their_order(order: str) -> None:
+    """Of three pairs in tandem the last was apart where the middle one was not the first."""
+    places = {"a": "3 cm", "b": "0", "c": "-3 cm"}
+    parts = [
+        WING.replace("left_", f"left_{k}_")
+        .replace("[0, 1 cm", f"[{places[k]}, 1 cm")
+        .split("wings:\n")
+        for k in order
+    ]
+    bodies = "".join(f"  left_{k}_wing:\n{body}" for k, (body, _) in zip(order, parts, strict=True))
+    wings = "".join(wing for _, wing in parts)
+    (stroke,) = strokes_of(load_robot_text(f"{BEFORE}{bodies}wings:\n{wings}mirror:{MIRROR}"))
+    assert (len(stroke.wings), stroke.sides) == (6, 2)
