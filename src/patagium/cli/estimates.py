@@ -141,8 +141,7 @@ def refined(result: Identification, flight: xr.Dataset, every: int) -> Identific
     model = refine(result.learner, flight, every=every)
     scores = {**result.scores}
     scores.pop("parameter_problem", None)
-    scores |= parameter_scores(model) | {"parameter_fit": "a least-squares fit of the whole log"}
-    return replace(result, scores=with_verdict(scores), learner=model)
+    return replace(result, scores=with_verdict(scores | parameter_scores(model)), learner=model)
 
 
 def _model(flight: xr.Dataset, aero: GreyModel | None) -> Aerodynamics:

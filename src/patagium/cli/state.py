@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +62,8 @@ def keep_model(
     from patagium.learning.model_file import Model, model_of, save_model
 
     if path is not None:
-        is_model, replaced = isinstance(learner, Model), path.is_file()
-        save_model(path, learner if is_model else model_of(learner, inputs=inputs, source=source))
+        model = learner if isinstance(learner, Model) else model_of(learner, inputs=inputs)
+        replaced = path.is_file()
+        save_model(path, replace(model, source=source))
         before = ", in place of the one before" if replaced else ""
         typer.echo(f"The model is in {path}{before}", err=True)

@@ -47,18 +47,21 @@ def estimates_of(trained: Trained) -> tuple[Estimate, ...]:
 def parameter_scores(trained: Trained) -> dict[str, Any]:
     """Physical parameters as JSON values: parameter_value, ... by name of the parameter.
 
-    `parameter_problem` says why no model of the air has these values; it is missing where one has.
+    `parameter_problem` says why no model of the air has these values, `parameter_fit` how they were
+    found; each is missing where there is nothing to say.
     """
     estimates, network = estimates_of(trained), trained.network
     if not estimates:
         return {}
-    fields, problem = ("unit", *_FIELDS), {}
+    fields, told = ("unit", *_FIELDS), {}
+    if isinstance(trained, Model) and "parameter_fit" in trained.learner:
+        told["parameter_fit"] = trained.learner["parameter_fit"]
     try:
         if isinstance(network, GreyBox):
             network.air_at(trained.weights)
     except ParameterError as refused:
-        problem = {"parameter_problem": str(refused)}
-    return problem | {
+        told["parameter_problem"] = str(refused)
+    return told | {
         f"parameter_{field}": {found.name: getattr(found, field) for found in estimates}
         for field in fields
     }

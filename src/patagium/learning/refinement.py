@@ -90,7 +90,8 @@ def refine(
     covariance = cho_solve(factor, np.eye(len(weights)))
     kept = block_covariance(network, "full", [(covariance + covariance.T) / 2])
     found = model_of(learner)
-    return Model(network, weights, kept, found.measurement_std, found.inputs, found.learner)
+    fit = {"parameter_fit": "a least-squares fit of the whole log that was learned"}
+    return Model(network, weights, kept, found.measurement_std, found.inputs, found.learner | fit)
 
 
 def _moved(

@@ -79,6 +79,17 @@ def test_numbers_are_learned_shown_and_kept(identify: Speak, flight: Path, tmp_p
     assert left.value.code in (None, 0)
 
 
+def test_a_refined_model_knows_its_log_and_its_fit(
+    identify: Speak, flight: Path, tmp_path: Path, speak: Speak
+) -> None:
+    """`evaluate` said of refined numbers that they are of one pass, and `check` named no log."""
+    model = tmp_path / "model.json"
+    assert identify(*LEARN, "--model", model).code == 0
+    told = " ".join(speak("evaluate", model, flight).out.split())
+    assert "from a least-squares fit of the whole log" in told and "one pass" not in told
+    assert json.loads(speak("check", model, "--json").out)["learned from"] == flight.name
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
