@@ -277,7 +277,6 @@ def compare(
     checks = [check(model, k, (x[k], y[k]), noise[k]) for k in chosen]  # type: ignore[arg-type]
     scorer, late = Scorer(names), np.arange(len(y)) >= len(y) // 2
     scorer.add_predictions(y, guess, held, late)
-    rows = late_samples(len(y))
     if checks:
         error, std = (np.array([one[k] for one in checks]) for k in (1, 2))
         scorer.add_checks(error, std, late[chosen])
@@ -294,7 +293,7 @@ def compare(
         **scorer.error_scores(),
         **scorer.interval_scores(),
         **parameter_scores(model),
-        **frozen_scores(model.network, (time, x, y), gaps, rows),
+        **frozen_scores(model.network, [(time, x, y, gaps, late_samples(len(y)))]),
         **_unseen_scores(model, checks, noise[chosen], ~scorer.silent),
     }
     arrays = {"time": time, "measurement": y, "prediction": guess, "persistence": held}

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,7 @@ from patagium.learning.stream import (
     used_samples,
 )
 from patagium.learning.table_network import scaling_samples
-from patagium.learning.verdict import with_verdict
+from patagium.learning.verdict import Block, frozen_scores, with_verdict
 from patagium.sensing.logs.record import LogRecord
 from patagium.sensing.logs.table import find_gaps
 from patagium.whole_file import write_whole
@@ -45,6 +45,7 @@ LONG = 1_000_000
 """Samples from which a log is learned from block by block."""
 BLOCK = 1 << 18
 """Samples of a block, at most, unless another number is asked for."""
+_FEW = 1 << 14  # samples at a time that constant weights predict
 _FORMAT = 6  # of the file that a run goes on from
 _NUMBERS = ("begin", "last", "gaps", "updates")  # of a run, beside its sums
 
@@ -153,11 +154,18 @@ class _LongRun:
             **self.scorer.scores(),
             **forecast_scores(self.forecasts),
             **run.facts(),
+            **frozen_scores(self.learner.network, self._second_half(), self.learner.weights),
             "recorded": f"the last {len(record.time)} samples",
             **({"course_not_kept": self.unkept} if self.unkept else {}),
         }
         facts = self.learner, run.outcome, run.message, self.record.of_role("input")
         return Identification(with_verdict(scores), record, *facts)
+
+    def _second_half(self) -> Iterator[Block]:
+        """Samples of the second half, block by block."""
+        for begin in range(self.record.count // 2, self.begin, _FEW):
+            one = self.record.table(begin, min(begin + _FEW, self.begin))
+            yield one.time, one.x, one.y, one.gaps, slice(None)
 
     def _learn_block(self, progress: Progress | None) -> BlockRun:
         """Learn and score the samples from `begin` on, up to right before a used one."""

@@ -383,8 +383,6 @@ class BlockRun:
 
     def facts(self) -> dict[str, Any]:
         """State of the learner after the last sample, by the names of its scores."""
-        s, late = self.samples, late_samples(self.reached)
-        log, weights = (s.time, s.x, s.y), self.learner.weights
         variance = self.updated["largest_variance"]
         variance = variance[np.isfinite(variance)]
         return {
@@ -394,7 +392,6 @@ class BlockRun:
             "largest_variance": float(variance[-1]) if len(variance) else float("nan"),
             "time_per_update": float(self.learner.time_per_update),
             **parameter_scores(self.learner),
-            **frozen_scores(self.learner.network, log, s.gaps, late, weights),
         }
 
     def _told(self) -> dict[str, Array]:
@@ -485,6 +482,7 @@ def stream(
     run.go(progress)
     held, scorer = persistence(samples.y, run.used), Scorer(names)
     run.score(scorer, held)
+    log = samples.time, samples.x, samples.y, samples.gaps
     scores = {
         "samples": len(samples.time),
         "samples_predicted": run.reached,
@@ -495,6 +493,7 @@ def stream(
         **scorer.scores(),
         **forecast_scores(sums),
         **run.facts(),
+        **frozen_scores(learner.network, [(*log, late_samples(run.reached))], learner.weights),
     }
     record, scores = run.record(names, units, held), with_verdict(scores)
     return Identification(scores, record, learner, run.outcome, run.message)

@@ -5,9 +5,9 @@ Neglected: luck; a verdict on few samples is as sure as they are many.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import isfinite, sqrt
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +16,7 @@ from scipy.special import ndtri
 from patagium.arrays import Array, Indices
 from patagium.errors import Outcome
 from patagium.learning.models.linear_strip import LinearStripNetwork
-from patagium.learning.models.memory import network_inputs
+from patagium.learning.models.memory import ModelMemory
 from patagium.learning.models.network import Network
 from patagium.learning.scores import INTERVAL, ErrorSums
 
@@ -25,6 +25,7 @@ _NIS = 3.0  # times too large or too small
 _SMALL = 1e-6  # NMSE: errors below a thousandth of the standard deviation of each output
 UNSEEN = 0.05
 """Share of samples in flow that was not learned, beyond which there is a warning."""
+Block: TypeAlias = tuple[Array, Array, Array, ArrayLike, Indices | slice]
 
 
 def with_verdict(scores: Mapping[str, Any]) -> dict[str, Any]:
@@ -34,22 +35,23 @@ def with_verdict(scores: Mapping[str, Any]) -> dict[str, Any]:
     return {**scores, "verdict": words}
 
 
-def frozen_scores(
-    network: Network, log: tuple[Array, ...], gaps: ArrayLike, rows: Indices, *weights: Array
-) -> dict[str, Any]:
-    """NMSE of constant weights in some rows of a log: physics alone, and weights that are given."""
-    time, x, y = log
+def frozen_scores(network: Network, blocks: Iterable[Block], *weights: Array) -> dict[str, Any]:
+    """NMSE of constant weights in rows of a log: physics alone, and weights that are given.
+
+    A block has times, x, y, first sample after each gap, and the rows that count; memory goes on
+    from one to the next.
+    """
     kinds = dict(zip(["frozen_second_half"], weights, strict=False))
     if isinstance(network, LinearStripNetwork):
         kinds["physics_second_half"] = network.initial(0)
-    found = {}
-    for name, kept in kinds.items() if len(rows) else ():
-        sums = ErrorSums(network.outputs)
-        sums.add(
-            y[rows], network.evaluate(network_inputs(network, kept, time, x, gaps)[rows], kept)
-        )
-        found[name] = dict(zip(network.output_names, sums.nmse.tolist(), strict=True))
-    return found
+    sums = {name: (ErrorSums(network.outputs), ModelMemory(network)) for name in kinds}
+    for time, x, y, gaps, rows in blocks if kinds else ():
+        for name, kept in kinds.items():
+            errors, memory = sums[name]
+            memory.follow(time, x, gaps)
+            errors.add(y[rows], network.evaluate(memory.upto(len(x), kept)[rows], kept))
+    names = network.output_names
+    return {key: dict(zip(names, one.nmse.tolist(), strict=True)) for key, (one, _) in sums.items()}
 
 
 def _interval_words(scores: Mapping[str, Any]) -> list[str]:

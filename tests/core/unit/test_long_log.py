@@ -10,6 +10,7 @@ import pytest
 
 import patagium as pt
 from patagium.errors import LogError
+from patagium.learning import long_log
 from patagium.learning.identify import identify
 from patagium.learning.long_log import identify_record
 from patagium.learning.table_network import network_for
@@ -92,6 +93,16 @@ def test_blocks_give_the_scores_of_one_stream(every: int, record: LogRecord) -> 
     )
     # but for a file kept: the record of the last block alone
     assert set(whole.scores) <= set(parts.scores) and "last" in parts.scores["recorded"]
+
+
+def test_the_last_weights_are_scored_over_the_whole_second_half(
+    record: LogRecord, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They were scored in the last block alone, where weights that follow a log are right."""
+    monkeypatch.setattr(long_log, "_FEW", 400)
+    found = identify_record(record, learner(record.table()), every=7, block=500)
+    frozen = pt.evaluate(record.table(), found.learner).scores["nmse_second_half"]
+    assert found.scores["frozen_second_half"] == pytest.approx(frozen, rel=1e-9, nan_ok=True)
 
 
 def test_horizons_are_scored_in_every_block(record: LogRecord) -> None:
