@@ -40,8 +40,6 @@ PANELS = {
 """Options of each panel of the help; the usual ones come before, in none."""
 _MOMENT = "The force of the air, the predicted one as a halo; a click plays the flight."
 _START = 1 << 18  # samples of a long log that a network is made from
-_FIRST = 0.01
-"""Span that scales a dense network where nothing repeats itself [s]."""
 
 
 @learner_options.with_learner_options()
@@ -205,7 +203,8 @@ def show_scores(scores: Mapping[str, Any], *, as_json: bool) -> None:
 
 
 def flight_network(flight: Any, choice: learner_options.LearnerChoice) -> Any:
-    """A network for a flight; a dense one is scaled by its first wingbeat."""
+    """A network for a flight; a dense one is scaled by its first wingbeat, or second, of motion."""
+    from patagium.learning.default_learner import first_motion
     from patagium.learning.samples import with_force
     from patagium.sensing import ForceSamples, training_data
     from patagium.simulation import air_of, gait_period, robot_of
@@ -218,9 +217,9 @@ def flight_network(flight: Any, choice: learner_options.LearnerChoice) -> Any:
         y = forces.force[:, [forces.robot.index(name) for name in names]]
     else:
         time, x, y = training_data(flight)
-    span = gait_period(flight) or _FIRST
-    typer.echo(f"Inputs and outputs are scaled by the first {span:.4g} s.", err=True)
-    first = time <= time[0] + span
+    first = first_motion(robot_of(flight), time, x, gait_period(flight))
+    begin, end = time[first][[0, -1]]
+    typer.echo(f"Inputs and outputs are scaled by {begin:.4g} to {end:.4g} s.", err=True)
     return learner_options.scaled_network(choice, names, x[first], y[first])
 
 

@@ -14,7 +14,7 @@ import xarray as xr
 
 from patagium.aerodynamics import Air
 from patagium.arguments import checked
-from patagium.arrays import usual_step
+from patagium.arrays import Array, Bools, usual_step
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
@@ -80,19 +80,34 @@ def _physics_error(network: LinearStripNetwork, log: xr.Dataset | ForceSamples) 
     Without added mass where a simulation says that it had none. Where no gait is known it is the
     error of the first second in which joints move; nan where no output moves.
     """
-    span, carried = _LOOK, True
+    period, carried = None, True
     if isinstance(log, xr.Dataset):
         carried = "air" in log.attrs or added_mass_of(log) is not None  # no simulation has "air"
         if period := gait_period(log):
-            span, log = period, log.isel(time=log["time"].values <= log["time"].values[0] + period)
+            log = log.isel(time=log["time"].values <= log["time"].values[0] + period)
     time, x, y, _ = samples(log, network)
-    joints = network.robot.coordinate_count + np.array(network.robot.actuated, int)
-    rates = np.abs(x[:, joints]).max(axis=1, initial=0.0)
-    begin = time[np.argmax(rates >= _MOVES * rates.max())]
-    first, weights = (time >= begin) & (time <= begin + span), network.physics(carried)
+    first, weights = first_motion(network.robot, time, x, period), network.physics(carried)
     seen = network_inputs(network, weights, time[first], x[first])
     error = normalized_error(y[first], network.evaluate(seen, weights))
     return float(np.median(error[np.isfinite(error)])) if np.isfinite(error).any() else nan
+
+
+def first_motion(robot: Robot, time: Array, x: Array, period: float | None = None) -> Bools:
+    """First wingbeat of a log, or first second, from where a joint rate is a tenth of the largest.
+
+    Args:
+        robot: Of the log.
+        time: Increasing, (N,) [s].
+        x: [q, v], and more behind, (N, n_x) [SI].
+        period: Wingbeat [s]; None where none is known.
+
+    Returns:
+        Whether a sample is of it, (N,).
+    """
+    joints = robot.coordinate_count + np.array(robot.actuated, int)
+    rates = np.abs(x[:, joints]).max(axis=1, initial=0.0)
+    begin = time[np.argmax(rates >= _MOVES * rates.max())]
+    return np.asarray((time >= begin) & (time <= begin + (period or _LOOK)))
 
 
 @checked

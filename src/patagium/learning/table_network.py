@@ -75,8 +75,11 @@ def dense_network(
 
 
 def sample_ranges(values: Array) -> Array:
-    """Range of each column of samples, (n, 2); one to each side where it stands still."""
-    low, high = values.min(axis=0), values.max(axis=0)
+    """Range of each column of samples, (n, 2); one to each side where it stands still.
+
+    NaN is no sample; a column of nothing else stands still at zero.
+    """
+    low, high = np.nan_to_num([np.fmin.reduce(values), np.fmax.reduce(values)])
     still = high - low < max(1e-9 * float((high - low).max()), 2e-300)
     return np.column_stack([low - still, high + still])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ import xarray as xr
 
 import patagium as pt
 from patagium.arrays import usual_step
+from patagium.cli.identify import flight_network
+from patagium.cli.learner_options import LearnerChoice, NetworkKind
 from patagium.learning.default_learner import (
     chosen_every,
     default_learner,
@@ -23,6 +26,7 @@ from patagium.learning.models.linear_strip import LinearStripNetwork
 from patagium.live.pipeline import Pipeline
 from patagium.native import compiler_name
 from patagium.robot.files import load_robot_text
+from patagium.robot.model import Robot
 from patagium.sensing.force.air_force import packet_columns
 from patagium.simulation import air_of
 from patagium.viewer.predicted_forces import predict_flight
@@ -267,3 +271,28 @@ def test_attached_flow_is_found_in_a_log_that_begins_at_rest(
     monkeypatch.setattr(module, "gait_period", lambda log: None)
     monkeypatch.setattr(module, "_LOOK", 0.2)
     assert default_learner(log).network.attached
+
+
+def test_a_dense_network_is_scaled_by_the_first_second_of_motion(
+    one_wing: Callable[..., Robot],
+) -> None:
+    """It was scaled by the first .01 s of a log, at rest, and refused torques of 100 Hz."""
+    robot = one_wing("name: plunge, axis: x")
+    rest, beats = (
+        pt.simulate(
+            robot,
+            pt.QuasiSteady(robot),
+            pt.gaits.sinusoidal(robot, frequency=2.0, plunge=size),
+            duration=1.5,
+            time_step=5e-3,
+        )
+        for size in (1e-9, 0.5)
+    )
+    later = beats.isel(time=slice(1, None))
+    later = later.assign_coords(time=later.time + float(rest.time[-1]))
+    log = xr.concat([rest, later], "time").assign_attrs(rest.attrs, gait="{}")
+    log["u1"] = log.u1.where(np.arange(len(log.time))[:, None] % 2 == 1)
+    network = flight_network(log, LearnerChoice(network=NetworkKind.DENSE))
+    np.testing.assert_allclose(network.input_scale, [0.5, 0.5 * 4 * np.pi], rtol=0.01)
+    force = pt.training_data(beats)[2]
+    np.testing.assert_allclose(network.output_scale, np.ptp(force, axis=0) / 2, rtol=0.05)
