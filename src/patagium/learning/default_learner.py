@@ -93,16 +93,9 @@ def _physics_error(network: LinearStripNetwork, log: xr.Dataset | ForceSamples) 
 
 
 def first_motion(robot: Robot, time: Array, x: Array, period: float | None = None) -> Bools:
-    """First wingbeat of a log, or first second, from where a joint rate is a tenth of the largest.
+    """Samples of the first wingbeat, else second, of motion, (N,); x = [q, v, ...], (N, n_x) [SI].
 
-    Args:
-        robot: Of the log.
-        time: Increasing, (N,) [s].
-        x: [q, v], and more behind, (N, n_x) [SI].
-        period: Wingbeat [s]; None where none is known.
-
-    Returns:
-        Whether a sample is of it, (N,).
+    It begins with the first joint rate that is a tenth of the largest.
     """
     joints = robot.coordinate_count + np.array(robot.actuated, int)
     rates = np.abs(x[:, joints]).max(axis=1, initial=0.0)

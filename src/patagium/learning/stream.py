@@ -383,6 +383,8 @@ class BlockRun:
 
     def facts(self) -> dict[str, Any]:
         """State of the learner after the last sample, by the names of its scores."""
+        s, weights = self.samples, self.learner.weights
+        log = s.time, s.x, s.y, s.gaps, late_samples(self.reached)
         variance = self.updated["largest_variance"]
         variance = variance[np.isfinite(variance)]
         return {
@@ -392,6 +394,7 @@ class BlockRun:
             "largest_variance": float(variance[-1]) if len(variance) else float("nan"),
             "time_per_update": float(self.learner.time_per_update),
             **parameter_scores(self.learner),
+            **frozen_scores(self.learner.network, [log], weights),
         }
 
     def _told(self) -> dict[str, Array]:
@@ -482,7 +485,6 @@ def stream(
     run.go(progress)
     held, scorer = persistence(samples.y, run.used), Scorer(names)
     run.score(scorer, held)
-    log = samples.time, samples.x, samples.y, samples.gaps
     scores = {
         "samples": len(samples.time),
         "samples_predicted": run.reached,
@@ -493,7 +495,6 @@ def stream(
         **scorer.scores(),
         **forecast_scores(sums),
         **run.facts(),
-        **frozen_scores(learner.network, [(*log, late_samples(run.reached))], learner.weights),
     }
     record, scores = run.record(names, units, held), with_verdict(scores)
     return Identification(scores, record, learner, run.outcome, run.message)

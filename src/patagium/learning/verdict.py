@@ -16,7 +16,7 @@ from scipy.special import ndtri
 from patagium.arrays import Array, Indices
 from patagium.errors import Outcome
 from patagium.learning.models.linear_strip import LinearStripNetwork
-from patagium.learning.models.memory import ModelMemory
+from patagium.learning.models.memory import network_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.scores import INTERVAL, ErrorSums
 
@@ -38,20 +38,17 @@ def with_verdict(scores: Mapping[str, Any]) -> dict[str, Any]:
 def frozen_scores(network: Network, blocks: Iterable[Block], *weights: Array) -> dict[str, Any]:
     """NMSE of constant weights in rows of a log: physics alone, and weights that are given.
 
-    A block has times, x, y, first sample after each gap, and the rows that count; memory goes on
-    from one to the next.
+    A block has times, x, y, first sample after each gap, and the rows that count.
     """
     kinds = dict(zip(["frozen_second_half"], weights, strict=False))
     if isinstance(network, LinearStripNetwork):
         kinds["physics_second_half"] = network.initial(0)
-    sums = {name: (ErrorSums(network.outputs), ModelMemory(network)) for name in kinds}
-    for time, x, y, gaps, rows in blocks if kinds else ():
+    sums, names = {name: ErrorSums(network.outputs) for name in kinds}, network.output_names
+    for time, x, y, gaps, rows in blocks:
         for name, kept in kinds.items():
-            errors, memory = sums[name]
-            memory.follow(time, x, gaps)
-            errors.add(y[rows], network.evaluate(memory.upto(len(x), kept)[rows], kept))
-    names = network.output_names
-    return {key: dict(zip(names, one.nmse.tolist(), strict=True)) for key, (one, _) in sums.items()}
+            seen = network_inputs(network, kept, time, x, gaps)[rows]
+            sums[name].add(y[rows], network.evaluate(seen, kept))
+    return {key: dict(zip(names, one.nmse.tolist(), strict=True)) for key, one in sums.items()}
 
 
 def _interval_words(scores: Mapping[str, Any]) -> list[str]:
@@ -66,7 +63,7 @@ def _interval_words(scores: Mapping[str, Any]) -> list[str]:
     wide = 1 / sqrt(nis) if nis > 0 else float("inf")
     if coverage > _RIGHT[1] and wide**2 > _NIS:
         return [f"Intervals {wide:.2g} times too wide ({inside})."]
-    return [f"Intervals about right ({inside})."]
+    return [f"Intervals about right{', but for a few errors' * (nis > _NIS)} ({inside})."]
 
 
 def _warnings(scores: Mapping[str, Any]) -> list[str]:
@@ -93,7 +90,10 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
             small = "below a thousandth of the standard deviation of each output"
             warnings.append(f"Note: {times}, but errors are {small}.")
         else:
-            warnings.append(f"Warning: {times}.")
+            few = nis > _NIS and scores["coverage_second_half"] >= _RIGHT[0]
+            few &= "outliers" not in scores.get("events", ("outliers",))  # nor of frozen weights
+            remedy = "; if a few samples are wild, `--outlier-std 5` (`Screening`) weighs them less"
+            warnings.append(f"Warning: {times}{remedy * few}.")
     count, learned = scores["updates"], scores.get("updates_learned", 0)
     if learned < 0.99 * count and (learned or scores["events"]):
         events = ", ".join(f"{name} {number}" for name, number in scores["events"].items())

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.learning import ExtendedLearner, LinearStripNetwork, Misfit
+from patagium.learning import ExtendedLearner, LinearStripNetwork, Misfit, Screening
 from patagium.learning.identify import _noise_words, compare
 from patagium.learning.model_file import Model, load_model, model_of, save_model
 from patagium.learning.models.dense import DenseNetwork
@@ -61,6 +61,23 @@ def test_noise_of_samples_is_no_flow_that_was_not_learned() -> None:
     own, saved = (compare(one, time, x, y, std=std).scores for one in (learner, model_of(learner)))
     assert saved["unseen_share"] == own["unseen_share"] < 0.05
     assert saved["nis_second_half"] == pytest.approx(own["nis_second_half"], rel=1e-6)  # rounding
+
+
+def test_a_few_wild_samples_are_told_with_their_remedy() -> None:
+    """Spikes in 2 % of the samples left intervals "about right", and nothing named screening."""
+    draw = np.random.default_rng(3)
+    time, x, y = walk(2000)
+    y = y + 0.1 * draw.standard_normal(y.shape)
+    spiked = y + 1.5 * (draw.random(y.shape) < 0.02) * draw.choice([-1, 1], y.shape)
+    told = []
+    for log, screening in ((y, None), (spiked, None), (spiked, Screening(outlier_std=5.0))):
+        network = DenseNetwork(2, (), ("y",))
+        learner = ExtendedLearner(network, measurement_std=0.1, screening=screening)
+        words = stream(learner, time, x, log, every=1).scores["verdict"]
+        told.append((words[0], any("--outlier-std" in text for text in words)))
+    assert ["but for a few errors" in first for first, _ in told] == [False, True, True]
+    assert [remedy for _, remedy in told] == [False, True, False]
+    assert all(first.startswith("Intervals about right") for first, _ in told)
 
 
 def test_wrong_intervals_of_tiny_errors_are_a_note() -> None:
