@@ -139,8 +139,7 @@ def refined(result: Identification, flight: xr.Dataset, every: int) -> Identific
     from patagium.learning.verdict import with_verdict
 
     model = refine(result.learner, flight, every=every)
-    scores = {**result.scores}
-    scores.pop("parameter_problem", None)
+    scores = {key: one for key, one in result.scores.items() if key != "parameter_problem"}
     return replace(result, scores=with_verdict(scores | parameter_scores(model)), learner=model)
 
 

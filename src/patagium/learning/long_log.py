@@ -45,7 +45,7 @@ LONG = 1_000_000
 """Samples from which a log is learned from block by block."""
 BLOCK = 1 << 18
 """Samples of a block, at most, unless another number is asked for."""
-_FEW = 1 << 14  # samples at a time that constant weights predict
+_FEW = 1 << 14  # samples that constant weights predict at a time
 _FORMAT = 6  # of the file that a run goes on from
 _NUMBERS = ("begin", "last", "gaps", "updates")  # of a run, beside its sums
 

@@ -26,6 +26,7 @@ _SMALL = 1e-6  # NMSE: errors below a thousandth of the standard deviation of ea
 UNSEEN = 0.05
 """Share of samples in flow that was not learned, beyond which there is a warning."""
 Block: TypeAlias = tuple[Array, Array, Array, ArrayLike, Indices | slice]
+"""Times, x and y of samples, the first sample after each gap, and the rows that count."""
 
 
 def with_verdict(scores: Mapping[str, Any]) -> dict[str, Any]:
@@ -36,10 +37,7 @@ def with_verdict(scores: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def frozen_scores(network: Network, blocks: Iterable[Block], *weights: Array) -> dict[str, Any]:
-    """NMSE of constant weights in rows of a log: physics alone, and weights that are given.
-
-    A block has times, x, y, first sample after each gap, and the rows that count.
-    """
+    """NMSE of constant weights in rows of a log: physics alone, and weights that are given."""
     kinds = dict(zip(["frozen_second_half"], weights, strict=False))
     if isinstance(network, LinearStripNetwork):
         kinds["physics_second_half"] = network.initial(0)
