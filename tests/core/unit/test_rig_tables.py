@@ -84,6 +84,37 @@ def test_decimal_commas_are_found_column_by_column(
     assert [one.name for one in channels] == ["t", "x", "y", "n"]
 
 
+@pytest.mark.parametrize("clock", ["{:.2f}", "{:.0f}"])
+@pytest.mark.parametrize("pattern", ["[{}; {}; {}]", "[{} {} {}]", "{} {} {}", "[{}, {}, {}]"])
+def test_lists_with_decimal_commas_are_not_twice_as_long(
+    pattern: str, clock: str, tmp_path: Path
+) -> None:
+    """Each number became two whole ones, and the vector took the first three of the six."""
+    rows = np.random.default_rng(0).normal(size=(50, 3)).round(4)
+    rows[3] = 0.0, 1.0, -2.0
+    lines = [f'{clock.format(k)};"{pattern.format(*map(str, row))}"' for k, row in enumerate(rows)]
+    text = "\n".join(["t;acc", *lines, ""]).replace(".", ",")
+    words = {"column": "acc", "unit": "m/s^2", "frame": "flu", "name": "a"}
+    found = imported(tmp_path, text, {"time": TIME, "channels": [words]})
+    np.testing.assert_allclose(column(found.path, "a"), rows, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["attitude", "vector"])
+def test_a_longer_list_is_no_vector_and_no_attitude(kind: str, tmp_path: Path) -> None:
+    """The first entries of a pose of seven, x, y, z, qx, were taken for its quaternion."""
+    rows = "".join(f'{k},"[1, 2, 3, 0, 0, 0.6, 0.8]"\n' for k in range(50))
+    attitude = {"order": "xyzw", "frame": "nwu", "body": "flu", "name": "a"}
+    words = attitude if kind == "attitude" else {"unit": "m", "frame": "nwu", "name": "a"}
+    mapping = {"time": TIME, "channels": [{"column": "pose", **words}]}
+    with pytest.raises(LogError, match=r"found pose\[0\],.* pose\[6\]; a list of names takes"):
+        imported(tmp_path, f"t,pose\n{rows}", mapping)
+    places = (3, 4, 5, 6) if kind == "attitude" else (0, 1, 2)
+    mapping["channels"][0]["column"] = [f"pose[{k}]" for k in places]  # type: ignore[index]
+    found = imported(tmp_path, f"t,pose\n{rows}", mapping)
+    last = column(found.path, "a")[:, -1]
+    np.testing.assert_allclose(last, 0.6 if kind == "attitude" else 3.0, atol=1e-12)
+
+
 @pytest.mark.parametrize("rate", [None, "33 Hz"])
 @pytest.mark.parametrize("low", [0.0, -180.0])
 def test_an_encoder_that_wraps_leaves_no_jump(low: float, rate: str | None, tmp_path: Path) -> None:

@@ -265,10 +265,12 @@ def find_fields(topic: Topic, source: str | tuple[str, ...], size: int, where: s
     """
     if not isinstance(source, str):
         return [find_fields(topic, one, 1, where)[0] for one in source]
+    known = {**topic.aliases, **{name: name for name in topic.channels}}
     for endings in _endings(size):
         paths = [source + ending for ending in endings]
-        if all(path in topic.channels or path in topic.aliases for path in paths):
-            return [path if path in topic.channels else topic.aliases[path] for path in paths]
+        longer = endings[-1] == f"[{size - 1}]" and f"{source}[{size}]" in known
+        if all(path in known for path in paths) and not longer:
+            return [known[path] for path in paths]
     held = [n for n in topic.channels if n == source or re.match(re.escape(source) + r"[.\[_]", n)]
     if held and size == 1:
         raise LogError(
@@ -277,7 +279,7 @@ def find_fields(topic: Topic, source: str | tuple[str, ...], size: int, where: s
     if held:
         raise LogError(
             f"{where}: expected {size} components under {source!r}, such as {source}.x or "
-            f"{source}[0], found {_some(held)}"
+            f"{source}[0], found {_some(held)}; a list of names takes some of them"
         )
     raise LogError(_missing(topic, source, where))
 

@@ -288,6 +288,7 @@ _BEYOND = "\0beyond the names"
 _ALIKE = 0.9
 """Share of the lines below the names that have as many entries."""
 _BRACKETS = str.maketrans("[](){},;", " " * 8)
+_DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 _MOST_TEXT = 20
 """Most rows of text at the end that are left out; more are a column that turned to text."""
 _OLDER = "save it again in MATLAB with save('log.mat', ..., '-v7')"
@@ -405,9 +406,15 @@ def _is_number(cell: str) -> bool:
 
 
 def _entries_of(word: Any) -> list[float] | None:
-    """Numbers of a cell with a list, such as "[1, 2, 3]" or "1 2 3"; None for any other cell."""
+    """Numbers of a cell with a list, such as "[1, 2, 3]" or "1 2 3"; None for any other cell.
+
+    A comma between digits is a decimal point where spaces or semicolons separate the entries.
+    """
     if not isinstance(word, str):
         return None
+    parts = re.findall(r"[^\s;]*\d[^\s;]*", word) if "," in word and "." not in word else []
+    if len(parts) > 1 and max(len(_DECIMAL_COMMA.findall(part)) for part in parts) == 1:
+        word = _DECIMAL_COMMA.sub(".", word)
     try:
         return [float(entry) for entry in word.translate(_BRACKETS).split()]
     except ValueError:
