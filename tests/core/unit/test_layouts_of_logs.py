@@ -20,8 +20,10 @@ from scipy.spatial.transform import Rotation
 from patagium.errors import LogError
 from patagium.robot import load_robot_text
 from patagium.sensing.logs.files import table_files
+from patagium.sensing.logs.importing.findings import StampSurvey, stamp_findings
 from patagium.sensing.logs.importing.import_log import import_log, read_table
 from patagium.sensing.logs.importing.inspection import inspect_log
+from patagium.sensing.logs.importing.restamp import restamped
 from patagium.sensing.logs.mapping import parse_mapping
 from patagium.sensing.logs.record import LogRecord, load_log
 from patagium.sensing.logs.sensor_log import sensor_log
@@ -501,6 +503,37 @@ def test_layouts(name: str, tmp_path: Path) -> None:
     warnings = [one.text for one in found.findings if one.level == "warning"]
     assert bool(case.warned) == bool(warnings), warnings
     assert all(words in text for text in warnings for words in case.warned), warnings
+
+
+LATE: dict[str, Callable[[Array, Draw], Array]] = {
+    "one stall": lambda t, draw: np.where((t > 2) & (t < 2.1), 2.1, t),
+    "latency": lambda t, draw: np.maximum.accumulate(t + draw.exponential(1e-3, len(t))),
+    **{f"blocks of {size}": partial(lambda size, t, draw: np.floor(t / size) * size, 1e-3 * size)
+       for size in (16, 64, 100, 128, 200)},
+    "blocks of 256": lambda t, draw: t[np.minimum(np.arange(len(t)) | 255, len(t) - 1)],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "lost"), [*((kind, 0) for kind in LATE), ("one stall", 30)])
+def test_rows_that_are_written_late_are_not_lost(kind: str, lost: int) -> None:
+    """Stalls, blocks and latency were taken for lost rows, and the true rate was refused."""
+    rows = np.delete(np.arange(6000), slice(4000, 4000 + lost))
+    stamps = np.rint(1e9 * LATE[kind](1e-3 * rows, seeded(kind))).astype(np.int64)
+    found, words = restamped(stamps, 1000.0, 3.0, "log")
+    assert (f"{lost} row(s) as lost in 1 gap" if lost else "and none as lost") in words
+    np.testing.assert_array_equal(np.diff(found), np.diff(rows) * 10**6)
+
+
+@pytest.mark.parametrize(
+    ("rows", "rate"), [(1, "1000 Hz"), (7, "1000 Hz"), (200, "1000 Hz"), (600, "RATE")]
+)
+def test_the_rate_to_restamp_by_counts_rows_of_whole_stamps(rows: int, rate: str) -> None:
+    """The rows of the last stamp counted, 1005 Hz for 1000 Hz; of one stamp it was nan Hz."""
+    survey = StampSurvey()
+    for block in np.array_split(np.arange(600) // rows * rows * 10**6, 4):
+        survey.add(block)
+    words = [one.text for one in stamp_findings("log", survey, 3.0, written=False)]
+    assert all(f"`restamp: {rate}` if" in one for one in words) and bool(words) == (rows > 1)
 
 
 def test_a_wrong_rate_is_answered_with_the_right_one(tmp_path: Path) -> None:

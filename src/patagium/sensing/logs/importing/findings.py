@@ -60,7 +60,7 @@ class StampSurvey:
         self.rows, self.kept, self.missing = 0, 0, 0
         self.duplicates, self.backwards, self.furthest_back = 0, 0, 0
         self.first: int | None = None
-        self.last = NO_STAMP
+        self.last, self._last_row = NO_STAMP, 0
         self.longest, self.longest_at = 0, 0
         self._bins = np.zeros(_BINS, np.int64)
         self._sums = np.zeros(_BINS)
@@ -85,6 +85,8 @@ class StampSurvey:
         self.duplicates += int((behind == 0).sum())
         self.backwards += len(back)
         self.furthest_back = max(self.furthest_back, int(back.max(initial=0)))
+        if advances.any():
+            self._last_row = self.rows - 1 - int(advances[::-1].argmax())
         self._count(stamps[advances])
         return np.asarray(advances, np.bool_)
 
@@ -136,8 +138,8 @@ class StampSurvey:
 
     @property
     def rate(self) -> float:
-        """Rows over the time from the first to the latest stamp [Hz]; NaN without two stamps."""
-        return (self.rows - 1) / self.duration if self.duration > 0 else float("nan")
+        """Rows before the first one with the latest stamp, over the duration [Hz]; else NaN."""
+        return self._last_row / self.duration if self.duration > 0 else float("nan")
 
     @property
     def duration(self) -> float:
@@ -405,7 +407,8 @@ def stamp_findings(
         kept: Row that the mapping keeps of those with the same stamp; None if it does not say.
     """
     found = []
-    even = f"`restamp: {stamps.rate:.4g} Hz` if they were sampled evenly"
+    rate = f"{stamps.rate:.4g} Hz" if stamps.rate > 0 else "RATE"
+    even = f"`restamp: {rate}` if they were sampled evenly"
     for count, kind, what in (
         (stamps.missing, "missing stamps", "without a stamp; left out"),
         (

@@ -5,7 +5,7 @@ their stamps tell when they were written. Row k is then at t_0 + (k + l) / rate.
 difference to the stamps in the file, and l the number of rows that were lost before row k: after a
 gap, stamps go on later by whole steps. Where they jump back, as a counter that wraps or a clock
 that is set, they go on by one step. A rate that the stamps contradict is refused.
-Neglected: a sensor whose rate changes; single rows that were lost within the jitter.
+Neglected: a sensor whose rate changes; rows that were lost within the jitter or a block of rows.
 """
 
 from __future__ import annotations
@@ -22,12 +22,18 @@ _WINDOW = 50
 """Rows beside a gap whose stamps tell how many rows were lost in it."""
 _SPREAD = (0.1, 0.9)
 """Quantiles between which most stamps beside a gap lie; rows lost move them by more."""
+_CATCH_UP = 1000
+"""Rows after a gap of which some are on time again where none was lost."""
+_EARLIEST = 0.02
+"""Quantile of the delays of rows that were not late."""
+_MOVED = 0.99
+"""Steps by which the delay of a row falls below that of the one before, if both share a stamp."""
 _MOST_GAPS = 0.1
 """Share of the steps that may be gaps."""
 _BACK = 10.0
 """Steps beyond which a stamp that is too early is of a clock that jumped back."""
 _ENDS = 10
-"""Share of the rows, as 1 / 10, whose median stamps at both ends tell a drift."""
+"""Share of the rows, as 1 / 10, whose stamps at both ends tell a drift."""
 
 
 def restamped(stamps: Stamps, rate: float, gap: float, where: str) -> tuple[Stamps, str]:
@@ -101,10 +107,18 @@ def _jumps(late: Array, far: Bools) -> Iterator[tuple[int, float, float]]:
 def _lost(late: Array, step: float, gap: float) -> tuple[Array, Stamps]:
     """Number of rows lost before each row, (k,), and the rows after a gap."""
     lost, found = np.zeros(len(late)), []
-    for place, change, spread in _jumps(late, np.diff(late) > (gap - 1.0) * step):
-        if change > max(spread, step / 2):  # else the rows only waited to be written
-            lost[place:] += np.rint(change / step)
-            found.append(place)
+    steps = np.diff(late)
+    far = steps > (gap - 1.0) * step
+    moved = np.flatnonzero(steps > -_MOVED * step)
+    if len(moved) and moved[-1] < len(steps) - 1:
+        far[moved[-1]] = False  # rows that share the last stamp do not tell whether they are late
+    for place, change, spread in _jumps(late, far):
+        if change > max(spread, step / 2):
+            usual = float(np.median(late[max(0, place - _WINDOW) : place]))
+            on_time = float(np.quantile(late[place : place + _CATCH_UP], _EARLIEST))
+            if on_time > usual + step / 2:  # else the rows only waited to be written
+                lost[place:] += np.rint(change / step)
+                found.append(place)
     return lost, np.array(found, np.int64)
 
 
@@ -115,7 +129,8 @@ def _refuse_other_rate(late: Array, known: Stamps, step: float, gap: float, wher
         LogError: If they do.
     """
     share = max(1, len(late) // _ENDS)
-    drift = float(np.median(late[-share:]) - np.median(late[:share]))
+    first, last = (float(np.quantile(one, _EARLIEST)) for one in (late[:share], late[-share:]))
+    drift = last - first
     span = float(np.median(known[-share:]) - np.median(known[:share]))
     if abs(drift) <= gap * step:
         return
