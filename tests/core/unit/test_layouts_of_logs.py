@@ -731,14 +731,17 @@ def test_names_in_the_encodings_of_windows_are_read(encoding: str, tmp_path: Pat
     assert (topic.channels[1].low, topic.channels[1].high) == (0.5, 6.5)
 
 
-def test_an_export_of_motive_says_what_its_columns_are(tmp_path: Path) -> None:
-    """Two columns without a name were taken for a line of numbers, and the file was not read."""
+@pytest.mark.parametrize("ids", [("A1", "B2"), ("1", "2")])
+def test_an_export_of_motive_says_what_its_columns_are(
+    ids: tuple[str, str], tmp_path: Path
+) -> None:
+    """Two columns without a name, or ids that are numbers, hid the line of names."""
     head = [
         "Format Version,1.23,Capture Frame Rate,100.0,Length Units,Meters",
         "",
         ",Type" + 8 * ",Rigid Body" + 4 * ",Marker",
         ",Name" + 8 * ",bird" + 4 * ",bird:1",
-        ",ID" + 8 * ",A1" + 4 * ",B2",
+        ",ID" + 8 * f",{ids[0]}" + 4 * f",{ids[1]}",
         "," + 4 * ",Rotation" + 3 * ",Position" + ",Error" + 3 * ",Position" + ",Quality",
         "Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,,X,Y,Z,",
     ]
@@ -747,8 +750,9 @@ def test_an_export_of_motive_says_what_its_columns_are(tmp_path: Path) -> None:
     seen = inspect_log(tmp_path / "log.csv")
     assert seen.topics[0].rows == 100 and seen.topics[0].rate == pytest.approx(100.0)
     (note,) = [one for one in seen.notes if one.startswith("the lines above")]
-    assert "X, Y, Z, W: 'Rigid Body bird A1 Rotation'" in note
-    assert "X.2, Y.2, Z.2: 'Marker bird:1 B2 Position'" in note
+    first, second = ("" if one.isdigit() else f" {one}" for one in ids)
+    assert f"X, Y, Z, W: 'Rigid Body bird{first} Rotation'" in note
+    assert f"X.2, Y.2, Z.2: 'Marker bird:1{second} Position'" in note
 
 
 def test_markers_above_an_export_of_vicon_are_told(tmp_path: Path) -> None:

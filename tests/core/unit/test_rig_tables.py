@@ -296,6 +296,15 @@ def test_names_of_time_of_other_kinds_are_read(head: str, unit: str, tmp_path: P
     assert template(tmp_path / "other.csv").splitlines()[0].endswith("{column: NAME, unit: s}")
 
 
+def test_a_column_named_ts_states_no_seconds(tmp_path: Path) -> None:
+    """It was read as t in s, and a mapping that says ms was told that the file states s."""
+    words = {"time": {"column": "ts", "unit": "ms"}, "channels": [{"column": "x", "unit": "1"}]}
+    found = imported(tmp_path, "ts,x\n" + "".join(f"{5 * k},{k % 7}\n" for k in range(99)), words)
+    assert not found.findings and found.duration == pytest.approx(0.49)
+    line = template(tmp_path / "log.csv").splitlines()[0]
+    assert line.startswith('time: {column: "ts", unit: s}  # ') and line.endswith("ms?")
+
+
 def test_a_doubted_unit_of_time_is_doubted_in_the_mapping_to_begin_from(tmp_path: Path) -> None:
     """It said `unit: s` of stamps in milliseconds, and only a finding above it asked."""
     (tmp_path / "log.csv").write_text(

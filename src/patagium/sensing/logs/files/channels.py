@@ -311,7 +311,7 @@ def _missing(topic: Topic, path: str, where: str) -> str:
     kind = f" ({topic.kind})" if topic.name else ""
     stems = {re.split(r"\.[^.]*$|\[[^\[]*$", name)[0] for name in topic.channels}
     closest = _closest(path, [*topic.channels, *sorted(stems)])
-    remedy = closest or f"; {topic.hint}" * bool(topic.hint)
+    remedy = closest + f"; {topic.hint}" * bool(topic.hint)
     return f"{where}: expected {path!r}, but {held}{kind} holds {_some(topic.channels)}{remedy}"
 
 

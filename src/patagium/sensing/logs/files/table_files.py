@@ -49,7 +49,7 @@ from patagium.sensing.logs.mapping import conversion
 
 _HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 TIME_NAME = re.compile(
-    r"^(time|t|x_value|timestamp|stamp|tout|clock|elapsed|(?=sec|milli|micro))"
+    r"^(time|ts?(?![a-zµ])|x_value|timestamp|stamp|tout|clock|elapsed|(?=sec|milli|micro))"
     r"(?:(?:[_ ]in[_ ]|[_ .(\[/]*)(s|secs?|seconds|ms|millis|us|usec|µs|micros|ns)\W?)?$"
 )
 _UNITS = {"millis": "ms", "us": "µs", "usec": "µs", "micros": "µs"}
@@ -303,8 +303,8 @@ _MOST_COLUMNS = 64
 def header_place(lines: Sequence[str]) -> int:
     """Place of the line of names among the first lines of a CSV text; 0 if no line is one.
 
-    Names have no number among them. The lines below have as many entries, and the next one, or
-    the one after a line of units, has about as many numbers as lines have further down. Lines
+    Names have no number among them. The lines below have as many entries, and the second or third
+    of them has about as many numbers as lines have further down: one alone may hold ids. Lines
     without empty names come first: a spreadsheet fills up the lines above with empty cells.
     """
     cells = {mark: [_cells(line, mark) for line in lines] for mark in (*_SEPARATORS, " ")}
@@ -319,7 +319,7 @@ def header_place(lines: Sequence[str]) -> int:
             numbers = [sum(map(_is_number, row)) for row in below]
             typical = numbers[len(numbers) // 2]
             alike = sum(len(row) == len(names) for row in below) >= _ALIKE * len(below)
-            if not alike or not typical or 2 * max(numbers[:2]) < typical:
+            if not alike or not typical or 2 * max(numbers[1:3] or numbers) < typical:
                 continue
             if numbers[0] or _units_below(below, len(names)) is not None:
                 return place
