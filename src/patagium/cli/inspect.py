@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -86,7 +87,8 @@ def inspect(
 
 def _mapping(found: Inspection, topics: Sequence[str]) -> str:
     """Mapping to begin from: forces and moments of the topics, or the last field, are outputs."""
-    rates = [one.rate for one in found.topics if one.name in topics and one.rate > 0]
+    chosen = [one for one in found.topics if one.name in topics]
+    rates = [one.rate for one in chosen if one.rate > 0]
     time = f"{{rate: {max(rates, default=100.0):.4g} Hz}}"
     if not found.topics[0].name:
         time = f"{{column: {json.dumps(found.topics[0].stamps)}}}"
@@ -94,24 +96,30 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
             time = '{restamp: "??? Hz"}  # rate of the rows: no column of the table is read as time'
             time += "; else {column: NAME, unit: s}"
     inputs, outputs = list[str](), list[str]()
-    for one in found.topics:
+    count = Counter(field.name for one in chosen for field in one.channels)
+    for one in chosen:
         place = "column"
         if one.name:
             place = f"topic: {json.dumps(one.name)}, field"
         if one.kind == "table" and one.name:  # some columns of a table, by their stamps
             other = one.stamps != found.topics[0].stamps
             place = f"stamp: {json.dumps(one.stamps)}, " * other + "column"
-        for field in one.channels if one.name in topics else ():
-            if not (field.name and field.low <= field.high):
-                continue  # an index, or a column without a number
+        for field in one.channels:
+            if re.fullmatch(r"(\.\d+)?", field.name) or not field.low <= field.high:
+                continue  # a column without a name or a number
             name = json.dumps(_UNIT.sub("", field.name) if one.kind == "table" else field.name)
-            unit = field.unit or ("s" if field.name == one.stamps else json.dumps("1"))
+            unit = field.unit if _si(field.unit) else ""
+            unit = unit or ("s" if field.name == one.stamps else "1")
+            unit = json.dumps(unit, ensure_ascii=False)
             text = f"{{{place}: {name}, unit: {unit}}}"
+            if count[field.name] > 1:
+                own = f"{one.name.strip('/').replace('/', ' ')} {field.name}"
+                text = f"{text[:-1]}, name: {json.dumps(own)}}}"
             if field.name == one.stamps:
                 text = f"{{column: {name}, unit: {unit}}}"
                 shared = f"{text[:-1]}, {time[1:]}" if "column" not in time else time
                 time = shared if one.name else text
-            elif _of_force(field.unit) or _FORCES.search(field.name):
+            elif _si(field.unit) in ("N", "N m") or _FORCES.search(field.name):
                 outputs.append(f"  - {text}")
             else:
                 inputs.append(f"  - {text}")
@@ -120,16 +128,17 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
     if inputs and not outputs:
         outputs = [inputs.pop()]
     time += "".join(f"  # {one.text}" for one in found.findings if one.kind == "unit of time")
-    lines = [f"time: {time}", "inputs:", *inputs, "outputs:", *outputs]
-    return "\n".join([*lines, ""])
+    roles = ["inputs:", *inputs, "outputs:", *outputs] if inputs else ["channels:", *outputs]
+    return "\n".join([f"time: {time}", *roles, ""])
 
 
-def _of_force(unit: str) -> bool:
+def _si(unit: str) -> str:
+    """SI unit of the same dimension; empty where a file states a unit that we do not know."""
     from patagium.sensing.logs.mapping import conversion
 
-    with suppress(LogError):  # a unit that the file states need not be one that we know
-        return conversion(unit, None, unit)[1] in ("N", "N m")
-    return False
+    with suppress(LogError):
+        return conversion(unit, None, unit)[1]
+    return ""
 
 
 _UNIT = re.compile(r"\s*\[(?!\d+\])[^\]]*\]$")

@@ -281,7 +281,7 @@ def test_the_mapping_to_begin_from_names_joints(recordings: Any, tmp_path: Path)
     with pytest.raises(SystemExit) as left:
         run(["inspect", str(bag), "--topic", "/joints", "-o", str(words)])
     assert left.value.code in (0, None)
-    assert 'field: "position[left_plunge]", unit: rad' in words.read_text("utf-8")
+    assert 'field: "position[left_plunge]", unit: "rad"' in words.read_text("utf-8")
     assert import_log(bag, words, tmp_path / "log.nc").samples > 10
     units = {name: unit_in_message("sensor_msgs/msg/JointState", name)
              for name in ("position[x]", "velocity[z]", "position[roll]")}  # fmt: skip

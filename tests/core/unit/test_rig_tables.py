@@ -173,11 +173,11 @@ def test_a_column_that_turns_to_text_is_no_end_of_the_table(tmp_path: Path) -> N
         imported(tmp_path, f"t,x,y\n{ROWS}{rows}", PLAIN)
 
 
-def template(path: Path) -> str:
+def template(path: Path, *words: str) -> str:
     """Mapping that `inspect` writes to begin from."""
     mapping = path.with_suffix(".yaml")
     with pytest.raises(SystemExit) as left:
-        run(["inspect", str(path), "-o", str(mapping)])
+        run(["inspect", str(path), *words, "-o", str(mapping)])
     assert left.value.code in (0, None)
     return mapping.read_text("utf-8")
 
@@ -291,7 +291,7 @@ def test_names_of_time_of_other_kinds_are_read(head: str, unit: str, tmp_path: P
         f"{head},gyro\n" + "".join(f"{k},{k % 3}\n" for k in range(9))
     )
     line = template(tmp_path / "log.csv").splitlines()[0]
-    assert line.startswith(f'time: {{column: "{head}", unit: {unit}}}')
+    assert line.startswith(f'time: {{column: "{head}", unit: "{unit}"}}')
     (tmp_path / "other.csv").write_text("zeit,millions,gyro\n1,1,1\n2,2,3\n3,3,4\n")
     assert template(tmp_path / "other.csv").splitlines()[0].endswith("{column: NAME, unit: s}")
 
@@ -302,7 +302,7 @@ def test_a_column_named_ts_states_no_seconds(tmp_path: Path) -> None:
     found = imported(tmp_path, "ts,x\n" + "".join(f"{5 * k},{k % 7}\n" for k in range(99)), words)
     assert not found.findings and found.duration == pytest.approx(0.49)
     line = template(tmp_path / "log.csv").splitlines()[0]
-    assert line.startswith('time: {column: "ts", unit: s}  # ') and line.endswith("ms?")
+    assert line.startswith('time: {column: "ts", unit: "s"}  # ') and line.endswith("ms?")
 
 
 def test_a_doubted_unit_of_time_is_doubted_in_the_mapping_to_begin_from(tmp_path: Path) -> None:
@@ -311,7 +311,7 @@ def test_a_doubted_unit_of_time_is_doubted_in_the_mapping_to_begin_from(tmp_path
         "timestamp,a\n" + "".join(f"{10 * k},{k}\n" for k in range(9))
     )
     line = template(tmp_path / "log.csv").splitlines()[0]
-    assert line.startswith('time: {column: "timestamp", unit: s}  # ') and line.endswith("ms?")
+    assert line.startswith('time: {column: "timestamp", unit: "s"}  # ') and line.endswith("ms?")
 
 
 @pytest.mark.parametrize(
@@ -353,6 +353,39 @@ def test_each_clock_of_a_file_has_its_own_unit(tmp_path: Path) -> None:
         np.testing.assert_allclose(log[name], wave(9 * log["time"]), atol=2e-3)  # linear between
 
 
+@pytest.mark.parametrize(
+    "head",
+    [
+        "Time (Seconds),a [%],b [#],c [?],d [on]",
+        "t,a [-],F [N]",
+        "t,x",
+        "t,x,,",
+        "Time (Seconds),a",
+    ],
+)
+def test_a_mapping_to_begin_from_is_no_mapping_that_is_refused(head: str, tmp_path: Path) -> None:
+    """Units that YAML reads otherwise or that are none, one column and one without a name."""
+    count = head.count(",")
+    rows = "".join(f"{0.01 * k}" + f",{np.sin(k)}" * count + "\n" for k in range(99))
+    (tmp_path / "log.csv").write_text(f"{head}\n{rows}")
+    template(tmp_path / "log.csv")
+    found = pt.import_log(tmp_path / "log.csv", tmp_path / "log.yaml", tmp_path / "out.nc")
+    assert found.samples == 99 and found.duration == pytest.approx(0.98)
+
+
+def test_columns_of_two_tables_have_names_of_their_own_in_the_mapping_to_begin_from(
+    tmp_path: Path,
+) -> None:
+    """Frame stands in both tables of an export of Vicon, and a name may be used once."""
+    plate = "Devices\n1000\nFrame,Fx\n,N\n" + "".join(f"{k},{np.sin(k)}\n" for k in range(400))
+    poses = "Trajectories\n100\nFrame,X\n,mm\n" + "".join(f"{k},{k}\n" for k in range(40))
+    (tmp_path / "log.csv").write_text(f"{plate}\n{poses}")
+    words = template(tmp_path / "log.csv", "--topic", "Devices", "--topic", "Trajectories")
+    assert 'field: "Frame", unit: "1", name: "Devices Frame"}' in words
+    found = pt.import_log(tmp_path / "log.csv", tmp_path / "log.yaml", tmp_path / "out.nc")
+    assert found.samples > 300
+
+
 def test_forces_in_any_unit_are_outputs_of_the_mapping_to_begin_from(tmp_path: Path) -> None:
     """Forces in mN, kN, gf or N cm were among the inputs."""
     units = ["mN", "kN", "gf", "lbf", "N cm", "mN m"]
@@ -360,7 +393,7 @@ def test_forces_in_any_unit_are_outputs_of_the_mapping_to_begin_from(tmp_path: P
     rows = "".join(f"{k},{np.sin(k)}" + f",{np.cos(k)}" * len(units) + "\n" for k in range(300))
     (tmp_path / "log.csv").write_text(f"t [ms],angle [deg],{head}\n{rows}")
     inputs, _, outputs = template(tmp_path / "log.csv").partition("outputs:")
-    assert "angle" in inputs and all(f"unit: {unit}}}" in outputs for unit in units)
+    assert "angle" in inputs and all(f'unit: "{unit}"}}' in outputs for unit in units)
 
 
 def test_a_constant_pose_tells_nothing_of_the_stamps(tmp_path: Path) -> None:
