@@ -175,6 +175,46 @@ def test_keys_of_json_may_hold_dots(tmp_path: Path) -> None:
     assert "no rows" in {one.kind for one in told.findings}
 
 
+def _joint_states(folder: Path, states: list[tuple[list[str], list[float]]]) -> Path:
+    """ROS 2 bag with one message every 10 ms on the topic `s`: names and positions of joints."""
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    make, kind, empty = store.types, "sensor_msgs/msg/JointState", np.zeros(0)
+    with Writer(folder, version=9) as writer:
+        connection = writer.add_connection("s", kind, typestore=store)
+        for k, (names, angles) in enumerate(states):
+            stamp = make["builtin_interfaces/msg/Time"](sec=1, nanosec=k * 10**7)
+            header = make["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+            state = make[kind](header, names, np.array(angles), velocity=empty, effort=empty)
+            writer.write(connection, k * 10**7, store.serialize_cdr(state, kind))
+    return folder
+
+
+@pytest.mark.parametrize("kind", ["bag", "mcap"])
+def test_parts_that_the_first_message_lacks_are_found_by_name(kind: str, tmp_path: Path) -> None:
+    """Frames and joints of the second of two publishers were refused, and `inspect` hid them."""
+    parts = [(["gripper"], [0.5]), (["left", "right"], [0.0, 0.1])] * 30
+    parts = [(names, [k * angle for angle in angles]) for k, (names, angles) in enumerate(parts)]
+    if kind == "bag":
+        path = _joint_states(tmp_path / "bag", parts)
+    else:
+        held = [{"name": names, "position": angles} for names, angles in parts]
+        path = _json_messages(tmp_path / "log.mcap", held)
+    seen = {one.name: topic.rows for topic in inspect_log(path).topics for one in topic.channels}
+    assert seen == {f"position[{name}]": 30 for name in ("gripper", "left", "right")}
+    right = {"topic": "s", "field": "position[right]", "unit": "rad", "name": "right"}
+    gripper = {**right, "field": "position[gripper]", "name": "gripper"}
+    for words in ({"channels": [right]}, {"channels": [right, gripper], "time": {"rate": "50 Hz"}}):
+        found = import_log(path, parse_mapping(words), tmp_path / f"{len(words)}.nc")
+        log, factors = load_log(found.path), {"right": 0.1, "gripper": 0.5}
+        times = log["time"].to_numpy() / 0.01 + 1.0  # the first stamp of both
+        assert found.samples >= 29
+        for name in factors.keys() & set(log):
+            np.testing.assert_allclose(log[name], factors[name] * times, atol=1e-6)
+
+
 @pytest.mark.parametrize("names", ["imu.x,u1.roll", "q.x,v.x,a.x,u1.x"])
 def test_a_table_of_raw_sensors_is_not_sent_to_stream(tmp_path: Path, names: str) -> None:
     """`import -o A.csv` of sensors recommended `stream`, which refuses them."""

@@ -3,7 +3,8 @@
 Numbers inside messages are named by dotted path, whatever library decoded the message. Paths are
 `pose.pose.position.x` or `position[2]`. Brackets also take a name: that of a joint where
 the message lists names beside its arrays, that of a frame or an id where the message holds parts
-(`transforms[base_link]`). All messages of a topic are expected to have the parts of its first one.
+(`transforms[base_link]`); those of the first messages of a topic are listed. All else of a message
+is expected to be as in the first one.
 Message definitions that a log lacks come from rosbags' collections, and a note says so. The parts
 of one recording are read as one log. Attachments and metadata of MCAP files are not read.
 """
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 import heapq
 import json
+import math
 import re
 from bz2 import BZ2Decompressor
 from collections import Counter, defaultdict
@@ -42,6 +44,8 @@ from patagium.sensing.logs.files.channels import (
 _STEP = re.compile(r"\.?([^.\[\]]+)|\[([^\]]*)\]")
 _MOST_ENTRIES = 64
 _MOST_PARTS = 16
+_FIRST = 200
+"""Messages of a topic among which names of parts are looked for."""
 _ROWS = 4096
 _NAMES = ("name", "names", "joint_names")
 _KEYS = ("child_frame_id", "name", "id")
@@ -67,8 +71,14 @@ class Message(NamedTuple):
     decode: Callable[[], Any]
 
 
-def message_topic(name: str, kind: str, count: int | None, decode: Callable[[], Any]) -> Topic:
-    """Topic of messages, described by its first message.
+def message_topic(
+    name: str,
+    kind: str,
+    count: int | None,
+    decode: Callable[[], Any],
+    known: Topic | None = None,
+) -> Topic:
+    """Topic of messages, described by its first message and the named parts of others.
 
     A message that cannot be decoded makes a topic with a `problem`, so that one damaged topic
     does not prevent the others from being read.
@@ -77,22 +87,29 @@ def message_topic(name: str, kind: str, count: int | None, decode: Callable[[], 
         name: Name of the topic.
         kind: Type of its messages.
         count: Number of messages, if known.
-        decode: Function that returns the decoded first message.
+        decode: Function that returns a decoded message.
+        known: The topic by the messages before it, which is returned if it cannot be decoded.
     """
     channels, aliases, unplaced = {}, {}, {}
+    if known is not None:
+        channels, aliases = dict(known.channels), dict(known.aliases)
+        unplaced = dict(known.unplaced)
     try:
         first = decode()
         for path, dtype, other in _leaves(first, "", None):
             if not dtype:
                 unplaced[path] = other
                 continue
-            channels[path] = Channel(path, dtype, unit_in_message(kind, path))
+            channels.setdefault(path, Channel(path, dtype, unit_in_message(kind, path)))
             if other:
-                aliases[other] = path
+                aliases.setdefault(other, path)
     except LogError as problem:
-        return unreadable_topic(name, kind, count, str(problem))
+        return known or unreadable_topic(name, kind, count, str(problem))
     except Exception as problem:  # decoders raise their own errors
-        return unreadable_topic(name, kind, count, f"cannot be decoded: {one_line(problem)}")
+        reason = f"cannot be decoded: {one_line(problem)}"
+        return known or unreadable_topic(name, kind, count, reason)
+    if known is not None:
+        return replace(known, channels=channels, aliases=aliases, unplaced=unplaced)
     stamp = _stamp(first, _stamp_path(first, list(channels)))
     base = StampSource("header" if stamp not in (None, 0) else "received")
     topic = Topic(name, kind, count, channels, base, stamped=stamp is not None)
@@ -104,7 +121,7 @@ def message_blocks(
 ) -> Iterator[Block]:
     """Requested rows in the order in which messages were received.
 
-    A message without a part that is requested by name makes no row.
+    A part that a message lacks is NaN; a message without any that is requested makes no row.
 
     Args:
         streams: Messages of each file of a recording, by the time they were received.
@@ -157,9 +174,12 @@ class _Rows:
         self._path: str | None = None
 
     def add(self, content: Any, received: int) -> None:
-        try:
-            values = [float(get(content)) for get in self.getters]
-        except (KeyError, IndexError):
+        values = [math.nan] * len(self.getters)
+        found = not values
+        for k, get in enumerate(self.getters):
+            with suppress(KeyError, IndexError):
+                values[k], found = float(get(content)), True
+        if not found:
             return
         self.stamps.append(self._stamp(content, received))
         self.values.append(values)
@@ -175,7 +195,9 @@ class _Rows:
         if kind == "received":
             return received
         if kind == "column":
-            return _as_stamp(getter(self.wanted.base.column)(content), self.wanted.base.factor)
+            with suppress(KeyError, IndexError):  # the stamp of a part that the message lacks
+                return _as_stamp(getter(self.wanted.base.column)(content), self.wanted.base.factor)
+            return NO_STAMP
         if self._path is None:
             self._path = _stamp_path(content, list(self.wanted.fields)) or ""
         stamp = _stamp(content, self._path)
@@ -548,13 +570,20 @@ class BagFile(LogFile):
         kind = held[0][1].msgtype
         count = sum(connection.msgcount for _, connection in held)
 
-        def first() -> Any:
-            for reader, connection in held:
-                for _, _, content in reader.messages(connections=[connection]):
-                    return self._decoder(connection)(content)
+        decoded = (
+            self._decoder(connection)(content)
+            for reader, connection in held
+            for _, _, content in islice(reader.messages(connections=[connection]), _FIRST)
+        )
+
+        def following() -> Any:
+            for content in decoded:
+                return content
             raise LogError(NO_MESSAGE)
 
-        topic = message_topic(name, kind, count, first)
+        topic, known = message_topic(name, kind, count, following), None
+        while topic.aliases and topic is not known:  # to the last message, or a damaged one
+            topic, known = message_topic(name, kind, count, following, topic), topic
         return replace(topic, count=0) if topic.problem == NO_MESSAGE else topic
 
     def _decoder(self, connection: Any) -> Any:
@@ -593,7 +622,7 @@ class McapFile(LogFile):
         self._decoders: dict[tuple[Any, ...], Callable[[bytes], Any]] = {}
         self._cut: set[Path] = set()
         with reading(self.path, self.format):
-            self.topics: dict[str, Topic] = self._look()
+            self.topics = self._look()
         for types in (self._types, self._old_types):
             for kind, named in sorted(types.borrowed.items()):
                 self.notes.append(f"no definition of {kind} in the file: that of {named} is used")
@@ -606,13 +635,16 @@ class McapFile(LogFile):
 
     def _look(self) -> dict[str, Topic]:
         counts: Counter[str] = Counter()
-        topics: dict[str, Topic] = {}
+        looked: Counter[str] = Counter()
+        self.topics = topics = dict[str, Topic]()
         for path in self._paths:
             for schema, channel, message in self._records(path, None, counts):
-                if channel.topic not in topics:
+                known = topics.get(channel.topic)
+                if known is None or (known.aliases and looked[channel.topic] < _FIRST):
                     kind = schema.name if schema is not None else channel.message_encoding
                     decode = partial(self._decoded, schema, channel, message)
-                    topics[channel.topic] = message_topic(channel.topic, kind, None, decode)
+                    looked[channel.topic] += 1
+                    topics[channel.topic] = message_topic(channel.topic, kind, None, decode, known)
         for name in counts:
             topics.setdefault(name, unreadable_topic(name, "", 0, NO_MESSAGE))
         return {name: replace(topics[name], count=counts[name]) for name in sorted(topics)}
@@ -622,8 +654,8 @@ class McapFile(LogFile):
     ) -> Iterator[tuple[Any, Any, Any]]:
         """Messages by the time they were logged, or as they come if the file has no index.
 
-        With `counts`, only the first message of each topic is read where the index states how
-        many there are.
+        With `counts`, only the first message of each topic, or the first ones if they have named
+        parts, are read where the index states how many there are.
         """
         from mcap.reader import SeekingReader
 
@@ -641,7 +673,10 @@ class McapFile(LogFile):
                 return
             for key, channel in summary.channels.items():
                 counts[channel.topic] += summary.statistics.channel_message_counts.get(key, 0)
-                yield from islice(reader.iter_messages(topics=[channel.topic]), 1)
+                for record in islice(reader.iter_messages(topics=[channel.topic]), _FIRST):
+                    yield record
+                    if not self.topics[channel.topic].aliases:
+                        break
 
     def _summary(self, path: Path, file: Any) -> Any:
         from mcap.exceptions import InvalidMagic

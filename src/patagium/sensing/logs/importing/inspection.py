@@ -232,7 +232,8 @@ def _parts(log: LogFile, topic: Topic) -> list[_Part]:
         for names in groups if len(groups) > 1 else ():
             kept = {*names, topic.base.column}
             held = {name: one for name, one in topic.channels.items() if name in kept}
-            parts.append(_Part(replace(topic, channels=held), names[0], filled=True))
+            label = names[0] if topic.kind == "table" else topic.name
+            parts.append(_Part(replace(topic, channels=held), label, filled=True))
         return parts or [whole]
     for place, rows in enumerate(lengths):
         held = {name: c for name, c in topic.channels.items() if c.rows == rows}

@@ -218,20 +218,22 @@ def _requests(
 
 
 def filled_in_turn(log: LogFile, wanted: Request, beside: Sequence[str] = ()) -> list[list[str]]:
-    """Columns of a table that are filled in the same rows; one list unless some skip rows.
+    """Columns that are filled in the same rows or messages; one list unless some skip rows.
 
     A column skips rows, and is not merely lost for a while, if most of its numbers in the first
     rows of the table have none in the row before. Where there are several lists, the log notes it.
 
     Args:
         log: The open log.
-        wanted: The table with its columns; one without a column of stamps has one list.
+        wanted: The table with its columns, or the messages with their named parts; a table
+            without a column of stamps has one list.
         beside: Columns all of which most rows of any column have, if that makes it one list.
     """
     fields = [name for name in wanted.fields if name != wanted.base.column]
     found: list[tuple[Bools, list[str]]] = []
-    skips, first = False, None
-    if log.topics[wanted.topic].kind == "table" and wanted.base.kind == "column" and fields:
+    skips, first, topic = False, None, log.topics[wanted.topic]
+    stamped = wanted.base.kind == "column" if topic.kind == "table" else bool(topic.aliases)
+    if stamped and fields:
         with suppress(LogError):  # of a column of text, which is told where it is read
             first = next(iter(log.blocks((wanted._replace(fields=tuple(fields)),))), None)
     if first is None:
