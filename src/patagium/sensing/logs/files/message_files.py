@@ -72,11 +72,7 @@ class Message(NamedTuple):
 
 
 def message_topic(
-    name: str,
-    kind: str,
-    count: int | None,
-    decode: Callable[[], Any],
-    known: Topic | None = None,
+    name: str, kind: str, count: int | None, decode: Callable[[], Any], known: Topic | None = None
 ) -> Topic:
     """Topic of messages, described by its first message and the named parts of others.
 
@@ -90,10 +86,8 @@ def message_topic(
         decode: Function that returns a decoded message.
         known: The topic by the messages before it, which is returned if it cannot be decoded.
     """
-    channels, aliases, unplaced = {}, {}, {}
-    if known is not None:
-        channels, aliases = dict(known.channels), dict(known.aliases)
-        unplaced = dict(known.unplaced)
+    held = known or unreadable_topic(name, kind, count, "")
+    channels, aliases, unplaced = dict(held.channels), dict(held.aliases), dict(held.unplaced)
     try:
         first = decode()
         for path, dtype, other in _leaves(first, "", None):
