@@ -252,6 +252,44 @@ def test_a_unit_that_is_mounted_otherwise_than_stated_is_said(
     assert any("off what the other sensors say" in one for one in notes) != upright
 
 
+@pytest.mark.parametrize("factor", [1.0, 0.1])
+def test_positions_in_another_unit_are_not_taken_for_jitter(
+    flight: xr.Dataset, *, factor: float
+) -> None:
+    """Stamps of cameras at 240 Hz were uncertain by 35 ms instead, without a warning."""
+    log = pt.sense(flight, SENSORS).without_truth()
+    seen = log["prime_x_13"]
+    seen = seen.assign(position=factor * seen["position"])
+    log = replace(log, readings={**log.readings, "prime_x_13": seen})
+    notes = json.loads(pt.estimate_motion(log).attrs["findings"])["notes"]
+    assert any("prime_x_13, position: its samples" in one for one in notes) == (factor != 1)
+
+
+@pytest.mark.parametrize(("factor", "stated"), [(1.0, 1.0), (1.0, 0.1), (1.2, 1.0)])
+def test_a_bias_that_takes_up_a_wrong_scale_is_said(factor: float, stated: float) -> None:
+    """The bias of a unit at rest took up a fifth of gravity, without a warning."""
+    text = "bodies: {body: {floating: true, mass: 1, shape: {type: box, size: [0.1, 0.06, 0.04]}}}"
+    robot, time = (
+        load_robot_text("name: ball\ngravity: 9.81\n" + text, "ball"),
+        np.arange(500) / 1e3,
+    )
+    parts = {name: (("time", "dof"), np.zeros((500, 6))) for name in "qva"}
+    facts = {"robot": robot.source, "robot_name": robot.name}
+    rest = xr.Dataset(parts, {"time": time, "dof": list(robot.dof_names)}, facts)
+    log = pt.sense(rest, [SENSORS[0], replace(SENSORS[2], dropout=0.0)]).without_truth()
+    shown = log["icm_42688_p"]
+    shown = shown.assign(specific_force=factor * shown["specific_force"])
+    unit = replace(SENSORS[0], accelerometer_bias=stated * SENSORS[0].accelerometer_bias)
+    log = replace(
+        log,
+        readings={**log.readings, "icm_42688_p": shown},
+        sensors={**log.sensors, "icm_42688_p": unit},
+    )
+    notes = json.loads(pt.estimate_motion(log).attrs["findings"])["notes"]
+    assert any("its bias is" in one for one in notes) == (factor != 1)
+    assert factor != 1 or not notes
+
+
 def test_a_unit_on_one_wing_of_a_held_robot_contradicts_nothing() -> None:
     """An inertial unit on one wing was compared with the other wing: a false alarm of 6 rad/s."""
     held = SLIDE.replace("parent: sled\n    ", "").replace("type: prismatic, axis: z", "axis: x")

@@ -99,7 +99,7 @@ def motion_and_force(
         else:
             continue
         for part, unit, std in white:
-            told = {"sensor": name, "part": part, "unit": unit, "std": std}
+            told = {"sensor": name, "part": part, "unit": unit, "std": std, "off": std}
             facts["noise"].append(told | _WHITE)
     found = inverse_dynamics_force(motion, joints=joints, mount=mount)
     unknown = ~motion["known"].values

@@ -56,7 +56,9 @@ from patagium.sensing.sensors import SensorLog, as_quaternion, from_quaternion
 UNKNOWN = (1e-1, 3e1, 3e2)
 """Least standard deviation of position [m, rad], rate and acceleration before any sample."""
 _APART = 5.0
-"""Noise of a part over that of its spectrum from which sensors contradict each other."""
+"""Distance from the motion over noise of the spectrum from which sensors contradict each other."""
+_BIAS = 1.0
+"""Least bias of an accelerometer that is doubted, a tenth of gravity [m/s^2]."""
 _MEMORY = 0.02
 """Time over which driving noise may have built up the initial rates [s]."""
 
@@ -474,9 +476,10 @@ def motion_findings(fitted: MotionFits) -> dict[str, Any]:
 
     Returns:
         `noise`: for each sensor and part its standard deviation, correlation from sample to
-        sample, jitter of stamps [s], share of samples with little weight, and mean square of
-        the residuals over what is expected, noise of its spectrum; `stretches`: times left out or
-        not known, with reasons; `notes`: assumptions about stamps, and sensors that contradict.
+        sample, jitter of stamps [s], distance from the motion by both, share of samples with
+        little weight, mean square of the residuals over what is expected, and noise of its
+        spectrum; `stretches`: times left out or not known, with reasons; `notes`: assumptions
+        about stamps, and sensors that contradict each other.
     """
     noise = [
         {"sensor": one.stream.name, **facts}
@@ -494,13 +497,22 @@ def motion_findings(fitted: MotionFits) -> dict[str, Any]:
     ]
     apart = [
         f"Warning: {one['sensor']}, {one['part']}: its samples scatter by {one['shown']:.2g} "
-        f"{one['unit']}, but are {one['std']:.2g} {one['unit']} off what the other sensors say: "
+        f"{one['unit']}, but are {one['off']:.2g} {one['unit']} off what the other sensors say: "
         "check clocks (pt.sensing.estimate_shifts), units, axes, and where the sensor sits and how"
         for one in noise
-        if one["shown"] is not None and one["std"] > _APART * max(one["shown"], FLOOR[one["part"]])
+        if one["shown"] is not None and one["off"] > _APART * max(one["shown"], FLOOR[one["part"]])
+    ]
+    biased = [
+        f"Warning: {one.stream.name}, specific force: its bias is {bias:.2g} m/s^2, where {std:.2g} "
+        "is expected: check units, axes, and where the unit and the cameras sit and how"
+        for fit in fitted.fits
+        for one in fit.samples
+        if (place := fit.biases.get(one.stream.name))
+        and (bias := np.abs(fit.spline.at(one.stream.time).levels[:, 0, place][:, :3]).max())
+        > max(_APART * (std := one.stream.model.bias_std[0]), _BIAS)
     ]
     return {
         "noise": noise,
         "stretches": [asdict(one) for one in fitted.stretches],
-        "notes": fitted.notes + floor + apart,
+        "notes": fitted.notes + floor + apart + biased,
     }

@@ -91,6 +91,7 @@ class Samples:
         color: Density of the noise at the frequencies of the motion over that of white noise,
             (parts,) [1].
         jitter: Variance of the stamps as each part shows it, (parts,) [s^2].
+        off: Mean square distance from the motion, by noise and jitter, (parts,) [square of unit].
         weight: Weight of each sample, (N, parts) [1].
         nis: Mean square of the residuals of each part over what is expected, (parts,) [1].
         least: Least standard deviation of each part, (parts,) [its unit].
@@ -102,6 +103,7 @@ class Samples:
     variance: Array = field(init=False)
     color: Array = field(init=False)
     jitter: Array = field(init=False)
+    off: Array = field(init=False)
     weight: Array = field(init=False)
     nis: Array = field(init=False)
     least: Array = field(init=False)
@@ -110,7 +112,7 @@ class Samples:
         count = len(self.stream.model.parts)
         self.variance = np.array(self.stream.model.variances, float)
         self.color = np.array([one.within(_FOLLOWED) for one in self.first])
-        self.jitter = np.zeros(count)
+        self.jitter, self.off = np.zeros(count), np.zeros(count)
         self.weight = np.ones((len(self.stream.time), count))
         self.nis = np.ones(count)
         self.least, coarse = np.zeros(count), self.stream.rounding
@@ -138,6 +140,7 @@ class Samples:
                 "std": float(np.sqrt(self.variance[place].mean())),
                 "correlation": self.first[k].correlation,
                 "jitter": float(np.sqrt(self.jitter[k])),
+                "off": float(np.sqrt(self.off[k])),
                 "doubted": float((self.weight[self.used, k] < 0.5).mean()),
                 "nis": float(self.nis[k]),
                 "shown": shown if np.isfinite(shown := self.first[k].slowest) else None,
@@ -211,6 +214,7 @@ def _learn_part(
         least *= _EXACT ** np.clip(4.0 * (0.8 - follows), 0.0, 1.0)
     one.variance[place] = np.maximum(base * factor, least**2)
     one.jitter[k] = jitter
+    one.off[k] = one.variance[place].mean() + jitter * rate[valid].mean()
     if robust:
         size = np.maximum(valid.sum(axis=1), 1)
         far = (np.where(valid, square, 0.0)).sum(axis=1)
