@@ -504,7 +504,7 @@ def motion_findings(fitted: MotionFits) -> dict[str, Any]:
     ]
     biased = [
         f"Warning: {one.stream.name}, specific force: its bias is {bias:.2g} m/s^2, where "
-        f"{std:.2g} is stated: check units, axes, and where the unit and the cameras sit and how"
+        f"{std:.2g} is expected: check units, axes, and where the unit and the cameras sit and how"
         for fit in fitted.fits
         for one in fit.samples
         if (place := fit.biases.get(one.stream.name))
