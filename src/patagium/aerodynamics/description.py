@@ -32,7 +32,7 @@ _ON_MODEL: dict[str, type[OnModel]] = {kind.name: kind for kind in (Inflow, Lear
 
 def innermost(description: dict[str, Any]) -> dict[str, Any]:
     """Description of the model that others are put on, within that of the outermost."""
-    while "of" in description:
+    while isinstance(description.get("of"), dict):
         description = description["of"]
     return description
 

@@ -7,7 +7,6 @@ drawn from points, a flight from its Dataset, without perspective and hidden sur
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, cast
@@ -16,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arrays import Array, real_array
-from patagium.errors import FlightError, ParameterError, ShapeError
+from patagium.errors import FlightError, ParameterError, ShapeError, finite
+from patagium.reading import made_again, parsed_json
 from patagium.report.page import draw
 from patagium.report.style import TRUTH, color, dash, envelope, legend_above, panels, styled, width
 from patagium.whole_file import write_whole
@@ -465,9 +465,14 @@ def off_reference(flight: Any) -> Array:
 
 
 def events_of(flight: Any) -> list[tuple[float, str]]:
-    """Time [s] and words of each event of a closed loop; none of another flight."""
-    events = json.loads(flight.attrs.get("events", "[]"))
-    return [(one["time"], one["words"]) for one in events]
+    """Time [s] and words of each event of a closed loop; none of another flight.
+
+    Raises:
+        FlightError: If the flight's events cannot be read.
+    """
+    with made_again("the flight's events", FlightError):
+        events = parsed_json(flight.attrs.get("events", "[]"), "events")
+        return [(finite("time", one["time"]), str(one["words"])) for one in events]
 
 
 def unwound(angle: Array) -> Array:

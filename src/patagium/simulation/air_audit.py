@@ -9,7 +9,6 @@ changes with time, and coefficients within fast reversals.
 
 from __future__ import annotations
 
-import json
 import re
 
 import numpy as np
@@ -20,9 +19,11 @@ from patagium.aerodynamics.inflow import Inflow
 from patagium.aerodynamics.smooth_functions import SWITCH_SPEED
 from patagium.aerodynamics.wind_shear import WindShear
 from patagium.dynamics.dynamics import poses_at
+from patagium.errors import FlightError
+from patagium.reading import made_again
 from patagium.robot import Robot
 from patagium.simulation.cycles import air_velocity
-from patagium.simulation.flight import aero_of
+from patagium.simulation.flight import aero_of, aero_words
 
 LARGEST_COEFFICIENT = 4.0
 """Force on a strip over area and dynamic pressure that no section reaches [1]."""
@@ -45,12 +46,14 @@ def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[
         beats: Samples of whole wingbeats, ends included; None where the gait has no period.
     """
     told = str(flight.attrs.get("aero", "{}"))
-    described = innermost(json.loads(told))
-    if not robot.strips or not isinstance(described.get("air"), dict):
+    air = innermost(aero_words(flight)).get("air")
+    if not robot.strips or not isinstance(air, dict):
         return []
+    with made_again("the flight's air", FlightError):
+        ground = air.get("ground")
+        density, ground = float(air["density"]), ground and float(ground)
     found = [] if beats is None else _power(flight, beats)
-    found += _coefficient(robot, flight, described["air"]["density"]) + _downwash(flight)
-    ground = described["air"].get("ground")
+    found += _coefficient(robot, flight, density) + _downwash(flight)
     if ground is None and f'"{WindShear.name}"' in told:
         ground = 0.0
     if f'"{Inflow.name}"' in told:

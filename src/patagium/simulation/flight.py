@@ -28,7 +28,7 @@ from patagium.aerodynamics.description import aero_from_description
 from patagium.arguments import checked, of_kind
 from patagium.arrays import Array, rising
 from patagium.dynamics.dynamics import poses_at
-from patagium.errors import FlightError, LogError, Outcome, ParameterError
+from patagium.errors import FlightError, LogError, Outcome, ParameterError, positive
 from patagium.netcdf_file import kind_of, loaded_dataset, netcdf_content, write_netcdf
 from patagium.reading import json_object, json_ready, made_again, parsed_json
 from patagium.robot import Robot, load_robot_text
@@ -365,7 +365,17 @@ def aero_of(flight: xr.Dataset) -> Aerodynamics:
     robot = robot_of(flight)
     _require(flight, ("aero",))
     with made_again("the flight's air", FlightError):
-        return aero_from_description(robot, json_object(flight.attrs["aero"], "aero"))
+        return aero_from_description(robot, aero_words(flight))
+
+
+def aero_words(flight: xr.Dataset) -> dict[str, Any]:
+    """Description of a flight's aerodynamic model; empty where it carries none.
+
+    Raises:
+        FlightError: If it is no description.
+    """
+    with made_again("the flight's air", FlightError):
+        return json_object(flight.attrs.get("aero", "{}"), "aero")
 
 
 def air_of(flight: xr.Dataset) -> Air:
@@ -413,11 +423,11 @@ def described_gait(gait: Gait) -> dict[str, Any]:
 
 def _period(gait: Mapping[str, Any]) -> float | None:
     if gait.get("period"):
-        return float(gait["period"])
+        return positive("period", gait["period"])
     if gait.get("frequency"):
-        return 1.0 / float(gait["frequency"])
+        return positive("period", 1.0 / gait["frequency"])
     if "time" in gait:
-        return float(gait["time"][-1] - gait["time"][0])
+        return positive("period", gait["time"][-1] - gait["time"][0])
     return max((p for p in map(_period, gait.get("parts", ())) if p), default=None)
 
 

@@ -6,7 +6,6 @@ happened in between; a mean hides a loop.
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
@@ -17,12 +16,21 @@ from patagium.aerodynamics.description import innermost
 from patagium.aerodynamics.smooth_functions import SWITCH_SPEED
 from patagium.arrays import Array
 from patagium.dynamics.dynamics import poses_at
+from patagium.errors import FlightError
+from patagium.reading import json_object, made_again
 from patagium.robot import Robot
 from patagium.robot.model import CAPACITIES, capacity_units
 from patagium.robot.planform import poses
 from patagium.simulation.air_audit import air_findings
 from patagium.simulation.cycles import air_force, air_velocity
-from patagium.simulation.flight import WINGBEATS, air_of, flying_mass, gait_period, robot_of
+from patagium.simulation.flight import (
+    WINGBEATS,
+    aero_words,
+    air_of,
+    flying_mass,
+    gait_period,
+    robot_of,
+)
 
 TUMBLE = np.radians(80.0)
 """Roll or pitch from which on a robot tumbles [rad]."""
@@ -85,7 +93,7 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
         `held_samples`: samples at which the last command was held; `warnings`: sentences.
 
     Raises:
-        FlightError: If the flight does not carry its robot.
+        FlightError: If the flight does not carry its robot, or its attributes cannot be read.
     """
     robot, time, beat = robot_of(flight), flight["time"].to_numpy(), gait_period(flight)
     steered = flight[WINGBEATS].to_numpy() if WINGBEATS in flight else None
@@ -104,8 +112,12 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
         "joint_power": float((work[-1] - work[0]) / span) if span else 0.0,
     }
     facts |= _of_body(robot, flight, chosen)
-    warnings, held = [], json.loads(flight.attrs.get("held", "null"))
-    if held is not None:
+    warnings: list[str] = []
+    with made_again("the flight's held commands and audit", FlightError):
+        told = json_object(flight.attrs.get("held", "{}"), "held")
+        held = {cause: int(count) for cause, count in told.items()}
+        audit, step = (float(flight.attrs.get(k, 0.0)) for k in ("energy_audit", "time_step"))
+    if "held" in flight.attrs:
         facts["held_samples"] = sum(held.values())
     if "speed" in facts and flight.attrs.get("mount") == "free":
         warnings = _warnings(facts, judged=bool(weight) and (not beat or beats > 0))
@@ -116,11 +128,10 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
             )
     warnings += _hover(robot, flight.isel(time=chosen))
     warnings += _hinge(robot, flight.isel(time=chosen))
-    audit = flight.attrs.get("energy_audit", 0.0)
     if audit > UNEXPLAINED:
         warnings.append(
             f"Its energy audit is {audit:.2g}, a share of energy that no work explains: "
-            f"fly with steps shorter than {flight.attrs['time_step']:.3g} s."
+            f"fly with steps shorter than {step:.3g} s."
         )
     if held:
         causes = ", ".join(f"{count} {cause}" for cause, count in sorted(held.items()))
@@ -196,7 +207,7 @@ def _warnings(facts: dict[str, Any], judged: bool) -> list[str]:
 
 def _hover(robot: Robot, flight: xr.Dataset) -> list[str]:
     """Warning about wings that hover in a model of the air without inflow."""
-    told = flight.attrs.get("aero", "{}")
+    told = str(flight.attrs.get("aero", "{}"))
     if not flight.sizes["strip"] or '"model"' not in told or f'"{Inflow.name}"' in told:
         return []
     fastest = float(flight["strip_airspeed"].to_numpy().mean(axis=0).max())
@@ -224,7 +235,7 @@ def hinged_strips(robot: Robot) -> list[int]:
 
 def _hinge(robot: Robot, flight: xr.Dataset) -> list[str]:
     """Sentence about a wing that turns by itself far beyond attached flow."""
-    air = innermost(json.loads(flight.attrs.get("aero", "{}")))
+    air = innermost(aero_words(flight))
     if air.get("model") != QuasiSteady.name or air.get("force_point") == "moving":
         return []
     incidence = np.abs(flight["angle_of_attack"].to_numpy()).mean(axis=0)

@@ -6,11 +6,10 @@ between them; how far that errs at the wing tips is computed and said on it. The
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -32,7 +31,7 @@ from patagium.robot.planform import strip_corners
 from patagium.robot.solids import Solid, carried_body, solids, tube, wing_tips
 from patagium.sensing import training_data
 from patagium.simulation import air_of, carrier_of, gait_period, robot_of
-from patagium.simulation.flight import Carrier
+from patagium.simulation.flight import Carrier, aero_words
 from patagium.viewer.predicted_forces import Frames, Predicted, Prediction, predict_flight
 
 
@@ -421,7 +420,7 @@ def _chosen(robot: Robot, force: Array) -> list[str]:
 
 
 def _subtitle(flight: xr.Dataset, robot: Robot, time: Array, period: float | None) -> str:
-    air: Mapping[str, Any] = json.loads(flight.attrs.get("aero", "{}"))
+    air = aero_words(flight)
     beat = [] if period is None else [f"{1 / period:.3g} wingbeats a second"]
     model = [str(air["model"]).replace("_", " ")] if "model" in air else []
     return " · ".join([robot.name, *beat, f"{time[-1] - time[0]:.4g} s", *model])

@@ -18,6 +18,8 @@ from patagium.errors import FlightError, LogError
 from patagium.live.packets import flight_packets
 from patagium.netcdf_file import write_netcdf
 from patagium.simulation import aero_of, robot_of
+from patagium.simulation.flight_summary import flight_summary
+from patagium.viewer.replay import replay_content
 
 
 @pytest.fixture(scope="module")
@@ -222,3 +224,35 @@ def test_a_dataset_that_is_no_flight_is_refused(flight):
     for other in (xr.Dataset(), xr.Dataset({"a": ("x", [1, 2])}), flight.drop_vars("time")):
         with pytest.raises((FlightError, LogError)):
             pt.identify(other)
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "words"),
+    [
+        ("events", '[{"time": 0.1}]', "events cannot be made again: KeyError"),
+        ("events", '{"a": 1}', "events cannot be made again: TypeError"),
+        ("events", '[{"time": NaN, "words": "a gust"}]', "time: expected a finite number"),
+        ("held", "x", "held: line 1, column 1: expected JSON"),
+        ("held", '{"no answer": "x"}', "held commands and audit cannot"),
+        ("energy_audit", "x", "held commands and audit cannot"),
+        ("aero", "x", "air cannot be made again: aero: line 1"),
+        ("aero", '{"of": 3, "air": {"density": "x"}}', "air cannot be made again"),
+        ("gait", '{"frequency": NaN}', "period: expected a positive number, found nan"),
+        ("gait", '{"frequency": Infinity}', "period: expected a positive number, found 0.0"),
+        ("gait", '{"frequency": -4.9}', "period: expected a positive number, found -0.2"),
+        ("gait", '{"parts": [{"period": -1}, {"period": 1}]}', "a positive number, found -1"),
+    ],
+)
+def test_attributes_that_were_changed_are_refused_with_a_sentence(flight, key, text, words):
+    """Each ended in a traceback, or was taken: a negative period by the summary."""
+    changed = flight.assign_attrs({key: text})
+    readers = {"events": [replay_content], "gait": [replay_content, flight_summary]}
+    for use in readers.get(key, [flight_summary]):
+        with pytest.raises(FlightError, match=f"the flight.*{words}"):
+            use(changed)
+
+
+def test_a_page_of_a_flight_whose_air_is_no_description_is_refused(flight):
+    """It ended in a traceback."""
+    with pytest.raises(FlightError, match="the flight's air cannot be made again"):
+        replay_content(flight.assign_attrs(aero="x"))
