@@ -100,8 +100,8 @@ def real_array(name: str, values: Any, shape: tuple[int | str, ...] | None = Non
 
     Args:
         name: The argument.
-        values: Numbers in any nesting; no text, dates, complex or masked numbers, which NumPy
-            would turn into other numbers without a word.
+        values: Numbers in any nesting; no text, dates, complex or masked numbers, nor True in a
+            list, which NumPy would turn into other numbers without a word.
         shape: Shape that is expected, "N" first where any length will do; None: any.
 
     Raises:
@@ -115,6 +115,7 @@ def real_array(name: str, values: Any, shape: tuple[int | str, ...] | None = Non
             odd = f"an array of {found.dtype}" if found.ndim else f"a {type(values).__name__}"
             odd = "" if _of_reals(found) else odd
             kind = "masked numbers" if np.ma.is_masked(values) else odd
+            kind = "True or False" if _holds_flag(values) else kind
             found = found if kind else found.astype(np.float64)
         except (ValueError, TypeError, OverflowError, RuntimeError) as problem:  # 33 dimensions too
             kind = str(problem)[:200] or type(problem).__name__
@@ -126,6 +127,11 @@ def real_array(name: str, values: Any, shape: tuple[int | str, ...] | None = Non
         if found.shape[first:] != shape[first:]:
             raise ShapeError(name, shape, found.shape)
     return np.asarray(found)
+
+
+def _holds_flag(values: Any) -> bool:
+    listed = isinstance(values, list | tuple)
+    return any(map(_holds_flag, values)) if listed else isinstance(values, bool)
 
 
 def _of_reals(array: Any) -> bool:

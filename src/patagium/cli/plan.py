@@ -12,8 +12,8 @@ from typing import Annotated, Any, Literal, Self, TypeAlias, Union
 import xarray as xr
 
 from pydantic import (  # isort: skip
-    AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo,
-    create_model, model_validator,
+    AfterValidator, BaseModel, ConfigDict, Field, StrictBool, StrictInt,
+    ValidationError, ValidationInfo, create_model, model_validator,
 )  # fmt: skip
 from patagium.aerodynamics import QuasiSteady
 from patagium.arguments import Progress
@@ -136,7 +136,7 @@ class ControllerPart(_Part):
     type: Literal["predictive", "regulator", "averaged"] = "predictive"
     commands: Parameters = ()
     tolerable: States = {}
-    learn: bool = False
+    learn: StrictBool = False
 
     def check(self, robot: Robot) -> None:
         """Refuse a tolerable size that is not positive."""
@@ -199,7 +199,7 @@ class SensorsPart(_Part):
 
 _TYPES: dict[str, Any] = {
     **dict.fromkeys(("time", "length_time"), Duration),
-    **{"velocity": Velocity, "mass": Mass, "share": PureNumber, "stays": bool},
+    **{"velocity": Velocity, "mass": Mass, "share": PureNumber, "stays": StrictBool},
     "position": tuple[Length, Length, Length] | None,
     "factors": dict[str, PureNumber],
     "value": Annotated[Any, AfterValidator(_in_si)],
@@ -248,7 +248,7 @@ class Plan(_Part):
     events: tuple[EventPart, ...] | None = None
     duration: Annotated[Duration, Field(gt=0)] | None = None
     time_step: Annotated[Duration, Field(gt=0)] = 1e-4
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[StrictInt, Field(ge=0)] = 0
 
 
 def load_plan(name_or_path: str | Path) -> Plan:

@@ -273,13 +273,13 @@ def _model(words: Mapping[str, Any]) -> Model:
     noise = words["measurement_std"]
     return Model(
         network,
-        np.array(words["weights"], float),
+        real_array("weights", words["weights"]),
         None if covariance is None else _unpacked(network, covariance),
-        None if noise is None else np.array(noise, float),
+        None if noise is None else real_array("measurement_std", noise),
         None if inputs is None else tuple(inputs),
         dict(words["learner"]),
         str(words["source"]),
-        None if usual is None else np.array(usual, float),
+        None if usual is None else real_array("usual_std", usual),
     )
 
 

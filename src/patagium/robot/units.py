@@ -74,8 +74,8 @@ def in_si(written: object, unit: str, noun: str, most: float = TURN) -> float:
     if label:
         value *= _factor(label, unit, expected, shown(written))
     if not abs(value) <= LARGEST:
-        finite = f"a finite {expected}" if not math.isfinite(value) else expected
-        raise UnitMismatch(f"{finite}, below {LARGEST:g}", shown(written))
+        finite = "finite and " * (not math.isfinite(value))
+        raise UnitMismatch(f"{expected}, {finite}below {LARGEST:g}", shown(written))
     if unit == "rad" and not label and abs(value) > most:
         seen = f"{value:g}, which is {spoken(unit, value)} without a unit"
         raise UnitMismatch(expected, f"{seen}; write '{value:g} deg' or '{value:g} rad'")

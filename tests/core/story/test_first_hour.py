@@ -164,7 +164,7 @@ def test_a_mapping_to_begin_from_imports_arrays_with_clocks_of_their_own(
     savemat("rig.mat", {"unit": unit, "cell": {"t": slow, "fz": np.cos(9 * slow)}})
     topics = "--topic 'table of 600 rows' --topic 'table of 240 rows'"
     last = _said(f"inspect rig.mat {topics} -o map.yaml", capsys).splitlines()[-1]
-    assert load_mapping("map.yaml").time.rate == "500 Hz"
+    assert load_mapping("map.yaml").time.rate == 500.0
     _said(f"{last.partition('then patagium ')[2]} -o log.nc", capsys)
     log = pt.load_log("log.nc")
     for name, wave in (("unit.gyro", np.sin), ("cell.fz", np.cos)):

@@ -101,6 +101,8 @@ def test_a_glider_holds_its_glide(tmp_path, capsys):
         ("regulator", "regulatr", "line 5, .*did you mean regulator"),
         ("missing: 0.02", "parts: [{type: as560}]", "line 6, .*did you mean as5600"),
         ("seed: 3", "seed: -3", "line 16, seed"),
+        ("seed: 3", "seed: true", "line 16, seed: expected a whole number, found True"),  # was 1
+        ("seed: 3", "seed: '1'", "line 16, seed: expected a whole number, found '1'"),
         ("density: 1.19 kg/m^3", "air: lifting_line", "line 4, .*did you mean lifting-line"),
         ("type: regulator", "type: regulator, learn: often", "line 5, controller.learn"),
         ("speed: 6 m/s", "speed: fast", "line 3, trim.speed: .*a speed"),

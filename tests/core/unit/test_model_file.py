@@ -186,6 +186,25 @@ def test_files_that_are_no_models(tmp_path: Path, text: str, message: str) -> No
         load_model(tmp_path / "model.json")
 
 
+@pytest.mark.parametrize("key", ["weights", "measurement_std"])
+@pytest.mark.parametrize("odd", [True, "1"])
+def test_only_numbers_of_a_model_are_numbers(
+    tmp_path: Path, rng: np.random.Generator, key: str, odd: Any
+) -> None:
+    """True and the text '1' were taken for 1."""
+    words = json.loads(save_model(tmp_path / "model.json", taught(rng)).read_text())
+    words[key][0] = odd
+    (tmp_path / "model.json").write_text(json.dumps(words))
+    with pytest.raises(LogError, match=f"{key}: expected real numbers"):
+        load_model(tmp_path / "model.json")
+
+
+def test_a_wind_of_true_is_refused() -> None:
+    """A list of True and numbers is one of numbers to NumPy: it was a wind of 1 m/s."""
+    with pytest.raises(ParameterError, match="wind: expected "):
+        pt.Air(wind=(True, 0.0, 0.0))
+
+
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"none\.json: .*found no such file"):
         load_model(tmp_path / "none.json")

@@ -1,4 +1,5 @@
 import gzip
+from math import inf, nan
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +125,39 @@ def test_a_header_with_another_unit_is_told(tmp_path: Path) -> None:
 def test_a_mapping_that_does_not_fit_is_refused(change: dict[str, Any], message: str) -> None:
     with pytest.raises(LogError, match=message):
         parse_mapping({**WORDS, **change})
+
+
+FINITE = "finite and below 1e.30, found"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"air": {"density": inf}}, f"^m: air.density: .*{FINITE} inf"),
+        ({"air": {"density": True}}, "^m: air.density: expected a pure number .*found True"),
+        ({"air": {"wind": [nan, 0, 0]}}, f"^m: air.wind.0: .*{FINITE} nan"),
+        ({"gap": inf}, f"^m: gap: .*{FINITE} inf"),
+        ({"time": {"rate": True}}, "^m: time.rate: expected a frequency .*found True"),
+        ({"time": {"restamp": {"t": True}}}, "(?m)^m: time.restamp.t: .*found True"),
+        ({"offset": nan}, f"^m: outputs.0.offset: .*{FINITE} nan"),
+        ({"offset": True}, "^m: outputs.0.offset: expected a pure number .*found True"),
+        ({"range": [3, inf]}, f"^m: outputs.0.range.1: .*{FINITE} inf"),
+        ({"range": [True, 5]}, "^m: outputs.0.range.0: .*found True"),
+        ({"negated": "yes"}, "^m: outputs.0.negated: expected true or false, found 'yes'"),
+    ],
+)
+def test_numbers_of_a_mapping_are_finite_and_no_flags(change: dict[str, Any], message: str) -> None:
+    """An infinite gap was a traceback, a density of inf was kept, a true offset subtracted 1."""
+    if not {*change} & {"air", "gap", "time"}:
+        change = {"outputs": [{"column": "acc", "unit": "deg", **change}]}
+    with pytest.raises(LogError, match=message):
+        parse_mapping({**WORDS, **change}, "m")
+
+
+def test_numbers_of_a_mapping_may_have_a_power_of_ten() -> None:
+    """YAML takes 1e-3 for text."""
+    column = {"column": "acc", "unit": "deg", "offset": "1e-3"}
+    assert parse_mapping({**WORDS, "outputs": [column]}).outputs[0].offset == 1e-3
 
 
 def test_mapping_files(tmp_path: Path) -> None:

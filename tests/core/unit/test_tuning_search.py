@@ -322,6 +322,14 @@ def test_settings_written_by_hand_make_a_learner_and_come_back(tmp_path: Path) -
             "noise_estimation: expected none, or",
         ),
         (SETTINGS, "a: b: c", "expected readable YAML"),
+        # true was taken for 1
+        ("every: 10", "every: true", "every: expected a whole number, found True"),
+        ("[3]", "[true, 4]", "network.hidden.0: expected a whole number, found True"),
+        (": 0.5", ": 0.5, seed: true", "learner.seed: expected a whole number, found True"),
+        (": 0.5", ": true", "prior_std: expected real numbers, found 'True or False'"),
+        ("0.1, 0.2", "true, 0.2", "measurement_std: expected real numbers, found 'True"),
+        (": 0.5", ": 0.5, process_std: true", "process_std: expected real numbers"),
+        (": 0.5", ": 0.5, forgetting_factor: true", "forgetting_factor: expected real numbers"),
     ],
 )
 def test_broken_settings_are_refused_with_their_place(

@@ -8,10 +8,10 @@ from the flight or table that is learned.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, PositiveInt, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, StrictInt, ValidationError, model_validator
 
 from patagium.arguments import checked
 from patagium.errors import ParameterError
@@ -24,6 +24,7 @@ from patagium.limits import YAML_TEXT
 from patagium.reading import parsed_yaml, refused, text_of
 from patagium.whole_file import write_whole
 
+Count: TypeAlias = Annotated[StrictInt, Field(gt=0)]
 _HEAD = """\
 # Settings of a learner, found by `patagium tune`; taken by
 #   patagium identify FILE --settings THIS_FILE
@@ -44,7 +45,7 @@ class NetworkSettings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     kind: str
-    hidden: tuple[PositiveInt, ...]
+    hidden: tuple[Count, ...]
     activation: Literal["softplus", "tanh"] | None = None
     options: dict[str, Any] = Field(default_factory=dict)
 
@@ -78,7 +79,7 @@ class LearnerSettings(BaseModel):
     model_config = ConfigDict(extra="allow", frozen=True)
 
     kind: Literal["cubature", "extended"] = "extended"
-    seed: int = 0
+    seed: StrictInt = 0
 
     @model_validator(mode="after")
     def _known(self) -> LearnerSettings:
@@ -113,7 +114,7 @@ class Settings(BaseModel):
 
     format: Literal["patagium settings 1"] = "patagium settings 1"
     flight: str = ""
-    every: PositiveInt
+    every: Count
     network: NetworkSettings
     learner: LearnerSettings
     prediction: Annotated[dict[str, Any], Field(default_factory=dict)]

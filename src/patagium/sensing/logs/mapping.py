@@ -10,13 +10,21 @@ import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    StrictBool,
+    StrictInt,
+    ValidationError,
+    model_validator,
+)
 
 from patagium.arguments import checked
 from patagium.errors import LogError, shown
 from patagium.limits import YAML_TEXT
 from patagium.reading import beside, parsed_yaml, refused, text_of
-from patagium.robot.units import pint_units, unit_for_pint, written_as_unit
+from patagium.robot.units import Frequency, PureNumber, pint_units, unit_for_pint, written_as_unit
 from patagium.sensing.logs.axes import AXES_WORDS, axes_of
 
 _DERIVED = {
@@ -42,7 +50,7 @@ class TimeColumn(_Words):
         unit: Unit of the stamps, a time; that which the file states, or s, if left out.
         base: Stamps of messages: those in their `header`, or the times at which they were
             `received`; None takes the header's where there is one.
-        rate: Rate of the common time base, such as "200 Hz".
+        rate: Rate of the common time base, such as "200 Hz" [Hz].
         like: Topic whose stamps are the common time base.
         start: Time from the first sample before which samples are left out [s].
         end: Time from the first sample after which samples are left out [s].
@@ -56,12 +64,12 @@ class TimeColumn(_Words):
     column: str = ""
     unit: str | None = None
     base: Literal["header", "received"] | None = None
-    rate: str | float | None = None
+    rate: Frequency | None = None
     like: str | None = None
-    start: float | None = None
-    end: float | None = None
+    start: PureNumber | None = None
+    end: PureNumber | None = None
     duplicates: Literal["keep-first", "keep-last"] | None = None
-    restamp: str | float | dict[str, str | float] | None = None
+    restamp: Frequency | dict[str, Frequency] | None = None
 
     @model_validator(mode="after")
     def _one_base(self) -> TimeColumn:
@@ -106,13 +114,13 @@ class ValueColumn(_Words):
     name: str = ""
     unit: str
     as_unit: str | None = Field(default=None, alias="as")
-    offset: float | tuple[float, float, float] = 0.0
-    negated: bool = False
-    range: tuple[float, float] | None = None
+    offset: PureNumber | tuple[PureNumber, PureNumber, PureNumber] = 0.0
+    negated: StrictBool = False
+    range: tuple[PureNumber, PureNumber] | None = None
     frame: str | None = None
     body: str | None = None
     order: Literal["wxyz", "xyzw", "rpy", "rotvec", "matrix"] | None = None
-    inverted: bool = False
+    inverted: StrictBool = False
 
     @model_validator(mode="before")
     @classmethod
@@ -184,8 +192,8 @@ class AirWords(_Words):
         wind: Wind velocity in our world axes, (3,) [m/s].
     """
 
-    density: Annotated[float, Field(gt=0.0)] = 1.225
-    wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    density: Annotated[PureNumber, Field(gt=0.0)] = 1.225
+    wind: tuple[PureNumber, PureNumber, PureNumber] = (0.0, 0.0, 0.0)
 
 
 class TableMapping(_Words):
@@ -212,8 +220,8 @@ class TableMapping(_Words):
     channels: tuple[ValueColumn, ...] = ()
     robot: str | None = None
     air: AirWords = AirWords()
-    gap: Annotated[float, Field(gt=1.0)] = 3.0
-    skip_rows: Annotated[int, Field(ge=0)] | None = None
+    gap: Annotated[PureNumber, Field(gt=1.0)] = 3.0
+    skip_rows: Annotated[StrictInt, Field(ge=0)] | None = None
 
     @model_validator(mode="after")
     def _distinct(self) -> TableMapping:

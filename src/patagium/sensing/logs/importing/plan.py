@@ -94,7 +94,7 @@ class Quantity:
             return attitude_in_ours(
                 scaled, self.order, _axes(words.frame), _axes(words.body), inverted=words.inverted
             )
-        values = (raw - words.offset) * (-self.factor if words.negated else self.factor)
+        values: Array = (raw - words.offset) * (-self.factor if words.negated else self.factor)
         return values if words.frame is None else values @ _axes(words.frame).T
 
     def bounds(self) -> list[tuple[float, float]]:
@@ -259,25 +259,19 @@ def filled_in_turn(log: LogFile, wanted: Request, beside: Sequence[str] = ()) ->
     return [names for _, names in found]
 
 
-def rate_of(rate: str | float, where: str) -> float:
-    """Rate in hertz.
+def rate_of(rate: float, where: str) -> float:
+    """Rate in hertz, checked.
 
     Args:
-        rate: Text such as "200 Hz", or a number [Hz].
+        rate: The rate [Hz].
         where: Place in the mapping, for messages.
 
     Raises:
         LogError: If it is no rate above 0 and below 10 MHz.
     """
-    from patagium.robot.units import UnitMismatch, in_si
-
-    try:
-        found = rate if isinstance(rate, int | float) else in_si(str(rate), "Hz", "a rate")
-    except UnitMismatch as problem:
-        raise LogError(f"{where}: {problem}") from None
-    if not 0 < found < 1e7:
-        raise LogError(f"{where}: expected a rate such as 200 Hz, found {rate!r}")
-    return float(found)
+    if not 0 < rate < 1e7:
+        raise LogError(f"{where}: expected a rate such as 200 Hz, found {rate:g} Hz")
+    return rate
 
 
 def _restamp_rates(
@@ -293,10 +287,10 @@ def _restamp_rates(
         return (None,) * len(names)
     if not isinstance(given, dict):
         if len(names) > 1:
-            example = ", ".join(f"{name}: {given}" for name in names)
+            example = ", ".join(f"{name}: {given:g} Hz" for name in names)
             raise LogError(
                 f"{where}: expected a rate for each stream, such as {{{example}}}, "
-                f"found {given!r} for {len(names)} streams"
+                f"found {given:g} Hz for {len(names)} streams"
             )
         return (rate_of(given, where),)
     unknown = [key for key in given if key not in names]
