@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from patagium.cli.options import OUTPUT, PredictedOption, output_file
-from patagium.cli.words import existing
+from patagium.cli.words import existing, model_for
 from patagium.errors import LogError
 
 EXAMPLES = (
@@ -30,13 +30,13 @@ def export(
     Each quantity over time is a topic with the names of its numbers and its unit; the bodies of
     the robot are frames in the world.
     """
-    from patagium.learning import evaluate, load_model
+    from patagium.learning import evaluate
     from patagium.netcdf_file import loaded_dataset
     from patagium.viewer.export import export as write
 
     record = loaded_dataset(existing(file), LogError, "a record over time")
     if model is not None:
-        found = evaluate(record, load_model(model)).prediction
+        found = evaluate(record, model_for(model, record)).prediction
         names = found["output"].to_numpy().astype(str)
         for name in ("measurement", "prediction"):
             values = found[name].to_numpy()

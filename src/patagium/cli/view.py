@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from patagium.cli.options import OUTPUT, PredictedOption, option_in, output_file
-from patagium.cli.words import FLIGHT, existing, flight_file, progress_bar, say_next
+from patagium.cli.words import FLIGHT, existing, flight_file, model_for, progress_bar, say_next
 from patagium.errors import LogError, ParameterError, command
 
 if TYPE_CHECKING:
@@ -90,7 +90,8 @@ def view(
         if value is not None and (still or film):
             raise ParameterError(name, f"none with {'--still' if still else '--film'}", value)
     with progress_bar(f"Reading {flight.name}"):
-        shown, predicted = _flight(flight), _predicted(model, predictions)
+        shown = _flight(flight)
+    predicted = _predicted(model, predictions, shown)
     if still is not None:
         with progress_bar("Drawing"):
             save_figure(draw_still(shown, at, predicted=predicted), still)
@@ -129,10 +130,11 @@ def _flight(file: Path) -> xr.Dataset:
     raise LogError(f"{file}: expected a motion, which `{motion}` finds, found sensors alone")
 
 
-def _predicted(model: Path | None, predictions: Path | None) -> Predicted | None:
-    from patagium.learning.model_file import load_model
+def _predicted(
+    model: Path | None, predictions: Path | None, flight: xr.Dataset
+) -> Predicted | None:
     from patagium.learning.result import load_identification
 
     if model is not None:
-        return load_model(existing(model))
+        return model_for(model, flight)
     return None if predictions is None else load_identification(existing(predictions))

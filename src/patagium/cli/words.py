@@ -19,6 +19,9 @@ from patagium.limits import TURN
 from patagium.reading import json_ready, regular_file
 
 if TYPE_CHECKING:
+    import xarray as xr
+
+    from patagium.learning.model_file import Model
     from patagium.report import Table
 
 
@@ -244,6 +247,17 @@ def show_table(table: Table, *, err: bool = False) -> None:
 
 
 existing = regular_file
+
+
+def model_for(path: Path, flight: xr.Dataset) -> Model:
+    """Learned model of a file; what it did not learn of a flight goes to stderr."""
+    from patagium.learning.model_file import load_model
+    from patagium.learning.samples import in_flight
+
+    model = load_model(existing(path))
+    for words in in_flight(model, flight)[1]:
+        typer.echo(words, err=True)
+    return model
 
 
 def flight_file(path: Path) -> Path:

@@ -8,6 +8,7 @@ for straight between. Neglected: correlation between the errors of several force
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -44,6 +45,7 @@ class Prediction:
         words: Way of prediction, in words.
         std: Standard deviation of the generalized force, with measurement noise, (F, k)
             [N, N m]; None where it is not known.
+        notes: Sentences about what the model did not learn of this flight.
     """
 
     names: tuple[str, ...]
@@ -51,6 +53,7 @@ class Prediction:
     strips: Array | None
     words: str
     std: Array | None = None
+    notes: Sequence[str] = ()
 
 
 def predict_flight(
@@ -59,7 +62,7 @@ def predict_flight(
     """Predicted forces of a flight.
 
     Args:
-        flight: Record with q, v, a, u1.
+        flight: Record with q, v, a, u1 and aero_force.
         robot: Its machine.
         predicted: A learner or model, or the identification of this very flight.
         frames: Indices of the samples that are shown, (F,).
@@ -70,7 +73,7 @@ def predict_flight(
     """
     if not isinstance(predicted, Identification):
         return _from_model(flight, robot, predicted, frames)
-    kept = _from_identification(flight, predicted, frames)
+    kept = _from_identification(flight, robot, predicted, frames)
     if not isinstance(getattr(predicted.learner, "network", None), _WINGED):
         return kept
     strips = _from_model(flight, robot, predicted.learner, frames).strips
@@ -80,7 +83,26 @@ def predict_flight(
     return replace(kept, strips=strips, words=words)
 
 
-def _from_identification(flight: xr.Dataset, result: Identification, frames: Frames) -> Prediction:
+def _check_forces(flight: xr.Dataset, robot: Robot, result: Identification) -> None:
+    """Refuse an identification whose measured forces are not those of a flight."""
+    record, known = result.prediction, {*robot.dof_names}
+    names = [str(name) for name in record["output"].values]
+    if other := [name for name in names if name not in known]:
+        expected = f"forces of coordinates of {robot.name}"
+        raise LogError(f"predictions: expected {expected}, found {', '.join(other)}")
+    if {*result.scores.get("parameter_value", ())} & {*robot.parameter_names}:
+        return  # the forces are those by other numbers of the robot
+    parts = [flight[name] for name in ("aero_force", "added_mass_force") if name in flight]
+    measured = record["measurement"].transpose("time", "output").values
+    sums = np.cumsum([one.transpose("time", "dof").sel(dof=names).values for one in parts], axis=0)
+    errors = [np.linalg.norm(np.nan_to_num(measured - one)) for one in sums]
+    if min(errors) > 1e-3 * np.linalg.norm(np.nan_to_num(measured)) + 1e-9:  # N, N m: rounding
+        raise LogError("predictions: expected those of this flight, found other measured forces")
+
+
+def _from_identification(
+    flight: xr.Dataset, robot: Robot, result: Identification, frames: Frames
+) -> Prediction:
     record = result.prediction
     time = np.asarray(flight["time"].values, float)
     found = np.asarray(record["time"].values, float)
@@ -88,6 +110,7 @@ def _from_identification(flight: xr.Dataset, result: Identification, frames: Fra
         span = f"{time.size} samples over {time[-1] - time[0]:g} s"
         other = f"{found.size} samples over {found[-1] - found[0]:g} s"
         raise LogError(f"predictions: expected those of this flight ({span}), found {other}")
+    _check_forces(flight, robot, result)
     names = tuple(str(name) for name in record["output"].values)
     values = np.asarray(record["prediction"].transpose("time", "output").values, float)[frames]
     checks = np.asarray(record["check_time"].values, float)
@@ -106,7 +129,7 @@ def _interpolate(known: Array, values: Array, time: Array) -> Array | None:
 def _from_model(flight: xr.Dataset, robot: Robot, model: Trained, frames: Frames) -> Prediction:
     if isinstance(model.network, _WINGED):
         _check_strips(model.network, robot)
-    model, _ = in_flight(model, flight)
+    model, notes = in_flight(model, flight)
     network = model.network
     inputs = model.inputs if isinstance(model, Model) else None
     if isinstance(network, StripNetwork):
@@ -119,6 +142,7 @@ def _from_model(flight: xr.Dataset, robot: Robot, model: Trained, frames: Frames
         _strip_forces(network, robot, seen, model.weights),
         "by the learned model",
         _model_std(model, network, seen, time[frames]),
+        notes,
     )
 
 

@@ -279,7 +279,7 @@ def replay_content(
             *_NOTES,
             *_wind(shown),
             *([] if arm is None else [_ARM]),
-            *([] if prediction is None else [f"Predicted: {prediction.words}."]),
+            *([] if prediction is None else [f"Predicted: {prediction.words}.", *prediction.notes]),
             *([] if prediction is None or prediction.std is None else [_SURE]),
         ],
     )
