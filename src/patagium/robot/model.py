@@ -471,6 +471,8 @@ class Robot:
             if value < 0 and name.rpartition(".")[2] in _NEVER_NEGATIVE:
                 raise ParameterError(name, "a quantity that is not negative", value)
         for body in changed.bodies:
+            if not values.get(name := f"{body.name}.mass", 1.0) and any(body.inertia):
+                raise ParameterError(name, "a mass above 0 of a body with inertia", body.mass)
             own = [name for name in values if name.startswith(f"{body.name}.inertia.")]
             if own and not is_physical(body.tensor, _EXCESS):
                 found = {

@@ -96,6 +96,17 @@ def test_an_impossible_inertia_among_the_parameters_is_refused(changed):
         load_robot_text(f"{robot.source}\nparameters:\n{block}\n")
 
 
+def test_a_mass_of_zero_with_inertia_among_the_parameters_is_refused():
+    """It was taken; the same body with `mass: 0 g` in `bodies` is refused."""
+    robot, expected = pt.load_robot("ornithopter"), "body.mass: expected a mass above 0"
+    with pytest.raises(ParameterError, match=expected):
+        robot.with_parameters({"body.mass": 0.0})
+    with pytest.raises(RobotFileError, match=rf"line \d+, parameters.{expected}"):
+        load_robot_text(f"{robot.source}\nparameters: {{body.mass: 0}}\n")
+    none = {f"body.inertia.{axis}": 0.0 for axis in ("xx", "yy", "zz", "xy", "xz", "yz")}
+    assert robot.with_parameters({"body.mass": 0.0} | none).bodies[0].mass == 0.0
+
+
 def test_an_inertia_may_change_as_a_whole():
     """One of these moments alone breaks the triangle inequality of a plate, and not by a bit."""
     robot = pt.load_robot("ornithopter")
