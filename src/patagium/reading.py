@@ -349,7 +349,7 @@ def _fault(error: Any, model: Any) -> tuple[str, str, str]:
     if said:  # of a validator of our own
         return ".".join(filter(None, (where, said[1]))), said[2], said[3]
     words = _EXPECTED.get(kind, error["msg"].removeprefix("Value error, "))
-    words = words.removeprefix("Input should be ").replace("greater", "a number greater", 1)
+    words = re.sub("^(greater|less)", r"a number \1", words.removeprefix("Input should be "))
     found = [f for k in parts for name, f in _fields(k) if loc and loc[-1] in (name, f.alias)]
     example = next((str(one) for f in found for one in f.examples or ()), "")
     if kind == "missing":

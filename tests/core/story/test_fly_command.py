@@ -200,7 +200,7 @@ def test_a_plan_asks_for_a_model_that_relearns(tmp_path):
         ("std: {z:", "std: {zz:", "line 6, sensors.std"),
         ("missing: 0.02", "missing: 1.5", "line 6, sensors.missing"),
         ("missing: 0.02", "delay: -1 s", "line 6, sensors.delay"),
-        ("masses: 0.02", "masses: 0.5", "line 4, truth.masses: expected less than 0.3"),
+        ("masses: 0.02", "masses: 0.5", "line 4, truth.masses: expected a number less than 0.3"),
         ("density: 1.19 kg/m^3", "density: -1", "line 4, truth.density"),
         ("lift_amplitude: 0.97", "lift: 0.97", "factors"),
         ("duration: 0.8 s", "duration: -1 s", "line 14, duration"),

@@ -137,7 +137,12 @@ FINITE = "finite and below 1e.30, found"
         ({"air": {"density": True}}, "^m: air.density: expected a pure number .*found True"),
         ({"air": {"wind": [nan, 0, 0]}}, f"^m: air.wind.0: .*{FINITE} nan"),
         ({"gap": inf}, f"^m: gap: .*{FINITE} inf"),
-        ({"time": {"rate": True}}, "^m: time.rate: expected a frequency .*found True"),
+        ({"time": {"rate": True}}, "^m: time.rate: expected a rate such as .*found True"),
+        (
+            {"time": {"rate": "0 Hz"}},
+            "^m: time.rate: expected a number greater than 0, ",
+        ),
+        ({"time": {"rate": 1e7}}, "^m: time.rate: expected a number less than 10000000, found"),
         ({"time": {"restamp": {"t": True}}}, "(?m)^m: time.restamp.t: .*found True"),
         ({"offset": nan}, f"^m: outputs.0.offset: .*{FINITE} nan"),
         ({"offset": True}, "^m: outputs.0.offset: expected a pure number .*found True"),

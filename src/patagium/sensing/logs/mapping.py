@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import (
     BaseModel,
@@ -24,7 +24,13 @@ from patagium.arguments import checked
 from patagium.errors import LogError, shown
 from patagium.limits import YAML_TEXT
 from patagium.reading import beside, parsed_yaml, refused, text_of
-from patagium.robot.units import Frequency, PureNumber, pint_units, unit_for_pint, written_as_unit
+from patagium.robot.units import (
+    PureNumber,
+    pint_units,
+    quantity_type,
+    unit_for_pint,
+    written_as_unit,
+)
 from patagium.sensing.logs.axes import AXES_WORDS, axes_of
 
 _DERIVED = {
@@ -36,6 +42,8 @@ _DERIVED = {
 """Usual names of the SI units of mechanics."""
 _COUNTED = re.compile(r"(?:(?=[\d.]*[1-9])(\d*\.?\d+(?:[eE][-+]?\d{1,2})?)\s+)?(.*)", re.DOTALL)
 """A number that is not zero, where there is one, and a unit."""
+_Rate: TypeAlias = quantity_type("Hz", "a rate")  # type: ignore[valid-type]
+Rate: TypeAlias = Annotated[_Rate, Field(gt=0.0, lt=1e7)]
 
 
 class _Words(BaseModel):
@@ -64,12 +72,12 @@ class TimeColumn(_Words):
     column: str = ""
     unit: str | None = None
     base: Literal["header", "received"] | None = None
-    rate: Frequency | None = None
+    rate: Rate | None = None
     like: str | None = None
     start: PureNumber | None = None
     end: PureNumber | None = None
     duplicates: Literal["keep-first", "keep-last"] | None = None
-    restamp: Frequency | dict[str, Frequency] | None = None
+    restamp: Rate | dict[str, Rate] | None = None
 
     @model_validator(mode="after")
     def _one_base(self) -> TimeColumn:

@@ -259,28 +259,13 @@ def filled_in_turn(log: LogFile, wanted: Request, beside: Sequence[str] = ()) ->
     return [names for _, names in found]
 
 
-def rate_of(rate: float, where: str) -> float:
-    """Rate in hertz, checked.
-
-    Args:
-        rate: The rate [Hz].
-        where: Place in the mapping, for messages.
-
-    Raises:
-        LogError: If it is no rate above 0 and below 10 MHz.
-    """
-    if not 0 < rate < 1e7:
-        raise LogError(f"{where}: expected a rate such as 200 Hz, found {rate:g} Hz")
-    return rate
-
-
 def _restamp_rates(
     mapping: TableMapping, names: list[str], source: str
 ) -> tuple[float | None, ...]:
     """Rate at which each stream is restamped [Hz]; None for those that keep their stamps.
 
     Raises:
-        LogError: If a rate is none, or it is not clear which stream it is of.
+        LogError: If it is not clear which stream a rate is of.
     """
     given, where = mapping.time.restamp, f"{source}: time.restamp"
     if given is None:
@@ -292,14 +277,13 @@ def _restamp_rates(
                 f"{where}: expected a rate for each stream, such as {{{example}}}, "
                 f"found {given:g} Hz for {len(names)} streams"
             )
-        return (rate_of(given, where),)
+        return (given,)
     unknown = [key for key in given if key not in names]
     if unknown:
         raise LogError(
             f"{where}: expected names of streams ({', '.join(names)}), found {unknown[0]!r}"
         )
-    rates = {name: rate_of(rate, where) for name, rate in given.items()}
-    return tuple(rates.get(name) for name in names)
+    return tuple(given.get(name) for name in names)
 
 
 def variable_name(label: str) -> str:

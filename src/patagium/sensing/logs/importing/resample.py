@@ -29,7 +29,7 @@ from patagium.sensing.logs.importing.findings import (
     StreamSurvey,
     survey_streams,
 )
-from patagium.sensing.logs.importing.plan import Plan, Quantity, rate_of
+from patagium.sensing.logs.importing.plan import Plan, Quantity
 from patagium.sensing.logs.importing.restamp import restamped
 from patagium.sensing.logs.mapping import TableMapping
 
@@ -201,7 +201,7 @@ def time_base(spool: Spool, mapping: TableMapping, source: str) -> TimeBase:
         end = min(end, origin + round(time.end * SECOND))
     stream = _stream(plan, mapping, used, source, spool)
     if stream is None:
-        rate = rate_of(time.rate or 0.0, f"{source}: time.rate")
+        rate = float(time.rate or 0.0)
         alike = [k for k in used if abs(rate * spool.surveys[k].stamps.median - 1) < _OWN_RATE]
         if alike:  # between samples of that rate, interpolation would smooth their noise
             stamps = spool.stamps_of(max(alike, key=lambda k: begins[used.index(k)]))
