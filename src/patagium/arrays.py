@@ -75,6 +75,19 @@ def usual_step(times: Array) -> float:
     return float(steps[np.abs(steps / np.median(steps) - 1) <= 0.5].mean())
 
 
+def find_gaps(time: Any, factor: float = 3.0) -> Indices:
+    """Index of the first sample after each gap, (n_gaps,).
+
+    Args:
+        time: Increasing times, (N,) [s].
+        factor: Length from which a step is a gap, in median steps.
+    """
+    steps = np.diff(np.asarray(time, float))
+    if not len(steps):
+        return np.empty(0, np.int64)
+    return np.flatnonzero(steps > factor * np.median(steps)) + 1
+
+
 def selected(kept: Any, count: int) -> Indices:
     """Indices of selected samples, in order.
 

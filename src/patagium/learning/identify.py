@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from patagium.arguments import Progress, checked
-from patagium.arrays import Array, Bools, usual_step
+from patagium.arrays import Array, Bools, find_gaps, usual_step
 from patagium.errors import LogError, Outcome, ParameterError
 from patagium.learning.default_learner import choices, chosen_every, default_learner, table_every
 from patagium.learning.filters.misfit import unseen
@@ -43,7 +43,7 @@ from patagium.learning.table_network import scaling_samples
 from patagium.learning.verdict import frozen_scores, with_verdict
 from patagium.learning.what_if import what_if
 from patagium.sensing.force.measured_force import ForceSamples
-from patagium.sensing.logs.table import LogTable, find_gaps
+from patagium.sensing.logs.table import LogTable
 from patagium.simulation import gait_period, robot_of
 from patagium.simulation.flight import MASS
 

@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.arguments import Progress
-from patagium.arrays import usual_step
+from patagium.arrays import find_gaps, usual_step
 from patagium.errors import LogError, Outcome, OutputError
 from patagium.learning.default_learner import choices, default_learner, table_every
 from patagium.learning.forecast import ForecastSums, Horizons, named_horizons
@@ -38,7 +38,6 @@ from patagium.learning.stream import (
 from patagium.learning.table_network import scaling_samples
 from patagium.learning.verdict import Block, frozen_scores, with_verdict
 from patagium.sensing.logs.record import LogRecord
-from patagium.sensing.logs.table import find_gaps
 from patagium.whole_file import write_whole
 
 LONG = 1_000_000

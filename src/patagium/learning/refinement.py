@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
 
 from patagium.arguments import checked
-from patagium.arrays import Array
+from patagium.arrays import Array, find_gaps
 from patagium.errors import FilterDiverged, Outcome
 from patagium.learning.filters.weight_covariance import block_covariance
 from patagium.learning.learners.filter_learner import FilterLearner
@@ -27,7 +27,6 @@ from patagium.learning.models.memory import network_inputs
 from patagium.learning.samples import samples, stds
 from patagium.learning.stream import Samples, checked_samples, used_samples
 from patagium.sensing.force.measured_force import ForceSamples
-from patagium.sensing.logs.table import find_gaps
 
 _CLOSE = 0.01  # steps shorter than that, in deviations, are the last
 _MOST_ROUNDS, _HALVINGS = 20, 8

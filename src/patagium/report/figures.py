@@ -219,12 +219,12 @@ def curves(
     """
     along = np.asarray(x, float)
     figure, axes = _grid(1, 1, height=3.0)
-    few = {"marker": "o"} if along.size < 12 else {}
+    marker = "o" if along.size < 12 else ""
     row = real_array("expected", expected, along.shape)
-    _curve(axes[0], along, row, "expected", color=TRUTH, **few)
+    axes[0].plot(along, row, label="expected", color=TRUTH, marker=marker)
     for i, (name, values) in enumerate(found.items()):
         row = real_array(name, values, along.shape)
-        _curve(axes[0], along, row, name, color=color(i), linestyle=dash(i), **few)
+        axes[0].plot(along, row, label=name, color=color(i), linestyle=dash(i), marker=marker)
     axes[0].set(xlabel=abscissa, ylabel=ordinate)
     legend_above(figure, axes[0])
     return figure
@@ -257,8 +257,7 @@ def _curve(panel: Axes, time: Array, values: Array, label: str, **look: Any) -> 
 
 
 def _band(panel: Axes, time: Array, middle: Array, half_width: Array) -> None:
-    step = max(1, time.size // 1600)
-    t, m, w = time[::step], middle[::step], half_width[::step]
+    t, m, w = envelope(time, middle, half_width)
     panel.fill_between(
         t, m - w, m + w, color="#b9c4cf", alpha=0.6, linewidth=0, label="predicted 95 % interval"
     )

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.arrays import Array
+from patagium.arrays import Array, find_gaps
 from patagium.errors import ParameterError, ShapeError
 from patagium.report.page import SMALLEST_LETTERS
 
@@ -197,17 +197,18 @@ def legend_columns(labels: Sequence[str]) -> int:
 _HANDLE, _LETTER = 0.65, 0.075  # inches of a legend's key and of a wide letter
 
 
-def envelope(time: Array, values: Array) -> tuple[Array, Array]:
-    """A long signal thinned for drawing, its peaks kept.
+def envelope(time: Array, values: Array, *others: Array) -> tuple[Array, ...]:
+    """A long signal thinned for drawing, its peaks and its gaps kept.
 
     Each run of samples gives its smallest and its largest, in the order they came.
 
     Args:
         time: Abscissa, (N,) [s].
         values: Signal, (N,), in any unit of its own.
+        others: Signals thinned at the same times, (N,), each in any unit of its own.
 
     Returns:
-        Thinned abscissa and signal, the same arrays when they are short.
+        Thinned abscissa and signals, with a row of NaN in each gap of the abscissa.
 
     Raises:
         ShapeError: If the two differ in length.
@@ -215,16 +216,16 @@ def envelope(time: Array, values: Array) -> tuple[Array, Array]:
     time, values = np.asarray(time, float), np.asarray(values, float)
     if time.shape != values.shape or time.ndim != 1:
         raise ShapeError("values", time.shape, values.shape)
-    if time.size <= _DRAWN:
-        return time, values
-    run = -(-2 * time.size // _DRAWN)
-    start = np.arange(0, time.size, run)
-    room = start.size * run - time.size
-    blocks = np.pad(values, (0, room), constant_values=np.nan).reshape(-1, run)
-    finite = np.where(np.isfinite(blocks), blocks, np.inf)
-    low = finite.argmin(axis=1)
-    finite[np.isinf(finite)] = -np.inf
-    high = finite.argmax(axis=1)
-    ends = np.sort(np.stack([start + low, start + high]), axis=0)
-    index = np.concatenate([ends.T.ravel(), [time.size - 1]])
-    return time[index], values[index]
+    index = np.arange(time.size)
+    if time.size > _DRAWN:
+        run = -(-2 * time.size // _DRAWN)
+        start = index[::run]
+        room = start.size * run - time.size
+        blocks = np.pad(values, (0, room), constant_values=np.nan).reshape(-1, run)
+        finite = np.where(np.isfinite(blocks), blocks, np.inf)
+        low = finite.argmin(axis=1)
+        finite[np.isinf(finite)] = -np.inf
+        ends = np.sort(np.stack([low, finite.argmax(axis=1)]), axis=0) + start
+        index = np.concatenate([ends.T.ravel(), index[-1:]])
+    cuts = np.searchsorted(index, find_gaps(time))
+    return tuple(np.insert(one[index], cuts, np.nan) for one in (time, values, *others))

@@ -197,6 +197,24 @@ def test_envelope_of_a_signal_that_broke_down_keeps_what_was() -> None:
     assert np.nanmax(short) >= 4_990.0
 
 
+@pytest.mark.parametrize("size", [1_000, 20_000])
+def test_nothing_is_drawn_over_a_gap_in_time(size: int) -> None:
+    """Curves and bands went straight over it, as if truth and estimate agreed there."""
+    time = np.linspace(0.0, 10.0, size)
+    time = time[(time < 4.0) | (time > 5.5)]
+    truth = np.sin(time)
+    figure = figures.comparison(
+        time, truth, {"strip": truth}, names=["x"], units=["N"], std=np.full(time.size, 0.1)
+    )
+    (panel,) = figure.axes
+    drawn = [line.get_xydata() for line in panel.get_lines()]
+    for points in drawn:
+        before, after = np.split(points, np.flatnonzero(np.isnan(points[:, 0])))
+        assert 3.9 < before[-1, 0] < 4.0 and 5.5 < after[1, 0] < 5.6
+    bands = [path.vertices[:, 0] for path in panel.collections[0].get_paths()]
+    assert len(bands) == 2 and bands[0].max() < 4.0 and bands[1].min() > 5.5
+
+
 def lines_of(panel: object) -> list[str]:
     return [line.get_label() for line in panel.get_lines()]  # type: ignore[attr-defined]
 

@@ -21,7 +21,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.arguments import Progress, checked
-from patagium.arrays import brief
+from patagium.arrays import brief, find_gaps
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.learners.registry import LEARNERS, make_learner
 from patagium.learning.models.memory import measured_inputs
@@ -43,7 +43,7 @@ from patagium.learning.tuning.search import (
 )
 from patagium.learning.tuning.settings_file import LearnerSettings, NetworkSettings, Settings
 from patagium.learning.wingbeats import duration
-from patagium.sensing.logs.table import LogTable, find_gaps
+from patagium.sensing.logs.table import LogTable
 from patagium.simulation import air_of
 from patagium.version import __version__
 from patagium.whole_file import locked

@@ -16,13 +16,13 @@ import xarray as xr
 
 from patagium.aerodynamics import Air
 from patagium.arguments import checked
-from patagium.arrays import Array, Indices
+from patagium.arrays import Array, Indices, find_gaps
 from patagium.errors import FlightError, LogError, command
 from patagium.netcdf_file import kind_of, loaded_dataset, netcdf_content, open_netcdf
 from patagium.reading import parsed_json
 from patagium.robot import Robot, load_robot_text
 from patagium.sensing.force.air_force import OPTIONAL_PARTS, PARTS, packet_columns
-from patagium.sensing.logs.table import LogTable, find_gaps
+from patagium.sensing.logs.table import LogTable
 from patagium.simulation.flight import air_of, quantities, robot_of
 
 FORMAT = "patagium log 1"

@@ -74,16 +74,3 @@ class LogTable:
             f"{step:.4g} s, the longest {lengths.max():.4g} s at t = "
             f"{self.time[self.gaps[lengths.argmax()] - 1]:.6g} s"
         )
-
-
-def find_gaps(time: ArrayLike, factor: float = 3.0) -> Indices:
-    """Index of the first sample after each gap, (n_gaps,).
-
-    Args:
-        time: Increasing times, (N,) [s].
-        factor: Length from which a step is a gap, in median steps.
-    """
-    steps = np.diff(np.asarray(time, float))
-    if not len(steps):
-        return np.empty(0, np.int64)
-    return np.flatnonzero(steps > factor * np.median(steps)) + 1

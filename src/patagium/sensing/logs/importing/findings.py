@@ -18,10 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arguments import Progress
-from patagium.arrays import Array, Bools, count_noise
+from patagium.arrays import Array, Bools, count_noise, find_gaps
 from patagium.sensing.logs.files.channels import NO_STAMP, Block, LogFile, Request, Stamps
 from patagium.sensing.logs.mapping import conversion
-from patagium.sensing.logs.table import find_gaps
 from patagium.sensing.motion.encoder_faults import jumps_of
 
 Keep = Callable[[Block, Bools], Array]
