@@ -93,7 +93,7 @@ class Series:
         name: Name.
         unit: Unit.
         values: (F,).
-        predicted: (F,), or None.
+        predicted: (F,), NaN where it is not known, or None.
         shown: Whether it is plotted when the page opens.
         std: Standard deviation of the prediction, (F,), or None.
     """
@@ -131,6 +131,7 @@ class Replay:
         notes: Sentences about sampling, frames and units.
         ground: Height of the ground [m]; None: somewhere below the robot.
         events: Time [s] and words of what happened.
+        gaps: The first of the F times after each gap, over which no curve is drawn.
         other: Another flight in the same space, drawn as a ghost; its series and arrows are not.
     """
 
@@ -152,6 +153,7 @@ class Replay:
     notes: Sequence[str] = field(default_factory=tuple)
     ground: float | None = None
     events: Sequence[tuple[float, str]] = ()
+    gaps: Sequence[int] = ()
     other: Replay | None = None
 
 

@@ -6,7 +6,7 @@ between them; how far that errs at the wing tips is computed and said on it. The
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
 from patagium.arguments import checked
-from patagium.arrays import Array, Indices
+from patagium.arrays import Array, Indices, find_gaps
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, ParameterError
 from patagium.report.figures import events_of, off_reference
@@ -211,16 +211,26 @@ def replay(
 def _beside(shown: Replay, other: Replay, name: str) -> Replay:
     """Replay with a ghost of another, whose series are dashed where both have them."""
     found = {(one.group, one.name): one.values for one in other.series}
+    begin, end = other.time[[0, -1]]
+    step = (end - begin) / (len(other.time) - 1)  # the time that a stored frame stands for
+    outside = (shown.time < begin - step) | (shown.time > end + step)
+    gaps = np.array(other.gaps, int)
+    time = np.insert(other.time, gaps, (other.time[gaps - 1] + other.time[gaps]) / 2)
     series = []
     for one in shown.series:
         values = found.get((one.group, one.name))
         if values is not None:
-            values = np.interp(shown.time, other.time, values)
+            values = np.interp(shown.time, time, np.insert(values, gaps, np.nan))
+            values[outside] = np.nan
             alike = np.array_equal(values, one.values)
             one = one if alike else replace(one, predicted=values)
         series.append(one)
-    ghost = replace(other, series=(), arrows=None)
-    return replace(shown, series=series, names=("this flight", name), other=ghost)
+    notes = [*shown.notes]
+    if outside.any():
+        drawn = "at no time of this flight" if outside.all() else "at these times alone"
+        notes.append(f"{name} has samples from {begin:g} to {end:g} s; its robot is drawn {drawn}.")
+    both, ghost = ("this flight", name), replace(other, series=(), arrows=None)
+    return replace(shown, series=series, names=both, other=ghost, notes=notes)
 
 
 def replay_content(
@@ -244,8 +254,7 @@ def replay_content(
     arm = carrying_arm(robot, carrier, frames)
     q = np.asarray(flight["q"].values, float)[span]
     position, rotation = poses_at(robot, q)
-    inside = frames - span[0]
-    origin = position[:, main]
+    origin, inside = position[:, main], frames - span[0]
     speed = np.linalg.norm(np.gradient(origin, time[span], axis=0), axis=1)
     bodies = [body.name for body in robot.bodies]
     placed, turned = position[inside], rotation[inside]
@@ -274,9 +283,10 @@ def replay_content(
         arrows=arrows,
         series=_series(shown, robot, prediction),
         events=events_of(flight),
+        gaps=np.unique(np.searchsorted(inside, find_gaps(time[span[0] : frames[-1] + 1]))).tolist(),
         notes=[
             _sampling(robot, time[span], inside, position, rotation),
-            *_NOTES,
+            *_axes(arrows),
             *_wind(shown),
             *([] if arm is None else [_ARM]),
             *([] if prediction is None else [f"Predicted: {prediction.words}.", *prediction.notes]),
@@ -426,6 +436,15 @@ def _subtitle(flight: xr.Dataset, robot: Robot, time: Array, period: float | Non
     return " · ".join([robot.name, *beat, f"{time[-1] - time[0]:.4g} s", *model])
 
 
+def _axes(arrows: Arrows | None) -> list[str]:
+    """Notes on axes, arrows and bodies."""
+    words = "World axes: x forward, y left, z up."
+    if arrows is not None:
+        words += "" if arrows.force is None else " Arrows are forces of the air on strips."
+        words += " The total force of the air is drawn at the center of mass."
+    return [words, "Bodies without a shape are bones."]
+
+
 def _wind(shown: xr.Dataset) -> list[str]:
     """Notes about wind and events; none where there are none."""
     notes = [f"At {when:.4g} s: {words}." for when, words in events_of(shown)]
@@ -444,23 +463,35 @@ def _sampling(
     position: Array,
     rotation: Array,
 ) -> str:
-    stride = int(inside[1] - inside[0]) if len(inside) > 1 else 1
+    stride = int(inside[1] - inside[0])
     step = f"{1e3 * np.median(np.diff(time[inside])):.3g} ms apart"
+    lost, gaps = "", find_gaps(time)
+    if len(gaps):
+        last = gaps[np.diff(time)[gaps - 1].argmax()]
+        several = f"in {len(gaps)} gaps, the longest " if len(gaps) > 1 else ""
+        lost = (
+            f" No samples {several}from {time[last - 1]:g} to {time[last]:g} s: there the page "
+            "interpolates the pose and shows neither forces nor values."
+        )
     if stride == 1:
-        return f"All {len(time)} samples are shown, {step}; the page interpolates between them."
-    error = _tip_error(robot, inside, position, rotation)
+        return (
+            f"All {len(time)} samples are shown, {step}; the page interpolates between them.{lost}"
+        )
+    error = _tip_error(robot, time, inside, position, rotation)
     return (
         f"Resampled for display: {len(inside)} of {len(time)} samples (one in {stride}, {step}). "
         "Between them the page interpolates; at the samples left out, wing tips err by at most "
-        f"{1e3 * error:.2g} mm."
+        f"{1e3 * error:.2g} mm.{lost}"
     )
 
 
-def _tip_error(robot: Robot, inside: Frames, position: Array, rotation: Array) -> float:
+def _tip_error(
+    robot: Robot, time: Array, inside: Frames, position: Array, rotation: Array
+) -> float:
     """Largest distance of interpolated from computed wing tips, midway between frames [m]."""
-    stride = int(inside[1] - inside[0])
-    middle = inside[:-1] + stride // 2
-    part = (stride // 2) / stride
+    middle = inside[:-1] + int(inside[1] - inside[0]) // 2
+    first, last = time[inside[:-1]], time[inside[1:]]
+    part = ((time[middle] - first) / (last - first))[:, None, None]
     turns = quaternions(rotation[inside])
     mixed = turns[:-1] + part * (turns[1:] - turns[:-1])
     mixed /= np.linalg.norm(mixed, axis=-1, keepdims=True)
@@ -480,11 +511,6 @@ _ARM = "The arm that carries the robot stands on the world's origin."
 _SURE = (
     "Bands, and the ellipsoid at the end of the predicted total (unless larger than the robot), "
     "are 95 % intervals."
-)
-_NOTES: Sequence[str] = (
-    "World axes: x forward, y left, z up. Arrows are forces of the air on strips; "
-    "the total acts at the center of mass.",
-    "Bodies without a shape are bones.",
 )
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from importlib.resources import files
@@ -149,6 +151,115 @@ def test_words_of_an_event_are_read_on_a_phone(
     wide, room = browser.ask(f"[{line}.scrollWidth, {line}.clientWidth]")
     assert 0 < wide <= room < 390
     browser.size(500, 360)
+
+
+DOTS = """(begin, end, colored) => {
+  const canvas = document.querySelector(".plot").querySelectorAll("canvas")[1];
+  const [from, to] = [begin, end].map((t) => 46 + (canvas.width - 54) * t / 0.4);
+  const copy = document.createElement("canvas");
+  [copy.width, copy.height] = [to - from, canvas.height - 16];
+  const pen = copy.getContext("2d", { willReadFrequently: true });
+  pen.drawImage(canvas, -from, 0);
+  const { data } = pen.getImageData(0, 0, copy.width, copy.height);
+  let count = 0;
+  for (let i = 0; i < data.length; i += 4) {
+    const [red, green, blue, solid] = data.slice(i, i + 4);
+    const hue = Math.max(red, green, blue) - Math.min(red, green, blue) > 80;
+    if (solid > 150 && (colored ? hue : !hue && red < 110)) count++;
+  }
+  return count;
+}"""
+READ = "[...document.querySelectorAll('.plot em')].map((one) => one.textContent)"
+SETTLED = "new Promise((f) => requestAnimationFrame(() => requestAnimationFrame(() => f(0))))"
+
+
+def other_values(page: Path) -> NDArray[np.float64]:
+    """Values of the other flight's first curve."""
+    text = page.read_text("utf-8").split('<script id="flight" type="application/json">')[1]
+    words = json.loads(text.split("</script>")[0])
+    raw = base64.b64decode(words["series"][0]["predicted"]["base64"])
+    return np.frombuffer(raw, "<f4").astype(float)
+
+
+def test_a_gap_of_a_flight_is_named_and_no_value_is_shown_there(
+    flight: xr.Dataset, browser: Chromium, tmp_path: Path
+) -> None:
+    """Curves went straight over it, readouts said numbers, and no note named it."""
+    lost = flight.isel(time=np.r_[0:500, 1000:2001])
+    page = pt.replay(lost, tmp_path / "lost.html")
+    said = "No samples from 0.0998 to 0.2 s: there the page interpolates the pose"
+    assert said in page.read_text("utf-8")
+    browser.size(900, 600)
+    browser.go(f"{page.as_uri()}#play=0&t=0.15")
+    browser.ask(SETTLED)
+    assert {*browser.ask(READ)} == {"–"}
+    assert browser.ask(f"({DOTS})(0.105, 0.195, false)") == 0
+    assert browser.ask(f"({DOTS})(0.21, 0.3, false)") > 50
+    for t in (0.0998, 0.2, 0.4):
+        browser.ask(f"replay.seek({t})")
+        browser.ask(SETTLED)
+        assert "–" not in browser.ask(READ)
+    browser.size(500, 360)
+    assert browser.complaints == []
+
+
+def test_a_flight_that_ended_is_drawn_no_longer(
+    flight: xr.Dataset, browser: Chromium, tmp_path: Path
+) -> None:
+    """Its last values and its ghost stayed to the end of the other flight."""
+    short = flight.isel(time=slice(0, 1001)).assign(aero_force=1.1 * flight["aero_force"][:1001])
+    page = pt.replay(flight, tmp_path / "both.html", beside={"short": short})
+    assert "short has samples from 0 to 0.2 s" in page.read_text("utf-8")
+    browser.size(900, 600)
+    browser.go(f"{page.as_uri()}#play=0&t=0.2")
+    browser.ask(SETTLED)
+    assert browser.ask("replay.other") is not None and "–" not in browser.ask(READ)
+    browser.ask("replay.seek(0.3)")
+    browser.ask(SETTLED)
+    assert browser.ask("replay.other") is None
+    assert {*browser.ask(READ)[1::2]} == {"–"} and "–" not in browser.ask(READ)[::2]
+    assert browser.ask(f"({DOTS})(0.05, 0.19, true)") > 50
+    assert browser.ask(f"({DOTS})(0.205, 0.4, true)") == 0
+    browser.size(500, 360)
+    assert browser.complaints == []
+
+
+@pytest.mark.parametrize(
+    ("kept", "shift", "known", "said"),
+    [
+        (slice(0, 1001), 0.0, [(0.0, 0.2)], "from 0 to 0.2 s; its robot is drawn at these times"),
+        (slice(1000, 2001), 0.0, [(0.2, 0.4)], "from 0.2 to 0.4 s; its robot is drawn at these"),
+        (slice(0, 2001), 100.0, [], "from 100 to 100.4 s; its robot is drawn at no time of this"),
+        (np.r_[0:501, 1000:2001], 0.0, [(0.0, 0.1), (0.2, 0.4)], ""),
+    ],
+)
+def test_another_flight_has_values_at_its_own_times_alone(
+    kept: slice, shift: float, known: list[tuple[float, float]], said: str,
+    flight: xr.Dataset, tmp_path: Path,
+) -> None:  # fmt: skip
+    """They were held before its begin and after its end, and went straight over its gaps."""
+    other = flight.assign(aero_force=1.1 * flight["aero_force"]).isel(time=kept)
+    other = other.assign_coords(time=other["time"] + shift)
+    page = pt.replay(flight, tmp_path / "both.html", beside={"other": other})
+    values = other_values(page)
+    time, finite = flight["time"].values, np.isfinite(values)
+    inside = [[(time > a - d) & (time < b + d) for a, b in known] for d in (1e-9, 3e-4)]
+    assert finite[np.any(inside[0], axis=0)].all()
+    assert not finite[~np.any(inside[1], axis=0)].any()  # a step later at most
+    assert ("other has samples" in page.read_text("utf-8")) is bool(said)
+    assert said in page.read_text("utf-8")
+
+
+def test_wing_tips_err_by_time_also_over_a_gap(
+    flight: xr.Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Half of the samples were taken for half of the time: errors of 2 cm were said for none."""
+    monkeypatch.setitem(replay_content.__globals__, "_BYTES", 1e5)
+    steady = flight.assign(q=flight["q"][0] + 3.0 * flight["time"] * (flight["dof"] == "x"))
+    steady = steady.assign(q=steady["q"].transpose("time", "dof"))
+    (first, *_) = replay_content(steady.isel(time=np.r_[0:501, 1000:2001])).notes
+    found = re.search(r"at most (\S+) mm. No samples from 0.1 to 0.2 s", first)
+    assert found is not None and float(found[1]) < 1e-9
 
 
 @pytest.mark.parametrize("size", [(500, 360), (390, 700)])

@@ -18,6 +18,7 @@ class Flight {
       ...one, values: unpack(one.values), predicted: one.predicted && unpack(one.predicted),
       std: one.std && unpack(one.std),
     }));
+    this.gaps = new Set(content.gaps); // frames before which samples are missing
     this.frames = this.time.length;
     this.begin = this.time[0];
     this.end = this.time[this.frames - 1];
@@ -34,7 +35,13 @@ class Flight {
     }
     if (high === low) return { frame: low, next: low, part: 0 };
     const part = (t - this.time[low]) / (this.time[high] - this.time[low]);
-    return { frame: low, next: high, part: Math.min(Math.max(part, 0), 1) };
+    return { frame: low, next: part > 0 ? high : low, part: Math.min(Math.max(part, 0), 1) };
+  }
+
+  // Whether there are samples at a time: it is in no gap, and a frame at most before or after all.
+  knows(t) {
+    const step = (this.end - this.begin) / Math.max(this.frames - 1, 1), { next, part } = this.locate(t);
+    return t >= this.begin - step && t <= this.end + step && !(part > 0 && part < 1 && this.gaps.has(next));
   }
 
   // Entries [offset, offset + count) of a row of `width` numbers, between frames.
@@ -103,6 +110,7 @@ function roundDown(x) {
 }
 
 function numberText(x) {
+  if (Number.isNaN(x)) return "–";
   if (x === 0) return "0";
   const size = Math.abs(x);
   const text = size >= 1e-3 && size < 1e4 ? x.toPrecision(3) : x.toExponential(1);

@@ -260,7 +260,8 @@ class Player {
     const words = [`t = ${this.time.toFixed(4)} s`];
     if (flight.period) words.push(`beat ${((this.time - flight.begin) / flight.period).toFixed(2)}`);
     const speed = flight.mix(flight.speed, 1, 0, 1, at, one)[0];
-    if (speed > 1e-9) words.push(`${numberText(speed)} m/s`, `z ${(Math.round(1e3 * origin[2]) / 1e3 || 0).toFixed(3).replace("-", "−")} m`);
+    if (!flight.knows(this.time)) words.push("no samples");
+    else if (speed > 1e-9) words.push(`${numberText(speed)} m/s`, `z ${(Math.round(1e3 * origin[2]) / 1e3 || 0).toFixed(3).replace("-", "−")} m`);
     const past = flight.events.filter(([t]) => t <= this.time);
     if (past.length) words.push(past.at(-1)[1]);
     return words.join("   ");
@@ -315,9 +316,9 @@ window.replay = {
     const { camera, anchor } = player.view, place = player.view.markAt(index).map((value, k) => value - anchor[k]);
     return new THREE.Vector3(...place).project(camera).toArray().slice(0, 2);
   },
-  // Height of the robot over the ground, and the origin of the other flight, as they are drawn.
+  // Height of the robot over the ground, and the origin of the other flight (null: hidden), as drawn.
   get height() { return player.view.robot.position.z + player.view.anchor[2] - player.view.ground; },
-  get other() { return player.view.ghost.position.toArray().map((value, k) => value + player.view.anchor[k]); },
+  get other() { return player.view.ghost.visible ? player.view.ghost.position.toArray().map((value, k) => value + player.view.anchor[k]) : null; },
   cursors: () => player.plots.plots.map((plot) => ({ name: plot.series.name, time: plot.timeAt(plot.cursor), x: plot.cursor })),
   // How it is drawn: pixels along an edge of those it could have, and frames a second while it plays.
   get pace() { return { share: player.pace.share, rate: 1000 / player.pace.gap, atRest: !player.playing && !player.stale && !player.coarse }; },

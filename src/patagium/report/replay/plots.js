@@ -77,9 +77,9 @@ class Plot {
     this.cursor = left + (width * (t - begin)) / (end - begin || 1);
     pen.fillStyle = "#0b5c94";
     pen.fillRect(this.cursor - 0.75, top, 1.5, height);
-    const at = this.flight.locate(t), one = [0];
+    const at = this.flight.locate(t), one = [0], known = this.flight.knows(t);
     this.values = this.guesses.map((curve, k) => {
-      const value = this.flight.mix(curve, 1, 0, 1, at, one)[0];
+      const value = known ? this.flight.mix(curve, 1, 0, 1, at, one)[0] : NaN; // no dot is drawn
       pen.fillStyle = colors[k];
       pen.beginPath();
       pen.arc(this.cursor, this.height(value), 2.6, 0, 7);
@@ -113,13 +113,29 @@ class Plot {
     pen.restore();
   }
 
+  // Frames of the span with numbers, in stretches without a gap.
+  stretches(values) {
+    const { flight, span } = this, last = flight.locate(span[1]).next, found = [];
+    let stretch = null;
+    for (let i = flight.locate(span[0]).frame; i <= last; i++) {
+      if (flight.gaps.has(i) || Number.isNaN(values[i])) stretch = null;
+      if (Number.isNaN(values[i])) continue;
+      if (!stretch) found.push((stretch = []));
+      stretch.push(i);
+    }
+    return found;
+  }
+
+  along(i) {
+    const { flight, span, area } = this;
+    return area.left + (area.width * (flight.time[i] - span[0])) / (span[1] - span[0] || 1);
+  }
+
   curve(pen, values, color, width, dash = []) {
-    const { flight, span } = this, { left, width: wide } = this.area;
-    const first = flight.locate(span[0]).frame, last = flight.locate(span[1]).next;
     pen.beginPath();
-    for (let i = first; i <= last; i++) {
-      const x = left + (wide * (flight.time[i] - span[0])) / (span[1] - span[0] || 1);
-      if (i === first) pen.moveTo(x, this.height(values[i])); else pen.lineTo(x, this.height(values[i]));
+    for (const stretch of this.stretches(values)) {
+      pen.moveTo(this.along(stretch[0]), this.height(values[stretch[0]]));
+      for (const i of stretch) pen.lineTo(this.along(i), this.height(values[i]));
     }
     pen.strokeStyle = color;
     pen.lineWidth = width;
@@ -131,12 +147,13 @@ class Plot {
 
   // Where a prediction says the value is, 95 times in 100.
   band(pen, values, std, color) {
-    const { flight, span } = this, { left, width: wide } = this.area;
-    const first = flight.locate(span[0]).frame, last = flight.locate(span[1]).next;
-    const along = (i) => left + (wide * (flight.time[i] - span[0])) / (span[1] - span[0] || 1);
     pen.beginPath();
-    for (let i = first; i <= last; i++) pen.lineTo(along(i), this.height(values[i] + INTERVAL * std[i]));
-    for (let i = last; i >= first; i--) pen.lineTo(along(i), this.height(values[i] - INTERVAL * std[i]));
+    for (const stretch of this.stretches(values)) {
+      const first = stretch[0];
+      pen.moveTo(this.along(first), this.height(values[first] + INTERVAL * std[first]));
+      for (const i of stretch) pen.lineTo(this.along(i), this.height(values[i] + INTERVAL * std[i]));
+      for (const i of stretch.reverse()) pen.lineTo(this.along(i), this.height(values[i] - INTERVAL * std[i]));
+    }
     pen.fillStyle = color;
     pen.globalAlpha = 0.22;
     pen.fill();

@@ -149,12 +149,15 @@ class View {
     pose(flight, at, this.bodies, this.shadows);
     if (this.other) {
       const when = this.other.locate(t), place = this.other.originAt(when);
+      this.ghost.visible = this.other.knows(t);
       this.ghost.position.fromArray(place.map((value, k) => value - anchor[k]));
       pose(this.other, when, this.ghosts);
       this.place(this.otherPaths, when);
     }
     this.place(this.paths, at);
-    if (this.forces) this.forces.update(at);
+    if (!this.forces) return;
+    this.forces.group.visible = flight.knows(t);
+    this.forces.update(at);
   }
 
   place(paths, at) {
