@@ -148,6 +148,7 @@ def test_an_imported_flight_is_shown(
     shown, loaded = replay_content(pt.load_log(out)), pt.load_log(out)
     force = training_data(loaded)[2]
     assert shown.arrows is not None and shown.arrows.force is None
+    assert "on strips" not in " ".join(shown.notes)  # the notes told of arrows on strips
     np.testing.assert_allclose(shown.arrows.total, force[:: len(force) // len(shown.time), :3])
     assert "Wind at first: (-3, 0, 0)" in "".join(shown.notes)
     loaded["u1"][::2, 6] = np.nan
