@@ -524,7 +524,8 @@ def still(
 ) -> Figure:
     """A moment of a flight in perspective: what the replay page shows, as a drawing.
 
-    Bodies, wings, forces on strips (predicted ones as halos), and paths of the last wingbeat.
+    Bodies, wings, forces on strips or in total (predicted ones as halos), and paths of the last
+    wingbeat.
 
     Args:
         flight: The flight.
