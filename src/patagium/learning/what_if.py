@@ -114,6 +114,7 @@ class _Log:
         self.motion = self.whole[:, self.rows]
         self.needs = self._needed(self.whole) - force
         self.known = self.needs[self.rows]
+        self.stated = force[self.rows][:, self.outputs]
         self.std = np.nan_to_num(std[self.rows][:, self.heard])
 
     def _spread(self, known: Bools) -> Indices:
@@ -130,7 +131,9 @@ class _Log:
         return np.array(y).reshape(q.shape)
 
     def changed(self, change: _Change) -> float:
-        """Error of the log as it would be."""
+        """Error of the log as it would be; inf where a force from elsewhere would be heard."""
+        if set(change.known[self.outputs]) != set(self.outputs):
+            return np.inf
         motion = self.motion[:, :, change.order] * change.motion
         return self._error(motion, self.known[:, change.known] * change.forces)
 
@@ -161,10 +164,11 @@ class _Log:
         """Error of the best weights, with their distance from the prior, over the variance [1]."""
         network, lever = self.network, self.network.per_newton[self.heard]
         y = (self._needed(motion) - known)[:, self.outputs]
-        if not np.isfinite(y).all():  # one side has no measured force to exchange
-            return np.inf
         size = y.std(axis=0)
-        size = np.maximum(size, _SLIGHT * (size / lever).max() * lever)
+        largest, stated = (size / lever).max(), (self.stated.std(axis=0) / lever).max()
+        if largest > stated:  # noise counts as much as before
+            largest, size = stated, size * stated / largest
+        size = np.maximum(size, _SLIGHT * largest * lever)
         slopes = network.slopes(network.encode(np.hstack([*motion])))[:, self.heard]
         scale, prior = np.hypot(_MISFIT * size, self.std), self.prior
         missed = (y - slopes @ network.initial(0)) / scale
