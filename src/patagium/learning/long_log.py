@@ -130,6 +130,10 @@ class _LongRun:
                     self._keep(begin)
                 except OutputError as problem:  # the run goes on; an older course stays
                     self.unkept = str(problem)
+        done = self.final is not None and self.final[0].outcome is Outcome.COMPLETED
+        if done and isinstance(self.learner, FilterLearner):
+            last = self.record.table(max(0, total - self.block), total)
+            self.learner.look_back(last.time, last.x, last.gaps)
         self._remove()
 
     def result(self) -> Identification:

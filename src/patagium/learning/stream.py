@@ -483,6 +483,8 @@ def stream(
     ahead = forecasters(learner, samples, every, sums, len(samples.time) // 2, motion, period)
     run = BlockRun(learner, samples, every, [*ahead, *watches])
     run.go(progress)
+    if isinstance(learner, FilterLearner) and run.outcome is Outcome.COMPLETED:
+        learner.look_back(samples.time, samples.x, samples.gaps)
     held, scorer = persistence(samples.y, run.used), Scorer(names)
     run.score(scorer, held)
     scores = {

@@ -106,6 +106,26 @@ def test_warning_of_flow_that_was_not_learned(tmp_path: Path) -> None:
         assert any("not learned" in text for text in far["verdict"])
 
 
+def test_flow_of_a_whole_log_was_learned_by_a_filter_that_forgets() -> None:
+    """What was usual right after a neighbor was learned made a third of a log "not learned"."""
+    time = 0.01 * np.arange(2000)
+    x = np.sin(2 * np.pi * np.outer(time, [2.3, 3.1, 0.37]))
+    y = x @ np.array([[1.0], [-0.5], [0.3]])
+    y += 0.02 * np.random.default_rng(0).standard_normal(y.shape)
+    network = DenseNetwork(3, (8, 8), ("y",))
+    learner = ExtendedLearner(network, misfit=Misfit(floor=0.005), prior_share=1e-3)
+    stream(learner, time, x, y, every=1)
+    late = learner.state()
+    for one in (learner, model_of(learner)):
+        near, far = (compare(one, time, size * x, y).scores for size in (1.0, 5.0))
+        assert near["unseen_share"] < 0.05 < 0.5 < far["unseen_share"]
+        assert 0.1 < near["nis_second_half"] < 3.0 and near["coverage"] < 0.999
+    (name,) = (name for name in late if name.endswith("usual"))
+    assert np.array_equal(late[name], learner.state()[name])  # it goes on as it would have
+    learner.update(x[-1], y[-1], 20.0)
+    np.testing.assert_array_equal(learner.usual_std, np.sqrt(learner.state()[name]))  # late again
+
+
 def test_warning_of_errors_above_physics_alone_and_held_samples() -> None:
     """Truth is physics alone; the model's weights are others."""
     robot = pt.load_robot("aerobat")

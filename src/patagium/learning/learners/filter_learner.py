@@ -36,7 +36,7 @@ from patagium.learning.learners.learner import (
     shaped_sample,
 )
 from patagium.learning.learners.state_file import write_state
-from patagium.learning.models.memory import memory_of
+from patagium.learning.models.memory import memory_of, network_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.models.physical import own_prior
 from patagium.learning.settings import (
@@ -46,6 +46,7 @@ from patagium.learning.settings import (
     learner_signature,
 )
 
+_LOOKS, _REST = 300, 1e-2  # samples looked back at; of the mean variance of the weights: rest
 REFUSED_RUN = 10
 """Samples in a row that do not move a screened filter, after which its covariance begins anew."""
 
@@ -99,6 +100,7 @@ class FilterLearner(Learner):
         self._changes: list[int] = []
         self._refused_run = 0
         self._innovation_covariance = np.full((network.outputs, network.outputs), np.nan)
+        self._seen = -1, np.zeros(0)  # samples learned when `look_back` saw these variances
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.count} samples learned by {self._network!r}>"
@@ -118,6 +120,29 @@ class FilterLearner(Learner):
             y: Measurements, (N, n_y) [unit of y].
         """
         self._screen.bounds.expect(x, y)
+
+    def look_back(self, time: Array, x: Array, gaps: ArrayLike = ()) -> None:
+        """Look at a log that was learned, where a filter that forgets knows best what came last.
+
+        Until the next sample, the usual variance of the weights is the geometric mean over samples
+        drawn from the whole log, rests aside.
+
+        Args:
+            time: Increasing, (N,) [s].
+            x: Measured inputs of the network, (N, n_measured) [units of x].
+            gaps: First sample after each gap in time.
+        """
+        numbers, network, weights = self._numbers, self._network, self.weights
+        forgets = numbers.has_process_noise or numbers.forgetting_factor < 1
+        if not (forgets and self._screen.misfit.floor):
+            return
+        rows = network_inputs(network, weights, time, x, gaps)
+        rows = rows[np.random.default_rng(0).integers(len(rows), size=_LOOKS)]
+        kept, looks = self.kept_covariance(), map(network.encode_one, rows)
+        slopes = (network.linearized(look, weights)[1] for look in looks)
+        seen = np.array([kept.seen_by(slope).diagonal() for slope in slopes])
+        flown = np.ma.masked_less_equal(seen, _REST * seen.mean(axis=0))
+        self._seen = self.count, np.exp(np.ma.log(flown).mean(axis=0)).filled(0.0)
 
     @property
     def _screen(self) -> Screen:
@@ -206,10 +231,16 @@ class FilterLearner(Learner):
     def usual_std(self) -> Array | None:
         """Standard deviation that the weights gave to the flow of late, (n_y,) [y].
 
-        None without `misfit`; there, an interval grows where the weights give more.
+        None without `misfit`; there, an interval grows where the weights give more. Of all flow of
+        a log after `look_back`, until the next sample.
         """
-        misfit = self._screen.misfit
-        return np.sqrt(misfit.parts["usual"]) if misfit.floor else None
+        return np.sqrt(self._usual) if self._screen.misfit.floor else None
+
+    @property
+    def _usual(self) -> Array:
+        """Square of `usual_std`, (n_y,) [y^2]."""
+        count, seen = self._seen
+        return seen if count == self.count else self._screen.misfit.parts["usual"].copy()
 
     @property
     def innovation_covariance(self) -> Array:
@@ -239,17 +270,22 @@ class FilterLearner(Learner):
         if (rows := real_array("x", x)).ndim == 2:
             return row_by_row(lambda x: self.predict(x, std, time), rows, self._network.outputs)
         sample = as_input(self._network, rows)
-        nothing = np.zeros(0)
+        nothing, misfit = np.zeros(0), self._screen.misfit
         if not np.isfinite(sample).all():
             raise diverged(Outcome.NOT_FINITE, self.count, sample, nothing)
+        usual = misfit.parts["usual"]
+        late = usual.copy()
         try:
+            usual[:] = self._usual if time is None else late
             with self._noisier(std):
                 mean, covariance = self._filter.predict(sample)
-                if time is not None and self._screen.misfit.floor:
+                if time is not None and misfit.floor:
                     of_kind("time", time, float)
-                    mean, covariance = self._screen.misfit.carry(mean, covariance, time)
+                    mean, covariance = misfit.carry(mean, covariance, time)
         except MatrixLost as lost:
             raise diverged(lost.outcome, self.count, sample, nothing) from None
+        finally:
+            usual[:] = late
         if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
             raise diverged(Outcome.NOT_FINITE, self.count, sample, nothing)
         return mean, covariance
@@ -461,7 +497,7 @@ class FilterLearner(Learner):
         if self.memory is not None:
             self.memory.resume(state)
         self._screen.restore(seen)
-        self._stopwatch = stopwatch
+        self._stopwatch, self._seen = stopwatch, (-1, np.zeros(0))
 
     @checked
     def save(self, path: str | Path) -> Path:
