@@ -449,8 +449,7 @@ def stream(
         x: Measured inputs of the network, (N, n_measured) [units of x]; it recalls the rest.
         y: What it predicts, (N, n_y) [unit of y]; NaN where a channel was not measured.
         every: 1 to use each sample, 100 to use one in 100.
-        horizons: Times ahead for which outputs are forecast from samples up to a time alone, such
-            as "100ms" or seconds, one or several, or these by label; see `forecast`.
+        horizons: Times ahead of forecasts, as "100ms" or [s], one or more, by label; see `forecast`.
         gaps: First sample after each gap in time; see `find_gaps`.
         std: Noise of each measurement in addition to the learner's own, (N, n_y) [unit of y];
             NaN where y is. Learners without noise of the measurement leave it aside.
@@ -463,8 +462,7 @@ def stream(
         progress: Called now and then with samples done and samples in all.
 
     Returns:
-        Scores and predictions. If the learner diverged, those up to there, with `outcome`
-        and `message` saying when and why.
+        Scores and predictions, up to where the learner diverged if it did (`outcome`, `message`).
 
     Raises:
         ShapeError: If the arrays do not fit each other or the network.
