@@ -449,7 +449,7 @@ def stream(
         x: Measured inputs of the network, (N, n_measured) [units of x]; it recalls the rest.
         y: What it predicts, (N, n_y) [unit of y]; NaN where a channel was not measured.
         every: 1 to use each sample, 100 to use one in 100.
-        horizons: Times ahead of forecasts, as "100ms" or [s], one or more, by label; see `forecast`.
+        horizons: Times ahead of forecasts, as "100ms" or [s], one or more, or by label; `forecast`.
         gaps: First sample after each gap in time; see `find_gaps`.
         std: Noise of each measurement in addition to the learner's own, (N, n_y) [unit of y];
             NaN where y is. Learners without noise of the measurement leave it aside.
