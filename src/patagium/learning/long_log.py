@@ -133,7 +133,7 @@ class _LongRun:
         done = self.final is not None and self.final[0].outcome is Outcome.COMPLETED
         if done and isinstance(self.learner, FilterLearner):
             last = self.record.table(max(0, total - self.block), total)
-            self.learner.look_back(last.time, last.x, last.gaps)
+            self.learner.look_back(last.time, last.x, find_gaps(last.time, self.record.gap))
         self._remove()
 
     def result(self) -> Identification:
@@ -168,7 +168,7 @@ class _LongRun:
         """Samples of the second half, block by block."""
         for begin in range(self.record.count // 2, self.begin, _FEW):
             one = self.record.table(begin, min(begin + _FEW, self.begin))
-            yield one.time, one.x, one.y, one.gaps, slice(None)
+            yield one.time, one.x, one.y, find_gaps(one.time, self.record.gap), slice(None)
 
     def _learn_block(self, progress: Progress | None) -> BlockRun:
         """Learn and score the samples from `begin` on, up to right before a used one."""

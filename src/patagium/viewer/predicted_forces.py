@@ -26,6 +26,7 @@ from patagium.learning.parameter_paths import Trained
 from patagium.learning.result import Identification
 from patagium.learning.samples import in_flight, samples
 from patagium.robot import Robot
+from patagium.sensing import training_data
 
 Frames = Indices
 Predicted: TypeAlias = Trained | Identification
@@ -92,10 +93,10 @@ def _check_forces(flight: xr.Dataset, robot: Robot, result: Identification) -> N
         raise LogError(f"predictions: expected {expected}, found {', '.join(other)}")
     if {*result.scores.get("parameter_value", ())} & {*robot.parameter_names}:
         return  # the forces are those by other numbers of the robot
-    parts = [flight[name] for name in ("aero_force", "added_mass_force") if name in flight]
+    columns = [robot.dof_names.index(name) for name in names]
     measured = record["measurement"].transpose("time", "output").values
-    sums = np.cumsum([one.transpose("time", "dof").sel(dof=names).values for one in parts], axis=0)
-    errors = [np.linalg.norm(np.nan_to_num(measured - one)) for one in sums]
+    own = (training_data(flight, robot, with_added_mass=carried)[2] for carried in (False, True))
+    errors = [np.linalg.norm(np.nan_to_num(measured - one[:, columns])) for one in own]
     if min(errors) > 1e-3 * np.linalg.norm(np.nan_to_num(measured)) + 1e-9:  # N, N m: rounding
         raise LogError("predictions: expected those of this flight, found other measured forces")
 
