@@ -329,6 +329,7 @@ def faults(errors: Sequence[Any], model: Any) -> list[tuple[str, str, str]]:
 
 
 def _fault(error: Any, model: Any) -> tuple[str, str, str]:
+    """Place, expectation and finding of an error of pydantic, in words."""
     kind, context = error["type"], error.get("ctx", {})
     loc = [k for k in error["loc"] if "[" not in str(k)]  # of a key, or a type of a union
     where = ".".join(k if len(k) <= SHOWN else k[: SHOWN - 3] + "..." for k in map(str, loc))

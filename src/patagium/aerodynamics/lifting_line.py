@@ -375,6 +375,7 @@ def _load(
     i: int,
     stall: _Stall,
 ) -> StripLoad:
+    """Force and moment of a strip from its lagged normalwash, attached and separated parts."""
     motion, net = vortices.motions[i], vortices.lattice
     strip, forward, section = motion.strip, motion.forward, p.of(motion)
     sign, lagged = smooth_sign(forward), wash.lagged[i]

@@ -123,6 +123,7 @@ class QuasiSteady(Aerodynamics):
         return assemble(robot, q, loads, ca.SX(0, 1))
 
     def _load(self, motion: StripMotion, parameters: ca.SX, ground: Any = 0.0) -> StripLoad:
+        """Force of a strip by its polar at its point of force, with the ground's upwash."""
         strip, density = motion.strip, parameters[0]
         polar, numbers = self._polars.of(strip.wing, parameters[1:])
         ahead, side = ca.SX(0.0), smooth_sign(motion.forward)

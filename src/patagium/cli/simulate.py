@@ -329,6 +329,7 @@ def _gait(
     amplitudes: Mapping[str, float | None],
     **words: list[str] | None,
 ) -> Gait:
+    """Gait of the options: a sine where one of its numbers is given, else that of the robot."""
     from patagium.simulation import gaits
 
     named, leads, means = (

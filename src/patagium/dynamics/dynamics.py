@@ -20,6 +20,7 @@ from patagium.robot.model import Robot
 
 
 def _build(robot: Robot) -> list[ca.Function]:
+    """Functions of the equations of motion, by name, for one robot's structure."""
     machine, p = robot.symbolic()
     n, n_a = robot.dof, len(robot.actuated)
     q = ca.SX.sym("q", robot.coordinate_count)

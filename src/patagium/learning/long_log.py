@@ -233,6 +233,7 @@ class _LongRun:
             self.path.with_name(f"{self.path.name}.{begin}.state").unlink(missing_ok=True)
 
     def _resume(self) -> None:
+        """Go on from the course of an earlier run of the same log and settings."""
         if self.path is None or not self.path.exists():
             return
         try:

@@ -65,6 +65,7 @@ def _interval_words(scores: Mapping[str, Any]) -> list[str]:
 
 
 def _warnings(scores: Mapping[str, Any]) -> list[str]:
+    """Sentences about errors, intervals and samples that ask for attention."""
     warnings, error = [], scores["nmse_second_half"]
     rivals = {
         "persistence_second_half": "a measured sample, held",

@@ -155,6 +155,7 @@ class TextPackets:
         self._rest = bytearray()
 
     def _packet(self, line: bytes) -> list[float] | None:
+        """Numbers of a line; None of a comment, a line of names, or one that is refused."""
         self._line += 1
         if len(line) > LONGEST_LINE:
             self._intake.refuse(f"line {self._line}: {_TOO_LONG}")

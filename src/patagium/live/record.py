@@ -110,6 +110,7 @@ class StreamFile:
         self._draft.discard()
 
     def _lay_out(self) -> None:
+        """Write the head of the record: robot, air, learner, names and empty variables."""
         file, robot, network = self._file, self._pipeline.robot, self._pipeline.learner.network
         file.format, file.patagium_version = FORMAT, __version__
         file.robot, file.robot_name = robot.source, robot.name

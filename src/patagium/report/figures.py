@@ -418,6 +418,7 @@ def wingbeat(statistics: Any) -> Figure:
 
 
 def _overview_groups(flight: Any) -> list[_Group]:
+    """Panels of the overview: title, unit and curves by name."""
     names = [str(name) for name in flight["dof"].values]
     position = [n for n in ("x", "y", "z") if n in names]
     attitude = [n for n in _ATTITUDE if n in names]

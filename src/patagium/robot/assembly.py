@@ -279,6 +279,7 @@ def _draft(name: str, part: BodyPart, bodies: Mapping[str, BodyPart]) -> _Draft:
 
 
 def _mirrored(file: RobotFile, drafts: list[_Draft]) -> list[_Draft]:
+    """Drafts with the images that the file asks for."""
     known = {draft.name for draft in drafts}
     everything = list(drafts)
     for i, mirror in enumerate(file.mirror):
@@ -299,6 +300,7 @@ def _mirrored(file: RobotFile, drafts: list[_Draft]) -> list[_Draft]:
 
 
 def _image(draft: _Draft, source: str, target: str) -> _Draft:
+    """Mirror image of a draft in the plane of symmetry."""
     if draft.part.floating:
         raise AssemblyError((draft.path, "a body that does not float, to be mirrored", "floating"))
     for name, _, _ in draft.joints:
@@ -325,6 +327,7 @@ def _renamed(name: str, source: str, target: str) -> str:
 
 
 def _in_tree_order(drafts: list[_Draft]) -> list[_Draft]:
+    """Drafts in order, each after its parent."""
     names = {draft.name for draft in drafts}
     for draft in drafts:
         if draft.parent is not None and draft.parent not in names:
@@ -459,6 +462,7 @@ def _ordered(file: RobotFile, names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _body(draft: _Draft, before: list[Body], dof: dict[str, int]) -> Body:
+    """Body of a draft, mirrored where it is an image."""
     side = -1.0 if draft.reflected else 1.0
     parent = -1 if draft.parent is None else [one.name for one in before].index(draft.parent)
     joints = []
@@ -490,6 +494,7 @@ def _body(draft: _Draft, before: list[Body], dof: dict[str, int]) -> Body:
 
 
 def _strips(file: RobotFile, robot: Robot, index: dict[str, int]) -> tuple[Strip, ...]:
+    """Strips of all wings, each from its root to its tip."""
     names = [wing.name for wing in file.wings]
     strips: list[Strip] = []
     for i, wing in enumerate(file.wings):

@@ -90,6 +90,7 @@ def _plate(body: BodyPart) -> tuple[Plate, FlexiblePart]:
 
 
 def _cut(body: BodyPart, pieces: Pieces) -> Iterator[tuple[str, BodyPart]]:
+    """Pieces of a flexible body by name, each with its share of mass and span."""
     plate, flexible = _plate(body)
     x, _, z = body.center_of_mass
     ends = np.r_[0.0, pieces.hinges, plate.span]
@@ -119,6 +120,7 @@ class Hinge(JointPart):
 
 
 def _hinge(name: str, number: int, span: float, flexible: FlexiblePart) -> Iterator[JointPart]:
+    """Hinges for bending and twist between two pieces of a flexible body."""
     share = span / flexible.elements
     # rod's inertia that a piece has too much, over the distance of the hinges, both in shares
     distance = 2 / np.sqrt(3) if number % 2 == 0 else 2 - 2 / np.sqrt(3)

@@ -100,6 +100,7 @@ def _wide_limits(robot: Robot, images: set[int]) -> Iterator[str]:
 
 
 def _masses_of_wings(robot: Robot, images: set[int]) -> Iterator[str]:
+    """Sentences about wings whose mass, or its place, can hardly be meant."""
     largest = max((float(s.chord * s.width) for s in robot.strips), default=0.0)
     for index, body in enumerate(robot.bodies):
         strips = [strip for strip in robot.strips if strip.body == index]

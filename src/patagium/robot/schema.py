@@ -297,6 +297,7 @@ class BodyPart(_Part):
 
     @model_validator(mode="after")
     def _consistent(self) -> BodyPart:
+        """Refuse a body whose mass, inertia, shape and joints do not go together."""
         if not (self.massless or self.mass >= LEAST_MASS):
             expected = f"a positive quantity, {LEAST_MASS:g} kg at least"
             raise mismatch(expected, f"{self.mass:g} kg", "mass")

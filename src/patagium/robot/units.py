@@ -112,6 +112,7 @@ def _parts(written: float | str, expected: str) -> tuple[float, str]:
 
 
 def _factor(label: str, unit: str, expected: str, found: str) -> float:
+    """Factor from a unit as written to the one wanted."""
     if common := _COMMON.get((label, unit), float(label == unit)):
         return common
     plain = re.sub(r"^1\s*/", "1/", unit_for_pint(label))  # no other unit starts with a number

@@ -235,6 +235,7 @@ class _Reader:
         return {"mass": mass, "center_of_mass": origin[:3].tolist(), "inertia": entries}
 
     def _coordinates_of(self, joint: Element, place: str) -> Iterator[dict[str, Any]]:
+        """Coordinates of a joint as the robot file writes them; none of a fixed one."""
         kind = joint.get("type", "")
         if kind == "fixed":
             return
@@ -301,6 +302,7 @@ class _Reader:
         place: str,
         default: tuple[float, ...] | None,
     ) -> Any:
+        """Numbers of an attribute, (count,); the default where it is not written."""
         written = element.get(key) if element is not None else None
         if written is None and default is not None:
             return np.array(default)

@@ -175,6 +175,7 @@ def _check_branch(arm: Robot, tool: Tool, time: Array, target: PrescribedMotion,
 
 
 def _check_limits(arm: Robot, tool: Tool, time: Array, motion: PrescribedMotion) -> None:
+    """Refuse a motion beyond a limit of the arm's joints, with the time and by how much."""
     none = (np.inf,) * arm.dof
     quantities: list[tuple[str, Array, Sequence[float], tuple[str, str]]] = [
         ("position", motion.position, arm.upper, ("rad", "m")),

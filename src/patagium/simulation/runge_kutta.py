@@ -332,6 +332,7 @@ def _compiled(equations: Equations, time_step: float) -> Advance | None:
     def advance(
         times: Array, table: Array, pieces: CubicPieces | None, state: Array, states: Array
     ) -> tuple[Outcome, int, int]:
+        """Outcome of the loop in C, number of steps done, and place in the state that broke."""
         row_size = table.shape[1]
         knots, cubics, decay = np.empty(0), np.empty(0), 0.0
         if pieces is not None:

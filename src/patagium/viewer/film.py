@@ -84,6 +84,7 @@ def _write_gif(draft: Path, pictures: Iterator[NDArray[np.uint8]]) -> None:
 
 
 def _mp4_writer() -> Callable[[Path, Iterator[NDArray[np.uint8]]], None]:
+    """Function that writes pictures as a film, if the extra `film` is there."""
     try:
         import imageio_ffmpeg
     except ImportError:

@@ -170,6 +170,7 @@ class LiveFlight:
         return int(min(behind, LONGEST) / self._step)
 
     def _advance(self, steps: int) -> None:
+        """Fly some steps, learn from them, and show what they brought."""
         began, before = time.thread_time(), self._done
         self._outcome = self._simulator.advance(steps)
         run = self._simulator.run

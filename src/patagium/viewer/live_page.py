@@ -279,6 +279,7 @@ class LiveScene:
             self._interval.scale = tuple(map(float, size))
 
     def _build(self) -> None:
+        """Put lights, bodies, wings and ground into the scene."""
         scene, reach = self._scene, self.reach
         scene.set_up_direction("+z")
         scene.configure_default_lights(enabled=False)  # shadows take most of the time in software
@@ -333,6 +334,7 @@ class LiveScene:
         self._scene.add_mesh_simple(name, points, faces, color=rgb(_BODIES))
 
     def _add_wing(self, name: str, body: int) -> None:
+        """Add the strips of a body to the scene, colored above and below."""
         corners = [strip_corners(strip) for strip in self._robot.strips if strip.body == body]
         if not corners:
             return
@@ -409,6 +411,7 @@ class LiveScene:
         width: float,
         kind: str,
     ) -> None:
+        """Draw arrows of forces, or hide them where no force is known."""
         handle = self._handles.get(name)
         if force is None or not _drawn(force):
             if handle is not None:
@@ -512,6 +515,7 @@ class LivePage:
         self._server.stop()
 
     def _build(self) -> None:
+        """Lay out the page: scene, camera, numbers, plots and buttons."""
         gui, subject = self._server.gui, self._subject
         gui.configure_theme(
             show_logo=False, show_share_button=False, brand_color=rgb(COLORS[1])[:3]
@@ -541,6 +545,7 @@ class LivePage:
         panel.set_width(400)
 
     def _build_steering(self, gui: Any, steering: Steering) -> None:
+        """Add sliders of frequency and amplitude, and what they change of the flight."""
         with gui.add_folder("Gait", order=10):
             step = 10.0 ** np.floor(np.log10(steering.most)) / 100.0
             beat = gui.add_slider(

@@ -104,6 +104,7 @@ def _check_forces(flight: xr.Dataset, robot: Robot, result: Identification) -> N
 def _from_identification(
     flight: xr.Dataset, robot: Robot, result: Identification, frames: Frames
 ) -> Prediction:
+    """Prediction that an identification made before it used each sample."""
     record = result.prediction
     time = np.asarray(flight["time"].values, float)
     found = np.asarray(record["time"].values, float)
@@ -128,6 +129,7 @@ def _interpolate(known: Array, values: Array, time: Array) -> Array | None:
 
 
 def _from_model(flight: xr.Dataset, robot: Robot, model: Trained, frames: Frames) -> Prediction:
+    """Prediction by a learner or a model with the weights that it has."""
     if isinstance(model.network, _WINGED):
         _check_strips(model.network, robot)
     model, notes = in_flight(model, flight)

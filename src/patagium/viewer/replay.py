@@ -354,6 +354,7 @@ def _arrows(
     origin: Array,
     prediction: Prediction | None,
 ) -> Arrows | None:
+    """Forces to be drawn as arrows, in world axes; None where no force is known."""
     if "aero_force" not in shown:
         there = ", ".join(map(str, shown.data_vars))
         raise FlightError(f"flight: expected aero_force (time, dof), but it holds {there}")
@@ -398,6 +399,7 @@ def center_of_mass(robot: Robot, position: Array, rotation: Array) -> Array:
 
 
 def _series(shown: xr.Dataset, robot: Robot, prediction: Prediction | None) -> list[Series]:
+    """Forces and coordinates over time, those of the robot's motion in degrees."""
     force = np.asarray(shown["aero_force"].transpose("time", "dof").values, float)
     q = np.asarray(shown["q"].values, float)
     chosen = _chosen(robot, np.nan_to_num(force))
@@ -463,6 +465,7 @@ def _sampling(
     position: Array,
     rotation: Array,
 ) -> str:
+    """Note on which samples are shown, on gaps, and on the error between those shown."""
     stride = int(inside[1] - inside[0])
     step = f"{1e3 * np.median(np.diff(time[inside])):.3g} ms apart"
     lost, gaps = "", find_gaps(time)

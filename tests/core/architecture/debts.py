@@ -6,7 +6,7 @@ DEBTS = {
     "packages with code in their __init__": 0,
     "functions above 60 lines": 0,
     "functions with more than 8 parameters": 0,
-    "lines of Python in the wheel outside control": 62_055,
+    "lines of Python in the wheel outside control": 62_102,
     "lines of control": 6_586,
     "characters of code in the wheel": 1_666_109,
     "classes of weight filters": 2,

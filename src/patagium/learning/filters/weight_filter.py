@@ -181,6 +181,7 @@ class WeightFilter:
 
     @np.errstate(over="ignore", invalid="ignore")
     def _update(self, x: Array, y: Array) -> tuple[Outcome, tuple[Array, Array]]:
+        """Outcome of one sample, and the mean and covariance predicted of y before it."""
         prediction = np.full(len(y), np.nan), np.full((len(y), len(y)), np.nan)
         refused = self.screen.admit()
         if refused:

@@ -139,6 +139,7 @@ class StripNetwork(WingNetwork):
         return weights
 
     def _function(self) -> ca.Function:
+        """Function of x and parameters: features of all strips, and y by their coefficients."""
         robot, robot_parameters = self.robot.symbolic()
         x, wind, pressure = ca.SX.sym("x", self.inputs), ca.SX.sym("wind", 3), ca.SX.sym("rho")
         q, v = x[: robot.coordinate_count], x[robot.coordinate_count :]

@@ -139,6 +139,7 @@ class ValueColumn(_Words):
 
     @model_validator(mode="after")
     def _consistent(self) -> ValueColumn:
+        """Refuse words of a column that do not go together."""
         if self.range is not None and not self.range[0] < self.range[1]:
             raise ValueError("range: expected [low, high] with low < high")
         if bool(self.column) == bool(self.field):

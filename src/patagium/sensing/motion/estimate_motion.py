@@ -433,6 +433,7 @@ def in_coordinates(robot: Robot, found: SmoothedMotion) -> tuple[Array, Array]:
 
 
 def _dataset(robot: Robot, times: Array, fitted: MotionFits, log: SensorLog) -> xr.Dataset:
+    """Motion with its covariance and findings, at given times, as xarray has it."""
     found = fitted.at(times)
     levels, covariance = in_coordinates(robot, found)
     parts = [f"{part}.{name}" for part in "qva" for name in robot.dof_names]

@@ -561,6 +561,7 @@ class BagFile(LogFile):
         return reader
 
     def _topic(self, name: str, held: list[tuple[Any, Any]]) -> Topic:
+        """Topic of a bag, described by the first messages of its publishers."""
         kind = held[0][1].msgtype
         count = sum(connection.msgcount for _, connection in held)
 

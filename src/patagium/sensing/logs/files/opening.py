@@ -116,6 +116,7 @@ def _parts(path: Path) -> list[Path]:
 
 
 def _kind(path: Path) -> str:
+    """Ending of the format of a file, by its first bytes or by its name."""
     if path.is_dir():
         return ".db3"
     try:

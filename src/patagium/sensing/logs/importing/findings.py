@@ -90,6 +90,7 @@ class StampSurvey:
         return np.asarray(advances, np.bool_)
 
     def _count(self, kept: Stamps) -> None:
+        """Count steps of stamps, those that advance, and keep the longest one."""
         if not len(kept):
             return
         if self.first is None:

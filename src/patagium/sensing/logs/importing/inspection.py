@@ -224,6 +224,7 @@ class _Part:
 
 
 def _parts(log: LogFile, topic: Topic) -> list[_Part]:
+    """Parts of a topic whose columns have the same rows."""
     lengths = sorted({c.rows for c in topic.channels.values() if c.rows is not None}, reverse=True)
     parts = list[_Part]()
     if not lengths:
@@ -269,6 +270,7 @@ def _surveyed(
 
 
 def _topic_facts(part: _Part, survey: StreamSurvey, origin: int) -> TopicFacts:
+    """Facts of a part of a log: stamps, rate, gaps and columns."""
     topic, stamps, counted = part.topic, survey.stamps, part.topic.base.kind == "rows"
     median = stamps.median
     return TopicFacts(
@@ -309,6 +311,7 @@ def _unreadable(topic: Topic) -> TopicFacts:
 
 
 def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
+    """Findings about the stamps, units and numbers of a part of a log."""
     topic, values, fields = part.topic, survey.values, part.fields
     where = part.label or "table"
     written = topic.base.kind == "column" and topic.kind == "table"

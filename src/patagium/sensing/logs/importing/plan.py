@@ -312,6 +312,7 @@ def _take_names(column: ValueColumn, taken: set[str], where: str) -> None:
 def _base(
     topic: Topic, column: ValueColumn | None, mapping: TableMapping, source: str
 ) -> StampSource:
+    """Source of the stamps of a stream: a column, the messages' own, or rows at a rate."""
     time = mapping.time
     stamp = (column.stamp if column is not None else "") or time.column
     if stamp:
