@@ -273,10 +273,8 @@ def _wings(robot: Robot) -> Iterator[tuple[Wing, int, Array]]:
 
 def _inwards(robot: Robot, wing: Wing) -> list[int]:
     """Bodies from that of a wing's outermost strip inwards to the one that its hinge moves."""
-    chain, images = (
-        inwards(robot, robot.strips[wing[-1]].body),
-        {k for _, k in robot.mirrored_wings},
-    )
+    chain = inwards(robot, robot.strips[wing[-1]].body)
+    images = {k for _, k in robot.mirrored_wings}
     carried = [(s.wing in images, inwards(robot, s.body)) for s in robot.strips]
     found = 1
     for n, k in enumerate(chain):

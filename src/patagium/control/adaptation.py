@@ -352,7 +352,7 @@ class AdaptiveController(OuterController):
         return told
 
     def take(self, air: Aerodynamics) -> None:
-        """Replace the model by another robot and air without weights, for a loss that is known.
+        """Replace robot and air of the model, for example after a known loss of a wing tip.
 
         Most of what was learned is forgotten, and the beat so far teaches nothing.
         """

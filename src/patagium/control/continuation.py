@@ -86,10 +86,8 @@ class Branch:
         rows = []
         for value, orbit, own in zip(self.values, self.orbits, self.multipliers, strict=True):
             row = {f"{self.along}_{self.unit}".removesuffix("_1"): float(value)}
-            units = dict(zip(orbit.family.names, orbit.family.units, strict=True))
-            for name in self.free:
-                unit = "over_start" if units[name] == "1" else units[name]
-                row[f"{name}_{unit}"] = orbit.parameters[name]
+            told = zip(orbit.family.names, orbit.parameter_facts.items(), strict=True)
+            row |= dict(fact for name, fact in told if name in self.free)
             size = float(abs(own[0]))
             rows.append(row | {"largest_multiplier": size, "stable": size < 1.0})
         return rows

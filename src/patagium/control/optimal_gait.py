@@ -105,19 +105,17 @@ class OptimalGait:
         facts |= {"kkt_residual": self.residual, "iterations": self.iterations}
         told = {"note": self.note} if self.note else {}
         facts |= told | {"held_by": list(self.held)} | self._swings()
-        own = [f"{name}_" for name in self.orbit.family.names if name != "frequency"]
-        orbit = self.orbit.summary()  # its parameters count from the trim, which nobody is shown
-        return facts | {k: v for k, v in orbit.items() if not k.startswith(tuple(own))}
+        relative = self.orbit.parameter_facts.keys() - {"frequency_Hz"}  # to a trim not shown
+        return facts | {k: v for k, v in self.orbit.summary().items() if k not in relative}
 
     def _swings(self) -> dict[str, float]:
         """Least and greatest position of each joint by name and unit."""
         robot, family = self.orbit.robot, self.orbit.family
-        position = family.swings(self.orbit.values)[-1]
-        ends = zip(family.base.joints, position.min(axis=0), position.max(axis=0), strict=True)
+        paths = zip(family.base.joints, family.swings(self.orbit.values)[-1].T, strict=True)
         facts: dict[str, float] = {}
-        for joint, least, most in ends:
+        for joint, path in paths:
             unit = robot.dof_units[robot.index(joint)]
-            facts |= {f"{joint}_least_{unit}": float(least), f"{joint}_most_{unit}": float(most)}
+            facts |= {f"{joint}_least_{unit}": path.min(), f"{joint}_most_{unit}": path.max()}
         return facts
 
     def __repr__(self) -> str:

@@ -240,6 +240,12 @@ class Orbit:
             self.robot, self.aero, self.gait, duration=duration, time_step=step, **given
         )
 
+    @property
+    def parameter_facts(self) -> dict[str, float]:
+        """Parameters by name and unit; amplitudes over those of the gait that it began from."""
+        units = zip(self.family.names, self.family.units, strict=True)
+        return {f"{k}_{'over_start' if u == '1' else u}": self.parameters[k] for k, u in units}
+
     def summary(self) -> dict[str, Any]:
         """Orbit as facts by name, with their units."""
         pitch = self._pitch
@@ -251,9 +257,7 @@ class Orbit:
             "pitch_least_rad": float(pitch.min()),
             "pitch_most_rad": float(pitch.max()),
         }
-        for name, unit in zip(self.family.names, self.family.units, strict=True):
-            facts[f"{name}_{'over_start' if unit == '1' else unit}"] = self.parameters[name]
-        facts = {name: value if abs(value) > 1e-10 else 0.0 for name, value in facts.items()}
+        facts = {k: v if abs(v) > 1e-10 else 0.0 for k, v in (facts | self.parameter_facts).items()}
         size = float(np.abs(np.linalg.eigvals(self.return_slope)).max())
         facts |= {"largest_multiplier": size, "stable": size < 1}
         return facts | {"residual_SI": self.residual, "newton_steps": self.iterations}

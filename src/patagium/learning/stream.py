@@ -77,7 +77,7 @@ def used_samples(y: Array, every: int, gaps: ArrayLike = ()) -> Indices:
     used = np.concatenate(spans).astype(np.int64)
     measured = np.isfinite(y)
     measured = measured[:, measured.any(axis=0)]
-    if not measured.all():
+    if every > 1 and not measured.all():
         learned = np.zeros(measured.shape[1])
         for k, (begin, end) in enumerate(zip(used, [*used[1:], len(y)], strict=True)):
             worth = measured[begin:end] @ (1.0 / (1.0 + learned))

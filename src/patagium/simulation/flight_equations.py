@@ -300,7 +300,7 @@ def observed(machine: Robot, q: ca.SX, v: ca.SX, air: AeroExpressions) -> dict[s
 
 
 def external_force(machine: Robot, force: ca.SX) -> ca.SX:
-    """Sum of external forces on what floats, weight included, world axes, (3, 1) [N].
+    """Sum of the external forces on the free robot, weight included, world axes, (3, 1) [N].
 
     Args:
         machine: A machine with a floating body.

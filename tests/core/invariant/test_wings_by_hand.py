@@ -198,7 +198,7 @@ FRAMES = {
 
 @pytest.mark.parametrize("frame", FRAMES)
 def test_wings_on_a_turned_frame_are_mirror_images(frame: str, rng: np.random.Generator) -> None:
-    """Wings mirrored in the axes of the body, not in those of a frame, had no lift in common."""
+    """Wings on a frame with turned axes were not recognized as mirror images."""
     text = _by_hand(_described(2, 2))
     angles, turn = FRAMES[frame]
     turned = _copy(text)

@@ -435,7 +435,7 @@ def one_beat(robot: Robot, cells: Sequence[pt.mounts.InternalLoadCell] = ()) -> 
 @pytest.mark.parametrize("block", ["", ", floating: true"])
 @pytest.mark.parametrize("at", [None, "block", "left_feather"])
 def test_a_flight_has_the_inflow_of_its_model(block: str, at: str | None) -> None:
-    """The wing's hinge was sought in a machine with a mount or a load cell: 13 % of the lift."""
+    """A mount or a load cell changed which body is the hinge of a wing, and its lift by 13 %."""
     robot = on_block(block)
     cells = [pt.mounts.load_cell(at, orientation=(0.3, 0.2, 0.1))] if at else []
     flight = one_beat(robot, cells)
@@ -459,7 +459,7 @@ ROOT = "  left_root: {parent: block, massless: true}\n"
 @pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("pair", [False, True])
 def test_frames_stands_and_arms_are_no_hinge_of_a_wing(pair: bool) -> None:
-    """The hinge of a wing was the stand of its robot, far from the wing."""
+    """A stand, a frame or an arm was taken for the hinge of a wing."""
     free, arm = on_block(", floating: true", pair=pair), pt.load_robot("ur5e")
     robots = [
         on_block(pair=pair),
@@ -476,7 +476,7 @@ def test_frames_stands_and_arms_are_no_hinge_of_a_wing(pair: bool) -> None:
 
 
 def test_a_glider_on_an_arm_has_the_strokes_of_the_free_one() -> None:
-    """Its wing and its fin were one wing on the arm's shoulder."""
+    """On an arm, the wing and the fin of a glider were taken for one wing."""
     free, arm = load_robot_text(GLIDER), pt.load_robot("ur5e")
     held = free.mounted_on(arm, "tool", orientation=(0.2, -pi / 2, 0.4))
     assert strokes_of(held) == tuple(replace(k, base="body") for k in strokes_of(free))
@@ -484,7 +484,7 @@ def test_a_glider_on_an_arm_has_the_strokes_of_the_free_one() -> None:
 
 @pytest.mark.parametrize("order", ["abc", "bac", "acb"])
 def test_which_wings_share_a_stroke_does_not_depend_on_their_order(order: str) -> None:
-    """Of three pairs in tandem the last was apart where the middle one was not the first."""
+    """Which of three wing pairs share a stroke depended on their order in the file."""
     places = {"a": "3 cm", "b": "0", "c": "-3 cm"}
     parts = [
         WING.replace("left_", f"left_{k}_")

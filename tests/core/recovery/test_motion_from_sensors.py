@@ -256,7 +256,7 @@ def test_a_unit_that_is_mounted_otherwise_than_stated_is_said(
 def test_positions_in_another_unit_are_not_taken_for_jitter(
     flight: xr.Dataset, *, factor: float
 ) -> None:
-    """Stamps of cameras at 240 Hz were uncertain by 35 ms instead, without a warning."""
+    """Positions in a wrong unit were taken for jitter of 35 ms of the stamps, without a warning."""
     log = pt.sense(flight, SENSORS).without_truth()
     seen = log["prime_x_13"]
     seen = seen.assign(position=factor * seen["position"])
@@ -267,7 +267,7 @@ def test_positions_in_another_unit_are_not_taken_for_jitter(
 
 @pytest.mark.parametrize(("factor", "stated"), [(1.0, 1.0), (1.0, 0.1), (1.2, 1.0)])
 def test_a_bias_that_takes_up_a_wrong_scale_is_said(factor: float, stated: float) -> None:
-    """The bias of a unit at rest took up a fifth of gravity, without a warning."""
+    """A wrong scale of an accelerometer was taken for its bias, without a warning."""
     text = "bodies: {body: {floating: true, mass: 1, shape: {type: box, size: [0.1, 0.06, 0.04]}}}"
     robot, time = (
         load_robot_text("name: ball\ngravity: 9.81\n" + text, "ball"),

@@ -82,7 +82,7 @@ def test_help_names_every_option_briefly_and_describes_all_where_asked(
 
 
 def test_help_is_quick() -> None:
-    """Help imports no heavy module; imports are what takes its time on any machine."""
+    """The help imports no large library, because imports take most of its time."""
     heavy = ("numpy", "scipy", "casadi", "xarray", "matplotlib", "pandas", "joblib", "pydantic")
     code = (
         "import sys\nfrom patagium.cli.main import run\ntry:\n    run(['--help'])\n"

@@ -45,7 +45,7 @@ def test_a_flight_of_one_beat_has_no_wingbeat_figure(flight: xr.Dataset) -> None
 
 
 def test_a_robot_without_wings_has_no_figure_of_strips() -> None:
-    """The first strip was asked for its name where there was none."""
+    """Figures of a robot without wings ended in an IndexError."""
     brick = "{floating: true, mass: 10 g, shape: {type: box, size: [1 cm, 2 cm, 3 cm]}}"
     robot = load_robot_text(f"{{name: brick, gravity: 9.8 m/s^2, bodies: {{brick: {brick}}}}}")
     air, gait = pt.QuasiSteady(robot, pt.Air()), pt.gaits.still(robot)

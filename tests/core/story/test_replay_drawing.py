@@ -141,7 +141,7 @@ def test_at_rest_the_robot_is_drawn_with_all_dots(
 def test_words_of_an_event_are_read_on_a_phone(
     flight: xr.Dataset, browser: Chromium, tmp_path: Path
 ) -> None:
-    """The line of the moment did not break: what happened was cut at the edge of a phone."""
+    """The text of an event did not wrap, and a phone cut it at the edge of its screen."""
     words = "the robot carries 5 g more at the nose, and the left wing loses its outer third"
     told = replace(replay_content(flight), events=[(0.0, words)])
     browser.size(390, 700)
@@ -184,7 +184,7 @@ def other_values(page: Path) -> NDArray[np.float64]:
 def test_a_gap_of_a_flight_is_named_and_no_value_is_shown_there(
     flight: xr.Dataset, browser: Chromium, tmp_path: Path
 ) -> None:
-    """Curves went straight over it, readouts said numbers, and no note named it."""
+    """The page drew straight curves over a gap in time, showed values, and named no gap."""
     lost = flight.isel(time=np.r_[0:500, 1000:2001])
     page = pt.replay(lost, tmp_path / "lost.html")
     said = "No samples from 0.0998 to 0.2 s: there the page interpolates the pose"
@@ -206,7 +206,7 @@ def test_a_gap_of_a_flight_is_named_and_no_value_is_shown_there(
 def test_a_flight_that_ended_is_drawn_no_longer(
     flight: xr.Dataset, browser: Chromium, tmp_path: Path
 ) -> None:
-    """Its last values and its ghost stayed to the end of the other flight."""
+    """The page drew a shorter second flight, with constant values, after its end."""
     short = flight.isel(time=slice(0, 1001)).assign(aero_force=1.1 * flight["aero_force"][:1001])
     page = pt.replay(flight, tmp_path / "both.html", beside={"short": short})
     assert "short has samples from 0 to 0.2 s" in page.read_text("utf-8")
@@ -237,7 +237,7 @@ def test_another_flight_has_values_at_its_own_times_alone(
     kept: slice, shift: float, known: list[tuple[float, float]], said: str,
     flight: xr.Dataset, tmp_path: Path,
 ) -> None:  # fmt: skip
-    """They were held before its begin and after its end, and went straight over its gaps."""
+    """Values of the second flight were constant outside its time and straight over its gaps."""
     other = flight.assign(aero_force=1.1 * flight["aero_force"]).isel(time=kept)
     other = other.assign_coords(time=other["time"] + shift)
     page = pt.replay(flight, tmp_path / "both.html", beside={"other": other})
@@ -253,7 +253,7 @@ def test_another_flight_has_values_at_its_own_times_alone(
 def test_wing_tips_err_by_time_also_over_a_gap(
     flight: xr.Dataset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Half of the samples were taken for half of the time: errors of 2 cm were said for none."""
+    """The stated error of wing tips was 2 cm instead of 0 where samples are not evenly spaced."""
     monkeypatch.setitem(replay_content.__globals__, "_BYTES", 1e5)
     steady = flight.assign(q=flight["q"][0] + 3.0 * flight["time"] * (flight["dof"] == "x"))
     steady = steady.assign(q=steady["q"].transpose("time", "dof"))
@@ -390,7 +390,7 @@ def test_what_is_nearer_hides_what_is_behind_it(shown: Replay) -> None:
 def test_a_still_shows_the_predicted_total_where_strips_are_not_predicted(
     of_log: bool, shown: Replay, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Predictions without strips were left out, and those of a log, whose strips are not known."""
+    """A picture omitted predicted forces that are known in total and not for each strip."""
     drawn: dict[str, NDArray[np.float64]] = {}
     arrows = "patagium.report.still._Layer.arrows"
     monkeypatch.setattr(

@@ -276,7 +276,7 @@ def test_attached_flow_is_found_in_a_log_that_begins_at_rest(
 def test_a_dense_network_is_scaled_by_the_first_second_of_motion(
     one_wing: Callable[..., Robot],
 ) -> None:
-    """It was scaled by the first .01 s of a log, at rest, and refused torques of 100 Hz."""
+    """A dense network was scaled by the first .01 s of a log, in which the robot is at rest."""
     robot = one_wing("name: plunge, axis: x")
     rest, beats = (
         pt.simulate(

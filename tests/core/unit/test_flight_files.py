@@ -244,7 +244,7 @@ def test_a_dataset_that_is_no_flight_is_refused(flight):
     ],
 )
 def test_attributes_that_were_changed_are_refused_with_a_sentence(flight, key, text, words):
-    """Each ended in a traceback, or was taken: a negative period by the summary."""
+    """Changed attributes ended in a traceback, and a negative period was accepted."""
     changed = flight.assign_attrs({key: text})
     readers = {"events": [replay_content], "gait": [replay_content, flight_summary]}
     for use in readers.get(key, [flight_summary]):
@@ -253,6 +253,6 @@ def test_attributes_that_were_changed_are_refused_with_a_sentence(flight, key, t
 
 
 def test_a_page_of_a_flight_whose_air_is_no_description_is_refused(flight):
-    """It ended in a traceback."""
+    """A replay of a flight with unreadable air ended in a traceback."""
     with pytest.raises(FlightError, match="the flight's air cannot be made again"):
         replay_content(flight.assign_attrs(aero="x"))

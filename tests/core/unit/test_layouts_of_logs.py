@@ -528,7 +528,7 @@ def test_rows_that_are_written_late_are_not_lost(kind: str, lost: int) -> None:
     ("rows", "rate"), [(1, "1000 Hz"), (7, "1000 Hz"), (200, "1000 Hz"), (600, "RATE")]
 )
 def test_the_rate_to_restamp_by_counts_rows_of_whole_stamps(rows: int, rate: str) -> None:
-    """The rows of the last stamp counted, 1005 Hz for 1000 Hz; of one stamp it was nan Hz."""
+    """The proposed rate was too high: 1005 Hz for rows of 1000 Hz, and nan Hz for one stamp."""
     survey = StampSurvey()
     for block in np.array_split(np.arange(600) // rows * rows * 10**6, 4):
         survey.add(block)

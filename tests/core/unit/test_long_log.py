@@ -98,7 +98,7 @@ def test_blocks_give_the_scores_of_one_stream(every: int, record: LogRecord) -> 
 def test_the_last_weights_are_scored_over_the_whole_second_half(
     record: LogRecord, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """They were scored in the last block alone, where weights that follow a log are right."""
+    """The last weights were scored on the last block only, where they are most accurate."""
     monkeypatch.setattr(long_log, "_FEW", 400)
     found = identify_record(record, learner(record.table()), every=7, block=500)
     frozen = pt.evaluate(record.table(), found.learner).scores["nmse_second_half"]

@@ -185,7 +185,7 @@ def test_a_phase_keeps_the_range_of_its_actuator():
 
 
 def test_the_summary_tells_the_swings_of_the_gait(best):
-    """It told differences to the trim it had begun from, which nobody was shown."""
+    """The summary gave parameters relative to an initial trim that it did not print."""
     facts, gait = best.summary(), best.orbit.gait
     position = gait.motion(gait.period * np.arange(512) / 512).position
     for k, joint in enumerate(gait.joints):

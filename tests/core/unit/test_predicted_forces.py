@@ -37,7 +37,7 @@ def learn(flight, robot, tmp_path, network=None):
 
 @pytest.mark.parametrize("added_mass", [False, True])
 def test_predictions_of_another_flight_are_refused(robot, tmp_path, added_mass):
-    """Only the times of the samples were compared: those of any flight as long were drawn."""
+    """Predictions of any other flight with the same sample times were drawn."""
     flight, other = (fly(robot, added_mass, frequency) for frequency in (5.0, 5.1))
     network = pt.learning.LinearStripNetwork(robot) if added_mass else None
     kept = learn(flight, robot, tmp_path, network)
@@ -49,7 +49,7 @@ def test_predictions_of_another_flight_are_refused(robot, tmp_path, added_mass):
 
 
 def test_predictions_of_another_robot_are_refused(robot, tmp_path):
-    """Coordinates of other names were left out of the page without a word."""
+    """Predictions of unknown coordinates were omitted without a message."""
     kept = learn(fly(robot), robot, tmp_path)
     names = [f"{name}_" for name in robot.dof_names]
     renamed = replace(kept, prediction=kept.prediction.assign_coords(output=names))
@@ -67,7 +67,7 @@ def test_forces_by_other_numbers_of_the_robot_are_shown(robot, tmp_path):
 
 
 def test_a_page_tells_that_the_wings_are_others(robot, tmp_path, speak):
-    """`evaluate` told it alone: `view` and `export` threw the words away."""
+    """Only `evaluate` warned of other wings; `view` and `export` did not."""
     wider = robot.with_parameters({"left_wing[0].chord": 0.12})
     model = save_model(
         tmp_path / "m.json", pt.ExtendedLearner(pt.learning.LinearStripNetwork(wider))

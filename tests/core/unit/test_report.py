@@ -59,7 +59,7 @@ def test_table_with_a_short_row_is_refused() -> None:
 
 @pytest.mark.parametrize("block", [Link, lambda text, to: Picture("data:image/png;,", text, to)])
 def test_a_link_leads_to_a_page_whatever_its_name(block: Any, tmp_path: Path) -> None:
-    """Addresses stood in links as they were: from # or ? on they named no file."""
+    """Links to files with # or ? in their name were dead."""
     name = "run: #3? 5%-replay.html"
     page = write_page(tmp_path / "r.html", "R", [PageSection("S", [block("flight", name)])])
     (found,) = re.findall(r'<a href="([^"]+)"', page.read_text("utf-8"))
@@ -181,7 +181,7 @@ def test_envelope_keeps_the_peaks() -> None:
 
 
 def test_envelope_keeps_a_peak_at_the_end() -> None:
-    """Samples after the last whole run were dropped, but for the last one."""
+    """Thinning lost peaks near the end of a long signal."""
     time = np.arange(999_999) * 1e-3
     values = np.sin(time)
     values[-5] = 50.0
@@ -199,7 +199,7 @@ def test_envelope_of_a_signal_that_broke_down_keeps_what_was() -> None:
 
 @pytest.mark.parametrize("size", [1_000, 20_000])
 def test_nothing_is_drawn_over_a_gap_in_time(size: int) -> None:
-    """Curves and bands went straight over it, as if truth and estimate agreed there."""
+    """Curves and bands were drawn straight over a gap in time."""
     time = np.linspace(0.0, 10.0, size)
     time = time[(time < 4.0) | (time > 5.5)]
     truth = np.sin(time)

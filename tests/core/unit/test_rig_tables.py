@@ -89,7 +89,7 @@ def test_decimal_commas_are_found_column_by_column(
 def test_lists_with_decimal_commas_are_not_twice_as_long(
     pattern: str, clock: str, tmp_path: Path
 ) -> None:
-    """Each number became two whole ones, and the vector took the first three of the six."""
+    """Each number with a decimal comma was read as two integers."""
     rows = np.random.default_rng(0).normal(size=(50, 3)).round(4)
     rows[3] = 0.0, 1.0, -2.0
     lines = [f'{clock.format(k)};"{pattern.format(*map(str, row))}"' for k, row in enumerate(rows)]
@@ -101,7 +101,7 @@ def test_lists_with_decimal_commas_are_not_twice_as_long(
 
 @pytest.mark.parametrize("kind", ["attitude", "vector"])
 def test_a_longer_list_is_no_vector_and_no_attitude(kind: str, tmp_path: Path) -> None:
-    """The first entries of a pose of seven, x, y, z, qx, were taken for its quaternion."""
+    """The first four of seven numbers of a pose, x, y, z, qx, were read as its quaternion."""
     rows = "".join(f'{k},"[1, 2, 3, 0, 0, 0.6, 0.8]"\n' for k in range(50))
     attitude = {"order": "xyzw", "frame": "nwu", "body": "flu", "name": "a"}
     words = attitude if kind == "attitude" else {"unit": "m", "frame": "nwu", "name": "a"}
@@ -297,7 +297,7 @@ def test_names_of_time_of_other_kinds_are_read(head: str, unit: str, tmp_path: P
 
 
 def test_a_column_named_ts_states_no_seconds(tmp_path: Path) -> None:
-    """It was read as t in s, and a mapping that says ms was told that the file states s."""
+    """A column named ts was read as a time t in seconds, against the mapping."""
     words = {"time": {"column": "ts", "unit": "ms"}, "channels": [{"column": "x", "unit": "1"}]}
     found = imported(tmp_path, "ts,x\n" + "".join(f"{5 * k},{k % 7}\n" for k in range(99)), words)
     assert not found.findings and found.duration == pytest.approx(0.49)
@@ -376,7 +376,7 @@ def test_a_mapping_to_begin_from_is_no_mapping_that_is_refused(head: str, tmp_pa
 def test_columns_of_two_tables_have_names_of_their_own_in_the_mapping_to_begin_from(
     tmp_path: Path,
 ) -> None:
-    """Frame stands in both tables of an export of Vicon, and a name may be used once."""
+    """Both tables of a Vicon export have a column Frame, and the mapping used that name twice."""
     plate = "Devices\n1000\nFrame,Fx\n,N\n" + "".join(f"{k},{np.sin(k)}\n" for k in range(400))
     poses = "Trajectories\n100\nFrame,X\n,mm\n" + "".join(f"{k},{k}\n" for k in range(40))
     (tmp_path / "log.csv").write_text(f"{plate}\n{poses}")

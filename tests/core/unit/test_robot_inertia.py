@@ -97,7 +97,7 @@ def test_an_impossible_inertia_among_the_parameters_is_refused(changed):
 
 
 def test_a_mass_of_zero_with_inertia_among_the_parameters_is_refused():
-    """It was taken; the same body with `mass: 0 g` in `bodies` is refused."""
+    """A mass of zero was accepted under `parameters` and refused under `bodies`."""
     robot, expected = pt.load_robot("ornithopter"), "body.mass: expected a mass above 0"
     with pytest.raises(ParameterError, match=expected):
         robot.with_parameters({"body.mass": 0.0})

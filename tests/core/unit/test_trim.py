@@ -517,7 +517,7 @@ def test_a_search_that_comes_to_the_vertical_says_so(aerobat, orbit):
 
 
 def test_no_actuator_gives_an_amplitude_below_zero():
-    """A hover was found with -.544 rad, whose size lies in the range, and no command gives it."""
+    """A hover was found with an amplitude of -.544 rad, which no command can give."""
     robot = pt.load_robot("ornithopter")
     family = gait_family(robot, pt.gaits.cruise(robot), ("plunge_amplitude",))
     search = OrbitSearch(FlightMap(robot, pt.QuasiSteady(robot)), family, 100)

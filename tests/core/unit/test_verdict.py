@@ -107,7 +107,7 @@ def test_warning_of_flow_that_was_not_learned(tmp_path: Path) -> None:
 
 
 def test_flow_of_a_whole_log_was_learned_by_a_filter_that_forgets() -> None:
-    """What was usual right after a neighbor was learned made a third of a log "not learned"."""
+    """A model said of a third of its own training log that its flow was not learned."""
     time = 0.01 * np.arange(2000)
     x = np.sin(2 * np.pi * np.outer(time, [2.3, 3.1, 0.37]))
     y = x @ np.array([[1.0], [-0.5], [0.3]])

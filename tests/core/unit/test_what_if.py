@@ -159,7 +159,7 @@ def test_a_right_log_is_not_asked_whatever_its_air_and_noise(
 def test_noise_of_a_joint_whose_torque_is_mostly_inertia_is_no_mistake(
     rng: np.random.Generator,
 ) -> None:
-    """Another sign made force of inertia, over which noise was small: 23 times better, it said.
+    """A noisy log with right signs was said to be 23 times better with another sign.
 
     Exchanged columns put the torque of the feathering joint, of no lever at the quarter chord, in
     the place of the noisy one.

@@ -12,7 +12,7 @@ Neglected: channels that fail together in a way that each of them looks right.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from math import inf, isfinite, isnan
 
 import numpy as np
@@ -119,6 +119,17 @@ class ChangeMonitor:
         self.numbers[[_RECENT, _BEFORE]], self.whole[[_FILLED, _PLACE]] = 0.0, 0
         self.whole[_ALARM] = 1
         return True
+
+
+@contextmanager
+def lent(place: Array, values: Array) -> Iterator[None]:
+    """Context in which an array, which C code reads by its address, holds other values."""
+    before = place.copy()
+    place[:] = values
+    try:
+        yield
+    finally:
+        place[:] = before
 
 
 class Screen:
@@ -234,20 +245,14 @@ class Screen:
         """Channels of the last sample that were not learned from, (n_y,)."""
         return self.marks["left_out"].astype(bool)
 
-    @contextmanager
-    def noisier(self, variance: Array) -> Iterator[None]:
+    def noisier(self, variance: Array) -> AbstractContextManager[None]:
         """Context in which a sample has more noise of the measurement.
 
         Args:
             variance: Variance added, (n_y,) [y^2].
         """
         place = self.stated if self.share or self.misfit.floor else self.parts["noise"]
-        before = place.copy()
-        place += variance
-        try:
-            yield
-        finally:
-            place[:] = before
+        return lent(place, place + variance)
 
     def note(self, event: str) -> None:
         """Count one more of an event."""

@@ -22,7 +22,7 @@ from patagium.learning.filters.block_kernel import structure_and_kernel
 from patagium.learning.filters.kernel_memory import Compiled
 from patagium.learning.filters.numbers import PRIOR, compact_settings, filter_numbers
 from patagium.learning.filters.root import MatrixLost
-from patagium.learning.filters.screening import NEWER, REFUSALS, Screen
+from patagium.learning.filters.screening import NEWER, REFUSALS, Screen, lent
 from patagium.learning.filters.state import arrays_like, part, vector
 from patagium.learning.filters.weight_covariance import BlockCovariance
 from patagium.learning.filters.weight_filter import WeightFilter
@@ -240,7 +240,7 @@ class FilterLearner(Learner):
     def _usual(self) -> Array:
         """Square of `usual_std`, (n_y,) [y^2]."""
         count, seen = self._seen
-        return seen if count == self.count else self._screen.misfit.parts["usual"].copy()
+        return seen if count == self.count else self._screen.misfit.parts["usual"]
 
     @property
     def innovation_covariance(self) -> Array:
@@ -274,18 +274,14 @@ class FilterLearner(Learner):
         if not np.isfinite(sample).all():
             raise diverged(Outcome.NOT_FINITE, self.count, sample, nothing)
         usual = misfit.parts["usual"]
-        late = usual.copy()
         try:
-            usual[:] = self._usual if time is None else late
-            with self._noisier(std):
+            with self._noisier(std), lent(usual, self._usual if time is None else usual):
                 mean, covariance = self._filter.predict(sample)
                 if time is not None and misfit.floor:
                     of_kind("time", time, float)
                     mean, covariance = misfit.carry(mean, covariance, time)
         except MatrixLost as lost:
             raise diverged(lost.outcome, self.count, sample, nothing) from None
-        finally:
-            usual[:] = late
         if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
             raise diverged(Outcome.NOT_FINITE, self.count, sample, nothing)
         return mean, covariance
