@@ -112,8 +112,8 @@ def _eliminate(into: list[dict[int, Edge]], inner: int, sources: dict[int, int])
             out[i].add(k)
 
     def cost(k: int) -> tuple[int, int, int]:
-        new = sum(i not in into[s] for s in out[k] for i in into[k])
-        return new, len(into[k]) * len(out[k]), -k
+        pairs = len(into[k]) * len(out[k])
+        return pairs - sum(sum(map(into[s].__contains__, into[k])) for s in out[k]), pairs, -k
 
     queue = [cost(k) for k in range(inner) if k not in sources]
     heapq.heapify(queue)

@@ -57,8 +57,7 @@ _CALLS[ca.OP_CONSTPOW] = "pow"
 _COMMUTATIVE = {ca.OP_ADD, ca.OP_MUL, ca.OP_FMIN, ca.OP_FMAX, ca.OP_EQ, ca.OP_NE}
 
 
-@dataclass(frozen=True)
-class _Node:
+class _Node(NamedTuple):
     op: int
     inputs: tuple[int, ...]
     detail: tuple[float, ...] = ()
@@ -487,8 +486,10 @@ class _Writer:
             self._lines += self._statements(k)
             return
         block = self._call_block(k)
-        for own, other in enumerate(self._graph.nodes):
-            block += self._statements(own) if other.inputs == (k,) else []
+        own = k + 1  # its results are the nodes that follow
+        while own < len(self._graph.nodes) and self._graph.nodes[own].inputs == (k,):
+            block += self._statements(own)
+            own += 1
         if self._dialect.kind == "lanes":  # whose arrays no part finds in another
             block = ["\n".join(map(str, block))]
         self._lines += block
