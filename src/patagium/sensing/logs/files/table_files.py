@@ -952,14 +952,13 @@ class MatFile(_HeldFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        columns: dict[str, Any] = {}
-        unplaced: dict[str, str] = {}
         with path.open("rb") as file:
             newer = b"7.3 MAT" in file.read(16)
         if newer:
             with reading(path, "MAT 7.3", otherwise=_OLDER):
-                units = _place_hdf5(path, columns, unplaced, reversed_axes=True)
-            return self._hold(columns, unplaced, units)
+                return self._hold(*_hdf5_columns(path, reversed_axes=True))
+        columns: dict[str, Any] = {}
+        unplaced: dict[str, str] = {}
         with reading(path, "MAT"):
             from scipy.io import loadmat
 
@@ -978,22 +977,17 @@ class Hdf5File(_HeldFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        columns: dict[str, Any] = {}
-        unplaced: dict[str, str] = {}
         with reading(path, "HDF5", otherwise=_AS_MAT):
-            units = _place_hdf5(path, columns, unplaced)
-        self._hold(columns, unplaced, units)
+            self._hold(*_hdf5_columns(path))
 
 
-def _place_hdf5(
-    path: Path, columns: dict[str, Any], unplaced: dict[str, str], *, reversed_axes: bool = False
-) -> dict[str, str]:
-    """Add the arrays of an HDF5 file to columns; units by column.
+def _hdf5_columns(
+    path: Path, *, reversed_axes: bool = False
+) -> tuple[dict[str, Any], dict[str, str], dict[str, str]]:
+    """Arrays of an HDF5 file as columns, content that is not read with the reason, and units.
 
     Args:
         path: The file.
-        columns: Columns by name, which are added to.
-        unplaced: Content that is not read, with the reason, likewise.
         reversed_axes: Whether the axes are in the opposite order, as MATLAB stores them.
 
     Raises:
@@ -1001,7 +995,8 @@ def _place_hdf5(
     """
     from netCDF4 import VLType  # has entries of any length, text included
 
-    units: dict[str, str] = {}
+    columns: dict[str, Any] = {}
+    unplaced, units = dict[str, str](), dict[str, str]()
     with closing(open_netcdf(path)) as file:
         groups = [("", file)]
         for place, group in groups:  # which grows
@@ -1033,7 +1028,7 @@ def _place_hdf5(
                 _place(f"{name}.{part}" if part else name, array, columns, unplaced)
             unit = str(getattr(one, "units", getattr(one, "unit", "")))
             units |= dict.fromkeys((column for column in columns if column not in known), unit)
-    return units
+    return columns, unplaced, units
 
 
 def _place(name: str, value: Any, columns: dict[str, Any], unplaced: dict[str, str]) -> None:
