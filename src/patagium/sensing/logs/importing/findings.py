@@ -581,37 +581,27 @@ def _acceleration_guess(sizes: Sizes) -> str:
     return ""
 
 
-def missing_findings(where: str, values: ValueSurvey, places: Sequence[int]) -> list[Finding]:
-    """Finding that numbers of a quantity are missing or not finite.
+def number_findings(
+    where: str, values: ValueSurvey, places: Sequence[int], constant: str = "warning"
+) -> list[Finding]:
+    """Findings that numbers of a quantity are missing or not finite, or that it never changes.
 
     Args:
         where: Name of the quantity.
         values: Statistics of the stream that holds it.
         places: Its components among the numbers of the stream.
+        constant: Level of the finding that it never changes; empty for none.
     """
-    missing = values.missing[list(places)]
-    lost = int(np.max(missing, initial=0))
-    if not lost:
-        return []
-    total = int(np.max(values.count[list(places)] + missing))
-    text = f"{lost} of {total} rows are no finite number; not used"
-    return [Finding("warning", where, "missing numbers", text)]
-
-
-def constant_findings(where: str, values: ValueSurvey, places: Sequence[int]) -> list[Finding]:
-    """Finding that a quantity never changes.
-
-    Args:
-        where: Name of the quantity.
-        values: Statistics of the stream that holds it.
-        places: Its components among the numbers of the stream.
-    """
-    chosen = list(places)
-    low, high = values.low[chosen], values.high[chosen]
-    if not chosen or not ((values.count[chosen] > 1) & (low == high)).all():
-        return []
-    text = f"never changes from {', '.join(f'{v + 0.0:.6g}' for v in low)}"
-    return [Finding("warning", where, "constant", text)]
+    chosen, found = list(places), []
+    missing, low, high = values.missing[chosen], values.low[chosen], values.high[chosen]
+    if lost := int(np.max(missing, initial=0)):
+        total = int(np.max(values.count[chosen] + missing))
+        text = f"{lost} of {total} rows are no finite number; not used"
+        found.append(Finding("warning", where, "missing numbers", text))
+    if constant and chosen and ((values.count[chosen] > 1) & (low == high)).all():
+        text = f"never changes from {', '.join(f'{v + 0.0:.6g}' for v in low)}"
+        found.append(Finding(constant, where, "constant", text))
+    return found
 
 
 def _is(sizes: Sizes, factor: float) -> bool:

@@ -27,8 +27,7 @@ from patagium.sensing.logs.importing.findings import (
     SENSED,
     Finding,
     StreamSurvey,
-    constant_findings,
-    missing_findings,
+    number_findings,
     recorder_findings,
     sizes_of,
     stamp_findings,
@@ -335,10 +334,8 @@ def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
         unit = topic.channels[name].unit
         if not values.count[k]:
             continue
-        found += missing_findings(own, values, [k])
-        if topic.kind == "table":
-            still = constant_findings(own, values, [k])
-            found += [replace(one, level="note") for one in still]  # it need not be mapped
+        constant = "note" if topic.kind == "table" else ""  # a column need not be mapped
+        found += number_findings(own, values, [k], constant)
         if not unit:
             continue
         with suppress(LogError):  # a unit that the file states need not be one that we know

@@ -16,9 +16,8 @@ from patagium.sensing.logs.importing.findings import (
     SENSED,
     Finding,
     ValueSurvey,
-    constant_findings,
     is_still,
-    missing_findings,
+    number_findings,
     recorder_findings,
     sizes_of,
     stamp_findings,
@@ -91,10 +90,8 @@ def _item_findings(
     item: Quantity, values: ValueSurvey, known: bool, still: bool, others: list[int]
 ) -> list[Finding]:
     name, places = item.column.label, list(item.places)
-    found = missing_findings(name, values, places)
-    if not known:
-        found += constant_findings(name, values, places)
-    elif item.si == "m/s^2":  # of a coordinate, which need not show gravity
+    found = number_findings(name, values, places, "" if known else "warning")
+    if known and item.si == "m/s^2":  # of a coordinate, which need not show gravity
         return found
     if item.norm is None:
         sizes = sizes_of(values, places, item.column.unit, item.column.offset, others=others)
