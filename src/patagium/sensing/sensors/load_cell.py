@@ -67,7 +67,7 @@ class LoadCell(FramedSensor):
     moment_std: float | tuple[float, ...] = noise()
     force_bias: float | tuple[float, ...] = noise()
     moment_bias: float | tuple[float, ...] = noise()
-    cross_talk: Axes | None = None
+    cross_talk: Axes | None = noise(None, signed=True)
     force_step: float | tuple[float, ...] = noise()
     moment_step: float | tuple[float, ...] = noise()
     force_range: float | tuple[float, ...] | None = bound()
@@ -82,23 +82,6 @@ class LoadCell(FramedSensor):
             rows = tuple(tuple(float(x) for x in row) for row in matrix)
             object.__setattr__(self, "cross_talk", rows)
         super().__post_init__()
-
-    def scaled(self, factor: float) -> LoadCell:
-        """Load cell with every error, cross-talk included, multiplied by a factor.
-
-        Args:
-            factor: Zero or more.
-
-        Raises:
-            ParameterError: If the factor is negative.
-        """
-        cell = super().scaled(factor)
-        if self.cross_talk is None:
-            return cell
-        object.__setattr__(
-            cell, "cross_talk", tuple(tuple(factor * x for x in row) for row in self.cross_talk)
-        )
-        return cell
 
     @property
     def sample_std(self) -> Array:

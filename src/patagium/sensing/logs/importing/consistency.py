@@ -134,7 +134,7 @@ class _Stretches:
         self._places = [(int(start), int(start) + length) for start in np.unique(starts)]
 
     def of(self, *items: Quantity) -> list[tuple[Array, list[Array]]]:
-        """Times, (k,) [s], and values of items, (k, n) each, where all are valid, without a gap."""
+        """Times, (k,) [s], and items, (k, n) each [SI], where all are valid, without a gap."""
         pieces = []
         for begin, end in self._places:
             stamps = stamps_in(self._spool, self._base, begin, end)
@@ -145,7 +145,8 @@ class _Stretches:
             breaks = np.flatnonzero(np.diff(time[kept]) > self._gap * self._base.step) + 1
             for run in np.split(kept, breaks):
                 if len(run) > self.span:
-                    pieces.append((time[run], [values[run] for values, _ in parts]))
+                    values = zip(items, parts, strict=True)
+                    pieces.append((time[run], [one[run] * item.to_si for item, (one, _) in values]))
         return pieces
 
 
@@ -167,7 +168,7 @@ def _velocity(time: Array, place: Array) -> Array:
     return np.asarray(np.diff(place, axis=0) / np.diff(time)[:, None])
 
 
-Piece: TypeAlias = tuple[Array, Array, Array]
+Piece: TypeAlias = tuple[Array, list[Array]]
 """Times, (k,) [s], a place or attitude and its rate, (k, n) each [SI], without a gap."""
 
 
@@ -175,14 +176,8 @@ def _changes(
     pieces: Sequence[Piece], span: int, moved: Callable[[Array, Array], Array] = _velocity
 ) -> Array:
     """Mean rates over spans, from the change of position and as measured, (2, m, n) [SI]."""
-    both = [[moved(_ends(t, span), _ends(x, span)), _means(rate, span)] for t, x, rate in pieces]
+    both = [[moved(_ends(t, span), _ends(x, span)), _means(rate, span)] for t, (x, rate) in pieces]
     return np.concatenate(both, axis=1) if both else np.empty((2, 0, 1))
-
-
-def _in_si(looked: _Stretches, place: Quantity, rate: Quantity) -> list[Piece]:
-    """Stretches of a place, or an attitude, and of its rate."""
-    sizes = [1.0 if one.is_attitude else one.si_factor / one.factor for one in (place, rate)]
-    return [(t, x * sizes[0], dx * sizes[1]) for t, (x, dx) in looked.of(place, rate)]
 
 
 def _rate_findings(looked: _Stretches, items: Sequence[Quantity], robot: Robot) -> list[Finding]:
@@ -202,7 +197,7 @@ def _rate_findings(looked: _Stretches, items: Sequence[Quantity], robot: Robot) 
                 continue
             base = k in robot.floating_dofs
             span = looked.span if base else max(1, round(_BRIEF * looked.span / looked.duration))
-            derived, measured = _changes(_in_si(looked, place, rate), span).reshape(2, -1)
+            derived, measured = _changes(looked.of(place, rate), span).reshape(2, -1)
             count, offset = max(1, derived.size), float((measured - derived).sum())
             larger = float(max(derived @ derived, measured @ measured))
             apart = float(np.sum((derived - measured) ** 2))
@@ -220,8 +215,7 @@ def _rate_findings(looked: _Stretches, items: Sequence[Quantity], robot: Robot) 
 
 def _compare(looked: _Stretches, place: Quantity, rate: Quantity) -> list[Finding]:
     names = f"{place.column.label} and {rate.column.label}"
-    pieces = _in_si(looked, place, rate)
-    return _agreement(names, pieces, looked.span, turning=place.is_attitude)
+    return _agreement(names, looked.of(place, rate), looked.span, turning=place.is_attitude)
 
 
 def _agreement(names: str, pieces: Sequence[Piece], span: int, *, turning: bool) -> list[Finding]:
@@ -259,10 +253,10 @@ _SLIPS = {
 
 
 def _order_findings(looked: _Stretches, attitude: Quantity, place: Quantity) -> list[Finding]:
-    order, size = attitude.order or "", place.si_factor / place.factor
+    order = attitude.order or ""
     other = replace(attitude, order=OTHER_ORDER[order])
     pieces = looked.of(place, attitude, other)
-    declared, instead = ([(t, part[0] * size, part[k]) for t, part in pieces] for k in (1, 2))
+    declared, instead = ([(t, part[0], part[k]) for t, part in pieces] for k in (1, 2))
     names = f"{attitude.column.label} and {place.column.label}"
     return order_findings(names, order, declared, instead, looked.span)
 
@@ -271,9 +265,8 @@ def _forces(
     looked: _Stretches, attitude: Quantity, force: Quantity, speed: Quantity | None
 ) -> tuple[list[Finding], list[dict[str, Any]]]:
     items = (attitude, force) if speed is None else (attitude, force, speed)
-    scale = force.si_factor / force.factor
     stretches = [
-        (time, others, from_quaternion(turned).apply(felt * scale))
+        (time, others, from_quaternion(turned).apply(felt))
         for time, (turned, felt, *others) in looked.of(*items)
     ]
     if not stretches:
@@ -282,8 +275,7 @@ def _forces(
     name = force.column.label
     fact: dict[str, Any] = {"specific_force": name, "mean_in_world": mean.tolist()}
     if speed is not None:
-        si = speed.si_factor / speed.factor
-        pieces = [(time, moving * si, world) for time, (moving,), world in stretches]
+        pieces = [(time, [*moving, world]) for time, moving, world in stretches]
         change, means = _changes(pieces, looked.span)
         less = means - [0.0, 0.0, GRAVITY] - change
         fact["velocity"] = speed.column.label
@@ -363,7 +355,7 @@ def _seen_by(camera: Stream, unit: Stream) -> list[Finding]:
     span = max(1, round(_SPAN / float(np.median(np.diff(time)))))
     mean = from_quaternion(attitude).apply(force).mean(axis=0)
     carried = _LEAST * GRAVITY < np.linalg.norm(mean) < GRAVITY / _LEAST
-    found = _agreement(names, [(time, attitude, rate)], span, turning=True)
+    found = _agreement(names, [(time, [attitude, rate])], span, turning=True)
     if mean[2] < 0 and carried and not found:  # a start by hand or a turn may lean, never hang
         found += _gravity_findings(unit.name, camera.name, mean)
     return found
@@ -372,8 +364,7 @@ def _seen_by(camera: Stream, unit: Stream) -> list[Finding]:
 def _down_findings(force: Quantity, spool: Spool) -> list[Finding]:
     """Finding that a specific force points down in its own axes, as one with z down would."""
     values = spool.surveys[force.stream].values
-    mean = force.converted(values.mean[None, list(force.places)])[0]
-    mean = mean * (force.si_factor / force.factor)
+    mean = force.converted(values.mean[None, list(force.places)])[0] * force.to_si
     size = float(np.linalg.norm(mean))
     if not _LEAST * GRAVITY < size < GRAVITY / _LEAST or mean[2] > -_ALONG * size:
         return []

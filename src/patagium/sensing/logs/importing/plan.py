@@ -69,6 +69,11 @@ class Quantity:
         return self.order is not None
 
     @property
+    def to_si(self) -> float:
+        """Factor from the unit that the model sees to the SI unit."""
+        return 1.0 if self.is_attitude else self.si_factor / self.factor
+
+    @property
     def needed(self) -> bool:
         """Whether no sample is made without it: all but outputs and forces of joints."""
         part = self.column.label.partition(".")[0]
