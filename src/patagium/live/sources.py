@@ -13,7 +13,8 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Protocol
@@ -323,59 +324,46 @@ class DatagramSource:
         return np.concatenate(whole) if whole else np.empty((0, self._columns))
 
 
-class SensorLogSource:
-    """A recorded log of raw sensors.
+class LogSource:
+    """A recorded log, of which packets or raw rows are read as fast as they are learned.
 
     Args:
-        log: The log.
+        blocks: Function that reads them, some at a time, (k, columns) [units of the columns].
+        sensors: Description of the sensors of raw rows; empty of packets.
     """
 
-    def __init__(self, log: SensorLog) -> None:
-        self._log = log
+    def __init__(self, blocks: Callable[[], Iterator[Array]], sensors: str = "") -> None:
+        self._blocks, self._sensors = blocks, sensors
 
     def read(self, queue: PacketQueue, stop: threading.Event) -> None:
-        """Read the log's samples, as fast as they are learned."""
-        queue.describe(sensors_text(self._log))
-        rows = sensor_rows(self._log)
-        for begin in range(0, len(rows), _ROWS):
+        """Read the log's samples."""
+        if self._sensors:
+            queue.describe(self._sensors)
+        for rows in self._blocks():
             if stop.is_set():
                 return
-            queue.intake.received += len(rows[begin : begin + _ROWS])
-            queue.put(rows[begin : begin + _ROWS], waits=True)
+            queue.intake.received += len(rows)
+            queue.put(rows, waits=True)
 
 
-class RecordSource:
-    """A log that `patagium import` wrote, with q, v, a and u1 of every coordinate.
+def _raw_blocks(log: SensorLog) -> Iterator[Array]:
+    """Raw rows of a log of sensors, some at a time."""
+    rows = sensor_rows(log)
+    yield from (rows[begin : begin + _ROWS] for begin in range(0, len(rows), _ROWS))
 
-    Args:
-        columns: Names of the numbers of a packet.
-        path: The log.
 
-    Raises:
-        LogError: If it is no such log, or lacks a number.
-    """
-
-    def __init__(self, columns: Sequence[str], path: Path) -> None:
-        self._columns, self._path = tuple(columns), path
-        with LogRecord(path) as record:
-            record.values(self._columns[1:], 0, 1)
-
-    def read(self, queue: PacketQueue, stop: threading.Event) -> None:
-        """Read the log's samples, as fast as they are learned."""
-        with LogRecord(self._path) as record:
-            for begin in range(0, record.count, _ROWS):
-                if stop.is_set():
-                    return
-                end = begin + _ROWS
-                time = record.time(begin, end)
-                packets = np.column_stack([time, record.values(self._columns[1:], begin, end)])
-                queue.intake.received += len(packets)
-                queue.put(packets, waits=True)
+def _record_blocks(columns: Sequence[str], path: Path) -> Iterator[Array]:
+    """Packets of a log that `patagium import` wrote, some at a time."""
+    with LogRecord(path) as record:
+        for begin in range(0, record.count, _ROWS):
+            end = begin + _ROWS
+            values = record.values(tuple(columns[1:]), begin, end)
+            yield np.column_stack([record.time(begin, end), values])
 
 
 def source_of(
     words: str, columns: Sequence[str], *, idle: float | None = None, key_file: Path | None = None
-) -> TextSource | DatagramSource | RecordSource | SensorLogSource:
+) -> TextSource | DatagramSource | LogSource:
     """Source of packets that words name.
 
     Args:
@@ -387,7 +375,7 @@ def source_of(
 
     Raises:
         ParameterError: If an address has no port, the key cannot be used, or texts have one.
-        LogError: If there is no such file, or the address cannot be listened at.
+        LogError: If there is no such file, it lacks a number, or the address cannot be listened at.
     """
     if words.startswith("udp://"):
         key = None if key_file is None else read_key(key_file)
@@ -401,9 +389,12 @@ def source_of(
         raise LogError(f"{path}: expected a file, found a pipe; give - and pipe it to the program")
     regular_file(path)
     if is_log(path):
-        return RecordSource(columns, path)
+        with LogRecord(path) as record:
+            record.values(tuple(columns[1:]), 0, 1)
+        return LogSource(partial(_record_blocks, columns, path))
     if is_sensor_log(path):
-        return SensorLogSource(load_sensor_log(path))
+        log = load_sensor_log(path)
+        return LogSource(partial(_raw_blocks, log), sensors_text(log))
     refuse_other_kinds(path)
     return TextSource(columns, path, idle=idle)
 

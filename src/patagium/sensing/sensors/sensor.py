@@ -27,7 +27,7 @@ Axes: TypeAlias = tuple[tuple[float, ...], ...]
 UPRIGHT: Axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Orientation of a sensor whose axes are those of its body."""
 
-_NOISE, _SIGNED, _BOUND = {"noise": True}, {"noise": True, "signed": True}, {"bound": True}
+_NOISE, _SIGNED, _BOUND = {"noise": True}, {"signed": True}, {"bound": True}
 _NEAR = 1.0 - 1e-3
 """Share of a range from which a reading may be cut off: a converter of 12 bits ends there."""
 HIDDEN = ("clock_offset", "clock_drift", "delay")
@@ -154,7 +154,7 @@ class Sensor:
         finite("factor", factor)
         if factor < 0:
             raise ParameterError("factor", "zero or more", factor)
-        errors = [entry.name for entry in fields(self) if "noise" in entry.metadata]
+        errors = [entry.name for entry in fields(self) if entry.metadata in (_NOISE, _SIGNED)]
         return replace(self, **{name: _times(getattr(self, name), factor) for name in errors})
 
     def clock(self, begin: float, end: float) -> tuple[Array, Array]:
