@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -28,36 +27,10 @@ def sizes(text: str) -> Numbers:
     return found
 
 
-@dataclass(frozen=True)
-class PathWords:
-    """Words of the command line for a path; None where an option is not given.
-
-    Attributes:
-        kind: line, circle, figure-of-eight, sinusoid, or a CSV file.
-        center: Center, or start of a line [m].
-        size: Radius; length and width of an eight; end minus start of a line [m].
-        speed: Greatest speed [m/s].
-        frequency: Frequency [Hz].
-        along: Direction of an eight's length; a circle's normal.
-        across: Direction of an eight's width.
-        attitude: Roll, pitch, yaw [rad].
-        amplitude: Amplitudes of a sinusoid, NAME=VALUE.
-    """
-
-    kind: str | None
-    center: Vector | None
-    size: Numbers | None
-    speed: float | None
-    frequency: float | None
-    along: Vector | None
-    across: Vector | None
-    attitude: Vector | None
-    amplitude: Sequence[str]
-
-
 def mount_from(
     kind: MountKind | None,
-    words: PathWords,
+    path: str | None,
+    words: Mapping[str, Any],
     *,
     arm: str | None,
     at: str | None,
@@ -68,7 +41,8 @@ def mount_from(
 
     Args:
         kind: Kind of the mount.
-        words: Path.
+        path: line, circle, figure-of-eight, sinusoid, or a CSV file; None: not given.
+        words: Values of the options --path-... by name [SI]; None where one is not given.
         arm: Preset or file of the arm; by default "ur5e".
         at: Body of the arm that holds the robot; by default "tool".
         turn: Roll, pitch, yaw of the robot on that body [rad].
@@ -85,87 +59,89 @@ def mount_from(
     for name in (name for name, value in given.items() if value is not None and kind != "arm"):
         raise ParameterError(name, "--mount arm with it", kind)
     if kind not in ("carried", "arm"):
-        if words.kind is not None:
+        if path is not None:
             raise ParameterError("--path", "--mount arm or carried with it", kind)
         return None if kind is None else getattr(mounts, kind)()
-    path = _path(words)
+    way = _path(path, {name: value for name, value in words.items() if value is not None})
     if kind == "carried":
-        return mounts.carried(path)
+        return mounts.carried(way)
     machine, place = load_robot(arm or "ur5e"), {"position": shift, "orientation": turn}
     held_at = {name: value or _ZERO for name, value in place.items()}
-    return mounts.on_arm(machine, path, at=at or "tool", **held_at)
+    return mounts.on_arm(machine, way, at=at or "tool", **held_at)
 
 
-def _path(words: PathWords) -> Any:
+def _path(kind: str | None, words: Mapping[str, Any]) -> Any:
     from patagium.simulation import paths
 
-    if words.kind is None:
+    if kind is None:
         expected = f"one of {', '.join(_MAKERS)}, or a CSV file"
         raise ParameterError("--path", expected, None)
-    make, used = _MAKERS.get(words.kind, (None, ()))
-    for name, value in vars(words).items():
-        if name != "kind" and value not in (None, ()) and name not in used:
-            raise ParameterError(f"--path-{name}", f"nothing of the kind with {words.kind}", "one")
-    return paths.from_csv(existing(Path(words.kind))) if make is None else make(words)
+    make, used = _MAKERS.get(kind, (None, ""))
+    for name in words:
+        if name not in used.split():
+            raise ParameterError(f"--path-{name}", f"nothing of the kind with {kind}", "one")
+    return paths.from_csv(existing(Path(kind))) if make is None else make(**words)
 
 
 _ZERO = (0.0, 0.0, 0.0)
 
 
-def _sized(words: PathWords, count: int, what: str) -> Numbers:
-    if words.size is None or len(words.size) != count:
-        raise ParameterError("--path-size", what, words.size)
-    return words.size
+def _sized(size: Numbers | None, count: int, what: str) -> Numbers:
+    if size is None or len(size) != count:
+        raise ParameterError("--path-size", what, size)
+    return size
 
 
-def _line(words: PathWords) -> Any:
+def _line(
+    center: Any = _ZERO, size: Numbers | None = None, speed: float | None = None, **attitude: Any
+) -> Any:
     """Line from its start; the greatest speed of a motion of least jerk is 15/8 of the mean."""
     from patagium.simulation import paths
 
-    way = _sized(words, 3, "how far a line goes, such as '0.3,0,0.1 m'")
-    if words.speed is None:
+    way = _sized(size, 3, "how far a line goes, such as '0.3,0,0.1 m'")
+    if speed is None:
         raise ParameterError("--path-speed", "the greatest speed of a line, in m/s", None)
-    start = words.center or Vector(*_ZERO)
-    end = [a + b for a, b in zip(start, way, strict=True)]
+    end = [a + b for a, b in zip(center, way, strict=True)]
     length = math.hypot(*way)
-    if not (length > 0 and words.speed > 0):
+    if not (length > 0 and speed > 0):
         raise ParameterError("--path-size, --path-speed", "a way and a speed above 0", length)
-    duration = 15 / 8 * length / words.speed
-    return paths.line(start, end, duration=duration, attitude=words.attitude or _ZERO)
+    return paths.line(center, end, duration=15 / 8 * length / speed, **attitude)
 
 
-def _round(words: PathWords) -> Any:
-    """Circle, or figure of eight."""
+def _circle(
+    center: Any = _ZERO, size: Numbers | None = None, along: Any = (0.0, 0.0, 1.0), **pace: Any
+) -> Any:
     from patagium.simulation import paths
 
-    center, attitude = words.center or _ZERO, words.attitude or _ZERO
-    pace: Any = {"speed": words.speed, "frequency": words.frequency, "attitude": attitude}
-    if words.kind == "circle":
-        (radius,) = _sized(words, 1, "a circle's radius, such as '20 cm'")
-        return paths.circle(center, radius, normal=words.along or (0.0, 0.0, 1.0), **pace)
-    length, width = _sized(words, 2, "length and width, such as '0.9,0.3 m'")
-    along, across = words.along or (1.0, 0.0, 0.0), words.across or (0.0, 1.0, 0.0)
-    return paths.figure_of_eight(center, length, width, along=along, across=across, **pace)
+    (radius,) = _sized(size, 1, "a circle's radius, such as '20 cm'")
+    return paths.circle(center, radius, normal=along, **pace)
 
 
-def _sinusoid(words: PathWords) -> Any:
+def _figure_of_eight(center: Any = _ZERO, size: Numbers | None = None, **others: Any) -> Any:
     from patagium.simulation import paths
 
-    if words.frequency is None:
+    length, width = _sized(size, 2, "length and width, such as '0.9,0.3 m'")
+    return paths.figure_of_eight(center, length, width, **others)
+
+
+def _sinusoid(
+    center: Any = _ZERO, frequency: float | None = None, amplitude: Sequence[str] = (), **turn: Any
+) -> Any:
+    from patagium.simulation import paths
+
+    if frequency is None:
         raise ParameterError("--path-frequency", "the cycles a second of a sinusoid, in Hz", None)
-    slides = [word for word in words.amplitude if word.partition("=")[0] in ("x", "y", "z")]
-    turns = [word for word in words.amplitude if word not in slides]
+    slides = [word for word in amplitude if word.partition("=")[0] in ("x", "y", "z")]
+    turns = [word for word in amplitude if word not in slides]
     size = named_quantities("--path-amplitude", slides, "m", "a length")
     size |= named_quantities("--path-amplitude", turns, "rad", "an angle")
-    center, attitude = words.center or _ZERO, words.attitude or _ZERO
-    rate, still = words.frequency, None
-    return paths.sinusoid(center, frequency=rate, phase=still, attitude=attitude, **size)
+    return paths.sinusoid(center, frequency=frequency, **turn, **size)
 
 
-_MAKERS: dict[str, tuple[Callable[[PathWords], Any], set[str]]] = {
-    "line": (_line, {"center", "size", "speed", "attitude"}),
-    "circle": (_round, {"center", "size", "speed", "frequency", "along", "attitude"}),
-    "figure-of-eight": (_round, {*"center size speed frequency along across attitude".split()}),
-    "sinusoid": (_sinusoid, {"center", "frequency", "attitude", "amplitude"}),
+_MAKERS: dict[str, tuple[Callable[..., Any], str]] = {
+    "line": (_line, "center size speed attitude"),
+    "circle": (_circle, "center size speed frequency along attitude"),
+    "figure-of-eight": (_figure_of_eight, "center size speed frequency along across attitude"),
+    "sinusoid": (_sinusoid, "center frequency attitude amplitude"),
 }
 """Function that makes each kind of path, and the options that it takes."""

@@ -13,7 +13,7 @@ from patagium.cli import live as live_options
 from patagium.cli import options
 from patagium.cli.estimates import AirOption, chosen_air
 from patagium.cli.learner_options import LearnerChoice, with_learner_options
-from patagium.cli.mounting import MountKind, PathWords, mount_from, sizes
+from patagium.cli.mounting import MountKind, mount_from, sizes
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import (
     Numbers,
@@ -223,11 +223,12 @@ def simulate(
     amplitudes = {"plunge": plunge, "elbow": elbow, "feather": feather}
     named = {"amplitude": amplitude, "phase": phase, "offset": offset}
     moves = _gait(machine, gait, frequency, amplitudes, **named)
-    words = PathWords(
-        path, path_center, path_size, path_speed, path_frequency, path_along, path_across,
-        path_attitude, path_amplitude or (),
-    )  # fmt: skip
-    held = mount_from(mount, words, arm=arm, at=arm_at, turn=arm_turn, shift=arm_shift)
+    words = {
+        "center": path_center, "size": path_size, "speed": path_speed,
+        "frequency": path_frequency, "along": path_along, "across": path_across,
+        "attitude": path_attitude, "amplitude": path_amplitude or None,
+    }  # fmt: skip
+    held = mount_from(mount, path, words, arm=arm, at=arm_at, turn=arm_turn, shift=arm_shift)
     if held is not None and held.path is not None and (speed or pitch):
         raise ParameterError("--speed, --pitch", "a path that says them", mount)
     told = f" in a wind of {own.speed:g} m/s" if own and standing and not wind else ""
