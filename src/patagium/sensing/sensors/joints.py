@@ -133,8 +133,8 @@ class MotorCurrent(Sensor):
         """Reading of a scene at given times, (N,) [s]; see `Sensor.measure`."""
         joints = joint_names(self.joints, scene.robot)
         columns = [scene.robot.index(name) for name in joints]
-        force = scene.signal("u1", times, self.bandwidth, "motor currents")[:, columns]
-        sharp = scene.signal("u1", times, None, "motor currents")[:, columns]
+        torque = scene.values("u1", "motor currents")[:, columns]
+        sharp, force = (scene.through(torque, times, width) for width in (None, self.bandwidth))
         error = self.torque_constant_std * rng.standard_normal(len(joints))
         offset = self.offset_std * rng.standard_normal(len(joints))
         white = self.std * rng.standard_normal(force.shape)

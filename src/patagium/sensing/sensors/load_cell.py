@@ -13,7 +13,7 @@ import numpy as np
 
 from patagium.arrays import Array, real_array
 from patagium.errors import FlightError, ParameterError
-from patagium.sensing.sensors.scene import Scene, low_pass
+from patagium.sensing.sensors.scene import Scene
 from patagium.sensing.sensors.sensor import (
     Axes,
     FramedSensor,
@@ -97,9 +97,7 @@ class LoadCell(FramedSensor):
     def measure(self, scene: Scene, times: Array, rng: np.random.Generator) -> Reading:
         """Reading of a scene at given times, (N,) [s]; see `Sensor.measure`."""
         felt = self._felt(scene)
-        true = seen = scene.through(felt, times)
-        if self.bandwidth is not None:
-            seen = scene.through(low_pass(scene.time, felt, self.bandwidth), times)
+        true, seen = (scene.through(felt, times, width) for width in (None, self.bandwidth))
         if self.cross_talk is not None:
             seen = seen + seen @ np.asarray(self.cross_talk).T
         bias = self._pair("bias") * rng.standard_normal(6)

@@ -82,27 +82,17 @@ class Scene:
         """Coordinates q, (N, n_q), v and a, (N, n), at given times [m, rad and their rates]."""
         return tuple(np.asarray(part(times)) for part in (self._q, self._v, self._a))  # type: ignore[return-value]
 
-    def signal(
-        self, name: str, times: Array, bandwidth: float | None = None, needed_by: str = "sensors"
-    ) -> Array:
-        """Variable of the flight at given times, after a first-order low-pass.
+    def through(self, values: Array, times: Array, bandwidth: float | None = None) -> Array:
+        """Cubic through values at the samples of the flight, at given times, (N, ...).
 
         Args:
-            name: Name of the variable.
+            values: Values at the samples of the flight, (M, ...) [any unit].
             times: Times, (N,) [s].
-            bandwidth: Frequency at which the low-pass halves the power [Hz]; None for no low-pass.
-            needed_by: Name of the sensor in messages.
-
-        Raises:
-            FlightError: If the flight has no such variable, or the variable is not finite.
+            bandwidth: Frequency at which a first-order low-pass before it halves the power [Hz];
+                None for no low-pass.
         """
-        values = self.values(name, needed_by)
         if bandwidth is not None:
             values = low_pass(self.time, values, bandwidth)
-        return self.through(values, times)
-
-    def through(self, values: Array, times: Array) -> Array:
-        """Cubic through values at the samples of the flight, at given times, (N, ...)."""
         return np.asarray(make_interp_spline(self.time, values, k=3)(times))
 
     def frame(self, body: str, position: Array, rotation: Array, times: Array) -> FrameMotion:
