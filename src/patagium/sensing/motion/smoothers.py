@@ -44,12 +44,8 @@ def transition(order: int, step: float) -> Array:
         order: Number m of levels.
         step: Length of the step [s].
     """
-    return np.array(
-        [
-            [step ** (j - i) / factorial(j - i) if j >= i else 0.0 for j in range(order)]
-            for i in range(order)
-        ]
-    )
+    powers = [step**k / factorial(k) for k in range(order)]
+    return np.array([[0.0] * i + powers[: order - i] for i in range(order)])
 
 
 def added_covariance(order: int, step: float) -> Array:
@@ -59,17 +55,13 @@ def added_covariance(order: int, step: float) -> Array:
         order: Number m of levels.
         step: Length of the step [s].
     """
-    m = order
-    return np.array(
-        [
-            [
-                step ** (2 * m - 1 - i - j)
-                / ((2 * m - 1 - i - j) * factorial(m - 1 - i) * factorial(m - 1 - j))
-                for j in range(m)
-            ]
-            for i in range(m)
-        ]
-    )
+
+    def entry(i: int, j: int) -> float:
+        """Entry of levels that are i and j below the driven one."""
+        return step ** (i + j + 1) / ((i + j + 1) * factorial(i) * factorial(j))
+
+    below = range(order - 1, -1, -1)
+    return np.array([[entry(i, j) for j in below] for i in below])
 
 
 def smooth_chain(time: Array, values: Array, std: Array, density: Array, order: int) -> Smoothed:
