@@ -357,10 +357,7 @@ class _Search:
 
     def _seen_by(self, unit: Stream) -> list[str]:
         """Names of the sensors that see coordinates which move an inertial unit."""
-        rng = np.random.default_rng(0)
-        motion = rng.uniform(0.1, 1.0, (1, 3, self.robot.dof)), Rotation.identity(1)
-        slope = np.abs(unit.model.frame.inertials(*motion)[1]).max(axis=(0, 1, 2))  # type: ignore[attr-defined]
-        moving = set(np.flatnonzero(slope > 0).tolist())
+        moving = unit.model.sees(self.robot)
         return [name for name, track in self.tracks.items() if moving & set(track.columns)]
 
     def _fit(

@@ -30,7 +30,6 @@ from patagium.sensing.motion.camera_faults import (
 from patagium.sensing.motion.encoder_faults import dropped_out
 from patagium.sensing.motion.first_motion import Noise, first_motion, spectral_noise
 from patagium.sensing.motion.frame_model import (
-    FrameModel,
     Motion,
     euler_function,
     floating_base,
@@ -316,19 +315,12 @@ def coupled(robot: Robot, streams: Sequence[Stream]) -> list[int]:
     """
     base = floating_base(robot)
     found = set() if base is None else {*base.place, *base.turn}
-    rng = np.random.default_rng(0)
-    motion = rng.uniform(0.1, 1.0, (1, 3, robot.dof)), Rotation.identity(1)
     seen: list[int] = []
     for s in streams:
         if isinstance(s.model, EncoderModel):
             seen += s.model.columns
-            continue
-        frame: FrameModel = s.model.frame  # type: ignore[attr-defined]
-        if isinstance(s.model, ImuModel):
-            slope = np.abs(frame.inertials(*motion)[1]).max(axis=(0, 1, 2))
         else:
-            slope = np.abs(frame.poses(*motion)[2]).max(axis=(0, 1))
-        found |= set(np.flatnonzero(slope > 0).tolist())
+            found |= s.model.sees(robot)
     alone = {i for i in seen if seen.count(i) == 1} - found
     unseen = set(range(robot.dof)) - set(seen) - found
     if unseen:

@@ -61,11 +61,11 @@ class MeasurementModel(Protocol):
         parts: Values that are measured alike, one after the other.
     """
 
-    linear: bool
-    biases: bool
+    linear: bool = False
+    biases: bool = False
     width: int
-    bias_walk: Array
-    bias_std: Array
+    bias_walk: Array = np.zeros(0)
+    bias_std: Array = np.zeros(0)
     variances: Array
     parts: tuple[Part, ...]
 
@@ -76,6 +76,13 @@ class MeasurementModel(Protocol):
     def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
         """Residuals of samples (N, k), without biases, and Jacobian (N, k, m', n)."""
         ...
+
+    def sees(self, robot: Robot) -> set[int]:
+        """Coordinates of a robot that move what the sensor shows."""
+        rng = np.random.default_rng(0)
+        motion = rng.uniform(0.1, 1.0, (1, 3, robot.dof)), Rotation.identity(1)
+        _, slope = self.residuals(*motion, np.ones((1, self.width)))
+        return set(np.flatnonzero(np.abs(slope).max(axis=(0, 1, 2)) > 0).tolist())
 
 
 class Part(NamedTuple):
@@ -92,14 +99,7 @@ class Part(NamedTuple):
     size: int
 
 
-class _NoBias:
-    linear = False
-    biases = False
-    bias_walk: Array = np.zeros(0)
-    bias_std: Array = np.zeros(0)
-
-
-class EncoderModel(_NoBias):
+class EncoderModel(MeasurementModel):
     """Measurement model of an encoder: coordinates.
 
     Args:
@@ -107,8 +107,9 @@ class EncoderModel(_NoBias):
         robot: The machine.
     """
 
+    linear = True
+
     def __init__(self, sensor: Encoder, robot: Robot) -> None:
-        self.linear = True
         self.columns = [robot.index(name) for name in joint_names(sensor.joints, robot)]
         self._turns = [robot.dof_units[i] == "rad" for i in self.columns]
         self.width = len(self.columns)
@@ -132,7 +133,7 @@ class EncoderModel(_NoBias):
         return rows - levels[:, 0, self.columns], slope
 
 
-class ImuModel:
+class ImuModel(MeasurementModel):
     """Measurement model of an inertial unit: specific force and angular rate with biases.
 
     Args:
@@ -140,7 +141,6 @@ class ImuModel:
         robot: The machine.
     """
 
-    linear = False
     biases = True
     width = 6
 
@@ -170,7 +170,7 @@ class ImuModel:
         return rows - expected, slope
 
 
-class CaptureModel(_NoBias):
+class CaptureModel(MeasurementModel):
     """Measurement model of motion capture: position and attitude of a frame on a body.
 
     Args:
