@@ -32,6 +32,7 @@ from patagium.sensing.motion.motion_spline import MotionSpline, SplinePoint
 from patagium.sensing.motion.sensor_streams import (
     FLOOR,
     CaptureModel,
+    MeasurementModel,
     Part,
     Stream,
     captured_motion,
@@ -252,9 +253,11 @@ class MotionFit:
             self.turn = np.searchsorted(self.columns, base.turn)
         self.biases: dict[str, slice] = {}
         self.width = len(self.columns)
+        self._biased: list[tuple[MeasurementModel, slice]] = []
         for one in self.samples:
             if one.stream.model.biases:
-                self.biases[one.stream.name] = slice(self.width, self.width + 6)
+                self.biases[one.stream.name] = place = slice(self.width, self.width + 6)
+                self._biased.append((one.stream.model, place))
                 self.width += 6
         self.gaps: list[tuple[float, float]] = []
 
@@ -419,11 +422,8 @@ class MotionFit:
         if self.turn is not None:
             turned = drive[:, self.turn]
             drive[:, self.turn] = np.maximum(turned, self.bridging[:, None])
-        for one in self.samples:
-            if one.stream.name in self.biases:
-                model = one.stream.model
-                walk = np.maximum(model.bias_walk, 1e-2 * model.bias_std) ** 2
-                drive[:, self.biases[one.stream.name]] = walk
+        for model, place in self._biased:
+            drive[:, place] = np.maximum(model.bias_walk, 1e-2 * model.bias_std) ** 2
         return drive
 
     def _loose(self) -> Array:
@@ -431,39 +431,39 @@ class MotionFit:
         loose = np.full(self.width, 1e-6)
         if self.turn is not None:
             loose[self.turn] = 1e-2
-        for one in self.samples:
-            if one.stream.name in self.biases:
-                loose[self.biases[one.stream.name]] = 1e-9
+        for _, place in self._biased:
+            loose[place] = 1e-9
         return loose
 
     def _add_prior(self, information: Information, drive: Array) -> None:
-        every = np.arange(self.knots.spans)[:, None]
-        times = (self.knots.begin + self.knots.step * (every + _GAUSS)).ravel()
         here = slice(0, len(self.columns))
-        self.stiffness = self._add_smoothness(information, times, drive, here, self.order)
+        self.stiffness = self._add_smoothness(information, drive, here, self.order)
         first = self.knots.weights(np.array([self.knots.begin]), 1)[0, 0]
-        for one in self.samples:
-            if one.stream.name not in self.biases:
-                continue
-            place = self.biases[one.stream.name]
-            self._add_smoothness(information, times, drive, place, 1)
-            known = 1.0 / one.stream.model.bias_std**2
+        for model, place in self._biased:
+            self._add_smoothness(information, drive, place, 1)
+            known = 1.0 / model.bias_std**2
             information.add_alike(np.outer(first, first), known[None], place)
             pull = information.gradient.reshape(-1, self.width)
             start = first @ self.spline.points[:SEEN, place]
             pull[:SEEN, place] -= first[:, None] * (start * known)
 
+    def _driven(self, order: int) -> tuple[Array, Array]:
+        """A derivative of the unknowns at two places of each span, and its slopes."""
+        every = np.arange(self.knots.spans)[:, None] + _GAUSS
+        times = (self.knots.begin + self.knots.step * every).ravel()
+        _, value, slope = self.spline.driven(times, order)
+        return value.reshape(-1, 2, self.width), slope
+
     def _add_smoothness(
-        self, information: Information, times: Array, drive: Array, here: slice, order: int
+        self, information: Information, drive: Array, here: slice, order: int
     ) -> Array:
         """Add the prior of a derivative of some unknowns; returns its matrix for a span, (6, 6)."""
         half = 0.5 * self.knots.step
-        _, value, slope = self.spline.driven(times, order)
+        value, slope = self._driven(order)
         weights = slope[:2, :, 0]
         stiffness = half * weights.T @ weights
         information.add_alike(stiffness, 1.0 / drive[:, here], here)
-        value = value.reshape(-1, 2, self.width)[:, :, here]
-        parts = half * np.einsum("gj,sgc->jsc", weights, value) / drive[:, here]
+        parts = half * np.einsum("gj,sgc->jsc", weights, value[:, :, here]) / drive[:, here]
         pull = information.gradient.reshape(-1, self.width)
         for j in range(SEEN):
             pull[j : j + self.knots.spans, here] -= parts[j]
@@ -484,9 +484,7 @@ class MotionFit:
     def _learn_density(self, drive: Array, pace: float) -> float:
         """Update the densities by the number of well-determined parameters."""
         n, spans, step = len(self.columns), self.knots.spans, self.knots.step
-        times = (self.knots.begin + step * (np.arange(spans)[:, None] + _GAUSS)).ravel()
-        _, value, _ = self.spline.driven(times, self.order)
-        mean = 0.5 * step * (value.reshape(spans, 2, self.width)[:, :, :n] ** 2).sum(axis=1)
+        mean = 0.5 * step * (self._driven(self.order)[0][:, :, :n] ** 2).sum(axis=1)
         unsure = self.covariance.trace(self.stiffness, spans)[:, :n] / drive[:, :n]
         known = np.clip(1.0 - unsure, 1e-6, 1.0)
         mean[self.open], known[self.open] = 0.0, 0.0
