@@ -8,7 +8,7 @@ Text, images and other content without numbers is not read.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -29,7 +29,6 @@ BLOCK = 1 << 16
 """Rows of a table that are read at once."""
 _DAY, _BEFORE_1970, _YEARS = 86400e9, 719529.0, 5e5
 """A day [ns], days before 1970 in MATLAB's count from the year 0, and days that are of it."""
-_SHOWN = 12
 _CLOSE = 3
 
 
@@ -243,7 +242,7 @@ def find_topic(log: LogFile, name: str, where: str) -> Topic:
     if topic is None:
         raise LogError(
             f"{where}: {log.path} holds no topic {name!r}"
-            f"{_closest(name, log.topics)}; it holds {_some(t or 'a table' for t in log.topics)}"
+            f"{_closest(name, log.topics)}; it holds {some(t or 'a table' for t in log.topics)}"
         )
     if topic.problem:
         of = f"topic {name!r} of {log.path}" if name else str(log.path)
@@ -273,13 +272,11 @@ def find_fields(topic: Topic, source: str | tuple[str, ...], size: int, where: s
             return [known[path] for path in paths]
     held = [n for n in topic.channels if n == source or re.match(re.escape(source) + r"[.\[_]", n)]
     if held and size == 1:
-        raise LogError(
-            f"{where}: {source!r} is no number; expected one of its parts: {_some(held)}"
-        )
+        raise LogError(f"{where}: {source!r} is no number; expected one of its parts: {some(held)}")
     if held:
         raise LogError(
             f"{where}: expected {size} components under {source!r}, such as {source}.x or "
-            f"{source}[0], found {_some(held)}; a list of names takes some of them"
+            f"{source}[0], found {some(held)}; a list of names takes some of them"
         )
     raise LogError(_missing(topic, source, where))
 
@@ -312,7 +309,7 @@ def _missing(topic: Topic, path: str, where: str) -> str:
     stems = {re.split(r"\.[^.]*$|\[[^\[]*$", name)[0] for name in topic.channels}
     closest = _closest(path, [*topic.channels, *sorted(stems)])
     remedy = closest + f"; {topic.hint}" * bool(topic.hint)
-    return f"{where}: expected {path!r}, but {held}{kind} holds {_some(topic.channels)}{remedy}"
+    return f"{where}: expected {path!r}, but {held}{kind} holds {some(topic.channels)}{remedy}"
 
 
 def _closest(name: str, names: Any) -> str:
@@ -323,7 +320,8 @@ def _closest(name: str, names: Any) -> str:
     return f"; closest: {', '.join(folded[one] for one in near)}" if near else ""
 
 
-def _some(names: Any) -> str:
+def some(names: Iterable[str], most: int = 12) -> str:
+    """First of some names for a message, and how many more there are."""
     listed = list(names)
-    more = f" and {len(listed) - _SHOWN} more" if len(listed) > _SHOWN else ""
-    return (", ".join(listed[:_SHOWN]) or "nothing with numbers") + more
+    more = f" and {len(listed) - most} more" if len(listed) > most else ""
+    return (", ".join(listed[:most]) or "nothing with numbers") + more

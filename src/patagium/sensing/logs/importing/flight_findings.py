@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import packet_columns
+from patagium.sensing.logs.files.channels import some
 from patagium.sensing.logs.importing.findings import Finding, StreamSurvey
 from patagium.sensing.logs.importing.plan import Plan
 
@@ -16,7 +17,6 @@ _DENSE = (
     "networks of strips are pointless without them: map measured angles, or learn a dense network "
     "of inputs and outputs (`--network dense`)"
 )
-_SHOWN = 6
 _LITTLE = 0.7
 """Motion of joints that is rather one in radians [deg]."""
 
@@ -63,9 +63,9 @@ def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...])
     unmeasured = [name for name in joints if f"q.{name}" not in held]
     text = ""
     if unmeasured:
-        text = f"no q of {_some(unmeasured)}, joints of {robot.name!r}"
+        text = f"no q of {some(unmeasured, 6)}, joints of {robot.name!r}"
     elif {f"q.{name}" for name in joints} <= set(still):
-        text = f"no joint moves in the whole log: were {_some(joints)} measured? If not"
+        text = f"no joint moves in the whole log: were {some(joints, 6)} measured? If not"
     if text and robot.strips and joints:
         found.append(Finding("warning", "flight", "joints", f"{text}, {_DENSE}"))
     if plan.zero:
@@ -79,11 +79,6 @@ def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...])
         found.append(Finding("warning", "flight", "held", text))
     missing = sorted(set(wanted) - set(held) - {f"q.{name}" for name in joints} - plan.zero.keys())
     if missing:
-        text = f"found no {_some(missing)}: the log is no flight of {robot.name!r} yet"
+        text = f"found no {some(missing, 6)}: the log is no flight of {robot.name!r} yet"
         found.append(Finding("note", "flight", "missing", text))
     return found
-
-
-def _some(names: list[str]) -> str:
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return ", ".join(names[:_SHOWN]) + more
