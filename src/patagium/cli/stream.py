@@ -7,11 +7,11 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -307,16 +307,13 @@ def _watched(
     return Shown(tuple(sinks), tuple(rhythms))
 
 
-class _Recording:
+class _Recording(AbstractContextManager["_Recording"]):
     """Recording of a stream, whole or not at all, which a full disk ends alone."""
 
     def __init__(self, path: Path, pipeline: Pipeline, outputs: Outputs) -> None:
         from patagium.live.record import StreamFile
 
         self._file, self._outputs, self._ended = StreamFile(path, pipeline), outputs, False
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._file.discard()

@@ -60,7 +60,7 @@ def is_log(path: str | Path) -> bool:
         return False
 
 
-class LogRecord:
+class LogRecord(AbstractContextManager["LogRecord"]):
     """Open imported log: one time base, SI units, our axes.
 
     Args:
@@ -115,9 +115,6 @@ class LogRecord:
         self._time = self._file["time"]
         self.labels = tuple(self._columns)
         self.units = {name: str(column.units) for name, column in self._columns.items()}
-
-    def __enter__(self) -> LogRecord:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

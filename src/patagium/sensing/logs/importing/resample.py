@@ -9,7 +9,7 @@ a gap of a quantity. Neglected: aliasing; nothing is filtered before it is resam
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
@@ -34,7 +34,7 @@ from patagium.sensing.logs.importing.restamp import restamped
 from patagium.sensing.logs.mapping import TableMapping
 
 
-class Spool:
+class Spool(AbstractContextManager["Spool"]):
     """Streams of a log on disk, each with the rows whose stamps advance, or restamped.
 
     Args:
@@ -78,9 +78,6 @@ class Spool:
             for stream in range(len(plan.wanted)):
                 self._restamp(stream, gap, str(log.path))
             self._files = stack.pop_all()
-
-    def __enter__(self) -> Spool:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._files.close()
