@@ -436,7 +436,7 @@ class _Search:
             state, turn = track.at(now + late[name])
             levels[:, :, list(track.columns)] = np.swapaxes(state, 1, 2)
             attitude = attitude if turn is None else turn
-        rows, _ = unit.model.frame.inertials(levels, attitude)  # type: ignore[attr-defined]
+        rows, _ = unit.model.frame.inertials(levels, attitude)
         return np.asarray(rows)
 
     def _std(

@@ -105,7 +105,7 @@ class MotionFits:
         """Motion at given times, (M,) [s]."""
         n = self.robot.dof
         levels, covariance = np.zeros((len(times), 3, n)), np.zeros((len(times), 3 * n, 3 * n))
-        attitude = Rotation.identity(len(times))
+        attitude = Rotation.identity(len(times)).as_quat()
         for fit in self.fits:
             place = np.concatenate([fit.columns + level * n for level in range(3)])
             for begin in range(0, len(times), _CHUNK):
@@ -114,10 +114,8 @@ class MotionFits:
                 levels[part][:, :, fit.columns] = found
                 covariance[part][:, place[:, None], place] = spread
                 if turned is not None:
-                    parts = attitude.as_quat()
-                    parts[part] = turned.as_quat()
-                    attitude = Rotation.from_quat(parts)
-        return SmoothedMotion(levels, attitude, covariance)
+                    attitude[part] = turned.as_quat()
+        return SmoothedMotion(levels, Rotation.from_quat(attitude), covariance)
 
     def density(self) -> Array:
         """Density of the noise that drives each coordinate, (n,) [unit^2/s^(2 order - 1)]."""
@@ -339,7 +337,7 @@ def initial_estimate(motion_filter: MotionFilter, streams: Sequence[Stream]) -> 
         if len(seen) and column in motion_filter.columns:
             levels[0, column] = seen[0]
     camera, base = first_camera(streams), floating_base(robot)
-    if camera is not None and base is not None and isinstance(camera.model, CaptureModel):
+    if camera is not None and base is not None:
         row = camera.rows[np.isfinite(camera.rows).all(axis=1)][0]
         _, guessed, _ = camera.model.frame.poses(levels[None, :3], attitude)
         attitude = from_quaternion(row[3:]) * guessed.inv()

@@ -22,7 +22,6 @@ from patagium.arrays import Array, Bools, Indices
 from patagium.robot import Robot
 from patagium.sensing.motion.frame_model import floating_base
 from patagium.sensing.motion.sensor_streams import (
-    CaptureModel,
     Stream,
     captured_motion,
     encoded_coordinates,
@@ -90,7 +89,7 @@ def first_motion(robot: Robot, streams: Sequence[Stream], used: Mapping[str, Boo
 
     Args:
         robot: The machine.
-        streams: Measurements.
+        streams: Measurements, of a floating body by cameras among others.
         used: Whether each sample counts, by name of the sensor, (N,) each.
     """
     values: dict[int, tuple[Array, Array]] = {}
@@ -100,11 +99,8 @@ def first_motion(robot: Robot, streams: Sequence[Stream], used: Mapping[str, Boo
         if seen.any():
             values[column] = s.time[seen], s.rows[seen, k]
     base, camera = floating_base(robot), first_camera(streams)
-    if base is None:
+    if base is None or camera is None:
         return FirstMotion(values, turned, None)
-    if camera is None or not isinstance(camera.model, CaptureModel):
-        still = Rotation.identity(2)
-        return FirstMotion(values, turned, Slerp(np.array([0.0, 1e-3]), still))
     seen = np.isfinite(camera.rows).all(axis=1) & used[camera.name]
     time, rows = camera.time[seen], camera.rows[seen]
     levels = np.zeros((len(time), 3, robot.dof))

@@ -376,7 +376,7 @@ class CompiledFilter:
                 places = [own.index(k) if k in own else -1 for k in model.columns]
                 sensor.place = self._kept(places, np.int32)
                 continue
-            frame = model.frame  # type: ignore[attr-defined]
+            frame = model.frame
             inertial = isinstance(model, ImuModel)
             sensor.kind = 1 if inertial else 2
             sensor.frame = (frame.inertial_function if inertial else frame.pose_function).address

@@ -16,7 +16,7 @@ References:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -78,7 +78,6 @@ _FAR = 4.0
 """Standard deviations beyond which a sample loses weight."""
 
 
-@dataclass
 class Samples:
     """Samples of a sensor with what was learned about them.
 
@@ -98,27 +97,16 @@ class Samples:
         least: Least standard deviation of each part, (parts,) [its unit].
     """
 
-    stream: Stream
-    used: Bools
-    first: tuple[Noise, ...]
-    variance: Array = field(init=False)
-    color: Array = field(init=False)
-    jitter: Array = field(init=False)
-    off: Array = field(init=False)
-    weight: Array = field(init=False)
-    nis: Array = field(init=False)
-    least: Array = field(init=False)
-
-    def __post_init__(self) -> None:
-        count = len(self.stream.model.parts)
-        self.variance = np.array(self.stream.model.variances, float)
-        self.color = np.array([one.within(_FOLLOWED) for one in self.first])
-        self.jitter, self.off = np.zeros(count), np.zeros(count)
-        self.weight = np.ones((len(self.stream.time), count))
-        self.nis = np.ones(count)
-        self.least, coarse = np.zeros(count), self.stream.rounding
+    def __init__(self, stream: Stream, used: Bools, first: tuple[Noise, ...]) -> None:
+        self.stream, self.used, self.first = stream, used, first
+        count = len(stream.model.parts)
+        self.variance: Array = np.array(stream.model.variances, float)
+        self.color: Array = np.array([one.within(_FOLLOWED) for one in first])
+        self.jitter, self.off, self.least = np.zeros((3, count))
+        self.weight = np.ones((len(stream.time), count))
+        self.nis, coarse = np.ones(count), stream.rounding
         for k, part, place in self.parts():
-            told = () if part.name == "attitude" else self.stream.rows.T[place]
+            told = () if part.name == "attitude" else stream.rows.T[place]
             self.least[k] = max([FLOOR[part.name], *map(count_noise, told), *coarse[k : k + 1]])
             self.variance[place] = np.maximum(self.variance[place], self.least[k] ** 2)
             if np.isfinite(self.first[k].std):
@@ -524,19 +512,12 @@ class MotionFit:
 
     def _kinds(self) -> list[list[int]]:
         """Columns that are lively together: position, attitude, each joint."""
-        base = floating_base(self.robot)
-        places = self.columns.tolist()
-        kinds = (
-            []
-            if base is None
-            else [
-                [places.index(i) for i in part if i in places] for part in (base.place, base.turn)
-            ]
-        )
+        base, places = floating_base(self.robot), self.columns.tolist()
+        parts = [] if base is None else [base.place, base.turn]
+        kinds = [[places.index(i) for i in part if i in places] for part in parts]
         taken = {c for kind in kinds for c in kind}
-        return [kind for kind in kinds if kind] + [
-            [c] for c in range(len(places)) if c not in taken
-        ]
+        kinds += [[c] for c in range(len(places)) if c not in taken]
+        return [kind for kind in kinds if kind]
 
     def _looseness(self) -> float:
         """Least information of the prior over that of the samples about a control point."""

@@ -59,6 +59,7 @@ class MeasurementModel(Protocol):
         variances: Variance of the noise of each value, (k,) [square of its unit]; stated, until
             a log tells better.
         parts: Values that are measured alike, one after the other.
+        frame: Frame of the sensor on its body; encoders have none.
     """
 
     linear: bool = False
@@ -68,6 +69,7 @@ class MeasurementModel(Protocol):
     bias_std: Array = np.zeros(0)
     variances: Array
     parts: tuple[Part, ...]
+    frame: FrameModel
 
     def rows(self, reading: xr.Dataset) -> Array:
         """Samples of a reading, (N, k), in the unit of the sensor."""

@@ -336,7 +336,7 @@ def _sized(where: str, rows: Array, si: str) -> list[Finding]:
 
 def _seen_by(camera: Stream, unit: Stream) -> list[Finding]:
     """Finding that turning rates or gravity of an inertial unit contradict the cameras."""
-    frame, own = camera.model.frame, unit.model.frame  # type: ignore[attr-defined]
+    frame, own = camera.model.frame, unit.model.frame
     used, _ = consistent_frames(camera)
     frames = camera.time[used]
     if not frame.on_base or len(frames) < 2:
