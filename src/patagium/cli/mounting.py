@@ -133,7 +133,7 @@ def _sinusoid(
         raise ParameterError("--path-frequency", "the cycles a second of a sinusoid, in Hz", None)
     slides = [word for word in amplitude if word.partition("=")[0] in ("x", "y", "z")]
     turns = [word for word in amplitude if word not in slides]
-    size = named_quantities("--path-amplitude", slides, "m", "a length")
+    size: dict[str, Any] = named_quantities("--path-amplitude", slides, "m", "a length")
     size |= named_quantities("--path-amplitude", turns, "rad", "an angle")
     return paths.sinusoid(center, frequency=frequency, **turn, **size)
 
