@@ -8,6 +8,7 @@ Neglected: what sheets say of temperature, supply and ageing.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from patagium.errors import ParameterError, positive
 from patagium.sensing.sensors.imu import Imu
@@ -21,6 +22,12 @@ STANDARD_GRAVITY = 9.80665
 """What data sheets call g [m/s^2]."""
 
 _DEGREE = math.pi / 180
+_AT_16_G: dict[str, Any] = {
+    "accelerometer_bias": 20e-3 * STANDARD_GRAVITY, "gyroscope_bias": 0.5 * _DEGREE,
+    "accelerometer_step": STANDARD_GRAVITY / 2048, "gyroscope_step": _DEGREE / 16.4,
+    "accelerometer_range": 16 * STANDARD_GRAVITY, "gyroscope_range": 2000 * _DEGREE,
+}  # fmt: skip
+"""Figures that inertial units at +-16 g and +-2000 deg/s have alike."""
 _AS5600_NOISE = {2.2e-3: 0.015, 1.1e-3: 0.021, 0.55e-3: 0.030, 0.286e-3: 0.043}
 
 
@@ -48,12 +55,7 @@ def icm_42688_p(body: str, rate: float = 1000.0) -> Imu:
         rate=_at_most(rate, 32000.0),
         accelerometer_density=(65e-6 * g, 65e-6 * g, 70e-6 * g),
         gyroscope_density=2.8e-3 * _DEGREE,
-        accelerometer_bias=20e-3 * g,
-        gyroscope_bias=0.5 * _DEGREE,
-        accelerometer_step=g / 2048,
-        gyroscope_step=_DEGREE / 16.4,
-        accelerometer_range=16 * g,
-        gyroscope_range=2000 * _DEGREE,
+        **_AT_16_G,
     )
 
 
@@ -73,19 +75,13 @@ def bmi270(body: str, rate: float = 1600.0) -> Imu:
     References:
         Bosch Sensortec, BMI270 data sheet BST-BMI270-DS000.
     """
-    g = STANDARD_GRAVITY
     return Imu(
         name="bmi270",
         body=body,
         rate=_at_most(rate, 1600.0),
-        accelerometer_density=160e-6 * g,
+        accelerometer_density=160e-6 * STANDARD_GRAVITY,
         gyroscope_density=7e-3 * _DEGREE,
-        accelerometer_bias=20e-3 * g,
-        gyroscope_bias=0.5 * _DEGREE,
-        accelerometer_step=g / 2048,
-        gyroscope_step=_DEGREE / 16.4,
-        accelerometer_range=16 * g,
-        gyroscope_range=2000 * _DEGREE,
+        **_AT_16_G,
     )
 
 
