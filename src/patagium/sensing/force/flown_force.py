@@ -120,13 +120,17 @@ def _cell_notes(
     place: list[int],
 ) -> list[str]:
     """Warnings about unit, clock, sign and zero of the load cell that holds a robot."""
-    if np.isfinite(found.force[:, place]).all(axis=1).sum() < 2:
+    known = np.isfinite(found.force[:, place]).all(axis=1)
+    if known.sum() < 2:
         return ["Warning: load cell: no two samples have a force that is known"]
     weight = found.robot.flying.mass * found.robot.gravity
     lift = float(np.nanmean(found.force[:, place[2]])) / weight
     turned = replace(mount.measured, values=-mount.measured.values)
     other = inverse_dynamics_force(motion, joints=joints, mount=replace(mount, measured=turned))
-    along, drifts = _drag(found, other, place), _late_notes(found, other, place)
+    time, force = found.time[known], found.force[known][:, place]
+    flipped = other.force[known][:, place]
+    whole, cell = 0.5 * (force + flipped), 0.5 * (flipped - force)
+    along, drifts = _drag(time, force, whole), _late_notes(time, whole, cell)
     notes = _arm_notes(mount.measured.values, wing_span(found.robot)) + drifts
     if lift > _HELD_DOWN or (along > _DRIVEN and not drifts):
         return [*notes, _sign_note(lift, along)]
@@ -153,45 +157,35 @@ def _arm_notes(wrench: Array, span: float) -> list[str]:
     ]
 
 
-def _drag(found: ForceSamples, other: ForceSamples, place: list[int]) -> float:
+def _drag(time: Array, force: Array, whole: Array) -> float:
     """Correlation of the force of the air with the momentum of the robot in the world [1].
 
     Args:
-        found: Force of the air.
-        other: Force of the air if the cell has the other sign; the mean of both is all force, which
-            changes the momentum.
-        place: Places of x, y, z in q.
+        time: Times of the samples, (N,) [s].
+        force: Force of the air, (N, 3) [N].
+        whole: All force, which changes the momentum: that of the air, whichever sign the cell has,
+            in the mean, (N, 3) [N].
     """
-    known = np.isfinite(found.force[:, place]).all(axis=1)
-    time = found.time[known]
     line = np.polynomial.polynomial.polyvander(time - time[0], 1)
-    whole = 0.5 * (found.force + other.force)[known][:, place]
     pushed = np.cumsum((whole - whole.mean(axis=0)) * np.gradient(time)[:, None], axis=0)
-    force, momentum = (
-        one - line @ np.linalg.lstsq(line, one)[0] for one in (found.force[known][:, place], pushed)
-    )
+    force, momentum = (one - line @ np.linalg.lstsq(line, one)[0] for one in (force, pushed))
     size = float(np.linalg.norm(force) * np.linalg.norm(momentum))
     return float((force * momentum).sum()) / size if size > 0 else 0.0
 
 
-def _late_notes(found: ForceSamples, other: ForceSamples, place: list[int]) -> list[str]:
+def _late_notes(time: Array, whole: Array, cell: Array) -> list[str]:
     """Warning that a load cell is later and later behind the motion, beat by beat of one gait.
 
     Its phase to the force that changes the momentum moves evenly, and the ratio of both stays: what
     a gait or wind that changes does not do.
 
     Args:
-        found: Force of the air along the motion.
-        other: Force of the air if the cell has the other sign.
-        place: Places of x, y, z in q.
+        time: Times of the samples, (N,) [s].
+        whole: Force that changes the momentum, (N, 3) [N].
+        cell: Force of the load cell, (N, 3) [N].
     """
-    known = np.isfinite(found.force[:, place]).all(axis=1)
-    time = found.time[known]
     if len(time) < 20 * _WINDOWS:
         return []
-    whole, cell = (
-        0.5 * (other.force + sign * found.force)[known][:, place] for sign in (1.0, -1.0)
-    )
     step = float(np.median(np.diff(time)))
     power = (np.abs(np.fft.rfft(whole - whole.mean(axis=0), axis=0)) ** 2).sum(axis=1)
     frequency = float(np.fft.rfftfreq(len(time), step)[int(np.argmax(power))])
