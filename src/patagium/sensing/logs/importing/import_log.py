@@ -28,8 +28,7 @@ from patagium.sensing.logs.files.channels import LogFile
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.importing.consistency import consistency
 from patagium.sensing.logs.importing.findings import SECOND, Finding, time_doubt
-from patagium.sensing.logs.importing.flight_findings import zero_forces
-from patagium.sensing.logs.importing.log_findings import log_findings
+from patagium.sensing.logs.importing.log_findings import log_findings, zero_forces
 from patagium.sensing.logs.importing.plan import Plan, plan_import, variable_name
 from patagium.sensing.logs.importing.resample import (
     CHUNK,
