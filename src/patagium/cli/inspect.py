@@ -6,7 +6,7 @@ import json
 import re
 from collections import Counter
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -173,10 +173,7 @@ def _tables(found: Inspection, shown: Sequence[str]) -> list[Table]:
     columns = ["field", "type", "unit", "lowest", "highest", "mean", "rms", "missing"]
     for one in found.topics:
         if one.name in shown:
-            rows = [
-                [c.name, c.dtype, c.unit, c.low, c.high, c.mean, c.rms, c.missing]
-                for c in one.channels
-            ]
+            rows = [[*astuple(field)] for field in one.channels]
             tables.append(Table(columns, rows, one.name or "table"))
     parts = [(one.name or "table", *part) for one in found.topics for part in one.unplaced.items()]
     lost = [Table(["topic", "field", "reason"], [[*part] for part in parts], "Not read")]

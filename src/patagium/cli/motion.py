@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from patagium.cli.options import OUTPUT, MappingOption, ResultOption, output_file
+from patagium.cli.options import OUTPUT, MappingOption, ResultOption, RobotOption, output_file
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import existing, say_json, say_next, show_table
 from patagium.errors import ParameterError, command
@@ -34,9 +34,7 @@ def motion(
     log: Annotated[
         Path, typer.Argument(help="Imported log or sensor log (.nc), or another log to import.")
     ],
-    robot: Annotated[
-        str | None, typer.Option(help="Robot, a preset or a file; that of the log by default.")
-    ] = None,
+    robot: RobotOption = None,
     mapping: MappingOption = None,
     body: Annotated[
         list[str] | None, typer.Option(help="Body of a quantity, QUANTITY=BODY; may be repeated.")
@@ -155,15 +153,10 @@ def _say(
         told += f", its attitude to {degrees(summary['attitude_std']):.2g} deg (median)"
     typer.echo(f"{told}.")
     if summary["stretches"]:
-        rows: list[list[Any]] = [
-            [one["begin"], one["end"], one["reason"], one["frames"]] for one in summary["stretches"]
-        ]
+        rows: list[list[Any]] = [[*one.values()] for one in summary["stretches"]]
         columns = ["from [s]", "to [s]", "reason", "samples left out"]
         show_table(Table(columns, rows, "Left out or not known"))
-    rows = [
-        [name, one["unit"], one["mean"], one["rms"], one["std"]]
-        for name, one in summary["forces"].items()
-    ]
+    rows = [[name, *one.values()] for name, one in summary["forces"].items()]
     if rows:
         columns = ["coordinate", "unit", "mean", "rms", "standard deviation (median)"]
         show_table(Table(columns, rows, "Force of the air, gravity and inertia taken off"))

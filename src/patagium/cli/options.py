@@ -28,6 +28,9 @@ JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on std
 ResultOption = Annotated[bool, typer.Option("--json", help="Result as JSON on stdout.")]
 ScoresOption = Annotated[bool, typer.Option("--json", help="All scores as JSON on stdout.")]
 RobotArgument = Annotated[str, typer.Argument(help="Preset (see patagium robots) or robot file.")]
+RobotOption = Annotated[
+    str | None, typer.Option(help="Robot, a preset or a file; that of the log by default.")
+]
 ReportOption = Annotated[Path | None, output_file("File for an HTML page.")]
 LogArgument = Annotated[Path, typer.Argument(help="Flight or imported log (.nc), or another log.")]
 

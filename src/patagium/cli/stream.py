@@ -24,7 +24,7 @@ from patagium.cli.learner_options import (
     with_learner_options,
 )
 from patagium.cli.live import LiveAddressOption, LiveOption, Shown, live_stream
-from patagium.cli.options import WindOption, option_in, output_file
+from patagium.cli.options import RobotOption, WindOption, option_in, output_file
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import answer
 from patagium.errors import FilterDiverged, ParameterError, PatagiumError
@@ -64,9 +64,7 @@ def stream(
         str, typer.Argument(help="udp://ADDRESS:PORT, - for standard input, CSV file or log (.nc).")
     ],
     choice: LearnerChoice,
-    robot: Annotated[
-        str | None, typer.Option(help="Robot, a preset or a file; that of the log by default.")
-    ] = None,
+    robot: RobotOption = None,
     density: Annotated[
         float | None,
         option_in("kg/m^3", "a density", "Density of the air, in kg/m^3; that of a log, or 1.225."),
