@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -47,7 +47,7 @@ class Observation:
     values: Array
 
 
-class MeasurementModel(Protocol):
+class MeasurementModel:
     """Model of a sensor for the motion filter.
 
     Attributes:
@@ -73,11 +73,11 @@ class MeasurementModel(Protocol):
 
     def rows(self, reading: xr.Dataset) -> Array:
         """Samples of a reading, (N, k), in the unit of the sensor."""
-        ...
+        raise NotImplementedError
 
     def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
         """Residuals of samples (N, k), without biases, and Jacobian (N, k, m', n)."""
-        ...
+        raise NotImplementedError
 
     def sees(self, robot: Robot) -> set[int]:
         """Coordinates of a robot that move what the sensor shows."""
