@@ -9,6 +9,7 @@ messages give; the stamps are the microseconds since the start of the autopilot.
 from __future__ import annotations
 
 import io
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
@@ -105,14 +106,11 @@ class ArdupilotFile(LogFile):
             for path in [f"{name}[{k}]" for k in range(size)] or [name]:
                 unit = (found.get_unit(name) or "").replace("m/s/s", "m/s^2")
                 channels[path] = Channel(path, str(rows.dtype[name].base), _plain(unit))
-        instances = [None]
+        counts: dict[int | None, int] = {None: len(rows)}
         if found.instance_field is not None:
-            instances = np.unique(rows[found.instance_field]).tolist()
-        for instance in instances:
+            counts = dict(sorted(Counter(rows[found.instance_field].tolist()).items()))
+        for instance, held in counts.items():
             name = f"{found.name}/{instance}" if instance else found.name
-            held = len(rows) if instance is None else int(
-                (rows[found.instance_field] == instance).sum()
-            )  # fmt: skip
             self._places[name] = (kind, instance)
             self.topics[name] = Topic(name, self.format, held, channels, base, unplaced=unplaced)
 

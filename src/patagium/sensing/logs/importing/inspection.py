@@ -150,12 +150,8 @@ def inspect_log(
     """
     with closing(open_log(paths, skip_rows=skip_rows)) as log:
         lost = [topic for topic in log.topics.values() if topic.problem]
-        readable = [
-            part
-            for topic in log.topics.values()
-            if not topic.problem
-            for part in _parts(log, topic)
-        ]
+        sound = [topic for topic in log.topics.values() if not topic.problem]
+        readable = [part for topic in sound for part in _parts(log, topic)]
         readable, surveys, broken = _surveyed(log, readable, progress)
         starts = [one.stamps.first for one in surveys if one.stamps.first is not None]
         origin = min(starts, default=0)
@@ -164,15 +160,11 @@ def inspect_log(
             facts.append(_topic_facts(part, survey, origin))
             found += [*_findings(part, survey), *_recorder_notes(part, survey)]
         facts += [_unreadable(topic) for topic in lost]
-        found += [
-            Finding("warning", topic.name, "unreadable", topic.problem)
-            for topic in lost
-            if topic.problem != NO_MESSAGE
-        ]
+        damaged = [topic for topic in lost if topic.problem != NO_MESSAGE]
+        found += [Finding("warning", one.name, "unreadable", one.problem) for one in damaged]
         if broken:
             found.append(Finding("warning", str(log.path), "breaks off", broken))
-        listed = any(topic.problem not in ("", NO_MESSAGE) for topic in lost)
-        if not listed and not any(topic.rows or topic.unplaced for topic in facts):
+        if not damaged and not any(topic.rows or topic.unplaced for topic in facts):
             reason = f": {broken}" if broken else ""
             raise LogError(f"{log.path}: expected samples, found none in {log.format}{reason}")
         guesses = [part.topic.guess for part in readable if part.topic.guess]

@@ -259,21 +259,16 @@ def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...])
     if not held:
         text = f"names no q, v, a, u1 of {robot.name!r}: the log is no flight of it yet"
         return [Finding("note", "mapping", "flight", text)]
-    still = [
-        name
-        for name, item in held.items()
-        if (values := surveys[item.stream].values).low[item.places[0]]
-        == values.high[item.places[0]]
-    ]
+    seen = {name: (surveys[one.stream].values, one.places[0]) for name, one in held.items()}
+    still = [name for name, (values, k) in seen.items() if values.low[k] == values.high[k]]
     found = []
     if still:
         found.append(Finding("note", "flight", "constant", f"never change: {', '.join(still)}"))
     joints = [name for k, name in enumerate(robot.dof_names) if k not in robot.floating_dofs]
     moved = []
     for name in (name for name in joints if f"q.{name}" in held):
-        item = held[f"q.{name}"]
-        values, place = surveys[item.stream].values, item.places[0]
-        if item.column.unit in ("deg", "degree", "°") and not values.noise[place]:
+        values, place = seen[f"q.{name}"]
+        if held[f"q.{name}"].column.unit in ("deg", "degree", "°") and not values.noise[place]:
             moved.append(float(values.high[place] - values.low[place]))
     if 0 < max(moved, default=0.0) < _LITTLE:
         text = f"no joint in deg moves by more than {max(moved):.2g} deg; are they in rad?"
