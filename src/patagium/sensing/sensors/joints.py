@@ -6,6 +6,7 @@ Neglected: angles that wrap around, play and friction of gears, inductance of mo
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -66,14 +67,9 @@ class Encoder(Sensor):
             raise ParameterError("joints", "coordinates that are no part of a quaternion", joints)
         truth = scene.coordinates(times)[0][:, columns]
         shown = stepped(truth + zero + white, self.resolution)
-        return Reading(
-            {"position": Signal(("joint",), "m or rad", shown)},
-            {
-                "position": Signal(("joint",), "m or rad", truth),
-                "zero": Signal(("joint",), "m or rad", zero),
-            },
-            {"joint": joints},
-        )
+        signal = partial(Signal, ("joint",), "m or rad")
+        true = {"position": signal(truth), "zero": signal(zero)}
+        return Reading({"position": signal(shown)}, true, {"joint": joints})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,22 +129,17 @@ class MotorCurrent(Sensor):
         """Reading of a scene at given times, (N,) [s]; see `Sensor.measure`."""
         joints = joint_names(self.joints, scene.robot)
         columns = [scene.robot.index(name) for name in joints]
-        torque = scene.values("u1", "motor currents")[:, columns]
-        sharp, force = (scene.through(torque, times, width) for width in (None, self.bandwidth))
+        held = scene.values("u1", "motor currents")[:, columns]
+        sharp, force = (scene.through(held, times, width) for width in (None, self.bandwidth))
         error = self.torque_constant_std * rng.standard_normal(len(joints))
         offset = self.offset_std * rng.standard_normal(len(joints))
         white = self.std * rng.standard_normal(force.shape)
         true = sharp / self.force_per_current
-        current = force / (self.force_per_current * (1.0 + error))
-        shown = stepped(np.clip(current + offset + white, -self.limit, self.limit), self.resolution)
-        return Reading(
-            {"current": Signal(("joint",), "A", shown)},
-            {
-                "current": Signal(("joint",), "A", true),
-                "joint_force": Signal(("joint",), "N or N m", sharp),
-            },
-            {"joint": joints},
-        )
+        flows = force / (self.force_per_current * (1.0 + error))
+        shown = stepped(np.clip(flows + offset + white, -self.limit, self.limit), self.resolution)
+        current, torque = (partial(Signal, ("joint",), units) for units in ("A", "N or N m"))
+        truth = {"current": current(true), "joint_force": torque(sharp)}
+        return Reading({"current": current(shown)}, truth, {"joint": joints})
 
 
 def names(name: str, value: object) -> tuple[str, ...]:

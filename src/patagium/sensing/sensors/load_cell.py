@@ -8,6 +8,7 @@ temperature, hysteresis.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -103,12 +104,10 @@ class LoadCell(FramedSensor):
         bias = self._pair("bias") * rng.standard_normal(6)
         white = self._pair("std") * rng.standard_normal(seen.shape)
         shown = np.clip(seen + bias + white, -self.limit, self.limit)
+        signal = partial(Signal, ("component",), "N or N m")
         return Reading(
-            {"wrench": Signal(("component",), "N or N m", stepped(shown, self._pair("step")))},
-            {
-                "wrench": Signal(("component",), "N or N m", true),
-                "bias": Signal(("component",), "N or N m", np.broadcast_to(bias, true.shape)),
-            },
+            {"wrench": signal(stepped(shown, self._pair("step")))},
+            {"wrench": signal(true), "bias": signal(np.broadcast_to(bias, true.shape))},
             {"component": WRENCH},
         )
 
@@ -128,14 +127,11 @@ class LoadCell(FramedSensor):
             raise FlightError(
                 f"{self.wrench}: expected (time, 6) for a load cell, found {world.shape}"
             )
-        return world if self.at is not None else self._in_own_axes(scene, world, scene.time)
-
-    def _in_own_axes(self, scene: Scene, world: Array, times: Array) -> Array:
-        if self.body is None:
-            rotation = np.asarray(self.orientation)
-            origin = np.asarray(self.position)
-        else:
-            motion = self._motion(scene, self.body, times)
+        if self.at is not None:
+            return world
+        rotation, origin = np.asarray(self.orientation), np.asarray(self.position)
+        if self.body is not None:
+            motion = self._motion(scene, self.body, scene.time)
             rotation, origin = motion.rotation, motion.position
         force, moment = world[:, :3], world[:, 3:]
         moment = moment - np.cross(origin, force)
