@@ -427,11 +427,9 @@ def _dataset(robot: Robot, times: Array, fitted: MotionFits, log: SensorLog) -> 
     found = fitted.at(times)
     levels, covariance = in_coordinates(robot, found)
     parts = [f"{part}.{name}" for part in "qva" for name in robot.dof_names]
+    units = {"q": "m or rad", "v": "m/s or rad/s", "a": "m/s^2 or rad/s^2"}
     variables: dict[str, object] = {
-        name: (("time", "dof"), levels[:, k], {"units": units})
-        for k, (name, units) in enumerate(
-            (("q", "m or rad"), ("v", "m/s or rad/s"), ("a", "m/s^2 or rad/s^2"))
-        )
+        one: (("time", "dof"), levels[:, k], {"units": units[one]}) for k, one in enumerate(units)
     }
     variables["covariance"] = (("time", "part", "other_part"), covariance, {})
     coordinates: dict[str, object] = {
@@ -445,11 +443,8 @@ def _dataset(robot: Robot, times: Array, fitted: MotionFits, log: SensorLog) -> 
         turn = list(base.turn)
         std = np.sqrt(found.covariance[:, turn, turn])
         known &= np.sqrt((std**2).mean(axis=1)) < _KNOWN
-        variables["attitude"] = (
-            ("time", "quaternion"),
-            as_quaternion(found.attitude),
-            {"units": "1"},
-        )
+        turned = as_quaternion(found.attitude)
+        variables["attitude"] = (("time", "quaternion"), turned, {"units": "1"})
         variables["attitude_std"] = (("time", "axis"), std, {"units": "rad"})
         coordinates |= {"quaternion": list("wxyz"), "axis": list("xyz")}
     attributes = {"robot": robot.source, "robot_name": robot.name, "mount": log.mount}
@@ -472,12 +467,8 @@ def motion_findings(fitted: MotionFits) -> dict[str, Any]:
         spectrum; `stretches`: times left out or not known, with reasons; `notes`: assumptions
         about stamps, and sensors that contradict each other.
     """
-    noise = [
-        {"sensor": one.stream.name, **facts}
-        for fit in fitted.fits
-        for one in fit.samples
-        for facts in one.describe()
-    ]
+    seen = [(fit, one) for fit in fitted.fits for one in fit.samples]
+    noise = [{"sensor": one.stream.name, **facts} for _, one in seen for facts in one.describe()]
     floor = [
         f"{one['sensor']}, {one['part']}: the noise lies on its least value of "
         f"{FLOOR[one['part']]:g} {one['unit']}, for the log does not tell it: the standard "
@@ -496,8 +487,7 @@ def motion_findings(fitted: MotionFits) -> dict[str, Any]:
     biased = [
         f"Warning: {one.stream.name}, specific force: its bias is {bias:.2g} m/s^2, where "
         f"{std:.2g} is expected: check units, axes, and where the unit and the cameras sit and how"
-        for fit in fitted.fits
-        for one in fit.samples
+        for fit, one in seen
         if (place := fit.biases.get(one.stream.name))
         and (bias := np.abs(fit.spline.at(one.stream.time).levels[:, 0, place][:, :3]).max())
         > max(_APART * (std := one.stream.model.bias_std[0]), _BIAS)

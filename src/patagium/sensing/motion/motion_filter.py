@@ -235,8 +235,6 @@ class MotionFilter:
             residuals.append(residual[seen])
             slopes.append(self._in_error_state(slope[seen], observation.name))
             noise.append(model.variances[seen])
-        if len(observations) == 1:
-            return residuals[0], slopes[0], noise[0]
         return np.concatenate(residuals), np.vstack(slopes), np.concatenate(noise)
 
     def corrected(self, estimate: MotionEstimate, change: Array) -> MotionEstimate:

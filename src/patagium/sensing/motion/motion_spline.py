@@ -174,7 +174,4 @@ def _turning(weights: Array, parts: Array) -> tuple[Array, Array, Array, Array]:
 
 def skew(vector: Array) -> Array:
     """Matrices of the cross product with vectors, (..., 3, 3), in the unit of the vectors."""
-    x, y, z = np.moveaxis(vector, -1, 0)
-    none = np.zeros_like(x)
-    rows = [[none, -z, y], [z, none, -x], [-y, x, none]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return np.asarray(np.cross(np.eye(3), vector[..., None, :]))

@@ -144,11 +144,8 @@ class MotionTracker:
         linked = coupled(self.robot, streams)
         groups = [(linked, models)]
         groups += [(alone(one, linked), {one.name: models[one.name]}) for one in streams]
-        self.parts = [
-            _Part(self.robot, group, drive[group], order, seeing)
-            for group, seeing in groups
-            if group
-        ]
+        parts = [(group, drive[group], order, seeing) for group, seeing in groups if group]
+        self.parts = [_Part(self.robot, *part) for part in parts]
 
     def __repr__(self) -> str:
         return f"<MotionTracker of {self.robot.name}: {', '.join(self.sensors)}>"
