@@ -335,15 +335,12 @@ class MotionPackets:
         for label in self._seeing:
             samples = [(stamp, row) for stamp, name, row in self._waiting if name == label]
             if len(samples) < 2:
-                when = "expected samples in the first second"
-                raise LogError(f"{label}: {when}, found none")
-            rows = np.array([row for _, row in samples])
-            begin = 0
-            variables = {}
-            for name, parts in channels(self._robot, self._sensors[label]).items():
-                end = begin + len(parts)
-                variables[name] = (("time", f"{name}_part"), rows[:, begin:end])
-                begin = end
+                raise LogError(f"{label}: expected samples in the first second, found none")
+            parts = channels(self._robot, self._sensors[label])
+            cuts = np.cumsum([len(one) for one in parts.values()])[:-1]
+            blocks = np.split(np.array([row for _, row in samples]), cuts, axis=1)
+            named = zip(parts, blocks, strict=True)
+            variables = {name: (("time", f"{name}_part"), block) for name, block in named}
             readings[label] = xr.Dataset(variables, {"time": [stamp for stamp, _ in samples]})
         seeing = {name: self._sensors[name] for name in self._seeing}
         return SensorLog(readings, seeing, {}, self._robot, self._mount)

@@ -325,8 +325,7 @@ def common_times(streams: Sequence[Stream]) -> Array:
 
 def first_camera(streams: Sequence[Stream]) -> Stream | None:
     """First stream of motion capture; None without one."""
-    cameras = [s for s in streams if isinstance(s.model, CaptureModel)]
-    return cameras[0] if cameras else None
+    return next((s for s in streams if isinstance(s.model, CaptureModel)), None)
 
 
 def encoded_coordinates(streams: Sequence[Stream]) -> dict[int, tuple[Stream, int]]:
