@@ -67,9 +67,7 @@ _LEVEL = 0.5
 
 
 @np.errstate(all="ignore")  # numbers of a damaged log may be of any size
-def consistency(
-    spool: Spool, base: TimeBase, gap: float, robot: Robot | None
-) -> tuple[list[Finding], list[dict[str, Any]]]:
+def consistency(spool: Spool, base: TimeBase) -> tuple[list[Finding], list[dict[str, Any]]]:
     """Findings about relations between quantities, and the residuals of specific forces.
 
     With a robot, quantities of different bodies are not compared: `estimate_motion` does it.
@@ -79,14 +77,14 @@ def consistency(
         a velocity in world axes, the residual R f - g - dv/dt by axis [m/s^2]: its mean (the bias
         of the accelerometer, for one), its standard deviation and its rms.
     """
-    items = spool.plan.items
+    items, robot = spool.plan.items, spool.plan.robot
     attitudes = [item for item in items if item.is_attitude]
     vectors = [item for item in items if item.column.frame and not item.is_attitude]
     rates = [item for item in vectors if item.si == "rad/s"]
     forces = [item for item in vectors if item.si == "m/s^2"]
     speeds = [item for item in vectors if item.si == "m/s" and _of_world(item)]
     places = [item for item in vectors if item.si == "m" and _of_world(item)]
-    looked = _Stretches(spool, base, gap)
+    looked = _Stretches(spool, base)
     found: list[Finding] = [] if robot is None else _rate_findings(looked, items, robot)
     facts: list[dict[str, Any]] = []
 
@@ -124,8 +122,8 @@ def consistency(
 class _Stretches:
     """Stretches of a log without a gap, with means over short spans."""
 
-    def __init__(self, spool: Spool, base: TimeBase, gap: float) -> None:
-        self._spool, self._base, self._gap = spool, base, gap
+    def __init__(self, spool: Spool, base: TimeBase) -> None:
+        self._spool, self._base, self._gap = spool, base, spool.plan.mapping.gap
         self.span = max(1, round(_SPAN / base.step))
         self.duration = self.span * base.step
         length = min(max(_LENGTH, 20 * self.span), base.count)
@@ -138,7 +136,7 @@ class _Stretches:
         pieces = []
         for begin, end in self._places:
             stamps = stamps_in(self._spool, self._base, begin, end)
-            parts = [resampled(self._spool, item, stamps, self._gap) for item in items]
+            parts = [resampled(self._spool, item, stamps) for item in items]
             valid = np.logical_and.reduce([ok for _, ok in parts])
             time = (stamps - stamps[0]) / SECOND
             kept = np.flatnonzero(valid)

@@ -24,7 +24,6 @@ from patagium.arrays import Array, brief, count_noise
 from patagium.errors import LogError, ParameterError
 from patagium.netcdf_file import NetcdfDraft
 from patagium.robot import Robot, load_robot, preset_names
-from patagium.sensing.logs.files.channels import LogFile
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.importing.consistency import consistency
 from patagium.sensing.logs.importing.findings import SECOND, Finding, time_doubt
@@ -56,27 +55,19 @@ class NetcdfWriter:
 
     Args:
         file: The open file.
-        plan: Quantities of the log.
         rows: Largest number of samples to come.
         attributes: Attributes of the file.
-        spool: Its streams.
+        spool: Streams of the log.
     """
 
-    def __init__(
-        self,
-        file: Any,
-        plan: Plan,
-        rows: int,
-        attributes: dict[str, Any],
-        spool: Spool,
-    ) -> None:
+    def __init__(self, file: Any, rows: int, attributes: dict[str, Any], spool: Spool) -> None:
         self._chunk = min(_CHUNK, max(1, rows))
         self._file = file
         self._file.setncatts({**attributes, "format": FORMAT})
         self._file.createDimension("time", None)
         self._time = self._variable("time", "s", {})
         self._columns = []
-        for item in plan.items:
+        for item in spool.plan.items:
             words, stamps = item.column, spool.surveys[item.stream].stamps
             first = spool.values_of(item.stream, 0, min(stamps.kept, _LOOK))[:, list(item.places)]
             coarse = [0.0] * 4 if item.is_attitude else map(count_noise, item.converted(first).T)
@@ -90,7 +81,7 @@ class NetcdfWriter:
                 if item.is_attitude:
                     facts["body_in_log"] = words.body
                 self._columns.append(self._variable(label, item.unit, facts))
-        for name, unit in plan.zero.items():
+        for name, unit in spool.plan.zero.items():
             self._columns.append(self._variable(name, unit, {"role": "channel", "quantity": name}))
         self._rows = 0
 
@@ -116,15 +107,14 @@ class CsvWriter:
 
     Args:
         path: The file.
-        plan: Quantities of the log.
-        air: Air of the flight; a first line states it where it is not at rest at sea level.
+        plan: Quantities of the log; a first line states air that is not at rest at sea level.
 
     Raises:
         OSError: If the file cannot be written.
     """
 
-    def __init__(self, path: Path, plan: Plan, air: AirWords) -> None:
-        self._path = path
+    def __init__(self, path: Path, plan: Plan) -> None:
+        self._path, air = path, plan.mapping.air
         stated = f"{AIR_LINE.decode()}{air.model_dump_json()}\n"
         path.write_bytes(b"" if air == AirWords() else stated.encode())
         labels = [label for item in plan.items for label in item.column.labels]
@@ -204,35 +194,26 @@ def import_log(
         read = (log.path, *log.path.glob("*"))
         if target.exists() and any(target.samefile(path) for path in read):
             raise LogError(f"{target}: expected another name than that of the log itself")
-        robot, plan = _robot(words, source), plan_import(log, words, source)
-        plan = replace(plan, zero=zero_forces(robot, plan))
+        plan = plan_import(log, words, source, _robot(words, source))
+        plan = replace(plan, zero=zero_forces(plan))
         place = Draft(target)  # refused before anything is read
         place.discard()  # and nothing is left if the program is killed while it reads
         kind = NetcdfDraft if target.suffix.lower() == ".nc" else Draft
         with (
             place.writing(),
-            Spool(log, plan, words.gap, place.path.parent, _half(progress, 0)) as spool,
+            Spool(plan, place.path.parent, _half(progress, 0)) as spool,
             kind(target).whole() as draft,
         ):
-            return _written(log, words, source, robot, spool, draft, _half(progress, 1), tell)
+            return _written(spool, draft, _half(progress, 1), tell)
 
 
-def _written(
-    log: LogFile,
-    mapping: TableMapping,
-    source: str,
-    robot: Robot | None,
-    spool: Spool,
-    draft: Draft,
-    progress: Progress | None,
-    tell: Tell | None,
-) -> Imported:
+def _written(spool: Spool, draft: Draft, progress: Progress | None, tell: Tell | None) -> Imported:
     """Import of a log whose rows are read."""
-    _refuse_unusable(log, spool, mapping)
-    plan = spool.plan
-    base = time_base(spool, mapping, source)
-    relations, facts = consistency(spool, base, mapping.gap, robot)
-    findings = (*log_findings(log, spool, base, mapping, robot), *relations)
+    _refuse_unusable(spool)
+    plan, base = spool.plan, time_base(spool)
+    log, mapping, robot = plan.log, plan.mapping, plan.robot
+    relations, facts = consistency(spool, base)
+    findings = (*log_findings(spool, base), *relations)
     if tell is not None:
         tell(findings)
     attributes = {
@@ -254,14 +235,14 @@ def _written(
     if robot is not None:
         attributes |= {"robot": robot.source, "robot_name": robot.name}
     writer: Writer = (
-        NetcdfWriter(draft.file, plan, base.count, attributes, spool)
+        NetcdfWriter(draft.file, base.count, attributes, spool)
         if isinstance(draft, NetcdfDraft)
-        else CsvWriter(draft.path, plan, mapping.air)
+        else CsvWriter(draft.path, plan)
     )
-    samples, duration = _write(writer, spool, base, mapping.gap, progress)
+    samples, duration = _write(writer, spool, base, progress)
     if samples < 2:
         raise LogError(
-            f"{source}: expected samples with all inputs and an output, found {samples} "
+            f"{plan.source}: expected samples with all inputs and an output, found {samples} "
             f"of {base.count}; gaps of different streams, or missing numbers, leave no more"
         )
     return Imported(
@@ -276,8 +257,9 @@ def _written(
     )
 
 
-def _refuse_unusable(log: LogFile, spool: Spool, mapping: TableMapping) -> None:
+def _refuse_unusable(spool: Spool) -> None:
     """Refuse streams without enough good stamps and quantities without numbers."""
+    log, mapping = spool.plan.log, spool.plan.mapping
     for name, survey in zip(spool.plan.names, spool.surveys, strict=True):
         stamps = survey.stamps
         if stamps.kept < 2:
@@ -313,16 +295,16 @@ def _refuse_unusable(log: LogFile, spool: Spool, mapping: TableMapping) -> None:
 
 
 def _write(
-    writer: Writer, spool: Spool, base: TimeBase, gap: float, progress: Progress | None
+    writer: Writer, spool: Spool, base: TimeBase, progress: Progress | None
 ) -> tuple[int, float]:
     """Number of samples written, with what is needed and an output, and their duration [s]."""
     samples, first, last, end = 0, 0.0, 0.0, 0
     needed = np.array([item.needed for item in spool.plan.items])
     learned = ~needed & [item.role == "output" for item in spool.plan.items]
-    while (begin := after_gaps(spool, base, end, gap)) < base.count:
+    while (begin := after_gaps(spool, base, end)) < base.count:
         end = min(begin + CHUNK, base.count)
         stamps = stamps_in(spool, base, begin, end)
-        parts = [resampled(spool, item, stamps, gap) for item in spool.plan.items]
+        parts = [resampled(spool, item, stamps) for item in spool.plan.items]
         known = np.array([ok for _, ok in parts])
         valid = known[needed].all(axis=0) & (known[learned].any(axis=0) | ~learned.any())
         zeros = np.zeros((len(stamps), len(spool.plan.zero)))

@@ -8,7 +8,6 @@ about the wings.
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 
@@ -16,12 +15,11 @@ from patagium.errors import LogError
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import packet_columns
 from patagium.sensing.logs.axes import is_rotation
-from patagium.sensing.logs.files.channels import LogFile, some
+from patagium.sensing.logs.files.channels import some
 from patagium.sensing.logs.files.table_files import nanoseconds_in, unit_of_suffix
 from patagium.sensing.logs.importing.findings import (
     SENSED,
     Finding,
-    StreamSurvey,
     ValueSurvey,
     is_still,
     number_findings,
@@ -32,20 +30,19 @@ from patagium.sensing.logs.importing.findings import (
 )
 from patagium.sensing.logs.importing.plan import Plan, Quantity
 from patagium.sensing.logs.importing.resample import CHUNK, Spool, TimeBase
-from patagium.sensing.logs.mapping import AirWords, TableMapping, conversion
+from patagium.sensing.logs.mapping import AirWords, conversion
 from patagium.sensing.logs.record import WIND
 
 
-def log_findings(
-    log: LogFile, spool: Spool, base: TimeBase, mapping: TableMapping, robot: Robot | None
-) -> list[Finding]:
+def log_findings(spool: Spool, base: TimeBase) -> list[Finding]:
     """Findings about the stamps and numbers of a log, before it is resampled.
 
     Raises:
         LogError: If most rows of an attitude are no rotation matrices, or a coordinate of a flight
             is in a unit of another dimension.
     """
-    plan, gap, flown = spool.plan, mapping.gap, flight_labels(robot)
+    plan, log, mapping = spool.plan, spool.plan.log, spool.plan.mapping
+    flown = flight_labels(plan.robot)
     found = [Finding("note", str(log.path), "file", note) for note in log.notes]
     found += spool.findings
     for name, wanted, survey in zip(plan.names, plan.wanted, spool.surveys, strict=True):
@@ -53,7 +50,7 @@ def log_findings(
         own = topic.kind != "table" and wanted.base == topic.base  # a unit of the format
         written = wanted.base.kind == "column" and not own
         kept = mapping.time.duplicates
-        found += stamp_findings(name, survey.stamps, gap, written=written, kept=kept)
+        found += stamp_findings(name, survey.stamps, mapping.gap, written=written, kept=kept)
         if written and mapping.time.unit and (channel := topic.channels[wanted.base.column]).unit:
             stated = nanoseconds_in(channel.unit) if channel.dtype != "timestamp" else 0.0
             if stated and abs(wanted.base.factor / stated - 1.0) > 1e-9:
@@ -82,13 +79,13 @@ def log_findings(
         ]
         found += _item_findings(item, spool.surveys[item.stream].values, known, still, others)
         found += _range_findings(item, spool)
-        found += _recorder_findings(item, spool, gap, robot)
-        if robot is not None:
+        found += _recorder_findings(item, spool)
+        if plan.robot is not None:
             found += _wind_findings(item, spool.surveys[item.stream].values, mapping.air)
-        found += _matrix_findings(item, spool, log.path)
-        found += _stated_unit(item, plan, log)
-    if robot is not None:
-        found += flight_findings(robot, plan, spool.surveys)
+        found += _matrix_findings(item, spool)
+        found += _stated_unit(item, plan)
+    if plan.robot is not None:
+        found += _flight_findings(plan.robot, spool)
     return found
 
 
@@ -137,27 +134,25 @@ _STEADY, _CALM = 0.1, 0.2
 """Share of the wind, and wind [m/s], by which it may be another."""
 
 
-def _recorder_findings(
-    item: Quantity, spool: Spool, gap: float, robot: Robot | None
-) -> list[Finding]:
+def _recorder_findings(item: Quantity, spool: Spool) -> list[Finding]:
     """Findings about numbers that the recorder made, in the first samples of a quantity."""
     count = min(CHUNK, spool.surveys[item.stream].stamps.kept)
     stamps, first = spool.stamps_of(item.stream)[:count], spool.values_of(item.stream, 0, count)
     single = item.column.size == 1
     measured = item.role == "output" or (item.si in SENSED and not single)
-    joint = robot is not None and single and item.si in ("rad", "m")
+    joint = spool.plan.robot is not None and single and item.si in ("rad", "m")
     turn = 2 * np.pi / item.si_factor if single and item.si == "rad" else 0.0
     return [
         one
         for place in (() if item.is_attitude else item.places)
         for one in recorder_findings(
-            item.column.label, stamps, first[:, place], gap,
+            item.column.label, stamps, first[:, place], spool.plan.mapping.gap,
             measured=measured, joint=joint, turn=turn,
         )
     ]  # fmt: skip
 
 
-def _matrix_findings(item: Quantity, spool: Spool, path: Path) -> list[Finding]:
+def _matrix_findings(item: Quantity, spool: Spool) -> list[Finding]:
     """Finding about rows of an attitude that are no rotation matrices.
 
     Raises:
@@ -177,8 +172,8 @@ def _matrix_findings(item: Quantity, spool: Spool, path: Path) -> list[Finding]:
     text = f"{bad} of {rows} rows are no rotation matrix, such as ({shown})"
     if 2 * bad > rows:
         raise LogError(
-            f"{path}: {name}: expected rotation matrices, nine entries row by row, with rows of "
-            f"length 1 at right angles and determinant 1, but {text}, of determinant "
+            f"{spool.plan.log.path}: {name}: expected rotation matrices, nine entries row by row, "
+            f"with rows of length 1 at right angles and determinant 1, but {text}, of determinant "
             f"{np.linalg.det(worst[0].reshape(3, 3)):.3g}; check the order of the columns, and "
             "that none is scaled or mirrored"
         )
@@ -206,11 +201,12 @@ def _range_findings(item: Quantity, spool: Spool) -> list[Finding]:
     return [Finding("warning", words.label, "range", text)]
 
 
-def _stated_unit(item: Quantity, plan: Plan, log: LogFile) -> list[Finding]:
+def _stated_unit(item: Quantity, plan: Plan) -> list[Finding]:
     """Finding that the file states another unit, or order of a quaternion, than the mapping."""
     wanted = plan.wanted[item.stream]
+    topic = plan.log.topics[wanted.topic]
     path = wanted.fields[item.places[0]]
-    stated = log.topics[wanted.topic].channels[path].unit
+    stated = topic.channels[path].unit
     if not stated and item.column.unit == "g":
         stated = unit_of_suffix(f"{path}_g")
     named = "".join(wanted.fields[k][-1:].lower() for k in item.places)
@@ -225,7 +221,7 @@ def _stated_unit(item: Quantity, plan: Plan, log: LogFile) -> list[Finding]:
         return []
     if si == item.si and abs(factor / item.si_factor - 1.0) < 1e-9:
         return []
-    if "Twist" in log.topics[wanted.topic].kind and item.si == f"{si}^2":
+    if "Twist" in topic.kind and item.si == f"{si}^2":
         return []  # an acceleration, for which ROS has no widely used message of its own
     text = f"the file or its definitions say [{stated}], the mapping [{item.column.unit}]"
     return [Finding("warning", item.column.label, "unit", text)]
@@ -244,16 +240,17 @@ def flight_labels(robot: Robot | None) -> dict[str, str]:
     return {} if robot is None else {c.name: c.unit for c in packet_columns(robot)[1:]}
 
 
-def zero_forces(robot: Robot | None, plan: Plan) -> dict[str, str]:
+def zero_forces(plan: Plan) -> dict[str, str]:
     """Units of joint forces that are zero without a motor, where a log lacks only these."""
-    held = {label for item in plan.items for label in item.column.labels}
+    held, robot = {label for item in plan.items for label in item.column.labels}, plan.robot
     missing = {name: unit for name, unit in flight_labels(robot).items() if name not in held}
     unforced = {f"u1.{robot.dof_names[k]}" for k in robot.passive} if robot else ()
     return missing if missing.keys() <= set(unforced) else {}
 
 
-def flight_findings(robot: Robot, plan: Plan, surveys: tuple[StreamSurvey, ...]) -> list[Finding]:
+def _flight_findings(robot: Robot, spool: Spool) -> list[Finding]:
     """Findings about coordinates that were not measured, or that never change."""
+    plan, surveys = spool.plan, spool.surveys
     wanted = flight_labels(robot)
     held = {item.column.label: item for item in plan.items if item.column.label in wanted}
     if not held:

@@ -13,6 +13,7 @@ import numpy as np
 
 from patagium.arrays import Array, Bools
 from patagium.errors import LogError
+from patagium.robot import Robot
 from patagium.sensing.force.air_force import PARTS
 from patagium.sensing.logs.axes import attitude_in_ours, axes_of
 from patagium.sensing.logs.files.channels import (
@@ -119,31 +120,38 @@ class Plan:
     """Streams to read from a log, and the quantities of the mapping.
 
     Attributes:
+        log: The open log.
+        mapping: The mapping.
+        source: Name of the mapping, for messages.
+        robot: Robot that the mapping names; None if it names none.
         wanted: Streams: a topic with one source of stamps and some of its numbers.
         names: Name of each stream in messages.
         items: Quantities, in the order of the mapping.
         counts: Number of rows of each stream, or an estimate; 0 where unknown.
         rates: Rate at which the rows of each stream are restamped [Hz]; None to keep stamps.
-        last: Whether the last row with a stamp is kept, not the first.
         zero: Units of numbers that the log lacks and that are zero, by name.
     """
 
+    log: LogFile
+    mapping: TableMapping
+    source: str
+    robot: Robot | None
     wanted: tuple[Request, ...]
     names: tuple[str, ...]
     items: tuple[Quantity, ...]
     counts: tuple[int, ...]
     rates: tuple[float | None, ...]
-    last: bool = False
     zero: dict[str, str] = field(default_factory=dict)
 
 
-def plan_import(log: LogFile, mapping: TableMapping, source: str) -> Plan:
+def plan_import(log: LogFile, mapping: TableMapping, source: str, robot: Robot | None) -> Plan:
     """Import plan of a mapping for a log.
 
     Args:
         log: The open log.
         mapping: The mapping.
         source: Name of the mapping, for messages.
+        robot: Robot that the mapping names.
 
     Raises:
         LogError: If the log lacks a topic or field of the mapping; the message names those it has.
@@ -179,8 +187,8 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str) -> Plan:
     wanted, names, stamped = _requests(log, streams, items, whole=mapping.time.rate is None)
     counts = tuple(topics[one.topic].count or topics[one.topic].about for one in wanted)
     rates = _restamp_rates(mapping, stamped, source)
-    last = mapping.time.duplicates == "keep-last"
-    return Plan(tuple(wanted), tuple(names), tuple(items), counts, rates, last)
+    streams_read = tuple(wanted), tuple(names), tuple(items), counts, rates
+    return Plan(log, mapping, source, robot, *streams_read)
 
 
 def _requests(

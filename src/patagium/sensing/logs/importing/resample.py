@@ -21,7 +21,7 @@ from patagium.arguments import Progress
 from patagium.arrays import Array, Bools
 from patagium.errors import LogError
 from patagium.sensing.logs.axes import continuous, slerp
-from patagium.sensing.logs.files.channels import NO_STAMP, Block, LogFile, Stamps
+from patagium.sensing.logs.files.channels import NO_STAMP, Block, Stamps
 from patagium.sensing.logs.importing.findings import (
     SECOND,
     Finding,
@@ -31,16 +31,13 @@ from patagium.sensing.logs.importing.findings import (
 )
 from patagium.sensing.logs.importing.plan import Plan, Quantity
 from patagium.sensing.logs.importing.restamp import restamped
-from patagium.sensing.logs.mapping import TableMapping
 
 
 class Spool(AbstractContextManager["Spool"]):
     """Streams of a log on disk, each with the rows whose stamps advance, or restamped.
 
     Args:
-        log: The open log; it is read once, from start to end.
-        plan: Streams to read.
-        gap: Length from which a step is a gap, in median steps.
+        plan: Streams to read; their log is read once, from start to end.
         folder: Folder whose disk takes the rows, eight bytes a number.
         progress: Called now and then with the rows read and the rows in all.
 
@@ -56,9 +53,7 @@ class Spool(AbstractContextManager["Spool"]):
         OSError: If the disk does not take the rows.
     """
 
-    def __init__(
-        self, log: LogFile, plan: Plan, gap: float, folder: Path, progress: Progress | None = None
-    ) -> None:
+    def __init__(self, plan: Plan, folder: Path, progress: Progress | None = None) -> None:
         self.plan = plan
         self.findings: list[Finding] = []
         self.angles: dict[str, float] = {}
@@ -70,13 +65,13 @@ class Spool(AbstractContextManager["Spool"]):
             self.surveys = tuple(StreamSurvey(len(one.fields)) for one in plan.wanted)
             self._latest = [NO_STAMP for _ in plan.wanted]
             survey_streams(
-                log, plan.wanted, sum(plan.counts), surveys=self.surveys, keep=self._keep,
+                plan.log, plan.wanted, sum(plan.counts), surveys=self.surveys, keep=self._keep,
                 progress=progress,
             )  # fmt: skip
             for file in (*self._stamps, *self._values):
                 file.flush()
             for stream in range(len(plan.wanted)):
-                self._restamp(stream, gap, str(log.path))
+                self._restamp(stream)
             self._files = stack.pop_all()
 
     def __exit__(self, *_: object) -> None:
@@ -106,7 +101,7 @@ class Spool(AbstractContextManager["Spool"]):
         if self.plan.rates[stream] is not None:
             advances = np.ones(len(stamps), np.bool_)
         kept = values[advances]
-        if self.plan.last and len(stamps):
+        if self.plan.mapping.time.duplicates == "keep-last" and len(stamps):
             latest = np.maximum.accumulate(np.concatenate([[self._latest[stream]], stamps]))[1:]
             group = np.cumsum(advances) - 1
             same = (stamps == latest) & (stamps != NO_STAMP)
@@ -122,15 +117,15 @@ class Spool(AbstractContextManager["Spool"]):
         self._values[stream].write(kept.tobytes())
         return kept
 
-    def _restamp(self, stream: int, gap: float, path: str) -> None:
-        rate, name = self.plan.rates[stream], self.plan.names[stream]
+    def _restamp(self, stream: int) -> None:
+        plan, rate, name = self.plan, self.plan.rates[stream], self.plan.names[stream]
         survey = self.surveys[stream]
         if rate is None or survey.stamps.rows < 2:
             return
-        counted = self.plan.wanted[stream].base.kind == "rows"
+        counted = plan.wanted[stream].base.kind == "rows"
         held = np.memmap(self._stamps[stream], np.int64, "r+")
         stamps = np.full(len(held), NO_STAMP) if counted else np.array(held)
-        held[:], text = restamped(stamps, rate, gap, f"{path}: {name}")
+        held[:], text = restamped(stamps, rate, plan.mapping.gap, f"{plan.log.path}: {name}")
         held.flush()
         self.findings.append(Finding("note", name, "restamped", text))
         survey.stamps = StampSurvey()
@@ -168,19 +163,14 @@ class TimeBase:
         return f"{self.count} stamps of {plan.names[self.stream]}, {self.step:.4g} s apart (median)"
 
 
-def time_base(spool: Spool, mapping: TableMapping, source: str) -> TimeBase:
+def time_base(spool: Spool) -> TimeBase:
     """Common time base over the span in which all streams have samples.
-
-    Args:
-        spool: The streams.
-        mapping: The mapping, which names the rate or the stream of the time base.
-        source: Name of the mapping, for messages.
 
     Raises:
         LogError: If the streams do not overlap in time, or the mapping names no time base where
             there are several streams.
     """
-    plan, time = spool.plan, mapping.time
+    plan, time, source = spool.plan, spool.plan.mapping.time, spool.plan.source
     used = sorted({item.stream for item in plan.items})
     begins = [spool.surveys[k].stamps.first or 0 for k in used]
     ends = [spool.surveys[k].stamps.last for k in used]
@@ -196,7 +186,7 @@ def time_base(spool: Spool, mapping: TableMapping, source: str) -> TimeBase:
     begin = origin + round((time.start or 0.0) * SECOND)
     if time.end is not None:
         end = min(end, origin + round(time.end * SECOND))
-    stream = _stream(plan, mapping, used, source, spool)
+    stream = _stream(spool, used)
     if stream is None:
         rate = float(time.rate or 0.0)
         alike = [k for k in used if abs(rate * spool.surveys[k].stamps.median - 1) < _OWN_RATE]
@@ -222,7 +212,7 @@ def stamps_in(spool: Spool, base: TimeBase, begin: int, end: int) -> Stamps:
     return offsets + base.origin
 
 
-def after_gaps(spool: Spool, base: TimeBase, begin: int, gap: float) -> int:
+def after_gaps(spool: Spool, base: TimeBase, begin: int) -> int:
     """First sample of a time base, from `begin` on, in no gap of a stream that it needs."""
     step, items = base.step * SECOND, spool.plan.items
     needed = {item.stream for item in items if item.needed}
@@ -232,7 +222,7 @@ def after_gaps(spool: Spool, base: TimeBase, begin: int, gap: float) -> int:
         stamp = stamps_in(spool, base, begin, begin + 1)[0]
         for stream in needed or {item.stream for item in items}:
             known = spool.stamps_of(stream)
-            longest = gap * spool.surveys[stream].stamps.median * SECOND
+            longest = spool.plan.mapping.gap * spool.surveys[stream].stamps.median * SECOND
             right = int(np.searchsorted(known, stamp))
             if not 0 < right < len(known) or known[right] == stamp:
                 continue
@@ -243,7 +233,7 @@ def after_gaps(spool: Spool, base: TimeBase, begin: int, gap: float) -> int:
 
 
 @np.errstate(all="ignore")  # numbers of a damaged log may be of any size
-def resampled(spool: Spool, item: Quantity, stamps: Stamps, gap: float) -> tuple[Array, Bools]:
+def resampled(spool: Spool, item: Quantity, stamps: Stamps) -> tuple[Array, Bools]:
     """Quantity at given increasing stamps, (k,) [ns].
 
     Returns:
@@ -263,7 +253,7 @@ def resampled(spool: Spool, item: Quantity, stamps: Stamps, gap: float) -> tuple
     right = np.minimum(left + 1, len(own) - 1)
     exact = (left >= 0) & (own[left] == stamps)
     median = spool.surveys[item.stream].stamps.median
-    near = own[right] - own[left] <= gap * median * SECOND
+    near = own[right] - own[left] <= spool.plan.mapping.gap * median * SECOND
     valid = exact | ((left >= 0) & (right > left) & near)
     valid &= ~np.isin(stamps, np.array(known[begin:end])[~finite])
     origin = own[0]
@@ -286,20 +276,19 @@ def _between(spool: Spool, item: Quantity, seconds: Array, values: Array, wanted
     return np.column_stack([np.interp(wanted, seconds, column) for column in values.T])
 
 
-def _stream(
-    plan: Plan, mapping: TableMapping, used: list[int], source: str, spool: Spool
-) -> int | None:
-    if mapping.time.rate is not None:
+def _stream(spool: Spool, used: list[int]) -> int | None:
+    plan, time = spool.plan, spool.plan.mapping.time
+    if time.rate is not None:
         return None
-    if mapping.time.like is not None:
-        like = mapping.time.like.removesuffix("/0")
+    if time.like is not None:
+        like = time.like.removesuffix("/0")
         return next((k for k, one in enumerate(plan.wanted) if one.topic == like), None)
     if len(used) == 1:
         return used[0]
     rates = ", ".join(f"{plan.names[k]} {1 / spool.surveys[k].stamps.median:.4g} Hz" for k in used)
     raise LogError(
-        f"{source}: time: expected rate (such as 200 Hz) or like (a topic) for streams with stamps "
-        f"of their own: {rates}"
+        f"{plan.source}: time: expected rate (such as 200 Hz) or like (a topic) for streams with "
+        f"stamps of their own: {rates}"
     )
 
 
