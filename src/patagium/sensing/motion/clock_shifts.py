@@ -364,18 +364,18 @@ class _Search:
         self, unit: Stream, known: dict[str, float], free: list[str]
     ) -> tuple[dict[str, float], dict[str, float]]:
         """Shifts of the free sensors with the others fixed, and their standard deviations [s]."""
-        times, shown = self._samples(unit)
-        step = self._step(unit, times, known | dict.fromkeys(free, 0.0))
+        unit = self._sampled(unit)
+        step = self._step(unit, known | dict.fromkeys(free, 0.0))
 
         def misfit(values: Array, every: int = 1) -> float:
             late = known | dict(zip(free, values.tolist(), strict=True))
-            return self._misfit(unit, times[::every], shown[::every], late)
+            return self._misfit(unit, late, every)
 
         def tried(way: Array, reach: float) -> tuple[Array, Array]:
             steps = step * np.arange(-(reach // step), reach // step + 1)
             most = max(self.largest + step, np.abs(best).max())
             steps = steps[[np.abs(best + s * way).max() <= most for s in steps]]
-            every = max(1, len(times) // _ROUGH)
+            every = max(1, len(unit.time) // _ROUGH)
             return steps, np.array([misfit(best + s * way, every) for s in steps])
 
         def polished() -> Array:
@@ -395,19 +395,20 @@ class _Search:
             self.repeat = min([self.repeat, *np.diff(alike).tolist()])
             best = best + alike[int(np.argmin([np.abs(best + s * way).sum() for s in alike]))] * way
         best = polished()
-        std = self._std(unit, times, shown, known, dict(zip(free, best.tolist(), strict=True)))
-        seconds, stds = (dict(zip(free, one.tolist(), strict=True)) for one in (best, std))
-        return seconds, stds
+        seconds = dict(zip(free, best.tolist(), strict=True))
+        std = self._std(unit, known, seconds)
+        return seconds, dict(zip(free, std.tolist(), strict=True))
 
-    def _step(self, unit: Stream, times: Array, late: dict[str, float]) -> float:
+    def _step(self, unit: Stream, late: dict[str, float]) -> float:
         """Step of the search over shifts, short against the periods of the motion [s]."""
-        first, last = (self._expected(unit, times + d, late) for d in (-_STEP, _STEP))
+        first, last = (self._expected(unit, unit.time + d, late) for d in (-_STEP, _STEP))
         size, change = (
             np.var(x, axis=0) @ (1 / unit.model.variances) for x in (first, last - first)
         )
         return float(np.clip(2 * _STEP * _TURN * np.sqrt(size / max(change, 1e-300)), *_COARSE))
 
-    def _samples(self, unit: Stream) -> tuple[Array, Array]:
+    def _sampled(self, unit: Stream) -> Stream:
+        """Some samples of an inertial unit, within the span of what it is compared with."""
         tracks = [self.tracks[name] for name in self.links[unit.name]]
         begin = max([unit.time[0], *(t.stream.time[0] for t in tracks)]) + self.largest
         end = min([unit.time[-1], *(t.stream.time[-1] for t in tracks)]) - self.largest
@@ -419,11 +420,11 @@ class _Search:
                 f"{', '.join(self.links[unit.name]) or 'encoders or cameras'}"
             )
         chosen = chosen[:: max(1, len(chosen) // _MOST_SAMPLES)]
-        return unit.time[chosen], unit.rows[chosen]
+        return replace(unit, time=unit.time[chosen], rows=unit.rows[chosen])
 
-    def _misfit(self, unit: Stream, times: Array, shown: Array, late: dict[str, float]) -> float:
+    def _misfit(self, unit: Stream, late: dict[str, float], every: int) -> float:
         """Sum over the axes of the logarithm of the residual variance."""
-        error = shown - self._expected(unit, times, late)
+        error = unit.rows[::every] - self._expected(unit, unit.time[::every], late)
         return float(np.log(np.var(error, axis=0) + unit.model.variances).sum())
 
     def _expected(self, unit: Stream, times: Array, late: dict[str, float]) -> Array:
@@ -439,14 +440,7 @@ class _Search:
         rows, _ = unit.model.frame.inertials(levels, attitude)
         return np.asarray(rows)
 
-    def _std(
-        self,
-        unit: Stream,
-        times: Array,
-        shown: Array,
-        known: dict[str, float],
-        best: dict[str, float],
-    ) -> Array:
+    def _std(self, unit: Stream, known: dict[str, float], best: dict[str, float]) -> Array:
         """Standard deviations of shifts that were found, (k,) [s].
 
         The slopes of the likelihood are summed over stretches of the log, each of which may be
@@ -454,9 +448,9 @@ class _Search:
         """
 
         def expected(name: str, step: float) -> Array:
-            return self._expected(unit, times, known | best | {name: best[name] + step})
+            return self._expected(unit, unit.time, known | best | {name: best[name] + step})
 
-        error = shown - self._expected(unit, times, known | best)
+        error = unit.rows - self._expected(unit, unit.time, known | best)
         weight = 1 / (np.var(error, axis=0) + unit.model.variances)
         slopes = [(expected(name, _STEP) - expected(name, -_STEP)) / (2 * _STEP) for name in best]
         slope = np.stack([one - one.mean(axis=0) for one in slopes], axis=-1)
