@@ -8,7 +8,6 @@ floating body.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -21,6 +20,7 @@ from patagium.dynamics.rnea import body_accelerations
 from patagium.errors import ParameterError
 from patagium.native import NativeFunction, load_functions, named_function
 from patagium.robot import Robot
+from patagium.sensing.sensors import Imu, MotionCapture
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,7 @@ class FrameModel:
 
     Args:
         robot: The machine.
-        body: Name of the body that carries the sensor.
-        position: Position of the frame from the body's origin, body axes, (3,) [m].
-        orientation: Rotation from the frame's axes to body axes, (3, 3) [-].
+        sensor: The sensor, which says on which body it sits, where and how.
 
     Attributes:
         offset: Position of the frame on the body that moves with it, that body's axes, (3,) [m].
@@ -86,12 +84,10 @@ class FrameModel:
         ParameterError: If the robot has no such body, or several floating bodies.
     """
 
-    def __init__(
-        self, robot: Robot, body: str, position: Sequence[float], orientation: Sequence[object]
-    ) -> None:
+    def __init__(self, robot: Robot, sensor: Imu | MotionCapture) -> None:
         self.robot, self.base = robot, floating_base(robot)
-        index, self.offset = robot.place(body, position)
-        self.mount = np.asarray(orientation, float)
+        index, self.offset = robot.place(sensor.body, sensor.position)
+        self.mount = np.asarray(sensor.orientation, float)
         while (held := robot.bodies[index]).parent >= 0 and not held.joints:  # a fixed frame
             index, turn = held.parent, np.array(held.orientation, float)
             self.offset, self.mount = held.position + turn @ self.offset, turn @ self.mount

@@ -147,7 +147,7 @@ class ImuModel(MeasurementModel):
     width = 6
 
     def __init__(self, sensor: Imu, robot: Robot) -> None:
-        self.frame = FrameModel(robot, sensor.body, sensor.position, sensor.orientation)
+        self.frame = FrameModel(robot, sensor)
         floors = np.repeat([FLOOR["specific force"], FLOOR["angular rate"]], 3)
         steps = np.repeat([sensor.accelerometer_step, sensor.gyroscope_step], 3)
         noise = np.concatenate([sensor.accelerometer_std, sensor.gyroscope_std])
@@ -183,7 +183,7 @@ class CaptureModel(MeasurementModel):
     width = 7
 
     def __init__(self, sensor: MotionCapture, robot: Robot) -> None:
-        self.frame = FrameModel(robot, sensor.body, sensor.position, sensor.orientation)
+        self.frame = FrameModel(robot, sensor)
         place = np.maximum(sensor.position_std, FLOOR["position"])
         turn = np.maximum(sensor.attitude_std, FLOOR["attitude"])
         self.variances: Array = np.concatenate([place, turn]) ** 2
