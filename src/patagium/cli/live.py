@@ -95,7 +95,7 @@ def beside_stream(view: LiveView, pipeline: Pipeline, status: Status, intake: In
 
 def fly_live(
     address: str | None,
-    choice: LearnerChoice | None,
+    choice: LearnerChoice,
     start: Callable[[Gait], Simulator],
     robot: Robot,
     gait: Gait,
@@ -105,7 +105,7 @@ def fly_live(
 
     Args:
         address: HOST:PORT of the live view; None: the default.
-        choice: Learner and network that learn from the flight; None: nothing learns.
+        choice: Learner and network that learn from the flight; nothing learns if none was given.
         start: Function that begins a flight with a gait.
         robot: Robot.
         gait: Gait until it is steered.
@@ -121,7 +121,7 @@ def fly_live(
     from patagium.viewer.live_flight import LiveFlight, flight_subject
 
     pipeline, every = None, 1
-    if choice is not None:
+    if choice.given:
         if choice.shape()[0] is NetworkKind.DENSE:
             expected = "a network of wings, which needs no flight to begin"
             raise ParameterError("network", expected, "dense")

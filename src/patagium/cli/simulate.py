@@ -246,8 +246,7 @@ def simulate(
     }  # fmt: skip
     if shown:
         start = partial(Simulator, machine, model, **conditions)
-        learns = choice if choice.given else None
-        flight = live_options.fly_live(live_address, learns, start, machine, moves, model.air)
+        flight = live_options.fly_live(live_address, choice, start, machine, moves, model.air)
     else:
         with progress_bar(f"Flying {machine.name}") as bar, interruptible(bar) as progress:
             flight = fly(machine, model, moves, throw=False, progress=progress, **conditions)
