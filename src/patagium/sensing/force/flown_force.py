@@ -24,7 +24,6 @@ from patagium.sensing.force.measured_force import (
 )
 from patagium.sensing.motion.clock_shifts import drift_notes
 from patagium.sensing.motion.estimate_motion import estimate_motion
-from patagium.sensing.motion.frame_model import floating_base
 from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog, from_quaternion
 from patagium.sensing.sensors.joints import joint_names
 
@@ -105,21 +104,17 @@ def motion_and_force(
     unknown = ~motion["known"].values
     found.force[unknown] = np.nan
     found.covariance[unknown] = np.nan
-    base = floating_base(found.robot)
-    if mount is not None and base is not None:
-        facts["notes"] += _cell_notes(motion, found, joints, mount, list(base.place))
+    if mount is not None:
+        facts["notes"] += _cell_notes(motion, found, joints, mount)
     motion.attrs["findings"] = json.dumps(facts)
     return motion, found
 
 
 def _cell_notes(
-    motion: xr.Dataset,
-    found: ForceSamples,
-    joints: Measured | None,
-    mount: Wrench,
-    place: list[int],
+    motion: xr.Dataset, found: ForceSamples, joints: Measured | None, mount: Wrench
 ) -> list[str]:
     """Warnings about unit, clock, sign and zero of the load cell that holds a robot."""
+    place = list(found.robot.floating_dofs[:3])  # x, y, z
     known = np.isfinite(found.force[:, place]).all(axis=1)
     if known.sum() < 2:
         return ["Warning: load cell: no two samples have a force that is known"]
