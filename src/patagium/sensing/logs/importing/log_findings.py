@@ -71,13 +71,7 @@ def log_findings(spool: Spool, base: TimeBase) -> list[Finding]:
     for item in plan.items:
         known = item.column.label in flown  # a coordinate of the robot, not of a sensor
         conversion(item.column.unit, flown.get(item.column.label), f"mapping: {item.column.label}")
-        others = [
-            place
-            for one in plan.items
-            if one.stream == item.stream and one.column.unit == item.column.unit
-            for place in one.places
-        ]
-        found += _item_findings(item, spool.surveys[item.stream].values, known, still, others)
+        found += _item_findings(item, spool, known, still)
         found += _range_findings(item, spool)
         found += _recorder_findings(item, spool)
         if plan.robot is not None:
@@ -89,14 +83,15 @@ def log_findings(spool: Spool, base: TimeBase) -> list[Finding]:
     return found
 
 
-def _item_findings(
-    item: Quantity, values: ValueSurvey, known: bool, still: bool, others: list[int]
-) -> list[Finding]:
-    name, places = item.column.label, list(item.places)
+def _item_findings(item: Quantity, spool: Spool, known: bool, still: bool) -> list[Finding]:
+    name, places, values = item.column.label, list(item.places), spool.surveys[item.stream].values
     found = number_findings(name, values, places, "" if known else "warning")
     if known and item.si == "m/s^2":  # of a coordinate, which need not show gravity
         return found
     if item.norm is None:
+        beside = [one for one in spool.plan.items if one.stream == item.stream]
+        alike = [one.places for one in beside if one.column.unit == item.column.unit]
+        others = [place for places_of_one in alike for place in places_of_one]
         sizes = sizes_of(values, places, item.column.unit, item.column.offset, others=others)
         return found + unit_findings(name, sizes, still=still)
     norm = float(np.sqrt((values.rms[places] ** 2).sum()))
