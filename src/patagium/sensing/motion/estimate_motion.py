@@ -165,73 +165,48 @@ def fit_motion(robot: Robot, streams: Sequence[Stream], order: int, wanted: Arra
             "held leaves out `floating`, unless a load cell holds it, whose log needs its pose: "
             "columns of position and attitude, which may be constant"
         )
-    checked = _checked(streams, robot)
-    guess = first_motion(robot, checked.streams, checked.used)
+    fitted = MotionFits(robot, [], [], [])
+    checked = [_checked(s, fitted) for s in streams]
+    camera, guess = first_camera(checked), first_motion(robot, checked)
     groups = [columns] if columns else []
-    groups += [own for s in checked.streams if (own := alone(s, columns))]
-    fits, stretches = [], list(checked.stretches)
+    groups += [own for s in checked if (own := alone(s, columns))]
     for group in groups:
-        linked = [
-            s for s in checked.streams if isinstance(s.model, EncoderModel) or group is columns
-        ]
-        found = [_samples(s, group, checked.used[s.name], order) for s in linked]
+        linked = [s for s in checked if isinstance(s.model, EncoderModel) or group is columns]
+        found = [_samples(s, group, order) for s in linked]
         samples = [one for one in found if one is not None]
         begin, end = _extent(samples, wanted)
         fit = MotionFit(robot, group, samples, begin, end, order)
-        if base is not None and base.turn[0] in group and not fit.biases:
-            fit.gaps = checked.gaps
+        if base is not None and base.turn[0] in group and camera is not None and not fit.biases:
+            fit.gaps = open_gaps(camera, camera.used)
         fit.run(guess)
-        fits.append(fit)
-        stretches += _unknown(fit, wanted)
-    stretches.sort(key=lambda one: one.begin)
-    return MotionFits(robot, fits, stretches, checked.notes)
+        fitted.fits.append(fit)
+        fitted.stretches.extend(_unknown(fit, wanted))
+    fitted.stretches.sort(key=lambda one: one.begin)
+    return fitted
 
 
-@dataclass(frozen=True)
-class _Checked:
-    """Streams with mended stamps, and which samples count.
+def _checked(s: Stream, fitted: MotionFits) -> Stream:
+    """Stream on a regular clock where it fits better, without samples that contradict the others.
 
-    Attributes:
-        streams: The streams.
-        used: Whether each sample counts, by name of the sensor, (N,) each.
-        gaps: Gaps of the first cameras over which the way that the body turned is not known [s].
-        stretches: Stretches of samples left out.
-        notes: Assumptions about stamps, in words.
+    Notes about stamps and stretches of samples left out are added to the fits.
     """
-
-    streams: list[Stream]
-    used: dict[str, Bools]
-    gaps: list[tuple[float, float]]
-    stretches: list[Stretch]
-    notes: list[str]
-
-
-def _checked(streams: Sequence[Stream], robot: Robot) -> _Checked:
-    """Streams on regular clocks where these fit better, without the frames that contradict."""
-    found = _Checked([], {}, [], [], [])
-    for s in streams:
-        regular = None if isinstance(s.model, ImuModel) else on_regular_clock(s)
-        if regular is not None:
-            late = 1e3 * float((s.time - regular.time).std())
-            found.notes.append(
-                f"{s.name}: stamps jitter by {late:.2g} ms about equal steps, which the motion "
-                "fits better: equal steps are taken"
-            )
-        stream = s if regular is None else regular
-        if isinstance(stream.model, EncoderModel):
-            stream = _without_dropouts(stream, stream.model, robot, found)
-        found.streams.append(stream)
-        found.used[s.name] = np.ones(len(s.time), bool)
-        if isinstance(s.model, CaptureModel):
-            found.used[s.name], stretches = consistent_frames(stream)
-            found.stretches.extend(stretches)
-    camera = first_camera(found.streams)
-    if camera is not None:
-        found.gaps.extend(open_gaps(camera, found.used[camera.name]))
-    return found
+    regular = None if isinstance(s.model, ImuModel) else on_regular_clock(s)
+    if regular is not None:
+        late = 1e3 * float((s.time - regular.time).std())
+        fitted.notes.append(
+            f"{s.name}: stamps jitter by {late:.2g} ms about equal steps, which the motion "
+            "fits better: equal steps are taken"
+        )
+    stream, used = s if regular is None else regular, np.ones(len(s.time), bool)
+    if isinstance(stream.model, EncoderModel):
+        stream = _without_dropouts(stream, stream.model, fitted)
+    if isinstance(s.model, CaptureModel):
+        used, stretches = consistent_frames(stream)
+        fitted.stretches.extend(stretches)
+    return replace(stream, used=used)
 
 
-def _without_dropouts(stream: Stream, model: EncoderModel, robot: Robot, found: _Checked) -> Stream:
+def _without_dropouts(stream: Stream, model: EncoderModel, fitted: MotionFits) -> Stream:
     """Stream of an encoder without the angles that jump and jump back; a stretch tells of them."""
     rows = stream.rows.copy()
     for k, column in enumerate(model.columns):
@@ -240,8 +215,8 @@ def _without_dropouts(stream: Stream, model: EncoderModel, robot: Robot, found: 
         if len(gone):
             rows[gone, k] = np.nan
             begin, end = stream.time[gone[[0, -1]]].tolist()
-            words = f"{robot.dof_names[column]} jumps and jumps back"
-            found.stretches.append(Stretch(begin, end, words, len(gone)))
+            words = f"{fitted.robot.dof_names[column]} jumps and jumps back"
+            fitted.stretches.append(Stretch(begin, end, words, len(gone)))
     return replace(stream, rows=rows)
 
 
@@ -261,7 +236,8 @@ def _unknown(fit: MotionFit, wanted: Array) -> list[Stretch]:
 def _extent(samples: Sequence[Samples], wanted: Array) -> tuple[float, float]:
     """Begin and end of the motion that samples show: a little beyond the first and the last [s]."""
     times = [
-        one.stream.time[one.used & np.isfinite(one.stream.rows).any(axis=1)] for one in samples
+        one.stream.time[one.stream.used & np.isfinite(one.stream.rows).any(axis=1)]
+        for one in samples
     ]
     first, last = min(float(t[0]) for t in times), max(float(t[-1]) for t in times)
     step = max(float(np.median(np.diff(t))) for t in times)
@@ -277,25 +253,25 @@ def alone(stream: Stream, columns: Sequence[int]) -> list[int]:
     return sorted(set(model.columns) - set(columns))
 
 
-def _samples(stream: Stream, group: Sequence[int], used: Bools, order: int) -> Samples | None:
+def _samples(stream: Stream, group: Sequence[int], order: int) -> Samples | None:
     """Samples of a sensor for the fit of a group of coordinates; None if it sees none of them."""
     if not isinstance(stream.model, EncoderModel):
-        return Samples(stream, used, _noise(stream, used, order))
+        return Samples(stream, _noise(stream, order))
     others = [k for k, i in enumerate(stream.model.columns) if i not in group]
     if len(others) == len(stream.model.columns):
         return None
     rows = stream.rows.copy()
     rows[:, others] = np.nan
-    return Samples(replace(stream, rows=rows), used, (_UNTOLD,) * len(stream.model.parts))
+    return Samples(replace(stream, rows=rows), (_UNTOLD,) * len(stream.model.parts))
 
 
 _UNTOLD = Noise(float("nan"), 0.0)
 """Noise of a part whose spectrum is not asked."""
 
 
-def _noise(stream: Stream, used: Bools, order: int) -> tuple[Noise, ...]:
+def _noise(stream: Stream, order: int) -> tuple[Noise, ...]:
     """Noise of cameras and inertial units by part, as their spectrum shows it."""
-    kept = used & np.isfinite(stream.rows).all(axis=1)
+    kept = stream.used & np.isfinite(stream.rows).all(axis=1)
     time, rows = stream.time[kept], stream.rows[kept]
     if isinstance(stream.model, ImuModel):  # accelerations and rates: higher in the spectrum
         force = spectral_noise(time, rows[:, :3], order - 2)

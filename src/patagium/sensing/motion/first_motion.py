@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 from scipy.special import softmax
 
-from patagium.arrays import Array, Bools, Indices
+from patagium.arrays import Array, Indices
 from patagium.robot import Robot
 from patagium.sensing.motion.frame_model import floating_base
 from patagium.sensing.motion.sensor_streams import (
@@ -84,24 +84,23 @@ class FirstMotion:
         return np.where(np.isfinite(found), found, np.nanmax([*found, 1e-6]))
 
 
-def first_motion(robot: Robot, streams: Sequence[Stream], used: Mapping[str, Bools]) -> FirstMotion:
+def first_motion(robot: Robot, streams: Sequence[Stream]) -> FirstMotion:
     """First guess of a motion from encoders and the first cameras.
 
     Args:
         robot: The machine.
         streams: Measurements, of a floating body by cameras among others.
-        used: Whether each sample counts, by name of the sensor, (N,) each.
     """
     values: dict[int, tuple[Array, Array]] = {}
     turned: dict[int, tuple[Array, Array]] = {}
     for column, (s, k) in encoded_coordinates(streams).items():
-        seen = np.isfinite(s.rows[:, k]) & used[s.name]
+        seen = np.isfinite(s.rows[:, k]) & s.used
         if seen.any():
             values[column] = s.time[seen], s.rows[seen, k]
     base, camera = floating_base(robot), first_camera(streams)
     if base is None or camera is None:
         return FirstMotion(values, turned, None)
-    seen = np.isfinite(camera.rows).all(axis=1) & used[camera.name]
+    seen = np.isfinite(camera.rows).all(axis=1) & camera.used
     time, rows = camera.time[seen], camera.rows[seen]
     levels = np.zeros((len(time), 3, robot.dof))
     for column, series in values.items():

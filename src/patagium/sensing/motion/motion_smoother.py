@@ -83,7 +83,6 @@ class Samples:
 
     Args:
         stream: The samples.
-        used: Whether each sample counts, (N,).
         first: Noise of each part as its spectrum shows it.
 
     Attributes:
@@ -97,8 +96,8 @@ class Samples:
         least: Least standard deviation of each part, (parts,) [its unit].
     """
 
-    def __init__(self, stream: Stream, used: Bools, first: tuple[Noise, ...]) -> None:
-        self.stream, self.used, self.first = stream, used, first
+    def __init__(self, stream: Stream, first: tuple[Noise, ...]) -> None:
+        self.stream, self.first = stream, first
         count = len(stream.model.parts)
         self.variance: Array = np.array(stream.model.variances, float)
         self.color: Array = np.array([one.within(_FOLLOWED) for one in first])
@@ -130,7 +129,7 @@ class Samples:
                 "correlation": self.first[k].correlation,
                 "jitter": float(np.sqrt(self.jitter[k])),
                 "off": float(np.sqrt(self.off[k])),
-                "doubted": float((self.weight[self.used, k] < 0.5).mean()),
+                "doubted": float((self.weight[self.stream.used, k] < 0.5).mean()),
                 "nis": float(self.nis[k]),
                 "shown": shown if np.isfinite(shown := self.first[k].slowest) else None,
             }
@@ -385,7 +384,7 @@ class MotionFit:
             own[:, :, 0, place] = np.eye(6)
             residual = residual - point.levels[:, 0, place]
         rate = np.einsum("nkc,nc->nk", slope[:, :, 0], levels[:, 1])
-        valid = np.isfinite(residual) & one.used[:, None]
+        valid = np.isfinite(residual) & stream.used[:, None]
         residual = np.where(valid, residual, 0.0)
         own = np.where(valid[:, :, None, None], own, 0.0)
         if used > 1:  # accelerations and rates: how fast they change is not part of the levels

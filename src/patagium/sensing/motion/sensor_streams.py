@@ -7,7 +7,7 @@ error of an encoder's zero; drift of clocks within a log.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import groupby
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 from scipy.spatial.transform import Rotation
 
-from patagium.arrays import Array, Indices
+from patagium.arrays import Array, Bools, Indices
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot
 from patagium.sensing.motion.frame_model import FrameModel
@@ -247,6 +247,7 @@ class Stream:
         rows: Samples, (N, k) [m, rad, m/s^2, rad/s or 1]; NaN where a sample was lost.
         rounding: Standard deviation of rounding of each part in the log that was imported, before
             its samples were interpolated, (parts,) [its unit]; empty where it is not known.
+        used: Whether each sample counts, (N,); empty until faults are looked for.
     """
 
     name: str
@@ -254,6 +255,7 @@ class Stream:
     time: Array
     rows: Array
     rounding: tuple[float, ...] = ()
+    used: Bools = field(default_factory=lambda: np.zeros(0, bool))
 
 
 def streams_of(log: SensorLog, robot: Robot, shifts: Mapping[str, float]) -> list[Stream]:
