@@ -67,7 +67,7 @@ def motion(
         outputs.attempt("figure", lambda: save_figure(motion_figure(found, forces), plot))
     facts = json.loads(found.attrs["findings"]) | ({"file": str(target)} if kept else {})
     summary = _summary(found, forces) | {"clock_shifts": shifts, **facts}
-    told = partial(_say, measured, found, forces, summary, note)
+    told = partial(_say, measured, forces, summary, note)
     outputs.attempt("summary on stdout", partial(say_json, summary) if as_json else told)
     outputs.check()
     if not as_json:
@@ -126,9 +126,7 @@ def _summary(found: xr.Dataset, forces: ForceSamples) -> dict[str, Any]:
     return result
 
 
-def _say(
-    measured: SensorLog, found: xr.Dataset, forces: ForceSamples, summary: dict[str, Any], note: str
-) -> None:
+def _say(measured: SensorLog, forces: ForceSamples, summary: dict[str, Any], note: str) -> None:
     """Print what was found, in words with units."""
     from patagium.report import Table
     from patagium.sensing.sensors import LoadCell
