@@ -85,11 +85,9 @@ def sensor_log(
             held = ", ".join(map(str, table.data_vars))
             raise ParameterError("bodies", f"quantities among {held}", name)
         machine.body_index(body)
-    found = _Found(machine, np.asarray(table["time"].values, float))
+    found = _Found(machine, table, np.asarray(table["time"].values, float))
     units = {column.name: column.unit for column in packet_columns(machine)[1:]}
     for name in map(str, table.data_vars):
-        found.steps[name] = float(table[name].attrs.get("step_in_log", 0.0))
-        found.rounding[name] = float(table[name].attrs.get("rounding_in_log", 0.0))
         unit = str(table[name].attrs.get("units", ""))
         if unit != units.get(name, unit):
             raise LogError(f"{name}: expected a quantity in {units[name]}, found one in {unit!r}")
@@ -127,21 +125,20 @@ class _Found:
 
     Attributes:
         robot: The machine.
+        table: The log, whose quantities may state their median step and rounding in the log that
+            was imported.
         time: Stamps of the log, (N,) [s].
         bodies: Quantities of each body, by their kind.
         joints: Angles of joints by name.
         efforts: Forces of joints by name.
-        steps: Median step of each quantity in the log that was imported [s]; 0 if not known.
-        rounding: Standard deviation of its rounding there [its unit]; 0 if not known.
     """
 
     robot: Robot
+    table: xr.Dataset
     time: Array
     bodies: dict[str, dict[str, tuple[str, Array]]] = field(default_factory=dict)
     joints: dict[str, tuple[str, Array]] = field(default_factory=dict)
     efforts: dict[str, tuple[str, Array]] = field(default_factory=dict)
-    steps: dict[str, float] = field(default_factory=dict)
-    rounding: dict[str, float] = field(default_factory=dict)
 
     def sensors(self) -> tuple[dict[str, xr.Dataset], dict[str, Sensor]]:
         """Readings and sensors by name."""
@@ -151,8 +148,10 @@ class _Found:
 
         def add(sensor: Sensor, parts: Mapping[str, tuple[str, Array]], names: list[str]) -> None:
             """Add a sensor, at its own rate: interpolated samples are no new measurements."""
-            every = max(1, ceil(max(self.steps[name] for name in names) / step - 0.1))
-            coarse = [self.rounding[name] for name in names]
+            facts = [self.table[name].attrs for name in names]
+            longest = max(float(fact.get("step_in_log", 0.0)) for fact in facts)
+            every = max(1, ceil(longest / step - 0.1))
+            coarse = [float(fact.get("rounding_in_log", 0.0)) for fact in facts]
             rounded = [coarse] if len(parts) == 1 else [[one] for one in coarse]
             readings[sensor.name] = xr.Dataset(
                 {
