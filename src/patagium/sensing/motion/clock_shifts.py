@@ -332,7 +332,11 @@ class _Search:
     def run(self) -> list[tuple[dict[str, float], dict[str, float]]]:
         """Shifts of each group of linked sensors, and their standard deviations [s]."""
         groups: list[tuple[dict[str, float], dict[str, float]]] = []
-        for unit in self._in_order():
+        left, known = list(self.units), set[str]()
+        while left:  # each unit after one that shares a sensor with it if possible
+            unit = next((one for one in left if known & {*self.links[one.name]}), left[0])
+            left.remove(unit)
+            known |= {*self.links[unit.name]}
             names = (unit.name, *self.links[unit.name])
             if not groups or not groups[-1][0].keys() & {*names}:
                 groups.append(({unit.name: 0.0}, {unit.name: 0.0}))
@@ -343,17 +347,6 @@ class _Search:
                 late |= found
                 std_of |= std
         return groups
-
-    def _in_order(self) -> list[Stream]:
-        """Inertial units, each after one that shares a sensor with it if possible."""
-        left, order = list(self.units), []
-        known: set[str] = set()
-        while left:
-            near = [u for u in left if known & set(self.links[u.name])] or left
-            order.append(near[0])
-            known |= set(self.links[near[0].name])
-            left.remove(near[0])
-        return order
 
     def _seen_by(self, unit: Stream) -> list[str]:
         """Names of the sensors that see coordinates which move an inertial unit."""

@@ -225,12 +225,8 @@ def _unknown(fit: MotionFit, wanted: Array) -> list[Stretch]:
     begin, end = fit.span
     found = [Stretch(*gap, "no frame for too long to tell the turn", 0) for gap in fit.gaps]
     ends = (float(wanted[0]), begin), (end, float(wanted[-1]))
-    found += [
-        Stretch(first, last, "no samples to tell the motion", 0)
-        for first, last in ends
-        if last - first > 1e-6  # rounding of the stamps
-    ]
-    return found
+    beyond = [(first, last) for first, last in ends if last - first > 1e-6]  # rounding of stamps
+    return found + [Stretch(*span, "no samples to tell the motion", 0) for span in beyond]
 
 
 def _extent(samples: Sequence[Samples], wanted: Array) -> tuple[float, float]:
