@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from contextlib import suppress
 from dataclasses import asdict, astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -87,6 +86,8 @@ def inspect(
 
 def _mapping(found: Inspection, topics: Sequence[str]) -> str:
     """Mapping to begin from: forces and moments of the topics, or the last field, are outputs."""
+    from patagium.sensing.logs.mapping import si_of
+
     chosen = [one for one in found.topics if one.name in topics]
     rates = [one.rate for one in chosen if one.rate > 0]
     time = f"{{rate: {max(rates, default=100.0):.4g} Hz}}"
@@ -108,7 +109,8 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
             if re.fullmatch(r"(\.\d+)?", field.name) or not field.low <= field.high:
                 continue  # a column without a name or a number
             name = json.dumps(_UNIT.sub("", field.name) if one.kind == "table" else field.name)
-            unit = field.unit if _si(field.unit) else ""
+            si = si_of(field.unit)[1]  # nothing of a unit that we do not know
+            unit = field.unit if si else ""
             unit = unit or ("s" if field.name == one.stamps else "1")
             unit = json.dumps(unit, ensure_ascii=False)
             text = f"{{{place}: {name}, unit: {unit}}}"
@@ -119,7 +121,7 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
                 text = f"{{column: {name}, unit: {unit}}}"
                 shared = f"{text[:-1]}, {time[1:]}" if "column" not in time else time
                 time = shared if one.name else text
-            elif _si(field.unit) in ("N", "N m") or _FORCES.search(field.name):
+            elif si in ("N", "N m") or _FORCES.search(field.name):
                 outputs.append(f"  - {text}")
             else:
                 inputs.append(f"  - {text}")
@@ -130,15 +132,6 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
     time += "".join(f"  # {one.text}" for one in found.findings if one.kind == "unit of time")
     roles = ["inputs:", *inputs, "outputs:", *outputs] if inputs else ["channels:", *outputs]
     return "\n".join([f"time: {time}", *roles, ""])
-
-
-def _si(unit: str) -> str:
-    """SI unit of the same dimension; empty where a file states a unit that we do not know."""
-    from patagium.sensing.logs.mapping import conversion
-
-    with suppress(LogError):
-        return conversion(unit, None, unit)[1]
-    return ""
 
 
 _UNIT = re.compile(r"\s*\[(?!\d+\])[^\]]*\]$")

@@ -313,6 +313,14 @@ def conversion(unit: str, target: str | None, where: str) -> tuple[float, str]:
     return float(size or 1) * float(one.magnitude), _written(f"{one.units:~}")
 
 
+def si_of(unit: str) -> tuple[float, str]:
+    """Factor from a unit to SI, and the SI unit; 1 and nothing for a unit that is not known."""
+    try:
+        return conversion(unit, None, unit)
+    except LogError:
+        return 1.0, ""
+
+
 def _unit(text: str, where: str) -> Any:
     try:
         plain = unit_for_pint("" if text.strip() == "1" else text)

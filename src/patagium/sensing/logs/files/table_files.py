@@ -45,7 +45,7 @@ from patagium.sensing.logs.files.channels import (
     reading,
 )
 from patagium.sensing.logs.files.mat_elements import check_elements
-from patagium.sensing.logs.mapping import conversion
+from patagium.sensing.logs.mapping import si_of
 
 _HEADER = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 TIME_NAME = re.compile(
@@ -160,10 +160,8 @@ def guessed_base(
 
 def nanoseconds_in(unit: str) -> float:
     """Nanoseconds in a unit of time; 0 of another unit."""
-    try:
-        return float(round(conversion(unit, "ns", "time")[0]))
-    except LogError:
-        return 0.0
+    factor, si = si_of(unit)
+    return float(round(1e9 * factor)) if si == "s" else 0.0
 
 
 def as_numbers(raw: Any, column: str, where: str, first: int) -> Array:
@@ -376,16 +374,8 @@ def _units_below(rows: Sequence[Sequence[str]], count: int) -> list[str] | None:
     units = [cell.strip().strip("[]()") for cell in rows[0]]
     if not any(units) or any(map(_is_number, rows[0])):
         return None
-    known = ["" if unit in ("", "-") or not _is_unit(unit) else unit for unit in units]
+    known = ["" if unit in ("", "-") or not si_of(unit)[1] else unit for unit in units]
     return known if sum(map(bool, known)) * 2 >= sum(map(bool, units)) else None
-
-
-def _is_unit(text: str) -> bool:
-    try:
-        conversion(text, None, text)
-    except LogError:
-        return False
-    return True
 
 
 def _cells(line: str, separator: str) -> list[str]:

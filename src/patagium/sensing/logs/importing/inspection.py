@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from contextlib import closing, suppress
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,7 @@ from patagium.sensing.logs.importing.findings import (
     unit_findings,
 )
 from patagium.sensing.logs.importing.plan import filled_in_turn
-from patagium.sensing.logs.mapping import conversion
+from patagium.sensing.logs.mapping import si_of
 
 GAP = 3.0
 """Length from which a step is a gap, in median steps."""
@@ -328,16 +328,14 @@ def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
             continue
         constant = "note" if topic.kind == "table" else ""  # a column need not be mapped
         found += number_findings(own, values, [k], constant)
-        if not unit:
+        si = si_of(unit)[1]  # a unit that the file states need not be one that we know
+        places = _vector(fields, k) if si == "m/s^2" else [k]
+        if not (unit and si and places):
             continue
-        with suppress(LogError):  # a unit that the file states need not be one that we know
-            places = _vector(fields, k) if conversion(unit, None, own)[1] == "m/s^2" else [k]
-            others = [i for i, one in enumerate(fields) if topic.channels[one].unit == unit]
-            sizes = sizes_of(values, places, unit, others=others) if places else None
-            guesses = unit_findings(own, sizes) if sizes is not None else []
-            for one in guesses:  # a message has its unit by custom alone
-                doubt = {"level": "note", "text": f"{one.text} Or is it an acceleration?"}
-                found.append(replace(one, **doubt) if "Twist" in topic.kind else one)
+        others = [i for i, one in enumerate(fields) if topic.channels[one].unit == unit]
+        for one in unit_findings(own, sizes_of(values, places, unit, others=others)):
+            doubt = {"level": "note", "text": f"{one.text} Or is it an acceleration?"}
+            found.append(replace(one, **doubt) if "Twist" in topic.kind else one)  # by custom alone
     return found
 
 
@@ -345,9 +343,7 @@ def _recorder_notes(part: _Part, survey: StreamSurvey) -> list[Finding]:
     """Notes on marks of missing numbers, clipped samples and jumps in the first rows of a part."""
     found, (stamps, values) = list[Finding](), survey.first
     for name, column in zip(part.fields, values.T, strict=True):
-        factor, si = 1.0, ""
-        with suppress(LogError):  # a unit that the file states need not be one that we know
-            factor, si = conversion(part.topic.channels[name].unit, None, name)
+        factor, si = si_of(part.topic.channels[name].unit)
         turn = 2 * math.pi / factor if si == "rad" else 0.0
         own = f"{part.topic.name} {name}".strip()
         found += recorder_findings(own, stamps, column, GAP, measured=si in SENSED, turn=turn)

@@ -30,7 +30,7 @@ from patagium.sensing.logs.importing.findings import (
 )
 from patagium.sensing.logs.importing.plan import Plan, Quantity
 from patagium.sensing.logs.importing.resample import CHUNK, Spool, TimeBase
-from patagium.sensing.logs.mapping import AirWords, conversion
+from patagium.sensing.logs.mapping import AirWords, conversion, si_of
 from patagium.sensing.logs.record import WIND
 
 
@@ -210,11 +210,8 @@ def _stated_unit(item: Quantity, plan: Plan) -> list[Finding]:
         return [Finding("warning", item.column.label, "attitude", text)]
     if not stated or item.norm is not None:
         return []
-    try:
-        factor, si = conversion(stated, None, path)
-    except LogError:
-        return []
-    if si == item.si and abs(factor / item.si_factor - 1.0) < 1e-9:
+    factor, si = si_of(stated)
+    if not si or si == item.si and abs(factor / item.si_factor - 1.0) < 1e-9:
         return []
     if "Twist" in topic.kind and item.si == f"{si}^2":
         return []  # an acceleration, for which ROS has no widely used message of its own
