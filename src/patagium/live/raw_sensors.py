@@ -32,6 +32,7 @@ from patagium.sensing.sensors import Encoder, Imu, MotionCapture, MotorCurrent, 
 from patagium.sensing.sensors.joints import joint_names
 from patagium.sensing.sensors.sense import sensor_from
 from patagium.sensing.sensors.sensor import saturation
+from patagium.simulation.flight import AXES
 
 LAG = 0.02
 """Time that the motion is behind the last samples, which the tracker smooths over [s]."""
@@ -51,7 +52,6 @@ _RESTARTED = 10
 """Samples in a row before the newest one, each later than the last, that tell a new clock."""
 _FARTHEST, _QUICKEST, _SPUN = 1e4, 340.0, 1e5
 """Size of a coordinate [m], its rate [m/s] and turning [rad/s] beyond which a track is lost."""
-_AXES = ("x", "y", "z")
 _FEWEST, _ALIKE = 50, 0.6
 """Fewest steps for speeds of packets, and correlation from which they are the same motion."""
 
@@ -67,9 +67,9 @@ def channels(robot: Robot, sensor: Sensor) -> dict[str, tuple[str, ...]]:
         name = "position" if isinstance(sensor, Encoder) else "current"
         return {name: joint_names(sensor.joints, robot)}
     if isinstance(sensor, Imu):
-        return {"specific_force": _AXES, "angular_rate": _AXES}
+        return {"specific_force": AXES, "angular_rate": AXES}
     if isinstance(sensor, MotionCapture):
-        return {"position": _AXES, "quaternion": ("w", *_AXES)}
+        return {"position": AXES, "quaternion": ("w", *AXES)}
     return {}
 
 

@@ -25,7 +25,7 @@ from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot, load_robot
 from patagium.sensing.force.air_force import PARTS, packet_columns, recorded, recorded_wind_change
-from patagium.sensing.logs.record import LogRecord, load_log
+from patagium.sensing.logs.record import load_log
 from patagium.sensing.sensors import (
     Encoder,
     Imu,
@@ -75,8 +75,9 @@ def sensor_log(
             coordinate has another unit than its own.
         ParameterError: If no robot is given, or `bodies` names a quantity that is not there.
     """
-    machine = _machine(log, robot)
-    table = _by_coordinate(log if isinstance(log, xr.Dataset) else load_log(log), machine)
+    table = log if isinstance(log, xr.Dataset) else load_log(log)
+    machine = _machine(table, robot)
+    table = _by_coordinate(table, machine)
     if "time" not in table:
         raise LogError("log: expected a variable `time` [s], found none")
     given = dict(bodies or {})
@@ -206,18 +207,13 @@ class _Found:
             pose.setdefault("attitude", (columns[3][0], turn))
 
 
-def _machine(log: str | Path | xr.Dataset, robot: Robot | str | None) -> Robot:
+def _machine(log: xr.Dataset, robot: Robot | str | None) -> Robot:
     if isinstance(robot, Robot):
         return robot
     if robot is not None:
         return load_robot(robot)
-    if isinstance(log, xr.Dataset):
-        if "robot" in log.attrs:
-            return robot_of(log)
-    else:
-        with LogRecord(log) as record:
-            if record.robot is not None:
-                return record.robot
+    if "robot" in log.attrs:
+        return robot_of(log)
     raise ParameterError("robot", "a robot: the mapping of the log named none", None)
 
 

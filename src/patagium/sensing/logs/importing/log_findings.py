@@ -211,7 +211,7 @@ def _stated_unit(item: Quantity, plan: Plan) -> list[Finding]:
     if not stated or item.norm is not None:
         return []
     factor, si = si_of(stated)
-    if not si or si == item.si and abs(factor / item.si_factor - 1.0) < 1e-9:
+    if not si or (si == item.si and abs(factor / item.si_factor - 1.0) < 1e-9):
         return []
     if "Twist" in topic.kind and item.si == f"{si}^2":
         return []  # an acceleration, for which ROS has no widely used message of its own
