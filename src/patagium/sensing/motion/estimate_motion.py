@@ -174,8 +174,7 @@ def fit_motion(robot: Robot, streams: Sequence[Stream], order: int, wanted: Arra
         linked = [s for s in checked if isinstance(s.model, EncoderModel) or group is columns]
         found = [_samples(s, group, order) for s in linked]
         samples = [one for one in found if one is not None]
-        begin, end = _extent(samples, wanted)
-        fit = MotionFit(robot, group, samples, begin, end, order)
+        fit = MotionFit(robot, group, samples, _extent(samples, wanted), order)
         if base is not None and base.turn[0] in group and camera is not None and not fit.biases:
             fit.gaps = open_gaps(camera, camera.used)
         fit.run(guess)

@@ -218,8 +218,7 @@ class MotionFit:
         robot: The machine.
         columns: Indices of the coordinates.
         samples: Samples of the sensors that see them.
-        begin: Begin of the motion [s].
-        end: End of the motion [s].
+        span: Begin and end of the motion [s].
         order: Order of the derivative that white noise drives.
     """
 
@@ -228,12 +227,11 @@ class MotionFit:
         robot: Robot,
         columns: Sequence[int],
         samples: Sequence[Samples],
-        begin: float,
-        end: float,
+        span: tuple[float, float],
         order: int,
     ) -> None:
         self.robot, self.columns, self.order = robot, np.array(columns), order
-        self.samples, self.span = list(samples), (begin, end)
+        self.samples, self.span = list(samples), span
         base = floating_base(robot)
         self.turn = None
         if base is not None and set(base.turn) <= set(columns):
