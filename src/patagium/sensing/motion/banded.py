@@ -122,7 +122,7 @@ class Information:
         library = load_kernel("banded")
         if library is not None:
             arrays = (self.matrix, self.gradient, *map(np.ascontiguousarray, (rows, residual)))
-            library.banded_add(*_pointers(*arrays, first), *_sizes(count, values, wide))
+            library.banded_add(*pointers(*arrays, first), *_sizes(count, values, wide))
             return
         i, j = np.tril_indices(wide)
         for n in range(count):
@@ -191,7 +191,7 @@ class BandedCovariance:
         first, (count, values, wide) = span * self.width, rows.shape
         found = np.empty((count, values))
         arrays = (self.matrix, np.ascontiguousarray(rows), first, found)
-        library.banded_variance(*_pointers(*arrays), *_sizes(count, values, wide))
+        library.banded_variance(*pointers(*arrays), *_sizes(count, values, wide))
         return found
 
     def of_spans(self, span: Indices) -> Array:
@@ -215,7 +215,8 @@ class BandedCovariance:
         return found
 
 
-def _pointers(*arrays: NDArray[Any]) -> list[ctypes.c_void_p]:
+def pointers(*arrays: NDArray[Any]) -> list[ctypes.c_void_p]:
+    """Addresses of arrays, which C reads and writes in place."""
     return [ctypes.c_void_p(one.ctypes.data) for one in arrays]
 
 
@@ -237,7 +238,7 @@ def banded_inverse(matrix: Array, vector: Array) -> tuple[Array, Array] | None:
     inverse, solution = np.array(matrix), np.array(vector)
     memory = np.zeros_like(inverse), np.zeros(2 * (band + 1))
     arrays = (inverse, solution, *memory)
-    failed = library.banded_inverse(*_pointers(*arrays), *_sizes(len(vector), band))
+    failed = library.banded_inverse(*pointers(*arrays), *_sizes(len(vector), band))
     return None if failed else (solution, inverse)
 
 

@@ -20,7 +20,6 @@ from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.blas import dtrsm
 from scipy.linalg.lapack import dgeqrf
 from scipy.spatial.transform import Rotation
@@ -30,6 +29,7 @@ from patagium.errors import FilterDiverged, Outcome
 from patagium.native import load_kernel
 from patagium.native.structs import MOTION_FILTER, MOTION_SENSOR
 from patagium.robot import Robot
+from patagium.sensing.motion.banded import pointers
 from patagium.sensing.motion.frame_model import FloatingBase, Motion, floating_base
 from patagium.sensing.motion.sensor_streams import (
     EncoderModel,
@@ -408,7 +408,7 @@ class CompiledFilter:
         self.found: Array = np.zeros(most * (2 * s + 1))
         self._turned: Array = np.zeros(3)
         self._struct = ctypes.byref(self.struct)
-        self._doubles = [_address(part) for part in (self._turned, self.found)]
+        self._doubles = pointers(self._turned, self.found)
 
     def _kept(self, values: Any, kind: Any = float) -> int:
         """Address of an array that lives as long as this."""
@@ -419,9 +419,8 @@ class CompiledFilter:
     def predict(self, row: Array, span: float) -> tuple[Array, Array]:
         """Estimate after a span, and the rotation vector of the attitude over it, (3,) [rad]."""
         to = np.empty(self.row_size)
-        length = ctypes.c_double(span)
-        where = _address(row), length, _address(to), self._doubles[0]
-        self._kernel.motion_predict(self._struct, *where)
+        (begin, end), length = pointers(row, to), ctypes.c_double(span)
+        self._kernel.motion_predict(self._struct, begin, length, end, self._doubles[0])
         return to, self._turned.copy()
 
     def update(
@@ -431,13 +430,9 @@ class CompiledFilter:
         numbers = np.array([self.numbers[one.name] for one in observations], np.int32)
         values = np.concatenate([one.values for one in observations])
         to, s = np.empty(self.row_size), self.struct.states
-        places = [_address(part) for part in (numbers, values, row, to)]
+        places = pointers(numbers, values, row, to)
         m = self._kernel.motion_update(self._struct, len(numbers), *places, self._doubles[1])
         if m < 0:
             return None
         found, end = self.found[: m * (2 * s + 1)].copy(), m + m * s
         return to, found[:m], found[m:end].reshape(m, s), found[end:].reshape(s, m)
-
-
-def _address(array: NDArray[Any]) -> ctypes.c_void_p:
-    return ctypes.c_void_p(array.ctypes.data)
