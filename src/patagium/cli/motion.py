@@ -50,13 +50,11 @@ def motion(
     Noise, clocks and swapped markers are found from the log. Stretches in which the sensors do not
     tell the motion are named, and have no forces.
     """
-    from patagium.report.figures import figure_kind, save_figure
+    from patagium.report.figures import save_figure
     from patagium.sensing.force.flown_force import motion_and_force, write_motion
     from patagium.sensing.motion.clock_shifts import found_shifts
     from patagium.viewer.flight_figures import motion_figure
 
-    if plot is not None:
-        figure_kind(plot)
     measured = _measured(log, robot, mapping, body or [])
     shifts, note = found_shifts(measured)
     found, forces = motion_and_force(measured, shifts=shifts)

@@ -49,7 +49,7 @@ def check_files(verb: Callable[..., object], given: Mapping[str, Any]) -> None:
                 raise ParameterError(name, "the name of a file", "-")
             if written:
                 placed(word)
-            if name == "figure":
+            if name in ("figure", "plot", "draw"):
                 from patagium.report.figures import figure_kind
 
                 figure_kind(word)

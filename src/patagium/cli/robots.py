@@ -52,10 +52,9 @@ def robots(
     if robot is not None:
         machine, outputs = load_robot(robot), Outputs()
         if draw is not None:
-            from patagium.report.figures import figure_kind, save_figure
+            from patagium.report.figures import save_figure
             from patagium.robot.drawing import draw_robot
 
-            figure_kind(draw)
             if outputs.attempt("drawing", lambda: save_figure(draw_robot(machine), draw)):
                 typer.echo(f"Drawn in {draw}", err=True)
         facts = robot_facts(machine)
