@@ -186,11 +186,8 @@ class ValueColumn(_Words):
     @property
     def labels(self) -> tuple[str, ...]:
         """Names of its components in results."""
-        if self.order is not None:
-            return tuple(f"{self.label}.{part}" for part in "wxyz")
-        if self.frame is not None:
-            return tuple(f"{self.label}.{part}" for part in "xyz")
-        return (self.label,)
+        parts = "wxyz" if self.order is not None else "xyz" if self.frame is not None else ""
+        return tuple(f"{self.label}.{part}" for part in parts) or (self.label,)
 
 
 class AirWords(_Words):

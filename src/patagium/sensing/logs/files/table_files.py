@@ -264,13 +264,11 @@ def column_blocks(
 
 def distinct(names: Iterable[str]) -> list[str]:
     """Names with a number added to those that repeat, like the names of pandas."""
-    seen: dict[str, int] = {}
-    names_in_order = []
+    seen, found = Counter[str](), list[str]()
     for name in names:
-        count = seen.get(name, 0)
-        seen[name] = count + 1
-        names_in_order.append(f"{name}.{count}" if count else name)
-    return names_in_order
+        found.append(f"{name}.{seen[name]}" if seen[name] else name)
+        seen[name] += 1
+    return found
 
 
 _DAY = pd.Timedelta(days=1)
