@@ -7,7 +7,6 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -244,8 +243,4 @@ def sensor_from(text: str, name: str = "sensor") -> Sensor:
     for entry in fields(kind):
         if entry.default is MISSING and entry.name not in known:
             raise ParameterError(name, f"the key {entry.name}", None)
-    return kind(**{name: _frozen(value) for name, value in known.items()})
-
-
-def _frozen(value: Any) -> Any:
-    return tuple(_frozen(part) for part in value) if isinstance(value, list) else value
+    return kind(**known)
