@@ -29,12 +29,10 @@ from patagium.cli import (  # isort: skip
 )  # fmt: skip
 from patagium.cli.interruption import repeated_interrupt
 from patagium.cli.outputs import check_files
-from patagium.errors import ParameterError, PatagiumError, shown, similar
+from patagium.cli.usage import UsageError, usage_sentence
+from patagium.errors import ParameterError, PatagiumError
 from patagium.plugins import VERBS, plugins
 from patagium.version import __version__
-
-UsageError: Any = typer.BadParameter.__base__
-"""Error of typer for words that are no use of the program."""
 
 app = typer.Typer(
     name="patagium",
@@ -174,7 +172,7 @@ def run(arguments: Sequence[str] | None = None) -> None:
         if not said or said == ["study"]:  # the help of a program without words
             error.show()
         else:
-            typer.echo(f"patagium: {_usage_sentence(error, said)}", err=True)
+            typer.echo(f"patagium: {usage_sentence(error, said)}", err=True)
         raise SystemExit(2) from None
     except typer.Abort:
         raise SystemExit(1) from None
@@ -238,54 +236,3 @@ def _sentence(error: PatagiumError | OSError) -> str:
     if isinstance(error, OSError) and not isinstance(error, PatagiumError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     return str(error)
-
-
-_CHOICE = re.compile(r"(?:Value error, )?'(.*)' is not one of (.*?)\.?")
-
-
-def _usage_sentence(error: Any, words: Sequence[str]) -> str:
-    """Wrong words on the command line as one sentence: expected, found, what to type."""
-    verb = " ".join(("patagium", *words[: 2 if words[0] == "study" else 1]))
-    if error.ctx is None:  # a flag with `=`, or the last word is an option without its value
-        given = "a value, found nothing"
-        if "not take" in error.message:
-            given = "no value, found one"
-        return f"{error.option_name}: expected {given}; see {verb} --help"
-    verb, command = error.ctx.command_path, error.ctx.command
-    if hasattr(error, "option_name") and hasattr(error, "possibilities"):
-        options = [name for one in command.params for name in one.opts]
-        found = f"{error.option_name!r}{similar(error.option_name, options)}"
-        return f"expected one of the options that {verb} --help lists, found {found}"
-    verbs = getattr(command, "commands", None)
-    if verbs is not None:
-        known = [name for name, one in verbs.items() if not one.hidden]
-        word = next((k for k in words if not k.startswith("-") and k != command.name), "nothing")
-        found = f"{word!r}{similar(word, known)}"
-        return f"expected one of the verbs that {verb} --help lists, found {found}"
-    parameter = getattr(error, "param", None)
-    if parameter is None:
-        beyond = error.message.rpartition("(")[2].removesuffix(")")
-        place = max(i for i, word in enumerate(words) if f"{beyond} ".startswith(f"{word} "))
-        former, found = words[place - 1], f"found {words[place]!r}; see {verb} --help"
-        told = f"expected nothing after {former!r}"
-        if former.startswith("-"):
-            told = f"{former}: expected no value"
-        return f"{told}, {found}"
-    option = parameter.opts[0] if parameter.opts[0].startswith("-") else parameter.name
-    if hasattr(error, "param_type"):
-        example = next(iter(re.findall(r"patagium .*", command.epilog or "")), f"{verb} --help")
-        return f"{option}: expected a value, found nothing; type such as: {example}"
-    said = error.message.removeprefix(f"{parameter.name}: ").removeprefix("Value error, ")
-    choice = _CHOICE.fullmatch(said)
-    if choice:
-        known = choice[2].replace("'", "").split(", ")
-        found = f"{choice[1]!r}{similar(choice[1], known)}"
-        return f"{option}: expected one of {', '.join(known)}, found {found}"
-    if said.startswith("Input should be "):
-        at = [i for i, word in enumerate(words[:-1]) if word in parameter.opts]
-        found = f", found {shown(words[at[-1] + 1])}" if at else ""
-        wanted = f"a value {said.removeprefix('Input should be ')}"
-        if "a valid number" in said or "a valid integer" in said:
-            wanted = f"a {'whole ' if 'integer' in said else ''}number such as 1"
-        return f"{option}: expected {wanted}{found}"
-    return f"{option}: {said}"
