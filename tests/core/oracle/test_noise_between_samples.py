@@ -10,7 +10,7 @@ import pytest
 import patagium as pt
 from patagium.errors import Outcome
 from patagium.learning.filters.block_kernel import structure_and_kernel
-from patagium.learning.filters.blocks import BLOCKS, WHOLE
+from patagium.learning.filters.blocks import BlockCovariances, BlockRoots
 from patagium.learning.filters.numbers import filter_numbers
 from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.settings import FilterSettings, NoiseEstimation, Screening
@@ -97,7 +97,8 @@ def test_covariance_itself_follows_its_square_root(structure, learner, measureme
         network, learner, covariance=structure, prior_share=1e-6, measurement_std=measurement_std
     )
     first, rounding = network.initial(0), 1e-16 / 1e-6  # of P0, over what is added of it
-    parts = structure_and_kernel(numbers), (WHOLE, None), (BLOCKS, None)
+    plain = (BlockCovariances(numbers), None), (BlockRoots(numbers), None)
+    parts = structure_and_kernel(numbers), *plain
     filters = [WeightFilter(numbers, each, first) for each in parts]
     samples, y = rng.normal(size=(400, 6)), rng.normal(size=(400, 3))
     samples[:, 1] = samples[:, 0] + 1e-6 * samples[:, 1]  # two inputs that can hardly be told apart

@@ -17,7 +17,7 @@ import numpy as np
 
 from patagium.arrays import Array
 from patagium.errors import Outcome
-from patagium.learning.filters.blocks import BLOCKS, WHOLE, Roots, blocks_in
+from patagium.learning.filters.blocks import BlockCovariances, BlockRoots, Parts, blocks_in
 from patagium.learning.filters.kernel_memory import (
     ACTIVATION_CODES,
     Compiled,
@@ -31,7 +31,6 @@ from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import MatrixLost, triangular
 from patagium.learning.filters.screening import new_screen
 from patagium.learning.filters.state import symmetric
-from patagium.learning.filters.structure import Structure
 from patagium.learning.models.perceptron import PerceptronNetwork, as_perceptron
 from patagium.learning.models.structure import blocks_of
 from patagium.native import load_kernel
@@ -47,16 +46,16 @@ _TYPES = {
 
 def structure_and_kernel(
     numbers: FilterNumbers, compiled: bool = True
-) -> tuple[Structure, BlockKernel | None]:
+) -> tuple[BlockRoots, BlockKernel | None]:
     """Covariance structure of a filter, and its kernel.
 
     Returns:
         Structure, and the kernel that learns a whole sample; None: NumPy does.
     """
     if numbers.settings.square_root == "cholesky":
-        return WHOLE, None
-    structure = WHOLE if _keeps_covariance(numbers) else BLOCKS
-    return structure, _kernel_for(numbers) if compiled else None
+        return BlockCovariances(numbers), None
+    structure = BlockCovariances if _keeps_covariance(numbers) else BlockRoots
+    return structure(numbers), _kernel_for(numbers) if compiled else None
 
 
 def _keeps_covariance(numbers: FilterNumbers) -> bool:
@@ -180,7 +179,7 @@ class BlockKernel:
             weights=self.mean,
         )
 
-    def place(self, mean: Array, nis: float, parts: Roots) -> None:
+    def place(self, mean: Array, nis: float, parts: Parts) -> None:
         """Go on from weights and what is kept of their covariance.
 
         Args:

@@ -4,15 +4,17 @@
 
 is the block of the posterior over all weights; what lies between blocks is forgotten after
 each sample. One block of all weights is the full filter. The readable form of the kernels
-`node.c`, `cubature.c` and `extended.c`. `WHOLE` carries P_b itself and factorizes it at every
-sample: Algorithm 1 of the paper, and what the kernels do where noise is added between samples.
+`node.c`, `cubature.c` and `extended.c`. `BlockCovariances` carries P_b itself and factorizes it at
+every sample: Algorithm 1 of the paper, and what the kernels do where noise is added between
+samples. The state is that between two samples, or that before the next one, forgetting and process
+noise done.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import accumulate
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -29,13 +31,27 @@ from patagium.learning.filters.root import (
 )
 from patagium.learning.filters.spread import Moments, moments_of
 from patagium.learning.filters.state import packed, symmetric, unpacked, vector
-from patagium.learning.filters.structure import Look, Structure
 from patagium.learning.filters.weight_covariance import BlockCovariance, block_covariance, scattered
+from patagium.learning.models.network import Encoding
 from patagium.learning.models.structure import blocks_of
 
-Roots: TypeAlias = Sequence[Array]
-"""Square root of each block, (k, k): lower triangular, but for the full filter linearized."""
+Parts: TypeAlias = Sequence[Array]
+"""State: of each block a matrix (k, k), its square root or its covariance."""
 _POINTS_AT_ONCE = 256
+
+
+class Look(NamedTuple):
+    """Sample before it is measured.
+
+    Attributes:
+        mean: Weights W, (n,) [1].
+        encoding: Features and readout of the network at the input.
+        noise: Variances of the measurement, (n_y,) [y^2].
+    """
+
+    mean: Array
+    encoding: Encoding
+    noise: Array
 
 
 def blocks_in(numbers: FilterNumbers) -> tuple[Indices, ...]:
@@ -43,163 +59,172 @@ def blocks_in(numbers: FilterNumbers) -> tuple[Indices, ...]:
     return blocks_of(numbers.network, str(numbers.structure))
 
 
-def _drifted(numbers: FilterNumbers, roots: Roots, growth: float, noise: Array | None) -> Roots:
-    grown = [np.sqrt(growth) * root.astype(float) for root in roots]
-    if noise is not None:
-        each = zip(grown, blocks_in(numbers), strict=True)
-        grown = [with_noise(root, noise[block]) for root, block in each]
-    return [np.ascontiguousarray(root, numbers.dtype) for root in grown]
-
-
-def _moments(roots: Roots, look: Look) -> tuple[Moments, Array]:
-    root = scattered(roots, blocks_in(look.numbers))
-    if not look.numbers.linear:
-        return point_moments(look, root), root
-    y, slope = look.numbers.network.linearized(look.encoding, look.mean)
-    return Moments(y, root.T @ slope.T, np.diag(look.noise)), root
-
-
-def _learned(
-    roots: Roots, look: Look, root: Array, moments: Moments, gain: Array
-) -> tuple[Array, Roots]:
-    slopes, remainder = moments.slopes, moments.remainder
-    if len(roots) == 1:
-        change = transformed_root if look.numbers.linear else measured_root
-        changed = [change(root, slopes, remainder)]
-    else:
-        blocks = blocks_in(look.numbers)
-        grams = [slopes[block].T @ slopes[block] for block in blocks]
-        nothing = np.zeros_like(remainder)
-        before = list(accumulate(grams[:-1], initial=nothing))
-        behind = list(accumulate(grams[:0:-1], initial=nothing))[::-1]
-        changed = [
-            measured_root(part, slopes[block], remainder + first + last)
-            for part, block, first, last in zip(roots, blocks, before, behind, strict=True)
-        ]
-    mean = look.mean.copy()
-    for block, (_, cross, _) in zip(blocks_in(look.numbers), changed, strict=True):
-        mean[block] += cross @ gain
-    if not all(np.isfinite(after).all() for after, _, _ in changed):
-        raise MatrixLost(Outcome.NOT_FINITE)
-    return mean, [np.ascontiguousarray(after, root.dtype) for after, _, _ in changed]
-
-
-def _covariance(numbers: FilterNumbers, roots: Roots) -> BlockCovariance:
-    doubles = [root.astype(float) for root in roots]
-    parts = [np.asarray(root @ root.T) for root in doubles]
-    return block_covariance(numbers.network, str(numbers.structure), parts)
-
-
-def _variances(numbers: FilterNumbers, roots: Roots) -> Array:
-    found = np.empty(numbers.network.size)
-    for block, root in zip(blocks_in(numbers), roots, strict=True):
-        whole = root.astype(float)
-        found[block] = np.einsum("ij,ij->i", whole, whole)
-    return found
-
-
-def _packed(numbers: FilterNumbers, roots: Roots) -> dict[str, Array]:
-    """Lower triangles, or the square where the only root is not triangular."""
-    if len(roots) == 1 and np.triu(roots[0], 1).any():
-        return {"square": roots[0].astype(float)}
-    return {"root": packed(roots).astype(numbers.dtype)}
-
-
-def _unpacked(numbers: FilterNumbers, state: Mapping[str, Array]) -> Roots:
-    size = numbers.network.size
-    if "square" in state:
-        return [vector(state, "square", size, size)]
-    sizes = [len(block) for block in blocks_in(numbers)]
-    roots = unpacked(np.asarray(state["root"], float), sizes)
-    return [root.astype(numbers.dtype) for root in roots]
-
-
-BLOCKS = Structure(
-    start=lambda numbers, std: [
-        np.diag(std[block]).astype(numbers.dtype) for block in blocks_in(numbers)
-    ],
-    drifted=_drifted,
-    moments=_moments,
-    learned=_learned,
-    covariance=_covariance,
-    variances=_variances,
-    packed=_packed,
-    unpacked=_unpacked,
-)
-"""Square roots of blocks of weights; the state is one root a block."""
-
-
-def _whole_drifted(
-    numbers: FilterNumbers, parts: Sequence[Array], growth: float, noise: Array | None
-) -> Sequence[Array]:
-    grown = [growth * part for part in parts]
-    if noise is not None:
-        for part, block in zip(grown, blocks_in(numbers), strict=True):
-            part[np.diag_indices_from(part)] += noise[block]
-    return grown
-
-
-def _whole_moments(parts: Sequence[Array], look: Look) -> tuple[Moments, Array]:
-    dtype = look.numbers.dtype
-    roots = [np.ascontiguousarray(lower_factor(part), dtype) for part in parts]
-    return _moments(roots, look)
-
-
-def _whole_learned(
-    parts: Sequence[Array], look: Look, root: Array, moments: Moments, gain: Array
-) -> tuple[Array, Sequence[Array]]:
-    inverse = inverse_root(moments.covariance)
-    cross = root.astype(float) @ moments.slopes
-    whitened = cross @ inverse
-    blocks = blocks_in(look.numbers)
-    smaller = [
-        part - whitened[block] @ whitened[block].T
-        for part, block in zip(parts, blocks, strict=True)
-    ]
-    return look.mean + cross @ gain, [(part + part.T) / 2 for part in smaller]
-
-
-def _whole_unpacked(numbers: FilterNumbers, state: Mapping[str, Array]) -> Sequence[Array]:
-    if "covariance" not in state:  # of a version that kept square roots here too
-        return [root.astype(float) @ root.astype(float).T for root in _unpacked(numbers, state)]
-    lower = np.asarray(state["covariance"], float)
-    sizes = [len(block) for block in blocks_in(numbers)]
-    return [symmetric(part) for part in unpacked(lower, sizes)]
-
-
-WHOLE: Structure = Structure(
-    start=lambda numbers, std: [np.diag(std[block] ** 2) for block in blocks_in(numbers)],
-    drifted=_whole_drifted,
-    moments=_whole_moments,
-    learned=_whole_learned,
-    covariance=lambda numbers, parts: block_covariance(
-        numbers.network, str(numbers.structure), [part.copy() for part in parts]
-    ),
-    variances=lambda numbers, parts: WHOLE.covariance(numbers, parts).variances(),
-    packed=lambda numbers, parts: {"covariance": packed(parts)},
-    unpacked=_whole_unpacked,
-)
-"""Covariances of blocks themselves, in double, factorized before every sample.
-
-What is added between two samples costs n additions here, and order n^3 to a square root.
-"""
-
-
-def point_moments(look: Look, root: Array) -> Moments:
-    """Moments of y at the cubature points around the weights.
+class BlockRoots:
+    """Square roots of blocks of weights, lower triangular but for the full filter linearized.
 
     Args:
-        look: Sample before it is measured.
-        root: Square root S of P, (n, n) [1]; the points are evaluated in its precision.
+        numbers: Numbers of the filter.
     """
-    network, rule = look.numbers.network, look.numbers.rule
-    center = look.mean.astype(root.dtype)
-    steps = np.asarray(rule.spread, root.dtype) * root.T
-    values = [network.values(look.encoding, center[None])]
-    for sign in (1, -1):
-        for start in range(0, len(steps), _POINTS_AT_ONCE):
-            part = center + sign * steps[start : start + _POINTS_AT_ONCE]
-            values.append(network.values(look.encoding, part))
-    y = np.concatenate(values)
-    count = len(center)
-    return moments_of(y[0], y[1 : count + 1], y[count + 1 :], look.noise, rule)
+
+    def __init__(self, numbers: FilterNumbers) -> None:
+        self._numbers, self._blocks = numbers, blocks_in(numbers)
+
+    def start(self, std: Array) -> Parts:
+        """State of independent weights of some standard deviations, (n,) [1]."""
+        return [np.diag(std[block]).astype(self._numbers.dtype) for block in self._blocks]
+
+    def drifted(self, roots: Parts, growth: float, noise: Array | None) -> Parts:
+        """State of growth P + diag(noise), noise (n,) [1]."""
+        grown = [np.sqrt(growth) * root.astype(float) for root in roots]
+        if noise is not None:
+            each = zip(grown, self._blocks, strict=True)
+            grown = [with_noise(root, noise[block]) for root, block in each]
+        return [np.ascontiguousarray(root, self._numbers.dtype) for root in grown]
+
+    def moments(self, roots: Parts, look: Look) -> tuple[Moments, Array]:
+        """Moments of y, and the square root of P, (n, n) [1], along which they are seen."""
+        root = scattered(roots, self._blocks)
+        if not self._numbers.linear:
+            return self._point_moments(root, look), root
+        y, slope = self._numbers.network.linearized(look.encoding, look.mean)
+        return Moments(y, root.T @ slope.T, np.diag(look.noise)), root
+
+    def _point_moments(self, root: Array, look: Look) -> Moments:
+        """Moments of y at the cubature points, evaluated in the precision of the root."""
+        network, rule = self._numbers.network, self._numbers.rule
+        center = look.mean.astype(root.dtype)
+        steps = np.asarray(rule.spread, root.dtype) * root.T
+        values = [network.values(look.encoding, center[None])]
+        for sign in (1, -1):
+            for start in range(0, len(steps), _POINTS_AT_ONCE):
+                part = center + sign * steps[start : start + _POINTS_AT_ONCE]
+                values.append(network.values(look.encoding, part))
+        y = np.concatenate(values)
+        count = len(center)
+        return moments_of(y[0], y[1 : count + 1], y[count + 1 :], look.noise, rule)
+
+    def learned(
+        self, roots: Parts, mean: Array, root: Array, moments: Moments, gain: Array
+    ) -> tuple[Array, Parts]:
+        """Weights, (n,) [1], and state after a sample.
+
+        Args:
+            roots: State before it.
+            mean: Weights before it, (n,) [1].
+            root: Square root of P, (n, n) [1], as `moments` gave it.
+            moments: Moments of y as screened.
+            gain: P_yy^-1 (y - mean), (n_y,) [1/y].
+
+        Raises:
+            MatrixLost: If a root is no longer finite or positive definite.
+        """
+        slopes, remainder = moments.slopes, moments.remainder
+        if len(roots) == 1:
+            change = transformed_root if self._numbers.linear else measured_root
+            changed = [change(root, slopes, remainder)]
+        else:
+            grams = [slopes[block].T @ slopes[block] for block in self._blocks]
+            nothing = np.zeros_like(remainder)
+            before = list(accumulate(grams[:-1], initial=nothing))
+            behind = list(accumulate(grams[:0:-1], initial=nothing))[::-1]
+            each = zip(roots, self._blocks, before, behind, strict=True)
+            changed = [
+                measured_root(part, slopes[block], remainder + first + last)
+                for part, block, first, last in each
+            ]
+        mean = mean.copy()
+        for block, (_, cross, _) in zip(self._blocks, changed, strict=True):
+            mean[block] += cross @ gain
+        if not all(np.isfinite(after).all() for after, _, _ in changed):
+            raise MatrixLost(Outcome.NOT_FINITE)
+        return mean, [np.ascontiguousarray(after, root.dtype) for after, _, _ in changed]
+
+    def covariance(self, roots: Parts) -> BlockCovariance:
+        """P, which shares no memory with the state."""
+        doubles = [root.astype(float) for root in roots]
+        parts = [np.asarray(root @ root.T) for root in doubles]
+        return block_covariance(self._numbers.network, str(self._numbers.structure), parts)
+
+    def variances(self, roots: Parts) -> Array:
+        """Diagonal of P, (n,) [1]."""
+        found = np.empty(self._numbers.network.size)
+        for block, root in zip(self._blocks, roots, strict=True):
+            whole = root.astype(float)
+            found[block] = np.einsum("ij,ij->i", whole, whole)
+        return found
+
+    def packed(self, roots: Parts) -> dict[str, Array]:
+        """Lower triangles, or the square where the only root is not triangular, by name."""
+        if len(roots) == 1 and np.triu(roots[0], 1).any():
+            return {"square": roots[0].astype(float)}
+        return {"root": packed(roots).astype(self._numbers.dtype)}
+
+    def unpacked(self, state: Mapping[str, Array]) -> Parts:
+        """Inverse of `packed`."""
+        if "square" in state:
+            size = self._numbers.network.size
+            return [vector(state, "square", size, size)]
+        return [part.astype(self._numbers.dtype) for part in self._triangles(state["root"])]
+
+    def _triangles(self, lower: Array) -> list[Array]:
+        """Lower triangles of the blocks, (k, k) each, from one array."""
+        return unpacked(np.asarray(lower, float), [len(block) for block in self._blocks])
+
+
+class BlockCovariances(BlockRoots):
+    """Covariances of blocks themselves, in double, factorized before every sample.
+
+    What is added between two samples costs n additions here, and order n^3 to a square root.
+    """
+
+    def start(self, std: Array) -> Parts:
+        """State of independent weights of some standard deviations, (n,) [1]."""
+        return [np.diag(std[block] ** 2) for block in self._blocks]
+
+    def drifted(self, parts: Parts, growth: float, noise: Array | None) -> Parts:
+        """State of growth P + diag(noise), noise (n,) [1]."""
+        grown = [growth * part for part in parts]
+        if noise is not None:
+            for part, block in zip(grown, self._blocks, strict=True):
+                part[np.diag_indices_from(part)] += noise[block]
+        return grown
+
+    def moments(self, parts: Parts, look: Look) -> tuple[Moments, Array]:
+        """Moments of y, and the square root of P, (n, n) [1], along which they are seen."""
+        dtype = self._numbers.dtype
+        return super().moments(
+            [np.ascontiguousarray(lower_factor(part), dtype) for part in parts], look
+        )
+
+    def learned(
+        self, parts: Parts, mean: Array, root: Array, moments: Moments, gain: Array
+    ) -> tuple[Array, Parts]:
+        """Weights, (n,) [1], and state after a sample; see `BlockRoots.learned`."""
+        inverse = inverse_root(moments.covariance)
+        cross = root.astype(float) @ moments.slopes
+        whitened = cross @ inverse
+        smaller = [
+            part - whitened[block] @ whitened[block].T
+            for part, block in zip(parts, self._blocks, strict=True)
+        ]
+        return mean + cross @ gain, [(part + part.T) / 2 for part in smaller]
+
+    def covariance(self, parts: Parts) -> BlockCovariance:
+        """P, which shares no memory with the state."""
+        copies, numbers = [part.copy() for part in parts], self._numbers
+        return block_covariance(numbers.network, str(numbers.structure), copies)
+
+    def variances(self, parts: Parts) -> Array:
+        """Diagonal of P, (n,) [1]."""
+        return self.covariance(parts).variances()
+
+    def packed(self, parts: Parts) -> dict[str, Array]:
+        """Lower triangles, by name."""
+        return {"covariance": packed(parts)}
+
+    def unpacked(self, state: Mapping[str, Array]) -> Parts:
+        """Inverse of `packed`; of a version that kept square roots here too, their squares."""
+        if "covariance" in state:
+            return [symmetric(part) for part in self._triangles(state["covariance"])]
+        roots = super().unpacked(state)
+        return [root.astype(float) @ root.astype(float).T for root in roots]

@@ -1,7 +1,7 @@
 """Weight filter: mean and covariance of a network's weights, moved by one sample at a time.
 
 Prediction, update, screening, drift, state and pickling stand here once, for every covariance
-structure (`structure`), for the cubature points and for the network linear around the weights
+structure (`blocks`), for the cubature points and for the network linear around the weights
 (`spread`). Where a kernel learns a whole sample in one call of C (`block_kernel`), the filter
 hands the sample on and keeps the books. Whatever fails leaves mean and covariance as they were.
 """
@@ -16,13 +16,13 @@ import numpy as np
 from patagium.arrays import Array
 from patagium.errors import Outcome
 from patagium.learning.filters.block_kernel import BlockKernel, structure_and_kernel
+from patagium.learning.filters.blocks import BlockRoots, Look
 from patagium.learning.filters.kernel_memory import Compiled
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import MatrixLost, inverse_root
 from patagium.learning.filters.screening import new_screen
 from patagium.learning.filters.spread import Moments
 from patagium.learning.filters.state import arrays_like, vector
-from patagium.learning.filters.structure import Look, Structure
 from patagium.learning.filters.weight_covariance import BlockCovariance
 from patagium.learning.models.network import Encoding
 
@@ -44,7 +44,7 @@ class WeightFilter:
     def __init__(
         self,
         numbers: FilterNumbers,
-        parts: tuple[Structure, BlockKernel | None],
+        parts: tuple[BlockRoots, BlockKernel | None],
         mean: Array,
         std: Array | None = None,
     ) -> None:
@@ -57,7 +57,7 @@ class WeightFilter:
         self._before: Any = None
         self._noise = numbers.process_noise if numbers.has_process_noise else None
         start = np.sqrt(numbers.prior_variance) if std is None else std
-        self._place(np.array(mean, float), float("nan"), self._structure.start(numbers, start))
+        self._place(np.array(mean, float), float("nan"), self._structure.start(start))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restored, (self.numbers, self._prior, self.state(), dict(self.screen.arrays))
@@ -119,13 +119,13 @@ class WeightFilter:
         Raises:
             MatrixLost: If the covariance is no longer positive definite.
         """
-        drifted = self._structure.drifted(self.numbers, self.kept(), growth, noise)
+        drifted = self._structure.drifted(self.kept(), growth, noise)
         self._place(self._mean, self.nis, drifted)
 
     def reset(self) -> None:
         """Begin the covariance anew with that of the prior; the weights stay."""
         start = np.sqrt(self.numbers.prior_variance)
-        self._place(self._mean, self.nis, self._structure.start(self.numbers, start))
+        self._place(self._mean, self.nis, self._structure.start(start))
 
     def kept(self) -> Any:
         """State of the covariance structure after the last sample."""
@@ -133,15 +133,15 @@ class WeightFilter:
 
     def covariance(self) -> BlockCovariance:
         """P after the last sample."""
-        return self._structure.covariance(self.numbers, self.kept())
+        return self._structure.covariance(self.kept())
 
     def variances(self) -> Array:
         """Diagonal of P after the last sample, (n,)."""
-        return self._structure.variances(self.numbers, self.kept())
+        return self._structure.variances(self.kept())
 
     def state(self) -> dict[str, Array]:
         """Arrays by name that the next samples depend on, but for the screening's."""
-        kept = self._structure.packed(self.numbers, self.kept())
+        kept = self._structure.packed(self.kept())
         return {"mean": self.mean, "nis": np.array(self.nis), **kept}
 
     def resume(self, state: Mapping[str, Array]) -> None:
@@ -155,7 +155,7 @@ class WeightFilter:
             ShapeError: If an array has another shape; nothing changes then.
         """
         mean = vector(state, "mean", len(self._mean))
-        self._place(mean, float(state["nis"]), self._structure.unpacked(self.numbers, state))
+        self._place(mean, float(state["nis"]), self._structure.unpacked(state))
 
     def _place(self, mean: Array, nis: float, kept: Any) -> None:
         """Go on from mean, NIS and the state of the covariance structure."""
@@ -173,11 +173,11 @@ class WeightFilter:
             return self._kept
         if self._before is None:
             growth = 1.0 / numbers.forgetting_factor
-            self._before = self._structure.drifted(numbers, self._kept, growth, self._noise)
+            self._before = self._structure.drifted(self._kept, growth, self._noise)
         return self._before
 
     def _look(self, encoding: Encoding) -> Look:
-        return Look(self.numbers, self._mean, encoding, self.screen.noise(encoding.readout))
+        return Look(self._mean, encoding, self.screen.noise(encoding.readout))
 
     @np.errstate(over="ignore", invalid="ignore")
     def _update(self, x: Array, y: Array) -> tuple[Outcome, tuple[Array, Array]]:
@@ -198,7 +198,7 @@ class WeightFilter:
             return Outcome.BAD_INPUT, prediction
         try:
             before = self._advanced()
-            found, directions = self._structure.moments(before, look)
+            found, root = self._structure.moments(before, look)
             stated = self.screen.stated_covariance(found.covariance, carried=True)
             misfit = self.screen.misfit  # of the last error, what is still there at this sample
             mean = found.mean + misfit.parts["carried"] if misfit.floor else found.mean
@@ -206,7 +206,7 @@ class WeightFilter:
             sample = self._screened(found, y)
             if isinstance(sample, Outcome):
                 return sample, prediction
-            return self._learn(before, look, directions, *sample), prediction
+            return self._learn(before, look, root, *sample), prediction
         except MatrixLost as lost:
             return lost.outcome, prediction
 
@@ -220,7 +220,7 @@ class WeightFilter:
         return sample if np.isfinite(sample[1]).all() else Outcome.NOT_FINITE
 
     def _learn(
-        self, before: Any, look: Look, directions: Any, moments: Moments, innovation: Array
+        self, before: Any, look: Look, root: Array, moments: Moments, innovation: Array
     ) -> Outcome:
         """Mean and covariance after the sample; MatrixLost if they would not be finite."""
         inverse = inverse_root(moments.covariance).T
@@ -229,7 +229,7 @@ class WeightFilter:
         gain, nis = inverse.T @ whitened, float(stated @ stated)
         if not np.isfinite(nis):
             return Outcome.NOT_FINITE
-        mean, kept = self._structure.learned(before, look, directions, moments, gain)
+        mean, kept = self._structure.learned(before, look.mean, root, moments, gain)
         if not np.isfinite(mean).all():
             return Outcome.NOT_FINITE
         mean = mean + self.numbers.pull * (self._prior - look.mean)
