@@ -15,14 +15,15 @@ _Kind = TypeVar("_Kind")
 
 def field_values(described: Any) -> dict[str, Any]:
     """Values of the fields of a dataclass by name, as JSON-able values; tuples are lists."""
-    return {field.name: _told(getattr(described, field.name)) for field in fields(described)}
+    return {field.name: plainly(getattr(described, field.name)) for field in fields(described)}
 
 
-def _told(value: Any) -> Any:
+def plainly(value: Any) -> Any:
+    """Value as JSON can hold it: tuples and arrays as lists, objects by their own describe()."""
     if isinstance(value, tuple):
-        return [_told(one) for one in value]
+        return [plainly(one) for one in value]
     if isinstance(value, dict):
-        return {name: _told(one) for name, one in value.items()}
+        return {name: plainly(one) for name, one in value.items()}
     if isinstance(value, np.ndarray):
         return value.tolist()
     if hasattr(value, "describe"):

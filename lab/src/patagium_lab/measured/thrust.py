@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from patagium.arrays import Array, Indices
 from patagium.errors import ParameterError
-from patagium.learning.models.dense import DESCRIBED, DenseNetwork, described
+from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.memory import LagEquations, MemoryState, memory_in, row_size
 from patagium.learning.models.network import Encoding, Network
 from patagium.learning.table_network import network_for
@@ -233,8 +233,7 @@ class ThrustNetwork(Network):
         Raises:
             ParameterError: If a key is missing or unknown.
         """
-        values = described(cls.kind, description, DESCRIBED)
-        return cls(DenseNetwork.from_description(values | {"kind": DenseNetwork.kind}))
+        return cls(DenseNetwork.from_description(description))
 
     def _seen(self, rows: Array, weight: ArrayLike) -> tuple[Array, Array, Array]:
         """Inputs of the residual network at w, (N, n_in); z there and dz/dw, (N, 4)."""

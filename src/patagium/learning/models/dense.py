@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arguments import checked
+from patagium.aerodynamics.named_descriptions import check_keys
+from patagium.arguments import checked, of_kind
 from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.learning.models.network import Encoding, center_of, scale_of
@@ -112,11 +113,8 @@ class DenseNetwork(PerceptronNetwork):
             "hidden": list(self.perceptron.widths[1:-1]),
             "outputs": list(self._names),
             "activation": self.perceptron.activation,
-            "input_center": self.input_center.tolist(),
-            "input_scale": self.input_scale.tolist(),
-            "output_center": self.output_center.tolist(),
-            "output_scale": self.output_scale.tolist(),
-            **({_JUMPS: True} if self.inputs_jump else {}),
+            **{name: getattr(self, name).tolist() for name in _SCALES},
+            **({"inputs_jump": True} if self.inputs_jump else {}),
         }
 
     @classmethod
@@ -126,9 +124,11 @@ class DenseNetwork(PerceptronNetwork):
         Raises:
             ParameterError: If a key is missing or unknown.
         """
-        values = described(cls.kind, description, DESCRIBED)
-        jumps = values.pop(_JUMPS, False)
-        network = cls(**values)
+        values = dict(description)
+        jumps = values.pop("inputs_jump", False)  # in a description only where they do
+        of_kind("inputs_jump", jumps, bool)
+        keys = ("inputs", "hidden", "outputs", "activation", *_SCALES)
+        network = cls(**described(cls.kind, values, keys))
         network.inputs_jump = jumps
         return network
 
@@ -137,17 +137,7 @@ class DenseNetwork(PerceptronNetwork):
         return np.asarray((x - self.input_center) / self.input_scale)
 
 
-_JUMPS = "inputs_jump"  # in a description only where they do
-DESCRIBED = (
-    "inputs",
-    "hidden",
-    "outputs",
-    "activation",
-    "input_center",
-    "input_scale",
-    "output_center",
-    "output_scale",
-)
+_SCALES = ("input_center", "input_scale", "output_center", "output_scale")
 
 
 def described(kind: str, description: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
@@ -157,6 +147,5 @@ def described(kind: str, description: Mapping[str, Any], keys: Sequence[str]) ->
         ParameterError: If a key is missing or unknown.
     """
     values = {key: value for key, value in description.items() if key != "kind"}
-    if set(values) - {_JUMPS} != set(keys) or not isinstance(values.get(_JUMPS, True), bool):
-        raise ParameterError(f"{kind} network", f"the keys {sorted(keys)}", sorted(values))
+    check_keys(f"{kind} network", values, keys)
     return values

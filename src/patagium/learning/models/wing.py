@@ -10,9 +10,9 @@ from functools import partial
 from typing import Any, ClassVar, Self
 
 import casadi as ca
-import numpy as np
 
 from patagium.aerodynamics.air import Air, air_from_description
+from patagium.aerodynamics.named_descriptions import plainly
 from patagium.arrays import Array
 from patagium.learning.models.dense import described
 from patagium.learning.models.network import Encoding
@@ -65,8 +65,8 @@ class WingNetwork(PerceptronNetwork):
 
     def describe(self) -> dict[str, Any]:
         """Description of the network that rebuilds it, as JSON-able values."""
-        values = {name: _described(value) for name, value in self._arguments().items()}
-        return {"kind": self.kind, **values, "robot": self.robot.source}
+        values = {name: plainly(getattr(self, name)) for name in (*self.shared, *self.options)}
+        return {"kind": self.kind, "robot": self.robot.source, **values}
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> Self:
@@ -119,12 +119,3 @@ class WingNetwork(PerceptronNetwork):
         """Arguments that make the network again."""
         names = (*self.shared, *self.options)
         return {"robot": self.robot, **{name: getattr(self, name) for name in names}}
-
-
-def _described(value: Any) -> Any:
-    """An argument of a network as a JSON-able value, but for a robot."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, tuple):
-        return list(value)
-    return value.describe() if hasattr(value, "describe") else value
