@@ -13,7 +13,7 @@ from patagium.errors import ParameterError
 from patagium.learning.model_file import Model
 from patagium.learning.models.grey_box import GreyBox
 from patagium.learning.models.network import Network
-from patagium.learning.models.physical import Estimate, physical_estimates
+from patagium.learning.models.physical import Estimate
 from patagium.report import Table
 
 _FIELDS = ("value", "std", "prior", "prior_std")
@@ -36,12 +36,14 @@ class Trained(Protocol):
 
 def estimates_of(trained: Trained) -> tuple[Estimate, ...]:
     """Physical parameters as a learner or a model from a file knows them; may be none."""
-    if not physical_estimates(trained.network, trained.weights):
+    estimates: Any = getattr(trained.network, "estimates", None)
+    if estimates is None:
         return ()
     variances = getattr(trained, "variances", None)
     if isinstance(trained, Model) and trained.kept_covariance is not None:
         variances = trained.kept_covariance.variances()
-    return physical_estimates(trained.network, trained.weights, variances)
+    found: tuple[Estimate, ...] = estimates(trained.weights, variances)
+    return found
 
 
 def parameter_scores(trained: Trained) -> dict[str, Any]:

@@ -133,22 +133,6 @@ def own_prior(network: Network) -> Array:
     return np.asarray(getattr(network, "own_prior", np.full(network.size, np.nan)))
 
 
-def physical_estimates(
-    network: Network, weights: Array, variances: Array | None = None
-) -> tuple[Estimate, ...]:
-    """Physical parameters among the weights of a network; none in most networks.
-
-    Args:
-        network: With physical parameters or without.
-        weights: Weights, (n,) [1].
-        variances: Of the weights, (n,); None: not known.
-    """
-    found: tuple[Estimate, ...] = ()
-    if hasattr(network, "estimates"):
-        found = network.estimates(weights, variances)
-    return found
-
-
 def unit_of(name: str) -> str:
     """Unit of a parameter."""
     last, before = _last(name), name.split(".")[-2:-1]
