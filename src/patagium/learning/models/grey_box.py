@@ -15,8 +15,7 @@ errors of measured states and accelerations.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from typing import Any, Literal, NamedTuple, Self, get_args
 
 import casadi as ca
@@ -37,7 +36,6 @@ from patagium.learning.models.network import Encoding, FlightTerms, Network
 from patagium.learning.models.physical import (
     FACTOR,
     Estimate,
-    PhysicalParameter,
     changed_air,
     inertial,
     numbers_of,
@@ -108,13 +106,14 @@ class GreyBox(Network):
         self._start = start
         self.parameters = physical_parameters(estimate, numbers, robot)
         self._names = robot.dof_names if measured is None else tuple(measured)
-        outputs = tuple(robot.index(name) for name in self._names)
-        self._scales = 9.81 * float(robot.mass) * per_newton(robot)[list(outputs), None]  # weight
-        self.equations = GreyEquations(model, added_mass, self.parameters, outputs)
+        self._rows = tuple(robot.index(name) for name in self._names)
+        weight = 9.81 * float(robot.mass)
+        self._scales = weight * per_newton(robot)[list(self._rows), None]
+        self._places = [*numbers]
         scales = [parameter.scale for parameter in self.parameters]
         self._numbers = np.array([*numbers.values(), *scales])
         self._count = len(self.parameters)
-        self._functions = self.equations.compiled()
+        self._functions = self._compiled()
         sizes = self.measured_inputs, model.state_size, self._count
         self._lags = GreyLags(self._functions, self._numbers, start == "steady", *sizes)
         self._memory_size = row_size(self._lags)
@@ -150,7 +149,8 @@ class GreyBox(Network):
     @property
     def measured_inputs(self) -> int:
         """Length of [q, v] or [q, v, a]."""
-        return self.equations.measured_inputs
+        robot = self.model.robot
+        return robot.state_size + robot.dof * self._needs_acceleration
 
     @property
     def lag_equations(self) -> LagEquations | None:
@@ -162,7 +162,7 @@ class GreyBox(Network):
         """Whether x ends with the accelerations; whether y holds the force of added mass."""
         robot, added = self.model.robot, self.added_mass is not None
         own = robot if {*self._estimate} & {*robot.parameter_names} else None
-        return FlightTerms(self.equations.needs_acceleration, added, robot=own)
+        return FlightTerms(self._needs_acceleration, added, robot=own)
 
     @property
     def output_names(self) -> tuple[str, ...]:
@@ -290,6 +290,11 @@ class GreyBox(Network):
     def _estimate(self) -> dict[str, float]:
         return {parameter.name: parameter.std for parameter in self.parameters}
 
+    @property
+    def _needs_acceleration(self) -> bool:
+        """Whether x ends with the accelerations."""
+        return self.added_mass is not None or inertial([*self._estimate], self.model.robot)
+
     def _memory_in(self, x: Array) -> MemoryState:
         """Lags of the air, their sensitivity and W_m in the inputs, x (N, n_x)."""
         rows = x[:, self.measured_inputs : self.measured_inputs + self._memory_size]
@@ -302,12 +307,117 @@ class GreyBox(Network):
         y = self._functions["force"].batch(seen, state, own, self._numbers)
         return np.asarray(y).reshape(len(x), self.outputs)
 
+    def _compiled(self) -> dict[str, NativeFunction]:
+        """Functions by name.
+
+        force (x, z, theta) -> y; force_forward (x, z, theta, dz, dtheta) -> y, dy; of models
+        with memory step_forward (before, after, z, theta, dz, dtheta, step) -> z', dz' and
+        follow_forward (x, z, theta, dz, dtheta) -> target, dtarget. Their last input are all
+        numbers, then the scales of theta.
+        """
+        model = self.model
+        added = None if self.added_mass is None else self.added_mass.structure
+        options = f"{[*self._estimate]} {self._rows} {added}"
+        kinds = [parameter.positive for parameter in self.parameters]
+        key = f"grey box {options} {kinds} {model.structure} {model.robot.structure}"
+        return load_functions(key, self._expressions, label=f"grey box of {model.robot.name}")
+
+    def _expressions(self) -> list[ca.Function]:
+        """CasADi functions that `_compiled` compiles."""
+        n_z, count, whole = self.model.state_size, self._count, len(self._places)
+        x = ca.SX.sym("x", self.measured_inputs)
+        z = ca.SX.sym("z", n_z)
+        theta = ca.SX.sym("theta", count)
+        numbers = ca.SX.sym("numbers", whole + count)
+        physics = self._physics()
+        actual = self._actual(theta, numbers)
+
+        def air(x: ca.SX, z: ca.SX) -> tuple[ca.SX, Relaxation]:
+            y, rate, target = physics.call([x, z, actual, numbers[:whole]], True, False)
+            return y, Relaxation(rate, target)
+
+        dz = ca.SX.sym("dz", n_z)
+        dtheta = ca.SX.sym("dtheta", count)
+
+        def along(value: ca.SX) -> ca.SX:
+            slope = ca.jtimes(value, ca.vertcat(z, theta), ca.vertcat(dz, dtheta))
+            return ca.densify(slope)
+
+        y, memory = air(x, z)
+        known = {"x": x, "z": z, "theta": theta}
+        moved, given = {"dz": dz, "dtheta": dtheta}, {"grey_parameters": numbers}
+        found = [
+            named_function("force", known | given, {"y": y}),
+            named_function("force_forward", known | moved | given, {"y": y, "dy": along(y)}),
+        ]
+        if not n_z:
+            return found
+        target = memory.target
+        follow = {"target": target, "dtarget": along(target)}
+        after = ca.SX.sym("after", self.measured_inputs)
+        step = ca.SX.sym("step")
+        _, later = air(after, lag_step(z, step, memory, memory))
+        reached = lag_step(z, step, memory, later)
+        inputs = {"before": x, "after": after, **known, **moved, "step": step}
+        del inputs["x"]
+        advanced = {"reached": reached, "dreached": along(reached)}
+        return [
+            *found,
+            named_function("follow_forward", known | moved | given, follow),
+            named_function("step_forward", inputs | given, advanced),
+        ]
+
+    def _actual(self, theta: ca.SX, numbers: ca.SX) -> ca.SX:
+        """All numbers, those that are learned as theta says."""
+        whole = len(self._places)
+        actual = ca.SX(numbers[:whole])
+        for k, parameter in enumerate(self.parameters):
+            place = self._places.index(parameter.name)
+            moved = theta[k] * numbers[whole + k]
+            value = actual[place] * ca.exp(moved) if parameter.positive else actual[place] + moved
+            actual[place] = value
+        return actual
+
+    def _physics(self) -> ca.Function:
+        """(x, z, numbers, numbers as they were before) -> y, rate and target of the memory."""
+        model, robot = self.model, self.model.robot
+        n = robot.dof
+        n_q = robot.coordinate_count
+        first = len(robot.parameter_names)
+        machine, symbols = robot.symbolic()
+        before, symbols_before = robot.symbolic()
+        of_air = ca.SX.sym("c", len(model.parameter_names))
+        wind = ca.SX.sym("wind", 3)
+        carries = () if self.added_mass is None else self.added_mass.factors
+        factors = ca.SX.sym("factors", len(carries))
+        x = ca.SX.sym("x", self.measured_inputs)
+        z = ca.SX.sym("z", model.state_size)
+        q, v, a = x[:n_q], x[n_q : n_q + n], x[n_q + n :]
+        air = model.expressions(machine, q, v, z, wind, of_air)
+        y = air.generalized_force
+        if self.added_mass is not None:
+            density = of_air[model.parameter_names.index("density")]
+            carried = ca.vertcat(density, factors)
+            y = y + self.added_mass.circulation_force(machine, q, v, wind, carried)
+            added = self.added_mass.inertia(machine, wind, carried)
+            y = y + kirchhoff_force(machine, q, v, a, added)
+        if inertial([*self._estimate], robot):
+            y = y - (inverse(machine, q, v, a) - inverse(before, q, v, a))
+        y = y - (ca.vertcat(*machine.damping) - ca.vertcat(*before.damping)) * v
+        memory = air.memory or Relaxation(ca.SX(0, 1), ca.SX(0, 1))
+        if memory.rate.numel() != model.state_size:
+            raise ParameterError("model", "one whose memory follows something", model.name)
+        numbers = ca.vertcat(symbols, of_air, wind, factors)
+        known = ca.vertcat(symbols_before, ca.SX.sym("others", len(self._places) - first))
+        results = [y[list(self._rows)], memory.rate, memory.target]
+        return ca.Function("physics", [x, z, numbers, known], list(map(ca.densify, results)))
+
 
 class GreyLags(NamedTuple):
     """Equations of the lags of the air, by the exponential trapezoid of `lag_step`.
 
     Attributes:
-        functions: Those of `GreyEquations`.
+        functions: Those of `GreyBox`.
         numbers: All numbers, then the scales of the weights.
         steady: Whether memory begins with a flow that was always there; else at zero.
         measured: Length of [q, v] or [q, v, a].
@@ -374,147 +484,3 @@ class GreyLags(NamedTuple):
             target, column = function(sample, state, weights, *moved, self.numbers)
             columns.append(np.atleast_1d(column))
         return np.atleast_1d(target), np.column_stack(columns)
-
-
-@dataclass(frozen=True)
-class GreyEquations:
-    """Equations of a grey box, as expressions and as compiled functions.
-
-    Attributes:
-        model: The air.
-        added_mass: What it carries along, or None.
-        parameters: What is learned.
-        outputs: Coordinates whose force y is.
-    """
-
-    model: Aerodynamics
-    added_mass: AddedMass | None
-    parameters: tuple[PhysicalParameter, ...]
-    outputs: tuple[int, ...]
-
-    @property
-    def names(self) -> list[str]:
-        """Names of what is learned."""
-        return [parameter.name for parameter in self.parameters]
-
-    @cached_property
-    def needs_acceleration(self) -> bool:
-        """Whether x ends with the accelerations."""
-        return self.added_mass is not None or inertial(self.names, self.model.robot)
-
-    @cached_property
-    def measured_inputs(self) -> int:
-        """Length of [q, v] or [q, v, a]."""
-        robot = self.model.robot
-        rates = 2 if self.needs_acceleration else 1
-        return robot.coordinate_count + rates * robot.dof
-
-    def compiled(self) -> dict[str, NativeFunction]:
-        """Functions by name.
-
-        force (x, z, theta) -> y; force_forward (x, z, theta, dz, dtheta) -> y, dy; of models
-        with memory step_forward (before, after, z, theta, dz, dtheta, step) -> z', dz' and
-        follow_forward (x, z, theta, dz, dtheta) -> target, dtarget. Their last input are all
-        numbers, then the scales of theta.
-        """
-        model = self.model
-        added = None if self.added_mass is None else self.added_mass.structure
-        options = f"{self.names} {self.outputs} {added}"
-        kinds = [parameter.positive for parameter in self.parameters]
-        key = f"grey box {options} {kinds} {model.structure} {model.robot.structure}"
-        return load_functions(key, self.functions, label=f"grey box of {model.robot.name}")
-
-    def functions(self) -> list[ca.Function]:
-        """CasADi functions that `compiled` compiles."""
-        n_z = self.model.state_size
-        count = len(self.parameters)
-        x = ca.SX.sym("x", self.measured_inputs)
-        z = ca.SX.sym("z", n_z)
-        theta = ca.SX.sym("theta", count)
-        numbers = ca.SX.sym("numbers", self._count + count)
-        physics = self._physics()
-        actual = self._actual(theta, numbers)
-
-        def air(x: ca.SX, z: ca.SX) -> tuple[ca.SX, Relaxation]:
-            y, rate, target = physics.call([x, z, actual, numbers[: self._count]], True, False)
-            return y, Relaxation(rate, target)
-
-        dz = ca.SX.sym("dz", n_z)
-        dtheta = ca.SX.sym("dtheta", count)
-
-        def along(value: ca.SX) -> ca.SX:
-            slope = ca.jtimes(value, ca.vertcat(z, theta), ca.vertcat(dz, dtheta))
-            return ca.densify(slope)
-
-        y, memory = air(x, z)
-        known = {"x": x, "z": z, "theta": theta}
-        moved, given = {"dz": dz, "dtheta": dtheta}, {"grey_parameters": numbers}
-        found = [
-            named_function("force", known | given, {"y": y}),
-            named_function("force_forward", known | moved | given, {"y": y, "dy": along(y)}),
-        ]
-        if not n_z:
-            return found
-        target = memory.target
-        follow = {"target": target, "dtarget": along(target)}
-        after = ca.SX.sym("after", self.measured_inputs)
-        step = ca.SX.sym("step")
-        _, later = air(after, lag_step(z, step, memory, memory))
-        reached = lag_step(z, step, memory, later)
-        inputs = {"before": x, "after": after, **known, **moved, "step": step}
-        del inputs["x"]
-        advanced = {"reached": reached, "dreached": along(reached)}
-        return [
-            *found,
-            named_function("follow_forward", known | moved | given, follow),
-            named_function("step_forward", inputs | given, advanced),
-        ]
-
-    @property
-    def _count(self) -> int:
-        return len(numbers_of(self.model, self.added_mass))
-
-    def _actual(self, theta: ca.SX, numbers: ca.SX) -> ca.SX:
-        """All numbers, those that are learned as theta says."""
-        places = list(numbers_of(self.model, self.added_mass))
-        actual = ca.SX(numbers[: self._count])
-        for k, parameter in enumerate(self.parameters):
-            place = places.index(parameter.name)
-            moved = theta[k] * numbers[self._count + k]
-            value = actual[place] * ca.exp(moved) if parameter.positive else actual[place] + moved
-            actual[place] = value
-        return actual
-
-    def _physics(self) -> ca.Function:
-        """(x, z, numbers, numbers as they were before) -> y, rate and target of the memory."""
-        model, robot = self.model, self.model.robot
-        n = robot.dof
-        n_q = robot.coordinate_count
-        first = len(robot.parameter_names)
-        machine, symbols = robot.symbolic()
-        before, symbols_before = robot.symbolic()
-        of_air = ca.SX.sym("c", len(model.parameter_names))
-        wind = ca.SX.sym("wind", 3)
-        carries = () if self.added_mass is None else self.added_mass.factors
-        factors = ca.SX.sym("factors", len(carries))
-        x = ca.SX.sym("x", self.measured_inputs)
-        z = ca.SX.sym("z", model.state_size)
-        q, v, a = x[:n_q], x[n_q : n_q + n], x[n_q + n :]
-        air = model.expressions(machine, q, v, z, wind, of_air)
-        y = air.generalized_force
-        if self.added_mass is not None:
-            density = of_air[model.parameter_names.index("density")]
-            carried = ca.vertcat(density, factors)
-            y = y + self.added_mass.circulation_force(machine, q, v, wind, carried)
-            added = self.added_mass.inertia(machine, wind, carried)
-            y = y + kirchhoff_force(machine, q, v, a, added)
-        if inertial(self.names, robot):
-            y = y - (inverse(machine, q, v, a) - inverse(before, q, v, a))
-        y = y - (ca.vertcat(*machine.damping) - ca.vertcat(*before.damping)) * v
-        memory = air.memory or Relaxation(ca.SX(0, 1), ca.SX(0, 1))
-        if memory.rate.numel() != model.state_size:
-            raise ParameterError("model", "one whose memory follows something", model.name)
-        numbers = ca.vertcat(symbols, of_air, wind, factors)
-        known = ca.vertcat(symbols_before, ca.SX.sym("others", self._count - first))
-        results = [y[list(self.outputs)], memory.rate, memory.target]
-        return ca.Function("physics", [x, z, numbers, known], list(map(ca.densify, results)))
