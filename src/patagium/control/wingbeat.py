@@ -26,6 +26,7 @@ from patagium.errors import ParameterError
 from patagium.native import NativeFunction, load_functions, load_kernel
 from patagium.native.elimination import jacobian
 from patagium.native.emit import calls_kernels
+from patagium.native.function import as_c
 from patagium.robot import Robot
 from patagium.simulation.flight_equations import flight_balance
 from patagium.simulation.mounts import mount_of
@@ -293,18 +294,13 @@ def _flown_compiled(
         (2 * size + found + 3 * width * size + len(column)) * stride + count * (size + row_size)
     )
 
-    def at(array: NDArray[np.generic]) -> ctypes.c_void_p:
-        return ctypes.c_void_p(array.ctypes.data)
-
-    whole = ctypes.c_long
     held = [np.ascontiguousarray(part) for part in (rows.table, rows.step_slopes)]
+    rate, step = ctypes.c_void_p(slopes.function.batch_address), ctypes.c_double(rows.time_step)
     library.wingbeat(
-        *(ctypes.c_void_p(slopes.function.batch_address), whole(count), whole(stride)),
-        *(whole(rows.steps // count), ctypes.c_double(rows.time_step), at(held[1])),
-        *(whole(size), whole(row_size), whole(parameters), whole(len(column))),
-        *(at(held[0]), at(moved), *map(at, outer), *map(at, slopes.constants)),
-        *(whole(len(slopes.rows)), at(slopes.rows), at(slopes.columns)),
-        *(at(quaternions), whole(len(quaternions)), at(x), at(slope), at(work)),
+        *as_c(rate, count, stride, rows.steps // count, step, held[1], size, row_size),
+        *as_c(parameters, len(column), held[0], moved, *outer, *slopes.constants),
+        *as_c(len(slopes.rows), slopes.rows, slopes.columns),
+        *as_c(quaternions, len(quaternions), x, slope, work),
     )
     return _segments(x.T[:count], slope.transpose(2, 0, 1)[:count])
 

@@ -299,3 +299,15 @@ def _buffer(size: Shape) -> Array:
 
 def _pointers(arrays: list[Array]) -> ctypes.Array[ctypes.c_void_p]:
     return (ctypes.c_void_p * max(len(arrays), 1))(*[array.ctypes.data for array in arrays])
+
+
+def as_c(*values: Any) -> list[Any]:
+    """Arguments of a function in C: arrays by address, integers as long, all else as it is."""
+    return [
+        ctypes.c_void_p(value.ctypes.data)
+        if isinstance(value, np.ndarray)
+        else ctypes.c_long(value)
+        if isinstance(value, int)
+        else value
+        for value in values
+    ]

@@ -21,6 +21,7 @@ from patagium.arguments import Progress
 from patagium.arrays import Array
 from patagium.errors import Interrupted, Outcome
 from patagium.native import NativeFunction, load_kernel
+from patagium.native.function import as_c
 from patagium.scratch import release, room_for
 from patagium.simulation.implicit_steps import LobattoStep, Rate
 
@@ -90,16 +91,8 @@ def _met(pieces: CubicPieces, times: Array, delays: Array) -> Array:
         return met.swapaxes(1, 2).reshape(count, -1)
     found = np.empty((count, GUST_COMPONENTS * strips))
     cubics, at = np.ascontiguousarray(pieces.coefficients), np.ascontiguousarray(times)
-    library.met_by_strips(
-        ctypes.c_long(count),
-        ctypes.c_long(len(pieces.knots)),
-        *map(_pointer, (pieces.knots, cubics)),
-        ctypes.c_double(pieces.decay_rate),
-        _pointer(at),
-        ctypes.c_long(strips),
-        _pointer(delays),
-        _pointer(found),
-    )
+    decay, sizes = ctypes.c_double(pieces.decay_rate), (count, len(pieces.knots))
+    library.met_by_strips(*as_c(*sizes, pieces.knots, cubics, decay, at, strips, delays, found))
     return found
 
 
@@ -323,11 +316,13 @@ def _compiled(equations: Equations, time_step: float) -> Advance | None:
     library = load_kernel("march")
     if library is None or equations.rate.address is None:
         return None
-    prepare = equations.prepare.address if equations.prepare is not None else None
-    size = equations.lower.size
+    field = equations.field
+    called = equations.prepare, equations.rate, None if field is None else field.meet
+    prepare, rate, meet = (ctypes.c_void_p(one.address if one else None) for one in called)
+    strips = 0 if field is None else field.strips
+    limits, size = (equations.lower, equations.upper), equations.lower.size
     work, done, which = np.empty(5 * size), ctypes.c_long(), ctypes.c_long()
-    meet = equations.field.meet.address if equations.field is not None else None
-    strips = equations.field.strips if equations.field is not None else 0
+    step = ctypes.c_double(time_step)
 
     def advance(
         times: Array, table: Array, pieces: CubicPieces | None, state: Array, states: Array
@@ -340,37 +335,13 @@ def _compiled(equations: Equations, time_step: float) -> Advance | None:
             cubics = np.ascontiguousarray(pieces.coefficients)
         room = np.empty(row_size + (GUST_COMPONENTS + 4) * strips)
         code = library.march(
-            ctypes.c_void_p(prepare),
-            ctypes.c_void_p(equations.rate.address),
-            ctypes.c_long(len(states) - 1),
-            ctypes.c_double(time_step),
-            ctypes.c_long(size),
-            _pointer(state),
-            _pointer(equations.lower),
-            _pointer(equations.upper),
-            ctypes.c_long(row_size),
-            _pointer(table),
-            *map(_pointer, equations.constants),
-            _pointer(states),
-            _pointer(work),
-            ctypes.byref(done),
-            ctypes.byref(which),
-            ctypes.c_void_p(meet),
-            ctypes.c_long(strips),
-            ctypes.c_long(len(knots)),
-            _pointer(knots),
-            _pointer(cubics),
-            ctypes.c_double(decay),
-            _pointer(times),
-            _pointer(room),
+            *as_c(prepare, rate, len(states) - 1, step, size, state, *limits, row_size, table),
+            *as_c(*equations.constants, states, work, ctypes.byref(done), ctypes.byref(which)),
+            *as_c(meet, strips, len(knots), knots, cubics, ctypes.c_double(decay), times, room),
         )
         return Outcome(code), done.value, which.value
 
     return advance
-
-
-def _pointer(array: Array) -> ctypes.c_void_p:
-    return ctypes.c_void_p(array.ctypes.data)
 
 
 def _classic_step(rate: Rate, state: Array, place: int, time_step: float) -> Array:
