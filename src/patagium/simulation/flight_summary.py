@@ -20,7 +20,7 @@ from patagium.errors import FlightError
 from patagium.reading import json_object, made_again
 from patagium.robot import Robot
 from patagium.robot.model import CAPACITIES, capacity_units
-from patagium.robot.planform import poses
+from patagium.robot.planform import inwards, poses
 from patagium.simulation.air_audit import air_findings
 from patagium.simulation.cycles import air_force, air_velocity
 from patagium.simulation.flight import (
@@ -223,13 +223,11 @@ def hinged_strips(robot: Robot) -> list[int]:
     bodies, found = poses(robot), []
     springs = [i for i in robot.passive if robot.stiffness and robot.stiffness[i]]
     for place, strip in enumerate(robot.strips):
-        span, body = bodies[strip.body][1] @ np.cross(strip.normal, strip.forward), strip.body
-        while body >= 0:
-            axes = [bodies[body][1] @ j.axis for j in robot.bodies[body].joints if j.dof in springs]
-            if any(abs(axis @ span) > np.cos(SEPARATED) for axis in axes):
-                found.append(place)
-                break
-            body = robot.bodies[body].parent
+        span = bodies[strip.body][1] @ np.cross(strip.normal, strip.forward)
+        joints = ((k, j) for k in inwards(robot, strip.body) for j in robot.bodies[k].joints)
+        axes = (bodies[k][1] @ joint.axis for k, joint in joints if joint.dof in springs)
+        if any(abs(axis @ span) > np.cos(SEPARATED) for axis in axes):
+            found.append(place)
     return found
 
 
