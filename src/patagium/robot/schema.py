@@ -120,11 +120,15 @@ class Plate(_Part):
     span: PositiveLength
     thickness: PositiveLength
 
+    @property
+    def size(self) -> tuple[float, float, float]:
+        """Edges along the body axes, (3,) [m]."""
+        y, z = (self.span, self.thickness)[:: 1 if self.axis == "y" else -1]
+        return self.chord, y, z
+
     def tensor(self, mass: float) -> Tensor:
         """Inertia about the centre of mass, (3, 3) [kg m^2]."""
-        across = (self.span, self.thickness)
-        size = (self.chord, *(across if self.axis == "y" else across[::-1]))
-        return _from_second_moments(mass / 12 * np.square(size))
+        return _from_second_moments(mass / 12 * np.square(self.size))
 
 
 class Ellipsoid(_Part):

@@ -118,13 +118,9 @@ def _solid(index: int, body: Body, shape: Cylinder | Box | Ellipsoid | Plate) ->
     up = (0.0, 0.0, 1.0)
     if isinstance(shape, Cylinder):
         return Solid(index, "cylinder", center, tuple(shape.axis), (shape.radius, shape.length))
-    if isinstance(shape, Box):
-        return Solid(index, "box", center, up, tuple(shape.size))
     if isinstance(shape, Ellipsoid):
         return Solid(index, "ellipsoid", center, up, tuple(shape.semi_axes))
-    across = (shape.span, shape.thickness)
-    size = (shape.chord, *(across if shape.axis == "y" else across[::-1]))
-    return Solid(index, "box", center, up, size)
+    return Solid(index, "box", center, up, tuple(shape.size))
 
 
 def _bones(robot: Robot, index: int, strips: list[Strip], radius: float) -> list[Solid]:
