@@ -29,7 +29,7 @@ from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.arguments import check_fields
 from patagium.arrays import Array, real_array
 from patagium.dynamics.added_mass import BodyAddedMass
-from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.chain import vector
 from patagium.dynamics.equations import kirchhoff_force
 from patagium.dynamics.kinematics import add_wrench, body_poses, generalized_force
 from patagium.errors import ParameterError, not_negative
@@ -145,7 +145,7 @@ class AddedMass:
             normal = vector(strip.normal)
             local = poses[strip.body].rotation.T @ rate[:, i]
             force = normal * (mass * ca.dot(normal, local))
-            add_wrench(wrenches, strip.body, force, cross(_mid_chord(strip), force))
+            add_wrench(wrenches, strip.body, force, ca.cross(_mid_chord(strip), force))
         return generalized_force(robot, q, wrenches)
 
     def circulation_force(
@@ -172,8 +172,8 @@ class AddedMass:
             normalwash = -motion.normal_ahead(-behind)
             force = forward * (mass * motion.pitch_rate * normalwash)
             # nose down: the span points left of a wing that flies forward, normal x forward
-            moment = cross(normal, forward) * (mass * motion.forward * normalwash)
-            moment = moment + cross(vector(strip.quarter_chord), force)
+            moment = ca.cross(normal, forward) * (mass * motion.forward * normalwash)
+            moment = moment + ca.cross(vector(strip.quarter_chord), force)
             add_wrench(wrenches, strip.body, force, moment)
         return generalized_force(robot, q, wrenches)
 
@@ -296,6 +296,6 @@ def _directions(strip: Strip) -> tuple[ca.SX, ca.SX]:
     middle = _mid_chord(strip)
     still = ca.SX.zeros(3, 1)
     return (
-        ca.vertcat(normal, cross(middle, normal)),
-        ca.vertcat(still, cross(normal, forward)),
+        ca.vertcat(normal, ca.cross(middle, normal)),
+        ca.vertcat(still, ca.cross(normal, forward)),
     )

@@ -32,7 +32,7 @@ from patagium.aerodynamics.named_descriptions import (
 from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.arguments import check_fields
 from patagium.arrays import Array, Indices, brief, equal, real_array, rising
-from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import ParameterError, positive
 from patagium.robot.model import Robot
@@ -647,7 +647,7 @@ def strip_delays(robot: Robot, q: ca.SX, v: ca.SX, gust: ca.SX) -> ca.SX:
                 ca.dot(slowness, pose.position - origin) + ca.dot(local, middle),
                 ca.dot(local, ahead),
                 ca.dot(local, twist.at(middle)),
-                ca.dot(local, cross(twist.angular, ahead)),
+                ca.dot(local, ca.cross(twist.angular, ahead)),
             )
         )
     return ca.horzcat(*columns) if columns else ca.SX(4, 0)

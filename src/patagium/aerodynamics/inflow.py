@@ -26,7 +26,7 @@ from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_step
 from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.aerodynamics.wind_shear import WindShear
 from patagium.arrays import Array
-from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import Pose, Twist, body_poses, body_velocities
 from patagium.errors import positive
 from patagium.robot.model import Robot, Strip
@@ -322,7 +322,7 @@ class _Moving:
 
     def _end(self, strip: Strip, side: int) -> ca.SX:
         """Quarter chord at one end of a strip at zero coordinates, (3, 1) [m]."""
-        half = side * strip.width / 2 * cross(vector(strip.normal), vector(strip.forward))
+        half = side * strip.width / 2 * ca.cross(vector(strip.normal), vector(strip.forward))
         return self._at_zero[strip.body].at(vector(strip.quarter_chord) + half)
 
     def direction(self, wing: Wing, hinged: tuple[str, str]) -> tuple[ca.SX, ca.SX]:
@@ -334,7 +334,7 @@ class _Moving:
         at_tip = self._speed(strip.body, vector(strip.quarter_chord))
         velocity = axes.T @ (at_tip - self._speed(hinge, ca.SX.zeros(3, 1)))
         distance = ca.sqrt(ca.sumsqr(away))
-        unit, turning = away / distance, (velocity - cross(turn, away)) / distance
+        unit, turning = away / distance, (velocity - ca.cross(turn, away)) / distance
         return unit, turning - unit * ca.dot(unit, turning)
 
     def off_ground(self, stroke: Stroke, circle: Any) -> Any:

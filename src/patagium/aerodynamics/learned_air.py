@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike
 from patagium.aerodynamics.on_model import OnModel
 from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.arrays import real_array
-from patagium.dynamics.chain import cross
 from patagium.dynamics.kinematics import add_wrench, body_poses, generalized_force
 from patagium.errors import ParameterError
 from patagium.robot.model import Robot
@@ -84,7 +83,7 @@ class LearnedAir(OnModel):
             pose = poses[strip.body]
             force = pose.rotation.T @ added[:, k]
             point = pose.rotation.T @ (air.strip_point[:, k] - pose.position)
-            add_wrench(wrenches, strip.body, force, cross(point, force))
+            add_wrench(wrenches, strip.body, force, ca.cross(point, force))
         more = generalized_force(robot, q, wrenches)
         winds = wind if wind.shape[1] > 1 else ca.repmat(wind, 1, len(strips))
         body_wind = poses[body].rotation.T @ ca.sum2(winds) / len(strips)

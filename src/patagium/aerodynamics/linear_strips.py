@@ -50,7 +50,7 @@ from patagium.aerodynamics.trailing_vortices import (
 )
 from patagium.arguments import check_fields
 from patagium.arrays import real_array
-from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import Twist, add_wrench, body_poses, generalized_force
 from patagium.dynamics.rnea import body_accelerations, kirchhoff_force
 from patagium.errors import ParameterError
@@ -536,14 +536,14 @@ def _of_any() -> _Section:
     motion, numbers, density = ca.SX.sym("motion", 3, 4), ca.SX.sym("strip", 12), ca.SX.sym("rho")
     linear, w, dw, rising = ca.horzsplit(motion)
     place, forward, normal = numbers[:3], numbers[3:6], numbers[6:9]
-    chord, width, span = numbers[9], numbers[10], cross(normal, forward)
+    chord, width, span = numbers[9], numbers[10], ca.cross(normal, forward)
     middle = place - forward * (chord / 4)
     moving, axes = Twist(linear, w).at(middle), ca.horzcat(forward, normal, span)
-    rising = rising + cross(dw, middle) + cross(w, cross(w, middle))
+    rising = rising + ca.cross(dw, middle) + ca.cross(w, ca.cross(w, middle))
     velocity, turning = axes.T @ moving, chord * axes.T @ w
     spin = ca.vertcat(-turning[2], turning[0], turning[1])
     rate = ca.vertcat(chord * ca.dot(normal, rising), -(chord**2) * ca.dot(span, dw))
-    moments = [cross(middle, forward), cross(middle, normal), cross(middle, span), -span * chord]
+    moments = [*(ca.cross(middle, axis) for axis in (forward, normal, span)), -span * chord]
     unit = ca.vertcat(ca.horzcat(axes, ca.SX.zeros(3, 1)), ca.horzcat(*moments))
     unit = density / 2 * chord * width * unit
     return _Section((motion, numbers, density), (velocity, spin, rate), unit, numbers[11])
@@ -652,7 +652,7 @@ def _body_wrenches(body: Body, airflow: Twist, density: ca.SX) -> ca.SX:
     forces = ca.diag(-density / 2 * areas * _square(airflow.at(center)))
     arms = ca.vertcat(x * (y**4 + z**4), y * (x**4 + z**4), z * (x**4 + y**4))
     moment = -density / 64 * arms * _square(airflow.angular)
-    moments = [cross(center, forces[:, k]) for k in range(3)]
+    moments = [ca.cross(center, forces[:, k]) for k in range(3)]
     return ca.vertcat(ca.horzcat(forces, ca.SX.zeros(3, 1)), ca.horzcat(*moments, moment))
 
 
@@ -671,11 +671,11 @@ def _lifts(line: StripFlow, density: ca.SX) -> list[ca.SX]:
         strip, place = motion.strip, vector(motion.strip.quarter_chord)
         forward, normal = vector(strip.forward), vector(strip.normal)
         ahead, across, along = line.lift(wash, i, density)
-        span = cross(normal, forward)
+        span = ca.cross(normal, forward)
         lift = forward * ahead + normal * across + span * along
         pull = ends[i] * density * wash.circulation[i] ** 2 * strip.chord / strip.width * span
-        moments = cross(place - forward * (strip.chord / 4), pull)
-        wrench = ca.vertcat(lift, cross(place + forward * lift_place(motion), lift))
+        moments = ca.cross(place - forward * (strip.chord / 4), pull)
+        wrench = ca.vertcat(lift, ca.cross(place + forward * lift_place(motion), lift))
         found.append(ca.horzcat(ca.vertcat(pull, moments), wrench))
     return found
 

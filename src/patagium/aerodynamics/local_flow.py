@@ -15,7 +15,7 @@ from typing import Any
 import casadi as ca
 
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
-from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import Pose, Twist, body_poses, body_velocities, in_body_axes
 from patagium.robot.model import Robot, Strip
 
@@ -115,7 +115,7 @@ def strip_motions(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[StripMo
     motions = []
     for strip, twist in zip(robot.strips, strip_airflows(robot, q, v, wind), strict=True):
         forward, normal = vector(strip.forward), vector(strip.normal)
-        span = cross(normal, forward)
+        span = ca.cross(normal, forward)
         velocity = twist.at(vector(strip.quarter_chord))
         motions.append(
             StripMotion(

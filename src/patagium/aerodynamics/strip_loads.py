@@ -16,7 +16,7 @@ import casadi as ca
 from patagium.aerodynamics.indicial import Relaxation
 from patagium.aerodynamics.local_flow import StripMotion
 from patagium.aerodynamics.polars import section_flow
-from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import body_poses, generalized_force
 from patagium.robot.model import Robot
 
@@ -111,11 +111,11 @@ def assemble(
         motion, strip = load.motion, load.motion.strip
         forward, normal = vector(strip.forward), vector(strip.normal)
         force = forward * load.forward + normal * load.normal
-        span = cross(normal, forward)
+        span = ca.cross(normal, forward)
         force = force + span * load.spanwise
         point = vector(strip.quarter_chord) + forward * load.ahead
         total, moment = wrenches.get(strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)))
-        moment = moment + cross(point, force) - span * load.moment
+        moment = moment + ca.cross(point, force) - span * load.moment
         wrenches[strip.body] = (total + force, moment)
         pose = poses[strip.body]
         forces.append(pose.rotation @ force)

@@ -25,7 +25,7 @@ from patagium.aerodynamics.indicial import Lags, Relaxation, lag_relaxation, lag
 from patagium.aerodynamics.local_flow import StripMotion, strip_airflows
 from patagium.aerodynamics.smooth_functions import SWITCH_SPEED, smooth_norm, smooth_sign
 from patagium.arrays import Bools
-from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import Pose, Twist, body_poses
 from patagium.robot.model import Robot, Strip
 from patagium.robot.strip_chains import StripChain
@@ -198,7 +198,7 @@ def _legs(
         span = ca.SX.zeros(3, 1)
         for i, offset in sides:
             strip = strips[i]
-            outwards = cross(vector(strip.normal), vector(strip.forward)) * chain.right[i]
+            outwards = ca.cross(vector(strip.normal), vector(strip.forward)) * chain.right[i]
             span = span + poses[strip.body].rotation @ outwards
             edge = edge + poses[strip.body].at(offset) / len(sides)
             local = airflows[chain.strips[i]].at(offset)
@@ -257,7 +257,7 @@ def _slopes(robot: Robot, chains: Sequence[StripChain]) -> ca.SX:
         for k, index in enumerate(chain.strips):
             forward, normal = vector(strips[k].forward), vector(strips[k].normal)
             line = sum(_line(strips, chain.right, k), ca.SX(0))
-            slopes[index] = ca.dot(line, forward) / ca.dot(line, cross(normal, forward))
+            slopes[index] = ca.dot(line, forward) / ca.dot(line, ca.cross(normal, forward))
     return slopes
 
 

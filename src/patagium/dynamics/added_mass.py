@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from patagium.dynamics.chain import Turn, cross
+from patagium.dynamics.chain import Turn
 from patagium.dynamics.kinematics import body_poses, body_velocities, in_body_axes
 from patagium.robot.model import Robot
 
@@ -116,8 +116,8 @@ def kirchhoff_wrench(
     """
     fluid = CompositeAddedMass(matrix)
     p, h = fluid.momenta(v, w)
-    dp, dh = fluid.momenta(acceleration - cross(w, v), dw)
-    return dp + cross(w, p), dh + cross(w, h) + cross(v, p)
+    dp, dh = fluid.momenta(acceleration - ca.cross(w, v), dw)
+    return dp + ca.cross(w, p), dh + ca.cross(w, h) + ca.cross(v, p)
 
 
 def kirchhoff_wrenches(

@@ -100,18 +100,6 @@ def vector(values: Any) -> ca.SX:
     return ca.vertcat(*[ca.SX(value) for value in values])
 
 
-def cross(a: ca.SX, b: ca.SX) -> ca.SX:
-    """Cross product a x b, (3, 1).
-
-    Args:
-        a: First vector, (3, 1) [any unit].
-        b: Second vector, (3, 1) [any unit].
-    """
-    return ca.vertcat(
-        a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-    )
-
-
 class Turn:
     """Rodrigues' rotation about a fixed axis: R maps turned axes' components to the axes before.
 

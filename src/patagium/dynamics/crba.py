@@ -13,7 +13,6 @@ from patagium.dynamics.added_mass import BodyAddedMass, CompositeAddedMass
 from patagium.dynamics.chain import (
     Turn,
     chain_of,
-    cross,
     is_identity,
     orientation_matrix,
     symmetric,
@@ -50,9 +49,9 @@ class _Composite:
     def unit_momenta(self, axis: ca.SX, revolute: bool) -> tuple[ca.SX, ca.SX]:
         """Linear and angular momentum at a unit rate about or along an axis, (3, 1) each."""
         if revolute:
-            linear, angular = cross(axis, self.first), self.inertia @ axis
+            linear, angular = ca.cross(axis, self.first), self.inertia @ axis
         else:
-            linear, angular = axis * self.mass, cross(self.first, axis)
+            linear, angular = axis * self.mass, ca.cross(self.first, axis)
         if self.fluid is None:
             return linear, angular
         still = ca.SX.zeros(3, 1)
@@ -88,7 +87,7 @@ class _Composite:
         twice = self.first + offset * (self.mass / 2)
         self.inertia = self.inertia + _shift(twice, offset) + _shift(offset, twice)
         self.first = self.first + offset * self.mass
-        self.momenta = [(k, p, h + cross(offset, p)) for k, p, h in self.momenta]
+        self.momenta = [(k, p, h + ca.cross(offset, p)) for k, p, h in self.momenta]
         if self.fluid is not None:
             self.fluid.shift(offset)
 

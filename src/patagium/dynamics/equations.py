@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import casadi as ca
 
 from patagium.dynamics.added_mass import BodyAddedMass, fluid_energy, fluid_momentum
-from patagium.dynamics.chain import cross, parent_coordinates, vector
+from patagium.dynamics.chain import parent_coordinates, vector
 from patagium.dynamics.crba import central_inertia, mass_matrix
 from patagium.dynamics.factorization import solve
 from patagium.dynamics.kinematics import body_poses, body_velocities
@@ -290,5 +290,5 @@ def _momenta(robot: Robot, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX]:
         spin = pose.rotation @ (central_inertia(body) @ twist.angular)
         linear = linear + body.mass * velocity
         arm = pose.at(center)
-        angular = angular + spin + cross(arm, body.mass * velocity)
+        angular = angular + spin + ca.cross(arm, body.mass * velocity)
     return linear, angular

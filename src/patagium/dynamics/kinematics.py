@@ -14,7 +14,7 @@ from typing import Any
 
 import casadi as ca
 
-from patagium.dynamics.chain import chain_of, cross, is_identity, orientation_matrix, vector
+from patagium.dynamics.chain import chain_of, is_identity, orientation_matrix, vector
 from patagium.robot.model import Robot
 
 
@@ -49,7 +49,7 @@ class Twist:
 
     def at(self, offset: ca.SX) -> ca.SX:
         """Velocity of a point of the body at an offset, both in body axes, (3, 1) [m/s]."""
-        return self.linear + cross(self.angular, offset)
+        return self.linear + ca.cross(self.angular, offset)
 
 
 def coordinate_rates(robot: Robot, q: Any, v: Any) -> Any:
@@ -128,7 +128,7 @@ def body_velocities(robot: Robot, q: ca.SX, v: ca.SX) -> list[Twist]:
             linear, angular = twists[body.parent].linear, twists[body.parent].angular
         else:
             linear, angular = ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)
-        linear = linear + cross(angular, vector(body.position))
+        linear = linear + ca.cross(angular, vector(body.position))
         if not is_identity(body):
             turn = orientation_matrix(body).T
             linear, angular = turn @ linear, turn @ angular
@@ -138,7 +138,7 @@ def body_velocities(robot: Robot, q: ca.SX, v: ca.SX) -> list[Twist]:
                 linear = turned.outward(linear)
                 angular = turned.outward(angular) + step.along(v)
             else:
-                linear = linear + cross(angular, step.slide(q)) + step.along(v)
+                linear = linear + ca.cross(angular, step.slide(q)) + step.along(v)
         twists.append(Twist(linear, angular))
     return twists
 
@@ -246,12 +246,13 @@ def generalized_force(robot: Robot, q: ca.SX, wrenches: Mapping[int, tuple[ca.SX
                 force = turned.inward(force)
                 moment = turned.inward(moment)
             else:
-                moment = moment + cross(step.slide(q), force)
+                moment = moment + ca.cross(step.slide(q), force)
         if body.parent < 0:
             continue
         if not is_identity(body):
             turn = orientation_matrix(body)
             force, moment = turn @ force, turn @ moment
         forces[body.parent] = forces[body.parent] + force
-        moments[body.parent] = moments[body.parent] + moment + cross(vector(body.position), force)
+        arm = vector(body.position)
+        moments[body.parent] = moments[body.parent] + moment + ca.cross(arm, force)
     return generalized

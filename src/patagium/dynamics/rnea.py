@@ -15,7 +15,7 @@ from __future__ import annotations
 import casadi as ca
 
 from patagium.dynamics.added_mass import BodyAddedMass, kirchhoff_wrenches
-from patagium.dynamics.chain import chain_of, cross, is_identity, orientation_matrix, vector
+from patagium.dynamics.chain import chain_of, is_identity, orientation_matrix, vector
 from patagium.dynamics.kinematics import generalized_force, in_body_axes
 from patagium.robot.model import Body, Robot
 
@@ -109,13 +109,13 @@ def body_accelerations(
                 w, dw = turned.outward(w), turned.outward(dw)
                 acceleration = turned.outward(acceleration)
                 spin = step.along(v)
-                dw = dw + step.along(a) + cross(w, spin)
+                dw = dw + step.along(a) + ca.cross(w, spin)
                 w = w + spin
             else:
                 acceleration = (
                     acceleration
                     + _field(w, dw) @ step.slide(q)
-                    + cross(w, step.along(2 * v))
+                    + ca.cross(w, step.along(2 * v))
                     + step.along(a)
                 )
         states.append((w, dw, acceleration))
@@ -139,7 +139,7 @@ def _inertial_wrench(body: Body, field: ca.SX, acceleration: ca.SX) -> tuple[ca.
     turning = ca.vertcat(
         moment[2, 1] - moment[1, 2], moment[0, 2] - moment[2, 0], moment[1, 0] - moment[0, 1]
     )
-    return acceleration * body.mass + field @ first, cross(first, acceleration) + turning
+    return acceleration * body.mass + field @ first, ca.cross(first, acceleration) + turning
 
 
 def second_moment(body: Body) -> ca.SX:

@@ -16,7 +16,7 @@ import casadi as ca
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.aerodynamics.gusts import GUST, GUST_COMPONENTS, strip_delays, strip_winds
 from patagium.aerodynamics.strip_loads import AeroExpressions
-from patagium.dynamics.chain import QuaternionTurn, cross
+from patagium.dynamics.chain import QuaternionTurn
 from patagium.dynamics.equations import (
     BodyAddedMass,
     damping_force,
@@ -328,7 +328,7 @@ def mount_wrench(machine: Robot, q: ca.SX, force: ca.SX) -> ca.SX:
         moment = QuaternionTurn(q[list(places[3:])]).inward(force[list(dofs[3:])])
     else:
         moment = _moment_on_angles(q[list(places[3:])], force[list(dofs[3:])])
-    return ca.vertcat(push, moment + cross(position, push))
+    return ca.vertcat(push, moment + ca.cross(position, push))
 
 
 def _through_cells(layout: StateLayout, q: ca.SX, constraint: ca.SX, damping: ca.SX) -> ca.SX:
@@ -339,7 +339,7 @@ def _through_cells(layout: StateLayout, q: ca.SX, constraint: ca.SX, damping: ca
         first = link.joints[0].dof if link.joints else count
         if first < count and machine.bodies[link.parent].floating_dofs is not None:
             force, moment = ca.vertsplit(mount_wrench(machine, q, damping), 3)
-            moment, turn = moment - cross(pose.position, force), pose.rotation.T
+            moment, turn = moment - ca.cross(pose.position, force), pose.rotation.T
             wrenches[first : first + CELL_COORDINATES] -= ca.vertcat(turn @ force, turn @ moment)
     return wrenches
 

@@ -29,7 +29,7 @@ from patagium.aerodynamics.linear_strips import (
 )
 from patagium.arguments import checked
 from patagium.arrays import Array
-from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import add_wrench, generalized_force
 from patagium.errors import ParameterError
 from patagium.learning.models.memory import LagEquations, compiled_steps, row_size
@@ -324,7 +324,7 @@ def per_newton(robot: Robot) -> Array:
     wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
     forces = ca.SX.sym("forces", 3, len(robot.strips))
     for k, strip in enumerate(robot.strips):
-        moment = cross(vector(strip.quarter_chord), forces[:, k])
+        moment = ca.cross(vector(strip.quarter_chord), forces[:, k])
         add_wrench(wrenches, strip.body, forces[:, k], moment)
     q = ca.SX(ca.DM(robot.coordinates(**robot.resting)))
     slope = ca.jacobian(generalized_force(robot, q, wrenches), ca.vec(forces))

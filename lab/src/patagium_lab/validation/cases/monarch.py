@@ -24,7 +24,7 @@ from patagium.aerodynamics.strip_loads import AeroExpressions, assemble
 from patagium.arrays import Array
 from patagium.control import NoOrbit, Orbit, floquet, trim
 from patagium.dynamics import Dynamics
-from patagium.dynamics.chain import cross, vector
+from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import ParameterError
 from patagium.robot import Robot, load_robot_text
@@ -61,7 +61,7 @@ class PublishedTurn(QuasiSteady):
             strip = motion.strip
             turn = poses[thorax].rotation.T @ poses[strip.body].rotation
             rate = (turn - turn.T) @ twists[thorax].angular
-            more = cross(rate, vector(strip.quarter_chord))
+            more = ca.cross(rate, vector(strip.quarter_chord))
             ahead, upward = (ca.dot(vector(one), more) for one in (strip.forward, strip.normal))
             forward, normal = motion.forward + ahead, motion.normal + upward
             motions.append(replace(motion, forward=forward, normal=normal))
