@@ -187,16 +187,8 @@ class QuaternionTurn(Turn):
 
 
 def symmetric(matrix: ca.SX) -> ca.SX:
-    """The matrix whose lower triangle repeats the upper one, (3, 3).
-
-    Args:
-        matrix: Matrix, (3, 3) [any unit].
-    """
-    out = ca.SX(matrix)
-    for i in range(3):
-        for j in range(i):
-            out[i, j] = matrix[j, i]
-    return out
+    """The matrix, (3, 3) [any unit], whose lower triangle repeats the upper one."""
+    return ca.triu2symm(ca.triu(matrix))
 
 
 def orientation_matrix(body: Body) -> ca.SX:

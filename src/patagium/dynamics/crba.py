@@ -29,7 +29,7 @@ class _Composite:
         self.first = ca.SX.zeros(3, 1)
         self.inertia = ca.SX.zeros(3, 3)
         self.momenta: list[tuple[int, ca.SX, ca.SX]] = []  # coordinate, linear, angular
-        self.fluid: CompositeAddedMass | None = None
+        self.fluid = CompositeAddedMass(ca.SX(6, 6))
 
     def add_body(self, body: Body) -> None:
         center = vector(body.center_of_mass)
@@ -38,22 +38,12 @@ class _Composite:
         self.first = self.first + first
         self.inertia = self.inertia + central_inertia(body) + _shift(first, center)
 
-    def carry(self, matrix: ca.SX) -> None:
-        """Take on the fluid that the body carries along, (6, 6)."""
-        fluid = CompositeAddedMass(matrix)
-        if self.fluid is None:
-            self.fluid = fluid
-        else:
-            self.fluid.merge(fluid)
-
     def unit_momenta(self, axis: ca.SX, revolute: bool) -> tuple[ca.SX, ca.SX]:
         """Linear and angular momentum at a unit rate about or along an axis, (3, 1) each."""
         if revolute:
             linear, angular = ca.cross(axis, self.first), self.inertia @ axis
         else:
             linear, angular = axis * self.mass, ca.cross(self.first, axis)
-        if self.fluid is None:
-            return linear, angular
         still = ca.SX.zeros(3, 1)
         p, h = self.fluid.momenta(*((still, axis) if revolute else (axis, still)))
         return linear + p, angular + h
@@ -63,24 +53,19 @@ class _Composite:
         self.first = self.first + other.first
         self.inertia = self.inertia + other.inertia
         self.momenta += other.momenta
-        if self.fluid is None:
-            self.fluid = other.fluid
-        elif other.fluid is not None:
-            self.fluid.merge(other.fluid)
+        self.fluid.merge(other.fluid)
 
     def turn(self, turned: Turn) -> None:
         self.first = turned.inward(self.first)
         self.inertia = turned.inward_inertia(self.inertia)
         self.momenta = [(k, turned.inward(p), turned.inward(h)) for k, p, h in self.momenta]
-        if self.fluid is not None:
-            self.fluid.turn(turned)
+        self.fluid.turn(turned)
 
     def turn_fixed(self, matrix: ca.SX) -> None:
         self.first = matrix @ self.first
         self.inertia = symmetric(matrix @ self.inertia @ matrix.T)
         self.momenta = [(k, matrix @ p, matrix @ h) for k, p, h in self.momenta]
-        if self.fluid is not None:
-            self.fluid.turn_fixed(matrix)
+        self.fluid.turn_fixed(matrix)
 
     def shift(self, offset: ca.SX) -> None:
         """Shift the origin to a point from which the old origin is at `offset`, (3, 1) [m]."""
@@ -88,8 +73,7 @@ class _Composite:
         self.inertia = self.inertia + _shift(twice, offset) + _shift(offset, twice)
         self.first = self.first + offset * self.mass
         self.momenta = [(k, p, h + ca.cross(offset, p)) for k, p, h in self.momenta]
-        if self.fluid is not None:
-            self.fluid.shift(offset)
+        self.fluid.shift(offset)
 
 
 def central_inertia(body: Body) -> ca.SX:
@@ -121,7 +105,7 @@ def mass_matrix(robot: Robot, q: ca.SX, added: BodyAddedMass | None = None) -> c
         body, composite = robot.bodies[index], composites[index]
         composite.add_body(body)
         if added is not None and index in added.matrices:
-            composite.carry(added.matrices[index])
+            composite.fluid.merge(CompositeAddedMass(added.matrices[index]))
         for step in reversed(chain_of(robot, body)):
             for unit, dof in zip(step.axes, step.dofs, strict=True):
                 axis = vector(unit)
