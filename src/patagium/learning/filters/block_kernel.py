@@ -60,12 +60,12 @@ def structure_and_kernel(
 
 def _keeps_covariance(numbers: FilterNumbers) -> bool:
     """Whether P itself is kept, and no square root: where noise is added to large blocks."""
-    return numbers.has_process_noise and (numbers.linear or numbers.structure != "node")
+    return numbers.has_process_noise and (numbers.linear or numbers.settings.covariance != "node")
 
 
 def _kernel_for(numbers: FilterNumbers) -> BlockKernel | None:
     """Kernel for the blocks of a filter; None where there is none."""
-    network, node = numbers.network, numbers.structure == "node"
+    network, node = numbers.network, numbers.settings.covariance == "node"
     name = "extended" if numbers.linear else "node" if node else "cubature"
     known = isinstance(network, PerceptronNetwork)
     known = known and (name != "cubature" or _of_whole_layers(numbers))

@@ -56,7 +56,7 @@ class Look(NamedTuple):
 
 def blocks_in(numbers: FilterNumbers) -> tuple[Indices, ...]:
     """Weights of each block, (k,)."""
-    return blocks_of(numbers.network, str(numbers.structure))
+    return blocks_of(numbers.network, numbers.settings.covariance)
 
 
 class BlockRoots:
@@ -143,7 +143,7 @@ class BlockRoots:
         """P, which shares no memory with the state."""
         doubles = [root.astype(float) for root in roots]
         parts = [np.asarray(root @ root.T) for root in doubles]
-        return block_covariance(self._numbers.network, str(self._numbers.structure), parts)
+        return block_covariance(self._numbers.network, self._numbers.settings.covariance, parts)
 
     def variances(self, roots: Parts) -> Array:
         """Diagonal of P, (n,) [1]."""
@@ -212,7 +212,7 @@ class BlockCovariances(BlockRoots):
     def covariance(self, parts: Parts) -> BlockCovariance:
         """P, which shares no memory with the state."""
         copies, numbers = [part.copy() for part in parts], self._numbers
-        return block_covariance(numbers.network, str(numbers.structure), copies)
+        return block_covariance(numbers.network, numbers.settings.covariance, copies)
 
     def variances(self, parts: Parts) -> Array:
         """Diagonal of P, (n,) [1]."""

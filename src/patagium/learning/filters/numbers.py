@@ -16,7 +16,7 @@ import numpy as np
 from patagium.arrays import Array
 from patagium.learning.models.network import Network, center_of, scale_of
 from patagium.learning.models.physical import own_prior
-from patagium.learning.settings import FilterSettings, NoiseEstimation, Numbers, Structure
+from patagium.learning.settings import FilterSettings, NoiseEstimation, Numbers
 
 PRIOR = 1.0
 """Standard deviation of a dimensionless weight that nobody states [1]."""
@@ -78,11 +78,6 @@ class FilterNumbers(NamedTuple):
     prior_variance: Array
     process_noise: Array
     forgetting_factor: float
-
-    @property
-    def structure(self) -> Structure:
-        """Covariance structure."""
-        return self.settings.covariance
 
     @property
     def dtype(self) -> str:
