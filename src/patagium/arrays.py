@@ -152,6 +152,13 @@ def _of_reals(array: Any) -> bool:
     return kind in "fiub" or (kind == "O" and all(isinstance(one, Real) for one in array.flat))
 
 
+def thin(indices: Indices, most: int) -> Indices:
+    """Indices thinned evenly to at most `most`; the first and the last are kept."""
+    if len(indices) <= most:
+        return indices
+    return np.asarray(indices[np.linspace(0, len(indices) - 1, most).round().astype(int)])
+
+
 def count_noise(values: Array) -> float:
     """Standard deviation of rounding to counts of an encoder or digits of a text.
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from patagium.arrays import Array
+from patagium.arrays import Array, thin
 from patagium.learning.learners.learner import Learner
 from patagium.learning.models.memory import ModelMemory
 from patagium.learning.scores import ErrorSums, span_scores
-from patagium.learning.stream import thin, used_samples
+from patagium.learning.stream import used_samples
 
 MOST_AHEAD = 40_000
 """A span is scored over windows of about this many samples in all, spread evenly."""

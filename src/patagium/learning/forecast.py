@@ -37,7 +37,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from patagium.arrays import Array, Bools, Indices, usual_step
+from patagium.arrays import Array, Bools, Indices, thin, usual_step
 from patagium.learning.learners.learner import Learner
 from patagium.learning.models.memory import ModelMemory, measured_inputs, network_inputs
 from patagium.learning.models.network import Network
@@ -430,8 +430,7 @@ class Forecaster:
         last = used[used + self._lead < len(y)]
         crossed = np.searchsorted(gaps, last + self._lead, "right")
         last = last[crossed == np.searchsorted(gaps, last, "right")]
-        thinned = np.unique(np.linspace(0, len(last) - 1, MOST_FORECASTS).round().astype(int))
-        counted = last[thinned] if len(last) else last
+        counted = thin(last, MOST_FORECASTS)
         earlier = np.searchsorted(last, counted - self._lead, "right") - 1
         self._counted = set(counted.tolist())
         self._origins = self._counted | set(last[earlier[earlier >= 0]].tolist())

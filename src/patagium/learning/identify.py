@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from patagium.arguments import Progress, checked
-from patagium.arrays import Array, Bools, find_gaps, usual_step
+from patagium.arrays import Array, Bools, find_gaps, thin, usual_step
 from patagium.errors import LogError, Outcome, ParameterError
 from patagium.learning.default_learner import choices, chosen_every, default_learner, table_every
 from patagium.learning.filters.misfit import unseen
@@ -38,7 +38,7 @@ from patagium.learning.samples import (
     with_force,
 )
 from patagium.learning.scores import Scorer, persistence
-from patagium.learning.stream import MOST_CHECKS, late_samples, stream, thin, used_samples
+from patagium.learning.stream import MOST_CHECKS, late_samples, stream, used_samples
 from patagium.learning.table_network import scaling_samples
 from patagium.learning.verdict import frozen_scores, with_verdict
 from patagium.learning.what_if import what_if

@@ -20,7 +20,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from patagium.arguments import Progress, checked
-from patagium.arrays import Array, Indices, real_array, rising
+from patagium.arrays import Array, Indices, real_array, rising, thin
 from patagium.errors import FilterDiverged, LogError, Outcome, ParameterError, ShapeError
 from patagium.learning.forecast import Forecaster, ForecastSums, Horizons, Motion, named_horizons
 from patagium.learning.learners.filter_learner import FilterLearner
@@ -122,13 +122,6 @@ def check_samples(intervals: list[Hold]) -> list[tuple[int, ...]]:
 def late_samples(count: int) -> Indices:
     """Samples of the second half, thinned, on which physics alone is scored."""
     return thin(np.arange(count // 2, count), MOST_CHECKS)
-
-
-def thin(indices: Indices, most: int) -> Indices:
-    """Indices thinned evenly to at most `most`; the first and the last are kept."""
-    if len(indices) <= most:
-        return indices
-    return np.asarray(indices[np.linspace(0, len(indices) - 1, most).round().astype(int)])
 
 
 @dataclass(frozen=True)

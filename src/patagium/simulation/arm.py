@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arrays import Array, brief, real_array
+from patagium.arrays import Array, brief, real_array, thin
 from patagium.dynamics.equations import damping_force, inverse
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import ParameterError, PathError
@@ -424,7 +424,7 @@ def track_tool(
     from scipy.interpolate import CubicSpline  # slow to import, rarely needed
 
     place, turned = placed
-    chosen = np.unique(np.linspace(0, len(place) - 1, min(knots, len(place))).round().astype(int))
+    chosen = thin(np.arange(len(place)), knots)
     found = [_damped_newton(tool, start[None], place[:1], turned[:1])[0]]
     for k in chosen[1:]:
         here = slice(k, k + 1)

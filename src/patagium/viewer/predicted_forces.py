@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import xarray as xr
 
-from patagium.arrays import Array, Indices
+from patagium.arrays import Array, Indices, thin
 from patagium.errors import LogError, ShapeError
 from patagium.learning.model_file import Model
 from patagium.learning.models.linear_strip import LinearStripNetwork, strip_forces
@@ -154,7 +154,7 @@ def _model_std(model: Trained, network: Network, seen: Array, time: Array) -> Ar
     """Deviations that the model itself gives, asked at some of the times."""
     if model.network.output_names != network.output_names or not hasattr(model, "predict"):
         return None
-    asked = np.unique(np.linspace(0, len(seen) - 1, min(_ASKED, len(seen))).round().astype(int))
+    asked = thin(np.arange(len(seen)), _ASKED)
     covariances = np.array([np.atleast_2d(model.predict(seen[k])[1]) for k in asked])
     with np.errstate(invalid="ignore"):
         found = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))

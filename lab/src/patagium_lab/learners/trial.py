@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from patagium.arrays import Array, Indices
+from patagium.arrays import Array, Indices, thin
 from patagium.errors import PatagiumError
 from patagium.learning.scores import INTERVAL, normalized_error
-from patagium.learning.stream import thin, used_samples
+from patagium.learning.stream import used_samples
 from patagium_lab.learners.data_sets import DataSet
 from patagium_lab.learners.entries import SPANS, AnyLearner, Entry
 from patagium_lab.learners.plan import LearnersPlan

@@ -32,13 +32,13 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.special import ndtr
 
-from patagium.arrays import Array, Bools, Indices
+from patagium.arrays import Array, Bools, Indices, thin
 from patagium.errors import FilterDiverged, Outcome
 from patagium.learning.filters.root import MatrixLost
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.scores import INTERVAL, SILENT_RATIO
-from patagium.learning.stream import Samples, prequential, thin
+from patagium.learning.stream import Samples, prequential
 from patagium.reading import json_ready
 
 SPANS = 50
