@@ -610,8 +610,6 @@ def _described(value: Any) -> Any:
 
 
 def _made(one: Field[Any], value: Any) -> Any:
-    if one.name == "covariance":
-        return checked_structure(value)
     kind = one.metadata.get("group")
     if kind is None or value is None or isinstance(value, kind):
         return value
