@@ -85,7 +85,8 @@ class LearnedAir(OnModel):
             point = pose.rotation.T @ (air.strip_point[:, k] - pose.position)
             add_wrench(wrenches, strip.body, force, ca.cross(point, force))
         more = generalized_force(robot, q, wrenches)
-        winds = wind if wind.shape[1] > 1 else ca.repmat(wind, 1, len(strips))
+        winds = wind if air.wind is None else air.wind
+        winds = winds if winds.shape[1] > 1 else ca.repmat(winds, 1, len(strips))
         body_wind = poses[body].rotation.T @ ca.sum2(winds) / len(strips)
         carried = ca.sum1(ca.sum2(added * winds)) + ca.dot(push, body_wind)
         return replace(

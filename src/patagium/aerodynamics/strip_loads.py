@@ -43,6 +43,7 @@ class AeroExpressions:
         downwash: Normal velocity that the wings induce at each strip, against its normal,
             (n_strips, 1) [m/s]; zero in models without.
         memory: Relaxation of the states; None for a model without states.
+        wind: Wind that strips meet, world axes, (3, n_strips) [m/s]; None for the given one.
     """
 
     generalized_force: ca.SX
@@ -56,6 +57,7 @@ class AeroExpressions:
     circulation: ca.SX
     downwash: ca.SX
     memory: Relaxation | None = None
+    wind: ca.SX | None = None
 
 
 @dataclass(frozen=True)

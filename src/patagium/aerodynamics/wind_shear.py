@@ -1,12 +1,13 @@
 """Wind that grows with height: the power law and the logarithmic law of the boundary layer.
 
-It is put on any model of the air, whose strips then meet the wind at their own height. Neglected:
-the turn of the wind with height, and shear in the air that `AddedMass` carries.
+It is put on any model of the air, whose strips then meet the wind, gusts included, at their own
+height. Neglected: the turn of the wind with height, that gusts grow less with height than the mean
+wind does, and shear in the air that `AddedMass` carries.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -87,7 +88,8 @@ class WindShear(OnModel):
             met = wind[:, i] if wind.shape[1] > 1 else wind
             winds.append(met * self._share(height, parameters[own], parameters[own + 1]))
         given = ca.horzcat(*winds) if winds else wind
-        return self.model.expressions(robot, q, v, state, given, parameters[:own])
+        air = self.model.expressions(robot, q, v, state, given, parameters[:own])
+        return replace(air, wind=given)
 
     def _share(self, height: Any, reference: Any, number: Any) -> Any:
         """Wind at a height over that at the reference height [1]."""
@@ -96,3 +98,8 @@ class WindShear(OnModel):
         if self.roughness is None:
             return (above / reference) ** number
         return ca.log(1.0 + above / number) / ca.log(1.0 + reference / number)
+
+
+def sheared(aero: Any) -> bool:
+    """Whether a model of the air is `WindShear`, or on it."""
+    return isinstance(aero, WindShear) or (isinstance(aero, OnModel) and sheared(aero.model))

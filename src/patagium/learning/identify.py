@@ -128,7 +128,7 @@ def _flight_words(
 ) -> dict[str, str]:
     """Words about air, forces and left out samples of a flight, by what they describe."""
     words, (robot, air) = go_on_in(learner, flight), flown(flight)
-    changes = wind_change(flight) is not None
+    changes = wind_change(flight, learner.network) is not None
     if changes and robot.floating:
         words["wind"] = "as the flight has it at each sample"
     elif changes or air.gust is not None:

@@ -29,6 +29,7 @@ from patagium.errors import PatagiumError
 from patagium.learning.forecast import FrozenModel, Motion, Repetition
 from patagium.learning.models.memory import ModelMemory
 from patagium.learning.models.network import Network, flight_terms
+from patagium.learning.samples import wind_change
 from patagium.robot import Robot
 from patagium.sensing.force import air_force
 from patagium.simulation import added_mass_of
@@ -223,5 +224,5 @@ def robot_motion(
         return None
     q, v, a = (air_force.recorded(flight, name, robot) for name in ("q", "v", "a"))
     time = np.asarray(flight["time"].values, float)
-    change = air_force.recorded_wind_change(flight)
+    change = wind_change(flight, network)
     return RobotMotion(form, network, time, (q, v, a), period, change)

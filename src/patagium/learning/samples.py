@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.aerodynamics import Air
+from patagium.aerodynamics.wind_shear import sheared
 from patagium.arrays import Array
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.learners.filter_learner import FilterLearner
@@ -92,7 +93,7 @@ def samples(
     if len(time) < 2:
         raise LogError(f"flight: expected two samples at least, found {len(time)}; fly longer")
     x = state if inputs is None else state[:, state_columns(machine, inputs)]
-    change = wind_change(flight)
+    change = wind_change(flight, network)
     x = x if change is None else relative_to_wind(x, change, machine, inputs)
     if terms.acceleration and acceleration is not None:
         x = np.hstack([x, acceleration])
@@ -136,15 +137,19 @@ def flown(flight: xr.Dataset | ForceSamples) -> tuple[Robot, Air]:
     return robot_of(flight), air_of(flight)
 
 
-def wind_change(flight: xr.Dataset | ForceSamples) -> Array | None:
+def wind_change(flight: xr.Dataset | ForceSamples, network: Network) -> Array | None:
     """Change of a flight's wind from its steady part, (N, 3) [m/s], world axes; None: no change.
 
     Args:
         flight: Record of a flight, or measured forces.
+        network: What learns from it or predicts it; where it knows shear, as a grey box does, the
+            change in a flight in shear is that at the reference height.
     """
-    if not isinstance(flight, ForceSamples):
+    known = sheared(getattr(network, "model", None))
+    if isinstance(flight, xr.Dataset) and not (known and "strip_wind" in flight):
         return recorded_wind_change(flight)
-    change = flight.air.uniform_wind_at(flight.time) - flight.air.wind
+    _, air = flown(flight)
+    change = air.uniform_wind_at(np.asarray(flight.time)) - air.wind
     return change if change.any() else None
 
 

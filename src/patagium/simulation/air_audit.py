@@ -52,7 +52,7 @@ def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[
     with made_again("the flight's air", FlightError):
         ground = air.get("ground")
         density, ground = float(air["density"]), ground and float(ground)
-    found = [] if beats is None else _power(flight, beats)
+    found = [] if beats is None or air.get("gust") else _power(flight, beats)
     found += _coefficient(robot, flight, density) + _downwash(flight)
     if ground is None and f'"{WindShear.name}"' in told:
         ground = 0.0
@@ -64,8 +64,8 @@ def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[
 
 def _power(flight: xr.Dataset, beats: slice) -> list[str]:
     """Sentence about still air that gives power to the wings."""
-    wind, time = flight["wind"].to_numpy(), flight["time"].to_numpy()[beats]
-    if np.ptp(wind, axis=0).any() or "strip_wind" in flight or time.size < 3:
+    time, wind = flight["time"].to_numpy()[beats], flight["wind"].to_numpy()[beats]
+    if time.size < 3:
         return []
     if not wind.any():
         steps = np.diff((flight["air_work"] + flight["added_mass_work"]).to_numpy()[beats])
@@ -77,7 +77,7 @@ def _power(flight: xr.Dataset, beats: slice) -> list[str]:
     given = float(steps.sum())
     if given <= NO_POWER * np.abs(steps).sum():
         return []
-    moving = np.gradient(flight["strip_point"].to_numpy()[beats], time, axis=0) - wind[0]
+    moving = np.gradient(flight["strip_point"].to_numpy()[beats], time, axis=0) - wind[:, None]
     of_strips = (flight["strip_force"].to_numpy()[beats] * moving).sum(-1).mean(0)
     most, span = int(of_strips.argmax()), time[-1] - time[0]
     return [

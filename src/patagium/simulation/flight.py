@@ -85,7 +85,7 @@ QUANTITIES: dict[str, Quantity] = {
     "downwash": Quantity(
         ("strip",), "m/s", "velocity the wings induce at each strip, against its normal, if modeled"
     ),
-    "wind": Quantity(("axis",), "m/s", "velocity of the air, world axes"),
+    "wind": Quantity(("axis",), "m/s", "velocity of the air, mean over the wings, world axes"),
     "kinetic_energy": Quantity((), "J", "kinetic energy"),
     "potential_energy": Quantity((), "J", "potential energy of gravity and of springs"),
     "joint_work": Quantity((), "J", "work of the actuated joints since the start"),
@@ -131,7 +131,9 @@ OPTIONAL: dict[str, Quantity] = {
         "force and moment through each load cell on what it holds, axes and origin of the cell",
     ),
     STRIP_WIND: Quantity(
-        ("strip", "axis"), "m/s", "wind each strip answers to in a gust that travels, world axes"
+        ("strip", "axis"),
+        "m/s",
+        "wind each strip answers to in shear or a gust that travels, world axes",
     ),
 }
 """Variables that a flight need not have, such as those that older versions lack."""

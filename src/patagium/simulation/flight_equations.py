@@ -49,7 +49,7 @@ RECORDED_WITH_ADDED_MASS = (*RECORDED, "added_mass_force", "fluid_energy", "flui
 LOAD_CELLS = "load_cell_wrench"
 """Recorded quantity of a flight with load cells."""
 STRIP_WIND = "strip_wind"
-"""Recorded quantity of a flight in a gust that travels, the last."""
+"""Recorded quantity of a flight in shear or a gust that travels, the last."""
 
 
 def flight_functions(
@@ -212,8 +212,9 @@ def _equations(
         recorded["fluid_momentum"] = fluid_momentum(machine, q, v, added)
     if layout.cells:
         recorded[LOAD_CELLS] = _through_cells(layout, q, constraint, damping)
-    if layout.met:
-        recorded[STRIP_WIND] = motion.wind
+    if layout.several:
+        met = motion.on_strips.wind
+        recorded[STRIP_WIND] = motion.wind if met is None else met
     return rate, {name: recorded[name] for name in recorded_names(layout)}
 
 
@@ -228,7 +229,7 @@ class _Motion(NamedTuple):
         circulation: Part of the added mass's force that circulation takes back, (n, 1) [N, N m]:
             not the strips' own force, but its power is the air's, for carried air keeps its energy.
         added: Added mass of the bodies, or None.
-        wind: Wind that strips answer to, world axes, (3, 1) or (3, n_strips) [m/s].
+        wind: Wind before shear, world axes, (3, 1) or (3, n_strips) [m/s].
     """
 
     q: ca.SX
@@ -272,7 +273,8 @@ def _motion(
 def recorded_names(layout: StateLayout) -> tuple[str, ...]:
     """Names of the quantities that the record function gives, in order."""
     names: tuple[str, ...] = RECORDED_WITH_ADDED_MASS if ADDED_WORK in layout.works else RECORDED
-    return names + ((LOAD_CELLS,) if layout.cells else ()) + ((STRIP_WIND,) if layout.met else ())
+    names += (LOAD_CELLS,) if layout.cells else ()
+    return names + ((STRIP_WIND,) if layout.several else ())
 
 
 def observed(machine: Robot, q: ca.SX, v: ca.SX, air: AeroExpressions) -> dict[str, ca.SX]:

@@ -447,6 +447,8 @@ class Simulator:
         before = _energy_and_momentum(self.run)
         cells = self._origin.load_cells
         layout = state_layout(robot, aero, self._held, self._origin.added_mass, cells)
+        if layout.several != self._layout.several:
+            raise ParameterError("aero", "shear or none, as before", aero.name)
         self._take(robot, aero, layout)
         implicit = self._stiff(self.time, self._integration.state)
         if implicit != self._implicit:
@@ -573,7 +575,7 @@ def _energy_and_momentum(run: IntegrationResult) -> tuple[Array, Array]:
 
 
 def _wind(aero: Aerodynamics, samples: dict[str, Array], time: Array) -> Array:
-    """Velocity of the air, (N, 3); in a gust that travels the mean over the wings."""
+    """Velocity of the air, mean over the wings, world axes, (N, 3) [m/s]."""
     if STRIP_WIND not in samples:
         return aero.air.wind_at(time)
     areas = np.array([float(s.chord * s.width) for s in aero.robot.strips])

@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
+from patagium.aerodynamics.wind_shear import sheared
 from patagium.arrays import Array
 from patagium.robot import Robot
 from patagium.simulation.mounts import InternalLoadCell, Mount, on_massless_mount, with_load_cells
@@ -45,6 +46,7 @@ class StateLayout:
         works: Names of the works that ride along.
         cells: Load cells.
         met: Strips that meet a gust that travels, all or none.
+        several: Whether each strip meets a wind of its own, which is recorded.
     """
 
     machine: Robot
@@ -57,6 +59,7 @@ class StateLayout:
     works: tuple[str, ...] = WORKS
     cells: int = 0
     met: int = 0
+    several: bool = False
 
     @property
     def size(self) -> int:
@@ -201,4 +204,5 @@ def state_layout(
         works=works,
         cells=len(cells),
         met=len(robot.strips) if aero.air.traveling else 0,
+        several=bool(robot.strips) and (aero.air.traveling is not None or sheared(aero)),
     )

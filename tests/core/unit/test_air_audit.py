@@ -64,6 +64,14 @@ def test_power_of_still_air_is_found(flight: xr.Dataset) -> None:
     assert not [w for w in sentences(broken.assign(wind=flight["wind"] + 1.0)) if "Still" in w]
     blown = flight.assign(wind=flight["wind"] + 1.0, aero_power=-flight["aero_power"])
     assert [w for w in sentences(blown) if "Still air gives" in w]
+    sheared = blown.assign(
+        wind=blown["wind"] * np.linspace(1.0, 1.1, flight.sizes["time"])[:, None]
+    )
+    assert [w for w in sentences(sheared) if "Still air gives" in w]  # met on the way up
+    air = pt.Air(gust=pt.air.RampGust((1.0, 0.0, 0.0), 0.0, 1.0))
+    aero = pt.air.Inflow(pt.QuasiSteady(aero_of(flight).robot, air))
+    changing = blown.assign_attrs(aero=json.dumps(aero.describe()))
+    assert not [w for w in sentences(changing) if "Still air gives" in w]
 
 
 def test_coefficients_and_downwash_beyond_limits_are_found(flight: xr.Dataset) -> None:

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
+from tests.robots import FLAPPER
 
 import patagium as pt
 from patagium.aerodynamics import WindShear
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.model import aero_functions
 from patagium.errors import ParameterError
+from patagium.learning.samples import samples
 from patagium.robot import load_robot_text
+from patagium.simulation.cycles import air_velocity
 
 
 def air(ground: float | None = None) -> pt.QuasiSteady:
@@ -120,6 +126,79 @@ def test_every_number_moves_the_lift() -> None:
     assert lift(WindShear(air(), reference_height=2.0, exponent=0.21), 5.0) > base
     rough = [lift(WindShear(air(), 2.0, roughness=z0), 5.0) for z0 in (0.03, 0.04)]
     assert rough[1] > rough[0]
+
+
+HALF = FLAPPER.split("mirror:")[0]
+LAW = {"reference_height": 10.0, "exponent": 0.3}
+
+
+def held_air(text: str) -> pt.QuasiSteady:
+    return pt.QuasiSteady(load_robot_text(text), pt.Air(wind=(-8.0, 0.0, 0.0)))
+
+
+def flown(aero: Any, **start: float) -> Any:
+    """Five steps at rest on a stand."""
+    robot = aero.robot
+    options: Any = {"duration": 0.005, "time_step": 1e-3, "mount": pt.mounts.fixed()}
+    return pt.simulate(robot, aero, pt.gaits.still(robot), q=robot.coordinates(**start), **options)
+
+
+@pytest.mark.parametrize(
+    "put_on",
+    [
+        lambda air: WindShear(air, **LAW),
+        lambda air: WindShear(pt.air.Inflow(air), **LAW),
+        lambda air: pt.air.Inflow(WindShear(air, **LAW)),
+        lambda air: pt.air.LearnedAir(WindShear(air, **LAW)),
+    ],
+)
+@pytest.mark.usefixtures("interpreted")
+def test_a_flight_records_the_wind_that_its_wings_met(put_on: Callable[..., Any]) -> None:
+    """It recorded that at the reference height, from which cycles took airspeed and thrust."""
+    flight = flown(put_on(held_air(FLAPPER)), z=1.0, roll=0.4)
+    heights = flight["strip_point"].values[..., 2]
+    assert np.ptp(heights[0]) > 0.05
+    met = -8.0 * (heights / 10.0) ** 0.3
+    # the law is rounded off at a hundredth of 10 m, by .1 % at 1 m
+    np.testing.assert_allclose(flight["strip_wind"].values[..., 0], met, rtol=2e-3)
+    np.testing.assert_allclose(flight["wind"].values[:, 0], met.mean(axis=1), rtol=2e-3)
+    assert air_velocity(flight, put_on(held_air(FLAPPER)).robot)[0] == pytest.approx(4.0, rel=0.02)
+
+
+@pytest.mark.parametrize("knows_shear", [False, True])
+@pytest.mark.usefixtures("interpreted")
+def test_a_flight_in_shear_is_learned_by_the_wind_it_met(knows_shear: bool) -> None:
+    """Learned by the wind at the reference height; what knows shear must not shear it twice."""
+    plain = held_air(HALF)
+    shear = WindShear(plain, **LAW)
+    flight = flown(shear, z=1.0, pitch=-0.1)
+    grey = pt.GreyBox(shear if knows_shear else plain, {"polar.lift_amplitude": 0.1})
+    _, x, y, _ = samples(flight, grey)
+    assert np.abs(y).max() > 0.05
+    np.testing.assert_allclose(grey.evaluate(x, np.zeros(1)), y, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_power_of_learned_air_is_relative_to_the_wind_that_strips_meet() -> None:
+    """What the weights add was taken relative to the wind at the reference height."""
+    air = held_air(FLAPPER)
+    weights = np.array([0.5, 0.8, 0.1, 0.2, 0.0])
+    orders = (
+        WindShear(pt.air.LearnedAir(air, weights), **LAW),
+        pt.air.LearnedAir(WindShear(air, **LAW), weights),
+    )
+    q, v = air.robot.coordinates(z=1.0, pitch=-0.2), air.robot.velocities(z=1.0, left_plunge=3.0)
+    one, other = (model.strips(q, v)["power"] for model in orders)
+    assert other == pytest.approx(one, rel=1e-9) and abs(one) > 0.01
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_shear_neither_comes_nor_goes_in_a_flight() -> None:
+    air = held_air(HALF)
+    options: Any = {"duration": 0.005, "time_step": 1e-3, "mount": pt.mounts.fixed()}
+    running = pt.Simulator(air.robot, WindShear(air), pt.gaits.still(air.robot), **options)
+    with pytest.raises(ParameterError, match="shear or none, as before"):
+        running.change(air.robot, air)
 
 
 def test_refused() -> None:
