@@ -159,8 +159,9 @@ class WingLossEvent(Event):
     """Outer part of one wing that is cut off, with its share of the mass of its bodies.
 
     The mass of a body goes as the area of its strips, its centre as their centroid, and its
-    second moments as theirs: a plate that is cut is a smaller plate. A body that floats, or whose
-    mass lies elsewhere than its strips, is a fuselage with a wing fixed to it, and loses none.
+    second moments as theirs: a plate that is cut is a smaller plate. Pieces of a flexible body are
+    plates cut where it is. A body that floats, or whose mass lies elsewhere than its strips, is a
+    fuselage with a wing fixed to it, and loses none.
 
     Args:
         time: When it is lost [s].
@@ -313,6 +314,7 @@ def without_tip(robot: Robot, wing: str, share: float) -> Robot:
     room = (1 - share) * sum(float(strip.width) for strip in strips)
     values: dict[str, float] = {}
     edge: dict[int, Array] = {}
+    cuts: dict[int, float] = {}
     for k, strip in enumerate(strips):
         width = float(strip.width)
         kept = float(np.clip(room, 0.0, width))
@@ -322,15 +324,40 @@ def without_tip(robot: Robot, wing: str, share: float) -> Robot:
         out = _outwards(strips, k)
         center = np.array(strip.quarter_chord, float)
         inner = edge.get(strip.body, center - width / 2 * out)
+        root, along = _root(robot, strip.body)
+        cuts.setdefault(root, along + (inner + kept * out)[1])
         left = max(kept, LEFT * width)
         edge[strip.body] = inner + left * out  # side by side: no two vortices in one place
         values[f"{strip.name}.width"] = left
         values |= _named(f"{strip.name}.quarter_chord", inner + left / 2 * out)
     less = robot.with_parameters(values)
-    for body in edge:
-        if not (robot.bodies[body].floating_dofs or mass_beside_strips(robot, body)):
-            values |= _lighter(less, robot, body)
+    for place, body in enumerate(robot.bodies):
+        root, along = _root(robot, place)
+        if body.floating_dofs or root not in cuts:
+            continue
+        hinge = next((b.position[1] for b in robot.bodies if b.piece and b.parent == place), None)
+        if body.piece or hinge is not None:
+            values |= _shorter(body, cuts[root] - along, hinge)
+        elif not mass_beside_strips(robot, place):
+            values |= _lighter(less, robot, place)
     return robot.with_parameters(values)
+
+
+def _root(robot: Robot, place: int) -> tuple[int, float]:
+    """Root of a flexible body of which a body is a piece, and its origin there along y [m]."""
+    along = 0.0
+    while robot.bodies[place].piece:
+        along, place = along + float(robot.bodies[place].position[1]), robot.bodies[place].parent
+    return place, along
+
+
+def _shorter(body: Body, cut: float, hinge: Any) -> dict[str, float]:
+    """Numbers of a piece that is cut at a place along y, the root up to its hinge [m]."""
+    center = np.array(body.center_of_mass, float)
+    half = center[1] if body.piece else hinge - center[1]
+    share = float(np.clip((cut - center[1]) / (2 * half) + 0.5, LEFT, 1.0))
+    center[1] -= (1 - share) * half
+    return _scaled(body, share, np.array([1.0, share**2, 1.0]), center)
 
 
 def _outwards(strips: Sequence[Strip], place: int) -> Array:
@@ -351,13 +378,19 @@ def _lighter(less: Robot, robot: Robot, place: int) -> dict[str, float]:
     area, center, second = _plates(less, place)
     whole, former, seconds = _plates(robot, place)
     thick = np.where(seconds > 1e-9 * seconds.max(), seconds, 1.0)
-    scale = np.sqrt(area / whole * np.where(thick == seconds, second / thick, 1.0))
+    squares = np.where(thick == seconds, second / thick, 1.0)
+    where = np.array(body.center_of_mass) + center - former
+    return _scaled(body, area / whole, squares, where)
+
+
+def _scaled(body: Body, share: float, squares: Array, center: Array) -> dict[str, float]:
+    """Numbers of a body with a share of its mass, whose variances are scaled, (3,) [1]."""
+    scale = np.sqrt(share * squares)
     variances, axes = np.linalg.eigh(np.trace(body.tensor) / 2 * np.eye(3) - body.tensor)
     axes = scale[:, None] * axes
     spread = axes * np.maximum(variances, 0.0) @ axes.T  # an estimate may be below 0
     tensor = np.trace(spread) * np.eye(3) - spread
-    where = np.array(body.center_of_mass) + center - former
-    return _mass_of(body, float(body.mass) * area / whole, where, tensor)
+    return _mass_of(body, float(body.mass) * share, center, tensor)
 
 
 def _plates(robot: Robot, place: int) -> tuple[float, Array, Array]:
