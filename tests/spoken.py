@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout, suppress
 from typing import NamedTuple
 
 import pytest
@@ -26,3 +28,19 @@ def say(capsys: pytest.CaptureFixture[str], *words: object) -> Answer:
     said = capsys.readouterr()
     code = left.value.code
     return Answer(code if isinstance(code, int) else 0, said.out, said.err)
+
+
+@contextmanager
+def refusing_stdout(*, pipe: bool) -> Iterator[None]:
+    """Standard output into a pipe whose reader has gone, or onto a disk without space."""
+    place: int | str = "/dev/full"
+    if pipe:
+        reader, place = os.pipe()
+        os.close(reader)
+    stream = open(place, "w", encoding="utf-8")
+    try:
+        with redirect_stdout(stream):
+            yield
+    finally:
+        with suppress(OSError):
+            stream.close()

@@ -305,7 +305,7 @@ class Outcome(IntEnum):
             Outcome.DUPLICATE: "check the source of the samples; this one was not learned from",
             Outcome.BLIND: "check the sensors of the outputs; no channel was usable",
             Outcome.STEP_TOO_LONG: "shorten the time step",
-            Outcome.INTERRUPTED: "start it again for the rest",
+            Outcome.INTERRUPTED: "run it again from the start, or for a shorter time",
         }[self]
 
 

@@ -34,8 +34,8 @@ def fly(
 
     With a robot's name alone it is trimmed, flown by the predictive controller with noise-free
     states, and disturbed by a gust after a third of the flight; `docs/control.md` has a plan.
-    A flight that breaks, or is ended by Ctrl-C, is kept up to there, in FILE.partial.nc; the exit
-    code is then 2 or 130.
+    A flight that breaks, or is ended by Ctrl-C, is kept up to there, in FILE.partial.nc, which
+    replaces an earlier one; the exit code is then 2 or 130.
     """
     from patagium.cli.interruption import interruptible
     from patagium.cli.plan import load_plan, prepared

@@ -55,27 +55,27 @@ def inspect(
         raise ParameterError("--output", "a file that is not there yet", str(output))
     with progress_bar(f"Reading {files[0].name}") as progress:
         found = inspect_log(files, skip_rows=skip_rows, progress=progress)
-    if as_json:
-        say_json(asdict(found))
-        return
     names = [one.name for one in found.topics]
     unknown = [name for name in topic or () if name not in names]
     if unknown:
         raise LogError(f"{found.path}: holds no topic {unknown[0]!r}, but {', '.join(names)}")
     tables = all(one.kind == "table" for one in found.topics)
     shown = topic or (names if tables or len(names) == 1 else ())
+    if output is not None:  # before stdout, which may fail
+        if not shown:
+            raise ParameterError("--topic", f"topics of the mapping, such as {names[0]}", None)
+        write_whole(output, _mapping(found, shown))
+    if as_json:
+        say_json(asdict(found))
+        return
     for table in _tables(found, shown):
         show_table(table)
     show_findings(found.findings)
     for note in found.notes:
         typer.echo(f"Note: {note}")
     if not shown:
-        if output is not None:
-            raise ParameterError("--topic", f"topics of the mapping, such as {names[0]}", None)
         typer.echo("Numbers of a topic, and a mapping to begin from: --topic NAME; all: --json")
-    elif output is not None:
-        write_whole(output, _mapping(found, shown))
-    else:
+    elif output is None:
         typer.echo("A map.yaml to begin from (-o map.yaml writes it):")
         typer.echo(_mapping(found, shown), nl=False)
     mapping = output or "map.yaml"

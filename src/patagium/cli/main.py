@@ -103,6 +103,8 @@ def _command(verb: ModuleType) -> type[TyperCommand]:
                 if word.startswith("--"):
                     error.args = (str(error).replace(error.name, word, 1),)
                 raise
+            except OSError as error:  # of a pipe, too, which Typer ends with 1 and no word
+                raise PatagiumError(_sentence(error)) from error
 
     return Command
 
@@ -156,11 +158,12 @@ def run(arguments: Sequence[str] | None = None) -> None:
     for name in ("stdout", "stderr"):  # closed before the start
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
-    debug, stderr = "--debug" in words, sys.stderr
+    debug, stdout, stderr = "--debug" in words, sys.stdout, sys.stderr
     if isinstance(sys.stdout, TextIOWrapper):  # names of files may hold what is no text
         codecs.register_error("patagium", _in_fewer_letters)
         sys.stdout.reconfigure(errors="patagium")
-    sys.stderr = cast(TextIO, _Messages(stderr))
+    sys.stdout = cast(TextIO, _Lossy(stdout, BrokenPipeError))  # a reader has what it wanted
+    sys.stderr = cast(TextIO, _Lossy(stderr, OSError, ValueError))
     try:
         with repeated_interrupt(), warnings.catch_warnings():
             warnings.simplefilter("always", UserWarning)
@@ -184,7 +187,7 @@ def run(arguments: Sequence[str] | None = None) -> None:
         typer.echo(f"patagium: {_sentence(error)}", err=True)
         raise SystemExit(2) from None
     finally:
-        sys.stderr = stderr
+        sys.stdout, sys.stderr = stdout, stderr
         _drop_unwritable()
 
 
@@ -196,19 +199,19 @@ def _in_fewer_letters(problem: Any) -> tuple[str | bytes, int]:
     return plain.encode("ascii", "backslashreplace").decode(), problem.end
 
 
-class _Messages:
-    """Standard error that loses what its terminal or disk does not take, and nothing else."""
+class _Lossy:
+    """Standard stream that drops text whose writing fails with given errors."""
 
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
+    def __init__(self, stream: TextIO, *lost: type[Exception]) -> None:
+        self._stream, self._lost = stream, lost
 
     def write(self, text: str) -> int:
-        with suppress(OSError, ValueError):
+        with suppress(*self._lost):
             self._stream.write(text)
         return len(text)
 
     def flush(self) -> None:
-        with suppress(OSError, ValueError):
+        with suppress(*self._lost):
             self._stream.flush()
 
     def __getattr__(self, name: str) -> Any:

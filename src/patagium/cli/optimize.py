@@ -130,6 +130,9 @@ def _front(found: list[tuple[float, Any]], figure: Path | None, as_json: bool) -
          100 * (1 - one.power / sine), one.orbit.gait.frequency)
         for speed, one in gaits
     ]  # fmt: skip
+    outputs = Outputs()
+    if figure is not None and gaits:
+        outputs.attempt("figure", lambda: save_figure(styled(_picture)(gaits), figure))
     if as_json:
         say_json([dict(zip(heads, row, strict=True)) for row in rows])
     else:
@@ -139,8 +142,7 @@ def _front(found: list[tuple[float, Any]], figure: Path | None, as_json: bool) -
             typer.echo(f"{speed:g} m/s: {one!r}", err=True)
     if not gaits:
         raise PatagiumError("no gait was found at any of these speeds")
-    if figure is not None:
-        save_figure(styled(_picture)(gaits), figure)
+    outputs.check()
 
 
 def _picture(gaits: list[tuple[float, OptimalGait]]) -> Figure:

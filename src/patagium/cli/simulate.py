@@ -199,8 +199,8 @@ def simulate(
 
     Quantities are SI numbers, or text with a unit: "5 Hz", "30 deg", "3 m/s". What is not given
     comes from the section `cruise` of the robot's file, and is said.
-    A flight that breaks down, or is ended by Ctrl-C, is kept up to there, in FILE.partial.nc; the
-    exit code is then 2 or 130.
+    A flight that breaks down, or is ended by Ctrl-C, is kept up to there, in FILE.partial.nc, which
+    replaces an earlier one; the exit code is then 2 or 130.
     With --live it flies as the clock goes, shown and steered in a browser (see `docs/live.md`).
     """
     from patagium.cli.interruption import interruptible
@@ -274,7 +274,7 @@ def _tell_choice(
     if time_step is None:
         parts.append(f"time step {flight.attrs['time_step']:g} s")
     if parts:
-        typer.echo(f"Chosen for {machine.name}: {'; '.join(parts)}")
+        typer.echo(f"Chosen for {machine.name}: {'; '.join(parts)}", err=True)
 
 
 def flight_facts(flight: Any) -> dict[str, Any]:
@@ -415,6 +415,7 @@ def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
     if broken:  # what is there already may be whole
         output = output.with_name(f"{output.stem}.partial{output.suffix}")
     outputs = Outputs()
+    where = f"{output}{', in place of an earlier one' * output.exists()}"
     kept = outputs.attempt("flight", lambda: save_flight(flight, output))
     if figure is not None:
         from patagium.report.figures import flight_overview, save_figure
@@ -427,7 +428,7 @@ def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
         typer.echo(f"patagium: {warning}", err=True)
     outputs.check()
     if broken:
-        typer.echo(f"patagium: {flight.attrs['message']}; the flight is kept in {output}", err=True)
+        typer.echo(f"patagium: {flight.attrs['message']}; the flight is kept in {where}", err=True)
         raise typer.Exit(130 if flight.attrs["outcome"] == "INTERRUPTED" else 2)
     if not as_json:
         say_next(*(command(f"patagium {verb} {{}}", output) for verb in ("view", "identify")))

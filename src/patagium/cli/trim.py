@@ -158,7 +158,9 @@ def _branch(found: Branch, figure: Path | None, as_json: bool) -> None:
     from patagium.report.page import Table
     from patagium.report.style import styled
 
-    rows = found.summary()
+    outputs, rows = Outputs(), found.summary()
+    if figure is not None:
+        outputs.attempt("figure", lambda: save_figure(styled(_picture)(found), figure))
     if as_json:
         points = [
             {"kind": one.kind, "value": one.value, "multiplier": abs(one.multiplier)}
@@ -168,8 +170,7 @@ def _branch(found: Branch, figure: Path | None, as_json: bool) -> None:
     else:
         told = [for_person(row) for row in rows]
         show_table(Table([*told[0]], [[*row.values()] for row in told], repr(found)))
-    if figure is not None:
-        save_figure(styled(_picture)(found), figure)
+    outputs.check()
 
 
 def _picture(found: Branch) -> Figure:

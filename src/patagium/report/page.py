@@ -278,7 +278,7 @@ def page_path(path: str | Path, *more: str, name: str = "page") -> Path:
     """
     page = Path(path)
     if page.suffix.lower() not in (".html", ".htm", *more):
-        raise ParameterError(name, "a name ending in .html", page.name)
+        raise ParameterError(name, "a name ending in .html or .htm", page.name)
     return page
 
 

@@ -191,8 +191,8 @@ def replay(
 
     Raises:
         FlightError: If the flight does not carry its robot.
-        ParameterError: If the span holds no two samples, the path ends not in .html, or beside
-            another flight predicted forces are asked for too.
+        ParameterError: If the span holds no two samples, the path ends in neither .html nor .htm,
+            or beside another flight predicted forces are asked for too.
         ShapeError: If the model is of another robot.
         LogError: If the identification is of another flight.
     """

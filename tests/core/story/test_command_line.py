@@ -21,7 +21,7 @@ from patagium.learning.identify import identify
 from patagium.sensing.logs.importing.import_log import read_table
 from patagium.sensing.logs.mapping import load_mapping
 
-from ...spoken import Speak
+from ...spoken import Speak, refusing_stdout
 
 VERBS = (
     *("simulate", "trim", "optimize", "fly", "cycles", "figures", "view", "export", "inspect"),
@@ -155,8 +155,8 @@ def test_numbers_of_the_cruise_that_are_given_again_change_nothing(
         ("--offset", "feather=-0.321", "--speed", "4.08", "--pitch", "-0.533"),
     ):  # fmt: skip
         answer = speak("simulate", "aerobat", *words, *FLY, "-o", file)
-        assert answer.code == 0 and "Chosen for aerobat: its cruise, 11 Hz" in answer.out
-        assert ("at 4.08 m/s, pitch -30.5 deg" in answer.out) == ("--speed" not in words)
+        assert answer.code == 0 and "Chosen for aerobat: its cruise, 11 Hz" in answer.err
+        assert ("at 4.08 m/s, pitch -30.5 deg" in answer.err) == ("--speed" not in words)
         flights.append(pt.load_flight(file))
     for other in flights[1:]:
         for name in ("q", "v", "a"):
@@ -171,7 +171,7 @@ def test_a_cruise_of_held_joints_takes_other_means(tmp_path: Path, speak: Speak)
     """Such a cruise was refused for want of a frequency once a mean was given."""
     fly = ("simulate", "hawk", "--duration", "0.01", "-o", tmp_path / "f.nc")
     answer = speak(*fly, "--offset", "elevation=5 deg", "--speed", "8")
-    assert "Chosen for hawk: the rest of its cruise, joints held, pitch 11.5 deg" in answer.out
+    assert "Chosen for hawk: the rest of its cruise, joints held, pitch 11.5 deg" in answer.err
     flight, own = pt.load_flight(tmp_path / "f.nc"), pt.load_robot("hawk").cruise
     start = [float(flight["q"].sel(dof=name)[0]) for name in ("elevation", "pitch")]
     assert start == [np.radians(5.0), own.pitch] and float(flight["v"].sel(dof="x")[0]) == 8.0
@@ -481,7 +481,8 @@ def test_an_output_that_may_not_be_written_is_refused_before_the_work(
 def test_a_report_of_another_kind_is_refused_before_the_work(words: str, speak: Speak) -> None:
     """All was learned before a report that is no page was not saved."""
     answer = speak(*words.split(), "--report", "r.pdf")
-    assert answer.err == "patagium: --report: expected a name ending in .html, found 'r.pdf'\n"
+    said = "--report: expected a name ending in .html or .htm, found 'r.pdf'"
+    assert answer.err == f"patagium: {said}\n"
 
 
 def test_closed_streams_lose_what_is_said_and_nothing_else() -> None:
@@ -490,6 +491,45 @@ def test_closed_streams_lose_what_is_said_and_nothing_else() -> None:
     for closed in ("", " 2>&-"):
         done = subprocess.run(["sh", "-c", program + closed, sys.executable], capture_output=True)
         assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.parametrize(("pipe", "code"), [(True, 0), (False, 2)])
+def test_a_stdout_that_takes_nothing_costs_no_file(
+    pipe: bool, code: int, log: tuple[Path, Path], tmp_path: Path, speak: Speak
+) -> None:
+    """A flight was lost whole, and a mapping; a closed pipe ended with 1 and no word."""
+    flown, begun = tmp_path / "flight.nc", tmp_path / "map.yaml"
+    for words in (
+        ("simulate", "aerobat", *FLY, "-o", flown),
+        ("inspect", log[0], "-o", begun),
+        ("robots",),
+    ):
+        with refusing_stdout(pipe=pipe):
+            answer = speak(*words)
+        assert answer.code == code
+        assert ("No space left on device" in answer.err) == (code == 2)
+    assert pt.load_flight(flown).attrs["outcome"] == "COMPLETED"
+    assert begun.read_text("utf-8").startswith("time: ")
+
+
+def test_a_pipe_among_the_outputs_that_is_closed_is_told(
+    log: tuple[Path, Path], speak: Speak, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Typer ended it with 1 and no word, which the exit codes do not have."""
+
+    def closed(*_: object) -> None:
+        raise BrokenPipeError(32, "Broken pipe", "pipe")
+
+    monkeypatch.setattr("patagium.whole_file.write_whole", closed)
+    answer = speak("inspect", log[0], "-o", log[0].with_name("map.yaml"))
+    assert answer == (2, "", "patagium: pipe: Broken pipe\n")
+
+
+def test_a_mapping_is_written_with_json_too(log: tuple[Path, Path], speak: Speak) -> None:
+    """With --json, inspect took -o and wrote nothing."""
+    begun = log[0].with_name("map.yaml")
+    answer = speak("inspect", log[0], "-o", begun, "--json")
+    assert json.loads(answer.out)["format"] and begun.read_text("utf-8").startswith("time: ")
 
 
 def test_an_abbreviated_option_is_completed(speak: Speak) -> None:

@@ -26,7 +26,7 @@ def test_a_preset_flies_by_itself(name, tmp_path, capsys):
     path = tmp_path / "flight.nc"
     code, out, err = say(capsys, "simulate", name, "-o", path)
     assert code == 0, err
-    assert f"Chosen for {name}" in out and "time step" in out and f"view {path}" in out
+    assert f"Chosen for {name}" in err and "time step" in err and f"view {path}" in out
     flight, robot = pt.load_flight(path), pt.load_robot(name)
     assert flight.time[-1] == pytest.approx(robot.cruise.duration)
     assert flight.attrs["energy_audit"] < 1e-7  # fourth order at 400 steps a beat: below 1e-8
@@ -95,7 +95,7 @@ def test_units_stand_in_every_row(tmp_path, capsys):
     rows = [
         line for line in out.splitlines() if any(k in line for k in ("audit", "speed", "climb"))
     ]
-    assert len(rows) >= 5 and all("[" in row for row in rows if not row.startswith("Chosen"))
+    assert len(rows) >= 5 and all("[" in row for row in rows)
     facts = json.loads(say(capsys, *words, "--json")[1])
     assert facts["speed"] > 1 and facts["pitch"][0] < facts["pitch"][1]
 
@@ -106,7 +106,7 @@ def test_a_broken_run_leaves_the_good_file(tmp_path, capsys):
     before = path.read_bytes()
     code, out, err = say(capsys, "simulate", "aerobat", "--time-step", "1e-2", "-o", path)
     assert code == 2 and "flight.partial.nc" in err
-    assert f"duration {pt.load_robot('aerobat').cruise.duration:g} s" in out  # not that reached
+    assert f"duration {pt.load_robot('aerobat').cruise.duration:g} s" in err  # not that reached
     assert path.read_bytes() == before
     assert pt.load_flight(tmp_path / "flight.partial.nc").attrs["outcome"] != "COMPLETED"
 
@@ -122,11 +122,16 @@ def test_an_interrupted_flight_is_kept_up_to_there(verb, number, tmp_path, capsy
         yield lambda done, total: signal.raise_signal(number) if done > 0.3 * total else None
 
     monkeypatch.setattr(import_module(f"patagium.cli.{verb}"), "progress_bar", bar)
-    code, _, err = say(capsys, verb, "ornithopter", "--duration", "4", "-o", path)
-    assert code == 130 and "interrupted; start it again for the rest" in err
+    words = (verb, "ornithopter", "--duration", "4", "-o", path)
+    code, _, err = say(capsys, *words)
+    assert code == 130 and err.endswith("is kept in " + str(tmp_path / "flight.partial.nc") + "\n")
+    assert "interrupted; run it again from the start, or for a shorter time; the flight" in err
     assert path.read_bytes() == b"of before"
     kept = pt.load_flight(tmp_path / "flight.partial.nc")
     assert kept.attrs["outcome"] == "INTERRUPTED" and 1.2 < kept["time"].values[-1] < 4.0
+    kept.close()
+    # the advice was to start again "for the rest", and the flight so far was replaced silently
+    assert say(capsys, *words).err.endswith("flight.partial.nc, in place of an earlier one\n")
 
 
 def test_progress_that_is_interrupted_ends_the_flight_between_steps():

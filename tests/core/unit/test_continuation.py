@@ -11,12 +11,14 @@ from scipy.optimize import minimize_scalar
 
 import patagium as pt
 from patagium.cli.main import run
-from patagium.cli.trim import _range
+from patagium.cli.trim import _branch, _range
 from patagium.control import continue_orbit
 from patagium.control.continuation import crossing_kind
 from patagium.errors import ParameterError
 from patagium.robot import load_robot_text
 from patagium.robot.model import Actuator
+
+from ...spoken import refusing_stdout
 
 GLIDER = """
 name: glider
@@ -162,6 +164,14 @@ def test_the_verb_shows_a_branch_and_a_picture(tmp_path, capsys):
     with pytest.raises(SystemExit) as left:
         run(["trim", "aerobat", "--along", "speed"])
     assert left.value.code == 2
+
+
+def test_a_branch_is_drawn_where_stdout_takes_nothing(aerobat, tmp_path):
+    """The table came first, and with it the picture was lost."""
+    branch, picture = continue_orbit(aerobat, "speed", (2.94, 2.96)), tmp_path / "branch.svg"
+    with refusing_stdout(pipe=False), pytest.raises(OSError, match="No space left"):
+        _branch(branch, picture, as_json=False)
+    assert picture.read_text("utf-8").startswith("<?xml")
 
 
 @pytest.mark.parametrize("words", ["speed=4.1:3.9", "speed=390:410 cm/s", "speed=3.9 m/s:410 cm/s"])

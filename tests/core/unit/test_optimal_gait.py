@@ -9,6 +9,7 @@ import pytest
 from tests.robots import FLAPPER
 
 import patagium as pt
+from patagium.cli.optimize import _front
 from patagium.control import optimal_gait
 from patagium.control.gait_family import gait_family
 from patagium.control.gait_program import TOLERANCE, GaitProgram, _limited
@@ -20,7 +21,7 @@ from patagium.robot import load_robot_text
 from patagium.robot.model import Actuator
 from patagium.simulation.flight_summary import flight_summary
 
-from ...spoken import say
+from ...spoken import refusing_stdout, say
 
 
 @pytest.fixture(scope="module")
@@ -216,6 +217,14 @@ def test_a_front_has_gaits_and_sinusoids_at_each_speed(ornithopter, tmp_path, ca
         pt.control.power_front(ornithopter, [4.0], harmonics=1)
     with pytest.raises(ParameterError, match="speeds: expected each speed once"):
         pt.control.power_front(ornithopter, [4.0, 4.4, 4.0])
+
+
+def test_a_front_is_drawn_where_stdout_takes_nothing(best, tmp_path):
+    """The table came first, and with it the picture was lost."""
+    picture = tmp_path / "front.svg"
+    with refusing_stdout(pipe=False), pytest.raises(OSError, match="No space left"):
+        _front([(4.0, best)], picture, as_json=False)
+    assert picture.read_text("utf-8").startswith("<?xml")
 
 
 def test_the_verb_writes_a_flight_and_a_gait_to_fly(ornithopter, tmp_path, capsys):
