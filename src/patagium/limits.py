@@ -20,6 +20,8 @@ NESTING = 60
 """Levels of nested lists and mappings; files of the package have 12."""
 ENTRIES = 200_000
 """Entries of YAML, aliases written out: what such a text can honestly hold."""
+LEAST_TRIALS = 8
+"""Trials of `tune` at least: those that are drawn at a time."""
 PROBLEMS = 8
 """Problems of a file that are told one by one; more are counted."""
 SHOWN = 60

@@ -42,8 +42,10 @@ class _Package(ModuleType):
         if name not in homes:
             from patagium.errors import unknown_name
 
-            known = dict[str, str]()  # none for importers, which ask for "__path__" and modules
-            if name[0] != "_" and not find_spec(f"{package}.{name}"):
+            known = dict[str, str]()  # none for importers, which ask for "__path__"
+            if name[0] != "_":
+                if find_spec(f"{package}.{name}"):
+                    return import_module(f"{package}.{name}")
                 for space in (one for one, home in homes.items() if home == package):
                     words = import_module(f"{package}.{space}").__all__
                     known |= {word: f"{package}.{space}.{word}" for word in words}

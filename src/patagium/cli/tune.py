@@ -15,6 +15,7 @@ from patagium.cli.options import OUTPUT, MappingOption, output_file
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import progress_bar, say_json, say_next, show_table
 from patagium.errors import LogError, command
+from patagium.limits import LEAST_TRIALS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -55,7 +56,7 @@ def tune(
             "kinematics are alike and none are left out; half of the flight by default."
         ),
     ] = None,
-    trials: Annotated[int, typer.Option(help="Number of settings to try.")] = 64,
+    trials: Annotated[int, typer.Option(min=LEAST_TRIALS, help="Number of settings to try.")] = 64,
     jobs: Annotated[
         int | None, typer.Option(min=1, help="Number of processes; one for each core by default.")
     ] = None,

@@ -235,8 +235,8 @@ class Simulator:
         gait: Motion of the actuated joints; of a `SteeredGait` a copy is flown and commanded.
         duration: Longest time it can fly, a whole number of time steps; of chosen steps as many as
             come nearest [s].
-        time_step: Step [s]; None for a 400th of a wingbeat, 1 ms at most, or half the longest
-            stable one at the start where that is shorter.
+        time_step: Step [s]; None for the shortest of a 400th of a wingbeat, 1 ms, half the longest
+            stable one at the start, and .3/w for an undamped oscillation of w rad/s.
         mount: Mount that holds the robot; free by default if it floats, else fixed.
         control_period: Time that `step` takes, a whole number of time steps [s]; by default a
             twentieth of a wingbeat, or 10 ms where the gait stands still. A controller with a

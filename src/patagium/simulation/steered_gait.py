@@ -130,8 +130,8 @@ class SteeredGait:
     """Steered gait: `command` changes frequency, amplitudes, offsets and phases from a time on.
 
     Names of commands are `frequency` [Hz], `amplitude` (excursions of all joints from their means
-    over the gait's own), and of a joint or of the pair of a name `plunge_amplitude`,
-    `plunge_offset` (added to the mean) [rad, m] and `plunge_phase` (lead) [rad].
+    over the gait's own) [1], and of a joint or of the pair of a name `plunge_amplitude` (over the
+    gait's own) [1], `plunge_offset` (added to the mean) [rad, m] and `plunge_phase` (lead) [rad].
 
     Args:
         robot: The machine; no command takes a joint beyond its limits, nor beyond the range and

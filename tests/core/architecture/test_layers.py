@@ -97,6 +97,13 @@ def test_names_of_a_name_space_resolve(space: str) -> None:
     assert [name for name in module.__all__ if getattr(module, name, None) is None] == []
 
 
+def test_a_layer_is_there_whatever_was_used_before() -> None:
+    """`pt.robot` was there only after something else had imported it."""
+    program = "import patagium as pt; print(pt.robot.load_robot is pt.load_robot, pt.live.__name__)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.stdout.strip() == "True patagium.live", done.stderr
+
+
 @pytest.mark.parametrize("space", NAME_SPACES)
 def test_a_name_of_a_name_space_is_found_from_the_top(space: str) -> None:
     names = set(getattr(patagium, space).__all__) - {*patagium.__all__}

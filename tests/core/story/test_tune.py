@@ -12,7 +12,7 @@ import yaml
 
 import patagium as pt
 from patagium.cli.main import run
-from patagium.errors import LogError
+from patagium.errors import LogError, ParameterError
 
 from ...spoken import Speak
 
@@ -182,13 +182,15 @@ def test_flights_are_left_out_and_must_be_of_one_robot_in_one_wind(
     thin = thin.assign_attrs(aero=thin.attrs["aero"].replace("1.225", "0.9"))
     network = pt.StripNetwork(pt.load_robot("aerobat"), (3,))
     with pytest.raises(LogError, match=r"flight 2: .* at 1.225 kg/m\^3, found .* at 0.9"):
-        pt.tune([pt.load_flight(flight), thin], network, trials=1, jobs=1)
+        pt.tune([pt.load_flight(flight), thin], network, trials=8, jobs=1)
+    with pytest.raises(ParameterError, match="trials: expected at least 8"):  # first of all
+        pt.tune([pt.load_flight(flight), thin], network, trials=7, jobs=1)
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--trials", 3), "trials: expected at least 8, found 3"),
+        (("--trials", 3), "--trials: expected a value greater than or equal to 8, found '3'"),
         (
             ("--covariance", "square"),
             "expected one of full, layer, node",

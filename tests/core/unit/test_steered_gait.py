@@ -151,6 +151,16 @@ def test_a_command_moves_the_joints_it_names_and_no_other():
     np.testing.assert_allclose(away, expected, atol=1e-12)
 
 
+def test_the_amplitude_of_a_joint_is_a_factor_as_described():
+    """An amplitude, which is a factor, could be read as an angle [rad]."""
+    assert "`plunge_amplitude` (over the gait's own) [1]" in " ".join(SteeredGait.__doc__.split())
+    gait, own = SteeredGait(ROBOT, a_gait()), a_gait()
+    gait.command(0.0, {"plunge_amplitude": 0.3})
+    time, place = np.linspace(4.0, 4.2, 201), gait.joints.index("left_plunge")
+    sizes = [np.ptp(one.motion(time).position[:, place]) for one in (gait, own)]
+    assert sizes[0] == pytest.approx(0.3 * sizes[1], rel=1e-9)
+
+
 def test_a_joint_s_own_command_counts_before_its_pair_s_in_any_order():
     given = {"left_plunge_amplitude": 0.5, "plunge_amplitude": 0.6, "amplitude": 0.7}
     for names in permutations(given):

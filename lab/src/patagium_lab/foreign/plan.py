@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from patagium.errors import ParameterError
-from patagium.learning.tuning.search import LEAST_TRIALS
+from patagium.limits import LEAST_TRIALS
 from patagium_lab.foreign.contestants import CONTESTANTS
 from patagium_lab.foreign.flights import GAITS
 from patagium_lab.foreign.subjects import LATTICE, MOUNTED, SUBJECTS

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 HIDDEN = "hidden"
 """Name of the hidden layers among the parameters of a trial."""
 _ON = " on"  # after the name of a setting: whether it is switched on
-LEAST_TRIALS = 8
 BATCH = 8
 """Trials that are drawn at a time."""
 STARTUP = 24

@@ -33,7 +33,6 @@ from patagium.learning.stream import Samples, used_samples
 from patagium.learning.tuning.left_out import Kinematics, LeftOut, kinematics_of, left_out
 from patagium.learning.tuning.prediction_score import Flown, PredictionScore, judged_trial, moving
 from patagium.learning.tuning.search import (
-    LEAST_TRIALS,
     DrawnTrial,
     SearchSpace,
     TrialJournal,
@@ -43,6 +42,7 @@ from patagium.learning.tuning.search import (
 )
 from patagium.learning.tuning.settings_file import LearnerSettings, NetworkSettings, Settings
 from patagium.learning.wingbeats import duration
+from patagium.limits import LEAST_TRIALS
 from patagium.sensing.logs.table import LogTable
 from patagium.simulation import air_of
 from patagium.version import __version__
@@ -145,7 +145,7 @@ def tune(
         network: Network that learns; several that differ in their hidden layers are alternatives,
             of one kind or of several. Each is judged by the force that it learns.
         every: 100 to use one sample in 100. The settings found are for that rate.
-        trials: Number of settings to try.
+        trials: Number of settings to try, at least 8.
         learner: "cubature" or "extended".
         covariance: Structures to try, as files hold them: "full", "layer" or "node";
             None: all of them, or "node" where a network has more than 400 weights.
@@ -166,6 +166,8 @@ def tune(
         LogError: If the journal is of another question, or every trial was refused.
         OutputError: If the journal cannot be written, or another process writes it.
     """
+    if trials < LEAST_TRIALS:
+        raise ParameterError("trials", f"at least {LEAST_TRIALS}", trials)
     networks = _several("network", network)
     for one in networks:
         network_options(str(one.describe()["kind"]))  # one that no file can name is refused
@@ -178,8 +180,6 @@ def tune(
     _refuse_other_air([*flights, *(one for _, one in others)])
     exams = tuple(_exam(flights, one, every, (tuple(others), ahead, source)) for one in networks)
     problem = _problem(exams, networks, learner, chosen, seed, every)
-    if trials < LEAST_TRIALS:
-        raise ParameterError("trials", f"at least {LEAST_TRIALS}", trials)
     with nullcontext() if journal is None else locked(journal):
         workers, book = partial(pool, jobs), TrialJournal(problem.question(), journal)
         return problem.tuned(_scored_trials(problem, trials, workers, book, progress))
