@@ -205,7 +205,7 @@ def test_the_file_of_a_new_robot_flies_and_is_never_written_over(
         ("simulate aerobat --duration -1", "--duration: expected a positive number of seconds"),
         ("simulate aerobat --time-step 0", "--time-step: expected a positive number of seconds"),
         ("simulate aerobat --duration 0.1 -o -", "--output: expected the name of a file, found"),
-        ("tune flight.nc --trials 2", "--trials: expected at least 8"),
+        ("tune flight.nc --trials 2", "--trials: expected a value greater than or equal to 8"),
         ("identify flight.nc --horizon 5s", "--horizon: expected less than the 0.1 s of the log"),
         ("export flight.nc -o x.csv", "--output: expected a file of the kind .mcap or .rrd (a tab"),
         ("send flight.nc udp://no.such.host.invalid:9000", "target: expected a host that is known"),
