@@ -126,19 +126,23 @@ def grey_box(flight: xr.Dataset, words: Sequence[str], aero: GreyModel | None) -
     return GreyBox(model, estimate, added, start=start)
 
 
-def refined(result: Identification, flight: xr.Dataset, every: int) -> Identification:
+def refined(
+    result: Identification, flight: xr.Dataset, every: int, before: Model | None
+) -> Identification:
     """Identification whose model comes from least squares over the whole flight.
 
     Args:
-        result: Identification by a learner of this flight.
+        result: Identification by a learner of this flight, which then goes on from that model.
         flight: Flight.
         every: Stride of the samples that are used.
+        before: Model of the flights learned before; None if there are none.
     """
     from patagium.learning import refine
     from patagium.learning.parameter_paths import parameter_scores
     from patagium.learning.verdict import with_verdict
 
-    model = refine(result.learner, flight, every=every)
+    model: Any = refine(result.learner, flight, every=every, before=before)
+    result.learner.go_on_from(model.weights, model.covariance)
     scores = {key: one for key, one in result.scores.items() if key != "parameter_problem"}
     return replace(result, scores=with_verdict(scores | parameter_scores(model)), learner=model)
 

@@ -96,6 +96,7 @@ def identify(
     from patagium.cli.logs import flight_or_table, long_record
     from patagium.cli.state import keep_model, keep_state, resumed, sole_user
     from patagium.learning.default_learner import learner_choices, table_settings
+    from patagium.learning.model_file import model_of
 
     every = every or choice.every
     long = long_record(file, mapping)
@@ -118,17 +119,17 @@ def identify(
     with sole_user(state):
         learner = resumed(choice.learner(network), state)
         learned = long or (flight if table is None else table)
+        before = model_of(learner) if learner.count else None
         result = _learned(learner, file, learned, {"every": every, "horizons": horizon}, state)
+        made = result.learner
+        if estimate and refine is not False and result.outcome is Outcome.COMPLETED:
+            with progress_bar(f"Refining what {file.name} taught"):
+                result = estimates.refined(result, flight, result.scores["every"], before)
         if result.outcome is Outcome.COMPLETED:
-            outputs.attempt("state", lambda: keep_state(result.learner, state))
-    result.scores["chosen"] |= learner_choices(
-        result.learner, given=bool(estimate) or not choice.default
-    )
+            outputs.attempt("state", lambda: keep_state(made, state))
+    result.scores["chosen"] |= learner_choices(made, given=bool(estimate) or not choice.default)
     if table is not None:
         typer.echo(f"{file}: {result.scores['gaps_found']}", err=True)
-    if estimate and refine is not False and result.outcome is Outcome.COMPLETED:
-        with progress_bar(f"Refining what {file.name} taught"):
-            result = estimates.refined(result, flight, result.scores["every"])
     model = model or file.with_name("model.json")
     outputs.attempt("model", lambda: keep_model(model, result.learner, result.inputs, file.name))
     if predictions is not None and outputs.attempt("predictions", lambda: result.save(predictions)):

@@ -10,7 +10,7 @@ Neglected: weights that wander, errors that are correlated, channels that are st
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -19,17 +19,20 @@ from scipy.linalg import cho_factor, cho_solve
 
 from patagium.arguments import checked
 from patagium.arrays import Array, find_gaps
-from patagium.errors import FilterDiverged, Outcome
+from patagium.errors import FilterDiverged, Outcome, ParameterError
 from patagium.learning.filters.weight_covariance import block_covariance
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.model_file import Model, model_of
 from patagium.learning.models.memory import network_inputs
 from patagium.learning.samples import samples, stds
 from patagium.learning.stream import Samples, checked_samples, used_samples
+from patagium.native.structs import header_numbers
 from patagium.sensing.force.measured_force import ForceSamples
 
 _CLOSE = 0.01  # steps shorter than that, in deviations, are the last
 _MOST_ROUNDS, _HALVINGS = 20, 8
+_COLOR = 0.5  # correlation of errors from which deviations are told to be too small
+_LEAST = header_numbers("screening.h").LEAST_NOISE  # as for the filter
 
 
 @checked
@@ -40,11 +43,13 @@ def refine(
     y: ArrayLike | None = None,
     *,
     every: int = 1,
+    before: Model | None = None,
 ) -> Model:
     """Most probable weights of a log, with their covariance.
 
-    Minimal over W: |y - y(W)|^2 / variance over the used samples + (W - W0)^2 / P0, with W0 and P0
-    those of the learner, and its variance (as estimated by now) with that of each measured force.
+    Minimal over W: |y - y(W)|^2 / variance over the used samples + (W - W0)' P0^-1 (W - W0). To
+    the variance of the learner that of each measured force is added. A learner that estimates its
+    noise (`noise_estimation`) takes that of the errors that remain, of independent samples.
     If the learner has `screening`, an error e beyond c standard deviations has its noise raised
     until e is c of them.
 
@@ -54,6 +59,9 @@ def refine(
         x: Measured inputs of the network, (N, n_measured) [units of x].
         y: What was measured, (N, n_y) [unit of y]; NaN where it was not.
         every: 1 to use each sample, 100 to use one in 100.
+        before: Model of earlier logs, from `refine` or of the learner before this log: its
+            weights and covariance are W0 and P0. None: those of the learner before any log, so
+            that logs it learned before this one do not count.
 
     Returns:
         A model with the covariance; `estimates` of its network reads it.
@@ -61,6 +69,7 @@ def refine(
     Raises:
         ShapeError: If the arrays do not fit each other or the network.
         LogError: If an input is not finite or time does not advance.
+        ParameterError: If the model of earlier logs is of another network, or has no covariance.
         FilterDiverged: If nothing finite comes of the learner's weights.
     """
     network = learner.network
@@ -72,44 +81,74 @@ def refine(
     log = replace(log, gaps=find_gaps(log.time))
     used = np.isin(np.arange(len(log.time)), used_samples(log.y, every, log.gaps))
     log = replace(log, y=np.where(used[:, None], log.y, np.nan))
-    first, prior = learner.prior
-    begins = [(_cost(learner, log, one), one) for one in (learner.weights, first)]
-    cost, weights = min(begins, key=lambda begin: begin[0])  # the filter may have diverged
-    if not np.isfinite(cost):
+    fit = _Fit(learner, log, *_prior(learner, before), learner.measurement_std**2)
+    begins = [(one, _errors(fit, one)) for one in (learner.weights, fit.first)]
+    weights, errors = min(begins, key=lambda begin: _cost(fit, *begin))  # a filter may diverge
+    if not np.isfinite(_cost(fit, weights, errors)):
         raise FilterDiverged("the weights to begin with give nothing finite", Outcome.NOT_FINITE)
+    covariance, told = np.zeros_like(fit.precision), 0.0
     for _ in range(_MOST_ROUNDS):
-        gradient, information = _slopes(learner, log, weights)
-        information[np.diag_indices_from(information)] += 1.0 / prior
-        factor = cho_factor(information)
-        step = cho_solve(factor, gradient - (weights - first) / prior)
+        variance = _noise(fit, errors, told)
+        settled = np.allclose(variance, fit.variance, rtol=_CLOSE, atol=0.0, equal_nan=True)
+        fit = fit._replace(variance=variance)
+        gradient, seen = _slopes(fit, weights)
+        information = seen + fit.precision
+        covariance = cho_solve(cho_factor(information), np.eye(len(weights)))
+        told = float((covariance * seen).sum())
+        step = covariance @ (gradient - fit.precision @ (weights - fit.first))
         length = float(np.sqrt(step @ information @ step))
-        weights, cost, moved = _moved(learner, log, (weights, cost), step)
-        if length < _CLOSE or not moved:
+        (weights, errors), moved = _moved(fit, (weights, errors), step)
+        if settled and (length < _CLOSE or not moved):
             break
-    covariance = cho_solve(factor, np.eye(len(weights)))
     kept = block_covariance(network, "full", [(covariance + covariance.T) / 2])
-    found = model_of(learner)
-    fit = {"parameter_fit": "a least-squares fit of the whole log that was learned"}
-    return Model(network, weights, kept, found.measurement_std, found.inputs, found.learner | fit)
+    found, std = model_of(learner), np.sqrt(np.nan_to_num(fit.variance))
+    words = found.learner | {"parameter_fit": _words(fit, errors, anew=before is None)}
+    return Model(network, weights, kept, std, found.inputs, words)
 
 
-def _moved(
-    learner: FilterLearner, log: Samples, here: tuple[Array, float], step: Array
-) -> tuple[Array, float, bool]:
-    """Weights and cost after a step, halved until it lowers the cost."""
-    weights, cost = here
+class _Fit(NamedTuple):
+    """Log that weights are to explain, and what is known beside it.
+
+    Attributes:
+        learner: What has learned it.
+        log: Samples; the measurements of those that are not used are NaN.
+        first: Weights before the log, (n,) [1].
+        precision: Inverse of their covariance, (n, n) [1].
+        variance: Variances of the measurement, (n_y,) [y^2].
+    """
+
+    learner: FilterLearner
+    log: Samples
+    first: Array
+    precision: Array
+    variance: Array
+
+
+def _prior(learner: FilterLearner, before: Model | None) -> tuple[Array, Array]:
+    """Weights before a log, (n,), and the inverse of their covariance, (n, n)."""
+    if before is None:
+        first, variances = learner.prior
+        return first, np.diag(1.0 / variances)
+    if before.covariance is None or before.network.size != learner.network.size:
+        raise ParameterError("before", "a model of this network, with a covariance", before)
+    return before.weights, np.asarray(np.linalg.inv(before.covariance))
+
+
+def _moved(fit: _Fit, here: tuple[Array, Array], step: Array) -> tuple[tuple[Array, Array], bool]:
+    """Weights and errors after a step, halved until it lowers the cost."""
+    cost = _cost(fit, *here)
     for halvings in range(_HALVINGS):
-        tried = weights + step / 2**halvings
-        found = _cost(learner, log, tried)
-        if found <= cost:
-            return tried, found, True
-    return weights, cost, False
+        tried = here[0] + step / 2**halvings
+        errors = _errors(fit, tried)
+        if _cost(fit, tried, errors) <= cost:
+            return (tried, errors), True
+    return here, False
 
 
-def _deviations(learner: FilterLearner, log: Samples) -> Array:
-    """Standard deviations of the measurements, the learner's and their own, (N, n_y) [y]."""
-    own = np.zeros(log.y.shape) if log.std is None else np.nan_to_num(log.std)
-    return np.asarray(np.hypot(learner.measurement_std, own))
+def _deviations(fit: _Fit) -> Array:
+    """Standard deviations of the measurements, the fit's and their own, (N, n_y) [y]."""
+    own = np.zeros(fit.log.y.shape) if fit.log.std is None else np.nan_to_num(fit.log.std)
+    return np.hypot(np.sqrt(fit.variance), own)
 
 
 def _raised(learner: FilterLearner, error: Array, std: Array) -> Array:
@@ -122,32 +161,68 @@ def _raised(learner: FilterLearner, error: Array, std: Array) -> Array:
     return np.asarray(np.fmax(std, np.abs(error) / limit))
 
 
-def _cost(learner: FilterLearner, log: Samples, weights: Array) -> float:
-    """Squares of errors and of departures from the prior, in standard deviations."""
-    (first, prior), network = learner.prior, learner.network
+def _errors(fit: _Fit, weights: Array) -> Array:
+    """Errors of the used samples, (N, n_y) [y]; NaN where nothing was measured."""
+    network, log = fit.learner.network, fit.log
     rows = network_inputs(network, weights, log.time, log.x, log.gaps)
-    seen = np.isfinite(log.y)
-    used = seen.any(axis=1)
-    error = np.zeros(log.y.shape)
-    error[used] = log.y[used] - network.evaluate(rows[used], weights)
-    std = _deviations(learner, log)[seen]
+    used = np.isfinite(log.y).any(axis=1)
+    errors = np.full(log.y.shape, np.nan)
+    errors[used] = log.y[used] - network.evaluate(rows[used], weights)
+    return errors
+
+
+def _cost(fit: _Fit, weights: Array, errors: Array) -> float:
+    """Squares of errors and of departures from the prior, in standard deviations."""
+    seen, apart = np.isfinite(fit.log.y), weights - fit.first
+    error, std = errors[seen], _deviations(fit)[seen]
     with np.errstate(invalid="ignore"):
-        raised = _raised(learner, error[seen], std)
-        cost = ((error[seen] / raised) ** 2 * (1.0 + 2.0 * np.log(raised / std))).sum()
-    cost += ((weights - first) ** 2 / prior).sum()
+        raised = _raised(fit.learner, error, std)
+        cost = ((error / raised) ** 2 * (1.0 + 2.0 * np.log(raised / std))).sum()
+        cost += apart @ fit.precision @ apart
     return float(cost) if np.isfinite(cost) else float("inf")
 
 
-def _slopes(learner: FilterLearner, log: Samples, weights: Array) -> tuple[Array, Array]:
+def _noise(fit: _Fit, errors: Array, told: float) -> Array:
+    """Variances of the measurement, (n_y,) [y^2]: as given, or those of the errors that remain.
+
+    What came with the samples is none of it, outliers count as the limit of the screening, and the
+    log told as many numbers as the errors have lost degrees of freedom.
+    """
+    if fit.learner.settings.noise_estimation is None:
+        return fit.variance
+    seen, std = np.isfinite(fit.log.y), _deviations(fit)
+    squares = (errors * std / _raised(fit.learner, errors, std)) ** 2
+    squares *= seen.sum() / max(seen.sum() - told, 1.0)
+    trust = np.where(seen, (fit.variance / std**2) ** 2, 0.0)
+    with np.errstate(invalid="ignore"):  # of outputs that were never measured
+        excess = np.nansum(trust * (squares - std**2), axis=0) / trust.sum(axis=0)
+        least = _LEAST * np.nansum(fit.log.y**2, axis=0) / seen.sum(axis=0)
+    found = np.fmax(fit.variance + excess, least)
+    return np.where(found > 0, found, fit.variance)
+
+
+def _words(fit: _Fit, errors: Array, *, anew: bool) -> str:
+    """Words on the fit, and on errors that correlate from one used sample to the next."""
+    logs = "whole log that was learned" if anew else "last log and of what was learned before it"
+    scaled = errors / _raised(fit.learner, errors, _deviations(fit))
+    scaled = scaled[np.isfinite(errors).any(axis=1)]
+    power = np.fmax(np.nansum(scaled**2, axis=0), np.isfinite(scaled).sum(axis=0))
+    color = np.nansum(scaled[1:] * scaled[:-1], axis=0) / np.fmax(power, 1.0)
+    name, most = fit.learner.network.output_names[color.argmax()], color.max()
+    sure = f", too sure of them, for errors of {name} correlate by {most:.2f} between samples"
+    return f"a least-squares fit of the {logs}" + sure * bool(most > _COLOR)
+
+
+def _slopes(fit: _Fit, weights: Array) -> tuple[Array, Array]:
     """Sums of H'e and of H'H over the used samples, in standard deviations of the measurement."""
-    network, deviations = learner.network, _deviations(learner, log)
+    (network, log), deviations = (fit.learner.network, fit.log), _deviations(fit)
     rows = network_inputs(network, weights, log.time, log.x, log.gaps)
     gradient, information = np.zeros(len(weights)), np.zeros((len(weights), len(weights)))
     for k in np.flatnonzero(np.isfinite(log.y).any(axis=1)).tolist():
         value, slope = network.linearized(network.encode_one(rows[k]), weights)
         seen = np.isfinite(log.y[k])
         error = (log.y[k] - value)[seen]
-        std = _raised(learner, error, deviations[k, seen])
+        std = _raised(fit.learner, error, deviations[k, seen])
         slope = slope[seen] / std[:, None]
         gradient += slope.T @ (error / std)
         information += slope.T @ slope

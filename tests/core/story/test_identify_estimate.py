@@ -139,3 +139,16 @@ def test_a_table_has_no_numbers_of_the_air(tmp_path: Path) -> None:
     with pytest.raises(SystemExit) as left:
         run(["identify", str(tmp_path / "log.csv"), "--mapping", "m.yaml", *LEARN])
     assert left.value.code == 2
+
+
+def test_a_resumed_state_counts_in_the_fit(identify: Speak, tmp_path: Path) -> None:
+    """The fit after a resumed state was of its log alone: earlier logs did not count in it."""
+    options = *LEARN, "--model", tmp_path / "model.json", "--json"
+    once, first, second = (
+        json.loads(identify(*options, *state).out)
+        for state in ((), *[("--state", tmp_path / "learner.state")] * 2)
+    )
+    assert first["parameter_std"] == once["parameter_std"]
+    for name, std in once["parameter_std"].items():
+        assert second["parameter_std"][name] == pytest.approx(std / 2**0.5, rel=1e-3)
+    assert "of what was learned before it" in second["parameter_fit"]

@@ -1,10 +1,12 @@
 """Least squares over a whole log: of a linear network the filter's own answer, else better."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.errors import ShapeError
+from patagium.errors import ParameterError, ShapeError
 from patagium.learning.refinement import refine
 from patagium.learning.stream import stream
 
@@ -95,3 +97,55 @@ def test_of_another_the_cost_is_minimal():
         refine(learner, TIME, x, y[:-1])
     with pytest.raises(ShapeError, match="x"):
         refine(learner, TIME, x[:-1], y)
+
+
+def test_logs_one_after_the_other_teach_as_much_as_both_at_once():
+    """`refine` forgot what the learner knew before its last log: deviations grew by a half."""
+    draw = np.random.default_rng(2)
+    network = pt.DenseNetwork(3, (), 2)
+    x, y = draw.normal(size=(120, 3)), draw.normal(size=(120, 2))
+    learner = learned(network, x[:60], y[:60])
+    first = refine(learner, TIME, x[:60], y[:60], every=2)
+    learner.go_on_from(first.weights, first.covariance)
+    stream(learner, TIME, x[60:], y[60:], every=2)
+    both = learned(network, x[:60], y[:60])
+    stream(both, TIME, x[60:], y[60:], every=2)
+    found = refine(learner, TIME, x[60:], y[60:], every=2, before=first)
+    for one in (found, learner):
+        assert np.allclose(one.weights, both.weights, atol=1e-10)  # rounding
+        assert np.allclose(one.covariance, both.covariance, atol=1e-10)
+    with pytest.raises(ParameterError, match="with a covariance"):
+        refine(learner, TIME, x[60:], y[60:], before=replace(first, kept_covariance=None))
+
+
+def test_found_noise_is_that_of_the_errors_that_remain():
+    """It counted the errors of the first weights: deviations were 3 to 50 times too wide."""
+    network, noise, time = pt.DenseNetwork(3, (), 2), np.array([0.01, 0.3]), np.arange(100) * 0.01
+    far, squares = [], []
+    for seed in range(20):
+        draw = np.random.default_rng(seed)
+        learner = pt.ExtendedLearner(network, prior_std=1.0)
+        first, prior = learner.prior
+        teacher = first + np.sqrt(prior) * draw.normal(size=len(first))
+        x = draw.normal(size=(100, 3))
+        y = network.evaluate(x, teacher) + noise * draw.normal(size=(100, 2))
+        y[5, 1] = np.nan
+        stream(learner, time, x, y, every=1)
+        model = refine(learner, time, x, y)
+        far.append((model.weights - teacher) / np.sqrt(np.diagonal(model.covariance)))
+        squares.append((model.measurement_std / noise) ** 2)
+    assert np.mean(squares, axis=0) == pytest.approx([1, 1], abs=0.13)  # 4 (2 / 2000)^(1/2)
+    assert np.mean(np.square(far)) == pytest.approx(1, abs=0.45)  # 4 (2 / 160)^(1/2)
+
+
+def test_correlated_errors_are_told():
+    """Deviations are of independent errors; a force that the network lacks is none."""
+    network, draw = pt.DenseNetwork(1, (), 1), np.random.default_rng(3)
+    time, x = np.arange(200) * 0.01, draw.normal(size=(200, 1))
+    white = 0.1 * draw.normal(size=(200, 1))
+    for lacking, told in ((0.0, False), (0.3, True)):
+        y = x + white + lacking * np.sin(8 * time)[:, None]
+        learner = pt.ExtendedLearner(network, prior_std=1.0)
+        stream(learner, time, x, y, every=1)
+        words = refine(learner, time, x, y).learner["parameter_fit"]
+        assert ("too sure of them" in words) is told

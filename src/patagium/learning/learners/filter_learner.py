@@ -19,11 +19,12 @@ from patagium.arguments import checked, of_kind
 from patagium.arrays import Array, real_array
 from patagium.errors import Outcome, ParameterError, ShapeError
 from patagium.learning.filters.block_kernel import structure_and_kernel
+from patagium.learning.filters.blocks import blocks_in
 from patagium.learning.filters.kernel_memory import Compiled
 from patagium.learning.filters.numbers import PRIOR, compact_settings, filter_numbers
-from patagium.learning.filters.root import MatrixLost
+from patagium.learning.filters.root import MatrixLost, lower_factor
 from patagium.learning.filters.screening import NEWER, REFUSALS, Screen, lent
-from patagium.learning.filters.state import arrays_like, part, vector
+from patagium.learning.filters.state import arrays_like, packed, part, vector
 from patagium.learning.filters.weight_covariance import BlockCovariance
 from patagium.learning.filters.weight_filter import WeightFilter
 from patagium.learning.learners.learner import (
@@ -456,6 +457,17 @@ class FilterLearner(Learner):
         made = type(self)(network, self.settings, seed=self._seed)
         made.resume(self.state())
         vars(self).update(vars(made))
+
+    def go_on_from(self, weights: Array, covariance: Array) -> None:
+        """Go on learning from other weights, such as those of `refine`.
+
+        Args:
+            weights: W, (n,) [1].
+            covariance: P, (n, n) [1], of which the blocks of the covariance structure are taken.
+        """
+        parts = [covariance[np.ix_(block, block)] for block in blocks_in(self._numbers)]
+        root = packed([lower_factor(part) for part in parts])
+        self._filter.resume({"mean": weights, "nis": np.array(self.nis), "root": root})
 
     def state(self) -> dict[str, Any]:
         """All that the next samples depend on: arrays and JSON-able values by name."""
