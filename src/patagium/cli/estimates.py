@@ -107,16 +107,17 @@ def grey_box(flight: xr.Dataset, words: Sequence[str], aero: GreyModel | None) -
         aero: Model of the air; None: that of the flight, quasi-steady for a log.
 
     Raises:
-        ParameterError: If a word is not NAME=VALUE, or a name comes twice.
+        ParameterError: If a word is not NAME=VALUE, there is no such name, or it comes twice.
     """
     from patagium.aerodynamics import AddedMass
     from patagium.learning import GreyBox
-    from patagium.learning.models.physical import FACTOR, written_unit
+    from patagium.learning.models.physical import FACTOR, numbers_of, written_unit
     from patagium.simulation import added_mass_of
 
     parts = [part for word in words for part in word.split(",")]
     model = _model(flight, aero)
-    unit = partial(written_unit, robot=model.robot)
+    known = numbers_of(model, None) | {FACTOR: 1.0}
+    unit = partial(written_unit, numbers=known, robot=model.robot)
     estimate = named_quantities("--estimate", parts, unit, "a standard deviation")
     added = None
     if FACTOR in estimate:

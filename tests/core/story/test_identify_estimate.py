@@ -94,6 +94,7 @@ def test_a_refined_model_knows_its_log_and_its_fit(
     ("words", "message"),
     [
         (("--estimate", "lift_slop=0.5", *LEARN[2:]), "closest: lift_slope"),
+        (("--estimate", "wing.mas=1 g", *LEARN[2:]), "closest: wing.mass"),
         (("--estimate", "lift_slope", *LEARN[2:]), "NAME=VALUE"),
         (("--estimate", "lift_slope=1", *LEARN), "lift_slope once"),
         (("--estimate", "wing[0].chord=2 kg", *LEARN[2:]), "--estimate wing[0].chord"),

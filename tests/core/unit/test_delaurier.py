@@ -103,7 +103,7 @@ def test_numbers_by_wing_are_those_of_each(aerobat: Robot) -> None:
     each = DeLaurier(aerobat, zero_lift_angle=dict.fromkeys(wings, -0.05), friction_drag=0.03)
     assert np.array_equal(each.generalized_force(q, v), one.generalized_force(q, v))
     assert aero_from_description(aerobat, json.loads(json.dumps(each.describe()))) == each
-    assert {unit_of(name) for name in each.numbers if name.startswith("zero")} == {"rad"}
+    assert {unit_of(name, aerobat) for name in each.numbers if name.startswith("zero")} == {"rad"}
     flat = DeLaurier(aerobat, friction_drag=0.03)
     names = {strip.wing: None for strip in aerobat.strips}
     mixed = DeLaurier(aerobat, zero_lift_angle={w: 0.05 * (w in wings) for w in names},

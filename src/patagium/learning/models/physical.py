@@ -84,16 +84,13 @@ class PhysicalParameter(NamedTuple):
         name: Such as `section.lift_slope`, or `left_wing[0].chord`.
         prior: Value before any sample, in `unit`.
         std: Standard deviation before any sample, in `unit`.
+        unit: Of the numbers.
     """
 
     name: str
     prior: float
     std: float
-
-    @property
-    def unit(self) -> str:
-        """Unit of its numbers."""
-        return unit_of(self.name)
+    unit: str
 
     @property
     def positive(self) -> bool:
@@ -133,19 +130,21 @@ def own_prior(network: Network) -> Array:
     return np.asarray(getattr(network, "own_prior", np.full(network.size, np.nan)))
 
 
-def unit_of(name: str) -> str:
-    """Unit of a parameter."""
+def unit_of(name: str, robot: Robot) -> str:
+    """Unit of a parameter of a robot or its air."""
     last, before = _last(name), name.split(".")[-2:-1]
     if last in ("x", "y", "z") and before and before[0] in _VECTORS:
         return _VECTORS[before[0]]
-    return _POSITIVE.get(last) or _SIGNED.get(last, "1")
-
-
-def written_unit(name: str, robot: Robot) -> str:
-    """Unit of a parameter of a robot or its air behind a number; empty for pure numbers."""
-    unit, joint = unit_of(name), name.rpartition(".")[0]
-    if " or " in unit and joint in robot.dof_names:
+    unit, joint = _POSITIVE.get(last) or _SIGNED.get(last, "1"), name.rpartition(".")[0]
+    if " or " in unit:
         unit = unit.split(" or ")[robot.dof_units[robot.index(joint)] != "m"]
+    return unit
+
+
+def written_unit(name: str, numbers: Mapping[str, float], robot: Robot) -> str:
+    """Unit of a parameter as written behind a number, checked; empty for pure numbers."""
+    _check_name(name, numbers, robot)
+    unit = unit_of(name, robot)
     return _PLAIN.get(unit, unit)
 
 
@@ -181,10 +180,10 @@ def physical_parameters(
         raise ParameterError("estimate", "parameters by name, with prior deviations", estimate)
     found = []
     for name, std in estimate.items():
-        if name not in numbers:
-            raise ParameterError("estimate", _known(name, numbers, robot), name)
-        std = positive(name, std, f"a positive prior deviation [{unit_of(name)}]")
-        parameter = PhysicalParameter(name, float(numbers[name]), std)
+        _check_name(name, numbers, robot)
+        unit = unit_of(name, robot)
+        std = positive(name, std, f"a positive prior deviation [{unit}]")
+        parameter = PhysicalParameter(name, float(numbers[name]), std, unit)
         if parameter.positive and parameter.prior <= 0:
             raise ParameterError(name, "a value above zero to start from", parameter.prior)
         found.append(parameter)
@@ -245,11 +244,14 @@ def _write(description: Any, name: str, value: float | None, model: str) -> None
     description[last] = value
 
 
-def _known(name: str, numbers: Mapping[str, float], robot: Robot) -> str:
+def _check_name(name: str, numbers: Mapping[str, float], robot: Robot) -> None:
+    if name in numbers:
+        return
     of_air = [known for known in numbers if known not in robot.parameter_names]
     near = get_close_matches(name, list(numbers), 1, 0.0)
     own = f"or a number of robot {robot.name!r} such as {_examples(robot)}"
-    return f"one of {', '.join(of_air)}, {own} (closest: {near[0]})"
+    expected = f"one of {', '.join(of_air)}, {own} (closest: {near[0]})"
+    raise ParameterError("estimate", expected, name)
 
 
 def _examples(robot: Robot) -> str:
