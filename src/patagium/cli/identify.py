@@ -104,7 +104,7 @@ def identify(
     flight, table = (None, long.table(0, _START)) if long else flight_or_table(file, mapping)
     estimates.check_estimate(estimate, aero, refine, table is None)
     if table is not None:
-        network = table_network(table, choice)
+        network = table_network(table, choice, resumes=state is not None and state.exists())
         given = choice.settings or {}
         if choice.default and "covariance" not in given:
             found = table_settings(table, network, every, given)
@@ -224,18 +224,27 @@ def flight_network(flight: Any, choice: learner_options.LearnerChoice) -> Any:
     return learner_options.scaled_network(choice, names, x[first], y[first])
 
 
-def table_network(table: LogTable, choice: learner_options.LearnerChoice) -> Any:
+def table_network(
+    table: LogTable, choice: learner_options.LearnerChoice, *, resumes: bool = False
+) -> Any:
     """Network for a table, scaled by the ranges of its mapping, else by the first samples.
+
+    Where a learner resumes, which has scales of its own, it is not scaled.
 
     Raises:
         ParameterError: If the kind needs a robot.
     """
+    import numpy as np
+
     from patagium.learning.default_learner import HIDDEN
     from patagium.learning.table_network import network_for
 
     kind, hidden = choice.shape()
     if kind in learner_options.WINGED:
         raise ParameterError("--network", "dense for a table: wings need q and v", kind.value)
+    if resumes:
+        parts = {name: getattr(table, name) for name in ("input_range", "output_range")}
+        table = replace(table, **{k: np.ones_like(one) * [-1, 1] for k, one in parts.items()})
     return network_for(table, hidden or HIDDEN, choice.activation)
 
 

@@ -39,7 +39,7 @@ from patagium.learning.samples import (
 )
 from patagium.learning.scores import Scorer, persistence
 from patagium.learning.stream import MOST_CHECKS, late_samples, stream, used_samples
-from patagium.learning.table_network import scaling_samples
+from patagium.learning.table_network import samples_that_scale
 from patagium.learning.verdict import frozen_scores, with_verdict
 from patagium.learning.what_if import what_if
 from patagium.sensing.force.measured_force import ForceSamples
@@ -64,9 +64,9 @@ def identify(
     """Identification of the air's force from a flight, or of a table's outputs, sample by sample.
 
     The force is found by inverse dynamics (`training_data`), or as it was measured; each sample
-    is predicted before it may be used (`stream`). Where the mapping of a table states no range for
-    a column, the first samples scale the network (`scaling_samples`): they are neither predicted
-    nor learned.
+    is predicted before it may be used (`stream`). Where the first samples of a table scale the
+    network, since its mapping states no range for a column (`network_for`), they are neither
+    predicted nor learned.
 
     Args:
         flight: Record with q, v, a, u1; measured forces, or a motion with them, whose std is
@@ -94,7 +94,7 @@ def identify(
     words = {} if isinstance(flight, LogTable) else _flight_words(flight, chosen, count)
     if isinstance(flight, LogTable):
         _refuse_for_tables(inputs)
-        first = scaling_samples(flight)
+        first = samples_that_scale(chosen.network, flight)
         time, x, y = flight.time[first:], flight.x[first:], flight.y[first:]
         taken = table_every(chosen, usual_step(time)) if every is None else every
         known: dict[str, Any] = {"names": flight.output_names, "units": flight.output_units}

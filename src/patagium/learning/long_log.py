@@ -35,7 +35,7 @@ from patagium.learning.stream import (
     forecasters,
     used_samples,
 )
-from patagium.learning.table_network import scaling_samples
+from patagium.learning.table_network import samples_that_scale
 from patagium.learning.verdict import Block, frozen_scores, with_verdict
 from patagium.sensing.logs.record import LogRecord
 from patagium.whole_file import write_whole
@@ -83,10 +83,11 @@ def identify_record(
     step = usual_step(start.time)
     taken = table_every(chosen, step) if every is None else every
     run = _LongRun(record, chosen, taken, named_horizons(horizons), max(block, 10 * taken), course)
-    run.begin = run.begin or scaling_samples(start)
+    first = samples_that_scale(chosen.network, start)
+    run.begin = run.begin or first
     run.go(progress)
     result = run.result()
-    result.scores["samples_that_scaled"] = scaling_samples(start)
+    result.scores["samples_that_scaled"] = first
     result.scores["chosen"] = choices(
         run.learner, taken, step, learner_given=learner is not None, every_given=every is not None
     )

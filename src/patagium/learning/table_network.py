@@ -16,6 +16,7 @@ from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.errors import LogError
 from patagium.learning.models.dense import DenseNetwork
+from patagium.learning.models.network import Network
 from patagium.sensing.logs.table import LogTable
 
 SCALING_TIME, SCALING_SAMPLES = 1.0, 50
@@ -111,6 +112,17 @@ def scaling_samples(table: LogTable) -> int:
     rest = _rest(np.hstack([table.x, table.y])[:, unknown])
     moving = int(np.searchsorted(table.time, table.time[rest] + SCALING_TIME))
     return moving if rest > count and moving < len(table.time) / 2 else count
+
+
+def samples_that_scale(network: Network, table: LogTable) -> int:
+    """Number of first samples of a table whose ranges are the network's; 0 if its are others."""
+    try:
+        own: Any = network_for(table, ())
+    except LogError:
+        return 0
+    names = ("input_center", "input_scale", "output_center", "output_scale")
+    alike = (np.array_equal(getattr(own, k), getattr(network, k, np.nan)) for k in names)
+    return scaling_samples(table) if all(alike) else 0
 
 
 def _rest(values: Array) -> int:

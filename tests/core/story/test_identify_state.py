@@ -54,6 +54,21 @@ def test_a_second_run_goes_on_from_the_first(identify: Speak, tmp_path: Path) ->
     assert nmse[1] < 0.5 * nmse[0]  # it knew the log
 
 
+def test_a_short_second_log_goes_on_with_the_scales_of_the_first(
+    identify: Speak, tmp_path: Path, speak: Speak
+) -> None:
+    """Its first second was lost, and a log below a second refused for scales that it needs not."""
+    mapping, state, short = (tmp_path / name for name in ("columns.yaml", "state", "short.csv"))
+    mapping.write_text(MAPPING.replace(", range: [-2, 2]", ""))
+    first = identify(*LEARN, "--state", state)
+    assert "The state after 300 samples" in first.err  # a second scales
+    rows = (tmp_path / "log.csv").read_text().splitlines()
+    short.write_text("\n".join(rows[:60]))
+    wanted = "--mapping", mapping, "--every", 1, *LEARN, "--state", state
+    answer = speak("identify", short, *wanted)
+    assert answer.code == 0 and "The state after 359 samples" in answer.err
+
+
 def test_a_state_of_another_learner_is_refused_and_kept(identify: Speak, tmp_path: Path) -> None:
     state = tmp_path / "learner.state"
     assert identify(*LEARN, "--state", state).code == 0

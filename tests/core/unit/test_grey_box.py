@@ -292,10 +292,13 @@ def test_units(name, unit, written, robot):
 
 
 @pytest.mark.usefixtures("interpreted")
-def test_units_of_joints_are_those_of_their_kind(robot):
-    """They were "m or rad" in tables, reports and JSON."""
-    grey = pt.GreyBox(pt.QuasiSteady(robot, AIR), {"slide.rest": 0.1, "plunge.rest": 0.1})
-    assert [one.unit for one in grey.estimates(np.zeros(2))] == ["m", "rad"]
+def test_units_of_joints_are_those_of_their_kind(one_wing):
+    """They were "N/m or N m/rad" in tables, reports and JSON."""
+    robot = one_wing(
+        "name: slide, type: prismatic, axis: z, stiffness: 5", "name: plunge, axis: x, stiffness: 5"
+    )
+    grey = pt.GreyBox(pt.QuasiSteady(robot, AIR), {f"{k}.stiffness": 0.1 for k in robot.dof_names})
+    assert [one.unit for one in grey.estimates(np.zeros(2))] == ["N/m", "N m/rad"]
 
 
 @pytest.mark.usefixtures("interpreted")

@@ -74,6 +74,22 @@ def test_a_column_without_a_range_is_scaled_by_samples_that_are_not_predicted() 
     assert scores["nmse_second_half"]["lift"] < 0.05
 
 
+def test_a_learner_with_scales_of_its_own_loses_no_sample_of_a_table() -> None:
+    """The first second of each table was left out, and a shorter one refused."""
+    table = log(900, words=UNRANGED)
+    stated = pt.ExtendedLearner(network_for(log(), (4,)))
+    for k, rows in enumerate((slice(0, 400), slice(450, 850))):
+        parts = {name: getattr(table, name)[rows] for name in ("time", "x", "y")}
+        part = replace(table, **parts, gaps=np.zeros(0, np.int64))
+        found = identify(part, stated, every=1)
+        assert found.scores["samples_that_scaled"] == 0
+        assert found.scores["samples_predicted"] == 400 and stated.count == 400 * (k + 1)
+    scaled = pt.ExtendedLearner(network_for(table, (4,)))
+    assert identify(table, scaled, every=1).scores["samples_that_scaled"] == 475
+    rest = identify(replace(table, y=2 * table.y), scaled, every=1)
+    assert rest.scores["samples_predicted"] == 900
+
+
 def test_a_table_that_begins_at_rest_is_scaled_by_its_first_second_of_motion() -> None:
     """The rest scaled the network: .026 of the variance, and a hundred samples refused."""
     rng, time = np.random.default_rng(3), np.arange(0.0, 20.0, 0.01)

@@ -1,6 +1,7 @@
 """Logs too long for memory: read and learned from in blocks, interrupted and gone on from."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -182,3 +183,15 @@ def test_blocks_do_not_change_an_import(tmp_path: Path, monkeypatch: pytest.Monk
     with LogRecord(whole.path) as one, LogRecord(parts.path) as other:
         np.testing.assert_array_equal(one.time(), other.time())
         np.testing.assert_array_equal(one.values(one.labels), other.values(one.labels))
+
+
+def test_scales_of_another_log_cost_no_sample(tmp_path: Path) -> None:
+    """The first second was left out, whatever the learner was scaled by."""
+    words = WORDS | {"outputs": [{"column": "y", "unit": "N"}]}
+    path = import_log(written(tmp_path), parse_mapping(words), tmp_path / "log.nc").path
+    with LogRecord(path) as opened:
+        table = opened.table()
+        own = identify_record(opened, learner(table), every=7).scores
+        other = identify_record(opened, learner(replace(table, y=2 * table.y)), every=7).scores
+    assert own["samples_that_scaled"] > 900 and other["samples_that_scaled"] == 0
+    assert other["samples_predicted"] == COUNT
