@@ -119,7 +119,7 @@ def identify(
     with sole_user(state):
         learner = resumed(choice.learner(network), state)
         learned = long or (flight if table is None else table)
-        before = model_of(learner) if learner.count else None
+        before = model_of(learner) if estimate and learner.count else None
         result = _learned(learner, file, learned, {"every": every, "horizons": horizon}, state)
         made = result.learner
         if estimate and refine is not False and result.outcome is Outcome.COMPLETED:

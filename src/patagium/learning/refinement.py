@@ -29,7 +29,7 @@ from patagium.learning.stream import Samples, checked_samples, used_samples
 from patagium.native.structs import header_numbers
 from patagium.sensing.force.measured_force import ForceSamples
 
-_CLOSE = 0.01  # steps shorter than that, in deviations, are the last
+_CLOSE = 0.01  # smaller steps, in deviations, and smaller changes of variances are the last
 _MOST_ROUNDS, _HALVINGS = 20, 8
 _COLOR = 0.5  # correlation of errors from which deviations are told to be too small
 _LEAST = header_numbers("screening.h").LEAST_NOISE  # as for the filter
