@@ -37,7 +37,7 @@ def test_the_smoother_is_the_gaussian_conditional(order, rng) -> None:
     # the same as one Gaussian over all states, with the start it takes for granted
     spread = [np.abs(np.diff(values[np.isfinite(values)])).max(initial=0.0)]
     wide = (3.0 * (spread[0] + noise)) ** 2
-    unit = float(np.median(np.diff(time)))
+    unit = float(np.median(np.diff(time[np.isfinite(values[:, 0])])))
     scale = unit ** -np.arange(order, dtype=float)
     n = len(time) * order
     mean, prior = np.zeros(n), np.zeros((n, n))
@@ -103,6 +103,21 @@ def test_the_acceleration_converges_as_noise_falls(rng) -> None:
         error = found.state[50:-50, :, 2] + (2 * np.pi * 5) ** 2 * truth[50:-50]
         errors.append(np.sqrt(np.mean(error**2)) / (2 * np.pi * 5) ** 2)
     assert errors[0] < 0.1 and errors[1] < 0.4 * errors[0] and errors[2] < 0.4 * errors[1]
+
+
+@pytest.mark.parametrize(("rate", "gap", "noise"), [(10, 0.0, 1e-5), (50, 0.4, 1e-6)])
+def test_output_between_few_samples_of_little_noise(rate, gap, noise, rng) -> None:
+    """The start was as wide as the output is dense: LinAlgError, or negative variances."""
+    time = np.arange(0, 4, 1 / rate)
+    time = time[(time < 2) | (time > 2 + gap)]
+    at = np.arange(0, 3500) * 1e-3
+    values = np.sin(time)[:, None] + noise * rng.standard_normal((len(time), 1))
+    found = smooth_series(time, values, noise, at)
+    variance = np.einsum("nbii->nbi", found.covariance)
+    truth = np.stack([np.sin(at), np.cos(at), -np.sin(at)], axis=-1)
+    assert (variance > 0).all()
+    squared = (found.state[:, 0] - truth) ** 2 / variance[:, 0]
+    assert squared.mean() < 4  # it allows for a motion livelier than a sine
 
 
 def test_times_of_two_sensors_meet_on_one_axis() -> None:

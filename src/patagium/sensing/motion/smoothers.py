@@ -76,7 +76,8 @@ def smooth_chain(time: Array, values: Array, std: Array, density: Array, order: 
         density: Density of the driving noise, (B,) [unit^2/s^(2m-1)].
         order: Number m of levels.
     """
-    unit = float(np.median(np.diff(time)))  # time in steps: entries of like size
+    measured = time[np.isfinite(values).any(axis=1)]
+    unit = float(np.median(np.diff(measured)))  # time in steps: entries of like size
     run = _Pass(time / unit, values, std**2, density * unit ** (2 * order - 1), order)
     run.forwards()
     state, covariance = run.backwards()
