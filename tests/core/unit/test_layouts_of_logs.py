@@ -1,8 +1,11 @@
 """Logs as laboratories write them: the right numbers, or a refusal that names item and remedy."""
 
+import base64
 import csv
 import re
+import zlib
 from collections.abc import Callable
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,6 +23,8 @@ from scipy.spatial.transform import Rotation
 from patagium.errors import LogError
 from patagium.robot import load_robot_text
 from patagium.sensing.logs.files import table_files
+from patagium.sensing.logs.files.channels import Request
+from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.importing.findings import StampSurvey, stamp_findings
 from patagium.sensing.logs.importing.import_log import import_log, read_table
 from patagium.sensing.logs.importing.inspection import inspect_log
@@ -671,6 +676,37 @@ def test_the_reason_is_in_the_refusal_of_what_is_no_number(tmp_path: Path) -> No
     pd.DataFrame({"t": np.arange(50) / 100, "f": "high"}).to_csv(tmp_path / "log.csv")
     with pytest.raises(LogError, match="'f' cannot be read as numbers: text such as 'high'"):
         import_log(tmp_path / "log.csv", parse_mapping(mapped(LIFT)), tmp_path / "out.nc")
+
+
+H5PY = zlib.decompress(
+    base64.b85decode(
+        "c-rgqaB<`1lHy|K;9!7(|4?896*7Q|pWSp+%-_Q$h>4+sNeEdX3~(_qFfuT(@h|`>#*)oYZEOM{K5KG*X<o^"
+        "GMyQw|NQ|wxB(Wql<unsir91;6keTRw3+x1-1&ksL3`~rSjI2;O7|krgz$mC-&j4|~1A_@SgUNqppghoZ%v>"
+        "Bmmoqa$B^fke25(>(a^UA)o}C24f`@?-82k*75EeiQ0}W^xaKQ}R!7yY&^yzi4C<zNAw6G8rVqn2c-#ltSwG"
+        "7-0JRr$<x6GWJu*96wR0d>IK{POtR}5TO^oABZXBY*eU=)l3(!d3K2>k#`zkt#o>_LSZs0f4<Zx9v$o1|J4"
+    )
+)
+"""HDF5 file as h5py writes it: `t`, and 0, 1, 65535, 65535, 2 as `count` and as `stated`, whose
+_FillValue is 1."""
+
+
+@pytest.mark.parametrize("writer", ["h5py", "MATLAB", "netCDF"])
+def test_values_that_netcdf_fills_with_are_numbers_in_hdf5(writer: str, tmp_path: Path) -> None:
+    """A converter at its limit, 65535 in 16 bits, was taken for a missing number."""
+    path = tmp_path / ("log.mat" if writer == "MATLAB" else "log.h5")
+    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512, b"\0") * (writer == "MATLAB") + H5PY)
+    if writer == "netCDF":
+        with netCDF4.Dataset(path, "w") as file:
+            file.createDimension("t", 5)
+            file.createVariable("t", "f8", ("t",))[:] = 0.25 * np.arange(5)
+            file.createVariable("count", "u2", ("t",))[:2] = [0, 1]
+            file["count"][4] = 2
+            file.createVariable("stated", "u2", ("t",), fill_value=1)[:] = [0, 1, 65535, 65535, 2]
+    with closing(open_log(path)) as log:
+        (block,) = log.blocks((Request("", log.topics[""].base, ("count", "stated")),))
+    top = np.nan if writer == "netCDF" else 65535
+    expected = [[0, 1, top, top, 2], [0, np.nan, 65535, 65535, 2]]
+    np.testing.assert_array_equal(block.values.T, expected)
 
 
 @pytest.mark.parametrize("matlab", [False, True])

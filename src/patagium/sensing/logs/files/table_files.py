@@ -983,6 +983,7 @@ def _hdf5_columns(
     """
     from netCDF4 import VLType  # has entries of any length, text included
 
+    missing = {"_FillValue", "missing_value", "valid_min", "valid_max", "valid_range"}
     columns: dict[str, Any] = {}
     unplaced, units = dict[str, str](), dict[str, str]()
     with closing(open_netcdf(path)) as file:
@@ -1002,6 +1003,8 @@ def _hdf5_columns(
             ):
                 unplaced[name] = "text, lists or half precision, no array of numbers"
                 continue
+            if not hasattr(file, "_NCProperties") and missing.isdisjoint(one.ncattrs()):
+                one.set_auto_mask(False)  # netCDF's own fill values are numbers of other programs
             try:
                 values = one[...]
             except RuntimeError as problem:  # such as a filter that the library lacks
