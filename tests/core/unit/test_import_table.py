@@ -449,6 +449,25 @@ def test_columns_of_a_second_clock_stay_on_it_beside_columns_filled_in_turn(tmp_
         np.testing.assert_allclose(log[name], found(9 * (log.time + 0.501)), atol=1e-3)  # theta's
 
 
+@pytest.mark.parametrize("turns", [False, True])
+def test_the_column_of_stamps_may_be_a_quantity_too(tmp_path: Path, turns: bool) -> None:
+    """It ended in a ValueError, and held the numbers of another beside columns filled in turn."""
+    table = pd.DataFrame({"t": (t := 0.01 * np.arange(200)), "x": np.sin(t), "y": 100 + t})
+    if turns:
+        table.loc[::2, "x"] = np.nan
+        table.loc[1::2, "y"] = np.nan
+    units = {"t": "s", "x": "m", "y": "m"}
+    columns = [{"column": name, "unit": unit} for name, unit in units.items()]
+    columns[0]["name"] = "clock"
+    time = {"column": "t", "unit": "s"} | ({"rate": "50 Hz"} if turns else {})
+    found = brought(written(tmp_path, table), {"time": time, "channels": columns})
+    log = pt.load_log(found.path)
+    start = log["clock"].to_numpy()[0]
+    np.testing.assert_allclose(log["clock"], log.time + start, atol=1e-9)
+    np.testing.assert_allclose(log["y"], 100 + log["clock"], atol=1e-9)
+    np.testing.assert_allclose(log["x"], np.sin(log["clock"]), atol=1e-4)  # linear in 20 ms
+
+
 def test_outputs_that_skip_rows_stay_beside_their_inputs(tmp_path: Path) -> None:
     """A force measured in every second row, with inputs in all rows, needs no resampling."""
     table = frame()

@@ -213,6 +213,8 @@ def _requests(
         own = {k: item for k, item in enumerate(items) if owners[k] == stream}
         beside = [item for item in own.values() if item.needed and whole]
         groups = filled_in_turn(log, every_row, [every[k] for item in beside for k in item.places])
+        if len(groups) > 1 and base.column in every:
+            groups[0].append(base.column)  # which every row has
         for group in groups:
             inside = {k: item for k, item in own.items() if every[item.places[0]] in group}
             if len(groups) == 1:
@@ -260,8 +262,9 @@ def filled_in_turn(log: LogFile, wanted: Request, beside: Sequence[str] = ()) ->
                 break
         else:
             found.append((filled, [name]))
-    full = np.isfinite(first.values[:, [fields.index(name) for name in beside]]).all(axis=1)
-    if beside and all((mask & full).sum() >= _ALIKE * mask.sum() for mask, _ in found):
+    needed = [fields.index(name) for name in beside if name in fields]
+    full = np.isfinite(first.values[:, needed]).all(axis=1)
+    if needed and all((mask & full).sum() >= _ALIKE * mask.sum() for mask, _ in found):
         skips = False
     if not skips or len(found) < 2:
         return [[*wanted.fields]]
