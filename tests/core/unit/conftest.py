@@ -233,7 +233,7 @@ def _part(kind: str, content: bytes) -> bytes:
 
 
 def write_dataflash(file: Path, count: int = 300) -> Path:
-    """A DataFlash log with two instances of IMU at 200 Hz, z down, and roll in centidegrees.
+    """A DataFlash log with two instances of IMU at 200 Hz, z down, and angles in centidegrees.
 
     Its formats are those of ArduPilot's logger: FMT describes itself first.
     """
@@ -242,7 +242,7 @@ def write_dataflash(file: Path, count: int = 300) -> Path:
         (129, "UNIT", "QbZ", "TimeUS,Id,Label", "<Qb64s"),
         (130, "FMTU", "QBNN", "TimeUS,FmtType,UnitIds,MultIds", "<QB16s16s"),
         (131, "IMU", "QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", "<QB6f"),
-        (132, "ATT", "QcN", "TimeUS,Roll,Mode", "<Qh16s"),
+        (132, "ATT", "QcCN", "TimeUS,Roll,Yaw,Mode", "<QhH16s"),
     ]
     packed = {kind: struct.Struct(layout) for kind, *_, layout in formats}
 
@@ -253,10 +253,11 @@ def write_dataflash(file: Path, count: int = 300) -> Path:
         message(128, kind, packed[kind].size + 3, name.encode(), letters.encode(), columns.encode())
         for kind, name, letters, columns, _ in formats
     ]
-    units = {"s": "s", "E": "rad/s", "o": "m/s/s", "#": "instance", "d": "deg"}
+    units = {"s": "s", "E": "rad/s", "o": "m/s/s", "#": "instance", "d": "deg",
+             "h": "degheading"}  # fmt: skip
     content += [message(129, 0, ord(key), label.encode()) for key, label in units.items()]
     content.append(message(130, 0, 131, b"s#EEEooo", b"F-000000"))
-    content.append(message(130, 0, 132, b"sd-", b"F0-"))
+    content.append(message(130, 0, 132, b"sdh-", b"FBB-"))
     for k in range(count):
         t = k * STEP * 1e-9
         x, y, z = specific_force(t)
@@ -265,7 +266,8 @@ def write_dataflash(file: Path, count: int = 300) -> Path:
             content.append(message(131, k * STEP // 1000, instance, *numbers))
         if k % 4 == 0:
             degrees = round(1e2 * float(np.degrees(roll(t))))
-            content.append(message(132, k * STEP // 1000, degrees, b"LOITER"))
+            yaw = round(1e2 * ((4 * t - 3) % 360))  # by north
+            content.append(message(132, k * STEP // 1000, degrees, yaw, b"LOITER"))
     file.write_bytes(b"".join(content))
     return file
 

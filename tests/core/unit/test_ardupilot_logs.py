@@ -63,6 +63,18 @@ def test_inspect_lists_types_units_and_text(
     assert not [one for one in found.findings if one.level == "warning"]
 
 
+def test_a_heading_goes_by_north(pymavlink: Any, recordings: Any, tmp_path: Path) -> None:
+    """Its unit, degheading, was none: between 359 and 0 degrees the yaw went by 180."""
+    log = recordings.dataflash(tmp_path / "log.BIN")
+    topics = {one.name: one for one in inspect_log(log).topics}
+    unit = next(one.unit for one in topics["ATT"].channels if one.name == "Yaw")
+    words = {"topic": "ATT", "field": "Yaw", "unit": unit, "name": "yaw"}
+    mapping = parse_mapping({"time": {"rate": "200 Hz"}, "channels": [words]})
+    held = load_log(import_log(log, mapping, tmp_path / "out.nc").path)
+    turned = held["yaw"].to_numpy() - held["yaw"].to_numpy()[0]
+    np.testing.assert_allclose(turned, np.radians(4 * held["time"].to_numpy()), atol=1e-4)
+
+
 def test_numbers_are_those_of_pymavlink(pymavlink: Any, recordings: Any, tmp_path: Path) -> None:
     """Every number of every message, bit by bit."""
     from pymavlink.DFReader import DFReader_binary

@@ -198,5 +198,6 @@ def _layout(found: Any) -> np.dtype[Any]:
 
 
 def _plain(unit: str) -> str:
-    """Unit of ArduPilot as ours; empty for those that are none."""
-    return "" if unit in ("UNKNOWN", "instance", "-", "?") or unit.startswith("deglat") else unit
+    """Unit of ArduPilot as ours; empty for those that are none, and of places on the globe."""
+    none = ("UNKNOWN", "instance", "-", "?", "deglatitude", "deglongitude")
+    return "" if unit.endswith(none) else unit.replace("degheading", "deg")
