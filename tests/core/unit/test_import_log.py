@@ -175,6 +175,48 @@ def test_keys_of_json_may_hold_dots(tmp_path: Path) -> None:
     assert "no rows" in {one.kind for one in told.findings}
 
 
+@pytest.mark.parametrize("first", [0, 1, 30])
+def test_nulls_of_json_are_missing_numbers(first: int, tmp_path: Path) -> None:
+    """One null ended all topics of the file, and one in the first message hid the number."""
+    held = [{"x": float(k), "a": {"b": [2.0 * k, 0]}} for k in range(100)]
+    nulls: list[dict[str, Any]] = [{"x": None, "a": None}, {"x": None, "a": {"b": None}}]
+    held[first : first + 2] = nulls
+    path = _json_messages(tmp_path / "log.mcap", held)
+    (seen,) = inspect_log(path).topics
+    assert {one.name: one.missing for one in seen.channels} == {"x": 2, "a.b[0]": 2, "a.b[1]": 2}
+    assert not seen.unplaced
+    for field, slope in (("x", 1.0), ("a.b[0]", 2.0)):
+        words = {"channels": [{"topic": "s", "field": field, "unit": "1", "name": "f"}]}
+        log = load_log(import_log(path, parse_mapping(words), tmp_path / "log.nc").path)
+        read, times = log["f"].to_numpy(), log["time"].to_numpy()
+        known = np.isfinite(read)
+        assert known.sum() == 98
+        np.testing.assert_allclose(read[known], slope * 100 * times[known])
+
+
+def test_a_number_that_is_always_null_is_said_to_be(tmp_path: Path) -> None:
+    """The reason was the name of a type of Python."""
+    path = _json_messages(tmp_path / "log.mcap", [{"x": 1.0, "y": None}] * 300)
+    assert inspect_log(path).topics[0].unplaced == {"y": "null in the first messages"}
+
+
+@pytest.mark.parametrize("kind", ["mcap", "csv"])
+def test_stamps_that_no_unit_makes_nanoseconds(kind: str, tmp_path: Path) -> None:
+    """Whole numbers in ns without a unit ended in "int too large", or were refused for nothing."""
+    held = [{"t": 17 * 10**17 + k * 10**7, "x": float(k)} for k in range(100)]
+    path = tmp_path / f"log.{kind}"
+    if kind == "mcap":
+        _json_messages(path, held)
+    else:
+        pd.DataFrame(held).to_csv(path, index=False)
+    at = {"topic": "s", "field": "x"} if kind == "mcap" else {"column": "x"}
+    words = {"time": {"column": "t"}, "channels": [{**at, "unit": "1"}]}
+    with pytest.raises(LogError, match=r"below 146 years: if they are in ns, say so"):
+        import_log(path, parse_mapping(words), tmp_path / "log.nc")
+    found = import_log(path, mapping(words, unit="ns"), tmp_path / "log.nc")
+    assert found.duration == pytest.approx(0.99)
+
+
 def _joint_states(folder: Path, states: list[tuple[list[str], list[float]]]) -> Path:
     """ROS 2 bag with one message every 10 ms on the topic `s`: names and positions of joints."""
     from rosbags.rosbag2 import Writer

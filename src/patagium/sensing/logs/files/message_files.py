@@ -45,10 +45,11 @@ _STEP = re.compile(r"\.?([^.\[\]]+)|\[([^\]]*)\]")
 _MOST_ENTRIES = 64
 _MOST_PARTS = 16
 _FIRST = 200
-"""Messages of a topic among which names of parts are looked for."""
+"""Messages of a topic among which named parts, and numbers where the first has null, are found."""
 _ROWS = 4096
 _NAMES = ("name", "names", "joint_names")
 _KEYS = ("child_frame_id", "name", "id")
+_NULL = "null in the first messages"
 NO_MESSAGE = "no message in the log"
 """Problem of a topic without messages."""
 _SECONDS = ("sec", "secs", "seconds")
@@ -102,12 +103,22 @@ def message_topic(
     except Exception as problem:  # decoders raise their own errors
         reason = f"cannot be decoded: {one_line(problem)}"
         return known or unreadable_topic(name, kind, count, reason)
+    unplaced = {one: why for one, why in unplaced.items() if not _has_numbers(one, channels)}
     if known is not None:
         return replace(known, channels=channels, aliases=aliases, unplaced=unplaced)
     stamp = _stamp(first, _stamp_path(first, list(channels)))
     base = StampSource("header" if stamp not in (None, 0) else "received")
     topic = Topic(name, kind, count, channels, base, stamped=stamp is not None)
     return replace(topic, aliases=aliases, unplaced=unplaced)
+
+
+def _has_numbers(path: str, channels: Iterable[str]) -> bool:
+    return any(one == path or one.startswith((f"{path}.", f"{path}[")) for one in channels)
+
+
+def _is_open(topic: Topic) -> bool:
+    """Whether messages may have numbers that those before lack: named parts, or one for a null."""
+    return bool(topic.aliases) or _NULL in topic.unplaced.values()
 
 
 def message_blocks(
@@ -172,10 +183,12 @@ class _Rows:
         found = not values
         for k, get in enumerate(self.getters):
             with suppress(KeyError, IndexError):
-                values[k], found = float(get(content)), True
+                value = get(content)
+                values[k], found = math.nan if value is None else float(value), True
         if not found:
             return
-        self.stamps.append(self._stamp(content, received))
+        stamp = self._stamp(content, received)
+        self.stamps.append(stamp if abs(stamp) < 2**62 else NO_STAMP)
         self.values.append(values)
 
     def block(self) -> Block:
@@ -206,7 +219,8 @@ def getter(path: str) -> Getter:
             dots themselves, the longest that it begins with is taken.
 
     Returns:
-        The function; it raises KeyError or IndexError if a message has no such part.
+        The function; it raises KeyError or IndexError if a message has no such part, and a null
+        has None as any part.
     """
     steps = [*_STEP.finditer(path)]
     ends = [(step.end(), k) for k, step in enumerate(steps, 1)]
@@ -214,7 +228,7 @@ def getter(path: str) -> Getter:
 
     def get(message: Any) -> Any:
         above, value, k = None, message, 0
-        while k < len(steps):
+        while k < len(steps) and value is not None:
             name, key = steps[k].groups()
             if name:
                 held = value if isinstance(value, dict) else ()
@@ -285,7 +299,7 @@ def _leaves(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]
     elif isinstance(value, str):
         yield path, "", f"text such as {value[:40]!r}"
     elif isinstance(value, bytes) or value is None:
-        yield path, "", type(value).__name__
+        yield path, "", _NULL if value is None else "bytes"
     elif isinstance(value, np.ndarray) or _is_list(value):
         yield from _entries(value, path, above)
     else:
@@ -365,8 +379,8 @@ def _as_stamp(value: Any, factor: float) -> int:
         return whole
     if isinstance(value, int | np.integer):
         return int(value) * round(factor) if factor >= 1 else round(int(value) * factor)
-    number = float(value) * factor
-    return round(number) if abs(number) < 2.0**62 else NO_STAMP
+    number = math.nan if value is None else float(value) * factor
+    return round(number) if math.isfinite(number) else NO_STAMP
 
 
 _BY_TYPE = {
@@ -635,7 +649,7 @@ class McapFile(LogFile):
         for path in self._paths:
             for schema, channel, message in self._records(path, None, counts):
                 known = topics.get(channel.topic)
-                if known is None or (known.aliases and looked[channel.topic] < _FIRST):
+                if known is None or (_is_open(known) and looked[channel.topic] < _FIRST):
                     kind = schema.name if schema is not None else channel.message_encoding
                     decode = partial(self._decoded, schema, channel, message)
                     looked[channel.topic] += 1
@@ -650,7 +664,7 @@ class McapFile(LogFile):
         """Messages by the time they were logged, or as they come if the file has no index.
 
         With `counts`, only the first message of each topic, or the first ones if they have named
-        parts, are read where the index states how many there are.
+        parts or nulls, are read where the index states how many there are.
         """
         from mcap.reader import SeekingReader
 
@@ -670,7 +684,7 @@ class McapFile(LogFile):
                 counts[channel.topic] += summary.statistics.channel_message_counts.get(key, 0)
                 for record in islice(reader.iter_messages(topics=[channel.topic]), _FIRST):
                     yield record
-                    if not self.topics[channel.topic].aliases:
+                    if not _is_open(self.topics[channel.topic]):
                         break
 
     def _summary(self, path: Path, file: Any) -> Any:

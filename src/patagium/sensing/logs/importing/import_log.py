@@ -263,9 +263,12 @@ def _refuse_unusable(spool: Spool) -> None:
     for name, survey in zip(spool.plan.names, spool.surveys, strict=True):
         stamps = survey.stamps
         if stamps.kept < 2:
+            beyond = "; none is a time below 146 years: if they are in ns, say so (`unit: ns`)"
             raise LogError(
                 f"{log.path}: {name}: expected at least two samples with stamps that "
                 f"advance, found {stamps.kept} in {stamps.rows} row(s)"
+                + beyond
+                * (stamps.missing == stamps.rows > 0)
             )
         chosen = mapping.time.duplicates is not None
         lost = stamps.rows - stamps.kept - (stamps.duplicates if chosen else 0)
