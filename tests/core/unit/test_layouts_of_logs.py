@@ -757,6 +757,23 @@ def test_times_of_the_day_go_on_after_midnight(
     np.testing.assert_allclose(log["lift"].values, lift(t).ravel(), rtol=1e-12)
 
 
+def test_names_of_labview_are_found_above_lines_without_a_comment(tmp_path: Path) -> None:
+    """Its last name, Comment, made a line of its head before it that of the names."""
+    head = (
+        "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t,\n***End_of_Header***\t\n\t\n"
+    )
+    head += "Channels\t2\t\t\nSamples\t300\t300\t\nY_Unit_Label\tN\tNewton Meters\t\n"
+    head += "***End_of_Header***\t\t\t\nX_Value\tFz\tMx\tComment\n"
+    rows = [f"{0.01 * k:.6f}\t{np.sin(k):.6f}\t{np.cos(k):.6f}\n" for k in range(300)]
+    rows[7] = rows[7].replace("\n", "\tthe motor starts\n")
+    (tmp_path / "log.lvm").write_text(head + "".join(rows).replace(".", ","), encoding="utf-8")
+    columns = [{"column": "Fz", "unit": "N"}, {"column": "Mx", "unit": "N m"}]
+    words = parse_mapping(mapped(*columns, column="X_Value"))
+    log = load_log(import_log(tmp_path / "log.lvm", words, tmp_path / "log.nc").path)
+    assert log.sizes["time"] == 300
+    np.testing.assert_allclose(log["Fz"], np.sin(np.arange(300)), atol=1e-6)
+
+
 @pytest.mark.parametrize("encoding", ["cp1252", "utf-16", "utf-8-sig"])
 def test_names_in_the_encodings_of_windows_are_read(encoding: str, tmp_path: Path) -> None:
     """LabVIEW and Excel on Windows write degrees in their own code pages."""

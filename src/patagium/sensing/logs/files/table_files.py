@@ -314,7 +314,8 @@ def header_place(lines: Sequence[str]) -> int:
                 continue
             numbers = [sum(map(_is_number, row)) for row in below]
             typical = numbers[len(numbers) // 2]
-            alike = sum(len(row) == len(names) for row in below) >= _ALIKE * len(below)
+            sizes = {len(names), len(names) - (names[-1].strip() == "Comment")}  # of LabVIEW
+            alike = sum(len(row) in sizes for row in below) >= _ALIKE * len(below)
             if not alike or not typical or 2 * max(numbers[1:3] or numbers) < typical:
                 continue
             if numbers[0] or _units_below(below, len(names)) is not None:
