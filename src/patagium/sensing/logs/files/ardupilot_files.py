@@ -92,11 +92,8 @@ class ArdupilotFile(LogFile):
     def _add(self, kind: int, found: Any) -> None:
         """Add the topics of a type of messages, one for each instance."""
         rows = self._rows(kind)
-        base = next(
-            (StampSource("column", name, unit) for name, unit in _CLOCKS.items()
-             if name in found.columns),
-            StampSource("rows"),
-        )  # fmt: skip
+        clock = next((name for name in _CLOCKS if name in found.columns), "")
+        base = StampSource("column", clock, _CLOCKS[clock]) if clock else StampSource("rows")
         channels, unplaced = {}, {}
         for name, code in zip(found.columns, found.format, strict=False):
             if code in _TEXT:

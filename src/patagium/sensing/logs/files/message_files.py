@@ -42,6 +42,7 @@ from patagium.sensing.logs.files.channels import (
 )
 
 _STEP = re.compile(r"\.?([^.\[\]]+)|\[([^\]]*)\]")
+_END = re.compile(r"[.\[]|$")
 _MOST_ENTRIES = 64
 _MOST_PARTS = 16
 _FIRST = 200
@@ -98,22 +99,17 @@ def message_topic(
             channels.setdefault(path, Channel(path, dtype, unit_in_message(kind, path)))
             if other:
                 aliases.setdefault(other, path)
-    except LogError as problem:
-        return known or unreadable_topic(name, kind, count, str(problem))
     except Exception as problem:  # decoders raise their own errors
-        reason = f"cannot be decoded: {one_line(problem)}"
-        return known or unreadable_topic(name, kind, count, reason)
-    unplaced = {one: why for one, why in unplaced.items() if not _has_numbers(one, channels)}
+        foreign = "" if isinstance(problem, LogError) else f"cannot be decoded: {one_line(problem)}"
+        return known or unreadable_topic(name, kind, count, foreign or str(problem))
+    parts = {path[: mark.start()] for path in channels for mark in _END.finditer(path)}
+    unplaced = {path: why for path, why in unplaced.items() if path not in parts}
     if known is not None:
         return replace(known, channels=channels, aliases=aliases, unplaced=unplaced)
     stamp = _stamp(first, _stamp_path(first, list(channels)))
     base = StampSource("header" if stamp not in (None, 0) else "received")
     topic = Topic(name, kind, count, channels, base, stamped=stamp is not None)
     return replace(topic, aliases=aliases, unplaced=unplaced)
-
-
-def _has_numbers(path: str, channels: Iterable[str]) -> bool:
-    return any(one == path or one.startswith((f"{path}.", f"{path}[")) for one in channels)
 
 
 def _is_open(topic: Topic) -> bool:

@@ -777,9 +777,8 @@ def _has_decimal_commas(column: Any) -> bool:
 
 
 def _numeric(column: Any) -> bool:
-    if column.dtype.kind in "fiub":
-        return True
-    return bool(pd.to_numeric(column, errors="coerce").notna().mean() > 0.5)
+    numbers = pd.to_numeric(column, errors="coerce").notna()
+    return column.dtype.kind in "fiub" or bool(numbers.mean() > 0.5)
 
 
 def _calendar(column: Any) -> Any:
@@ -894,10 +893,8 @@ def _is_numeric_type(kind: Any) -> bool:
 def _is_list_type(kind: Any) -> bool:
     from pyarrow import types
 
-    if not (types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)):
-        return False
-    inner = kind.value_type
-    return _is_numeric_type(inner) or _is_list_type(inner)
+    listed = types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)
+    return listed and (_is_numeric_type(kind.value_type) or _is_list_type(kind.value_type))
 
 
 class _HeldFile(LogFile):
