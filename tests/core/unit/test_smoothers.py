@@ -134,6 +134,7 @@ def test_samples_and_times_that_are_none_are_refused() -> None:
         ("time", time[:-1], ShapeError),
         ("values", values[:, 0], ShapeError),
         ("values", np.full_like(values, np.nan), LogError),
+        ("values", np.where(np.arange(300)[:, None] == 7, values, np.nan), LogError),
         ("values", values[:5], ShapeError),
         ("values", "all", ParameterError),
         ("std", np.nan, ParameterError),

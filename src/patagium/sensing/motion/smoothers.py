@@ -224,9 +224,9 @@ def smooth_series(
     stamps, y = rising(time), real_array("values", values)
     if y.ndim != 2 or stamps.shape != (len(y),) or len(y) < 2:
         raise ShapeError("values", "(N, B) with N times, N >= 2", y.shape)
-    silent = np.flatnonzero(~np.isfinite(y).any(axis=0))
-    if len(silent):
-        raise LogError(f"values: expected measurements in column {silent[0]}, found none")
+    few = np.flatnonzero(np.isfinite(y).sum(axis=0) < 2)
+    if len(few):
+        raise LogError(f"values: expected two measurements or more in column {few[0]}")
     noise = np.broadcast_to(np.asarray(std, float), y.shape)
     if not (np.isfinite(noise).all() and (noise > 0).all()):
         raise ParameterError("std", "positive numbers", float(np.min(noise)))
