@@ -40,7 +40,7 @@ from patagium.simulation import gaits
 from patagium.simulation.gait_models import Gait
 from patagium.simulation.simulator import check_robots
 from patagium.simulation.state_limits import tightest_limit
-from patagium.simulation.steered_gait import SteeredGait
+from patagium.simulation.steered_gait import MARGIN, SteeredGait
 
 TOLERANCE = 1e-12
 """Residual of an orbit: rounding of some thousand operations, over sizes of more than 1 [SI]."""
@@ -350,10 +350,11 @@ class OrbitSearch:
                 return f"{way}, and its limits are {seen[2]} to {seen[3]} {seen[4]}"
         half = np.subtract(most, least) / 2 * np.copysign(1.0, amplitude)
         known = dict(zip(COMMANDS, (half, mean, lead), strict=True))
+        margin = MARGIN / 2 if beyond else 0.0  # samples differ
         for name, actuator, kind, k in self._commands:
             low, high = actuator.range
             value = known[kind][k] if kind in known else frequency
-            if (half[k] or kind == "offset") and not low - 1e-5 <= value <= high + 1e-5:
+            if (half[k] or kind == "offset") and not low - margin <= value <= high + margin:
                 joint = kind if kind == "frequency" else moved[k]
                 seen = _apart(actuator.unit, value, value, low, high)
                 needed = f"{'' if joint == name else name + ' '}{seen[0]} {seen[4]}"

@@ -44,7 +44,8 @@ _LOWEST = {
     "frequency": (1e-9, "a positive number"),
     "amplitude": (0.0, "zero or more"),
 }
-_MARGIN = 1e-5  # of the end of a range, since extremes are sampled
+MARGIN = 1e-5
+"""Allowed excess over a range, as extremes are sampled [actuator's unit]."""
 
 
 @dataclass(frozen=True)
@@ -352,18 +353,17 @@ class SteeredGait:
             factor = 2.0 / np.ptp(self.reach[:, joints], axis=0)
         elif kind == "offset":
             middle = self.mean[joints]
-        bounds = (np.array(actuator.range)[:, None] - middle) * factor
-        own = self.target[places]
-        inside = (bounds[0] <= own + _MARGIN) & (own <= bounds[1] + _MARGIN)
-        if not inside.all():
-            place = int(np.argmin(inside))
-            gait = own[place] / factor[place] + middle[place]
-            low, high = actuator.range
-            expected = f"a range that holds the gait's {spoken(actuator.unit, gait)}"
+        low, high = actuator.range
+        gait = self.target[places] / factor + middle
+        beyond = np.maximum(low - gait, gait - high)
+        if not beyond.max(initial=0.0) <= MARGIN:
+            expected = "a range that holds the gait's " + spoken(
+                actuator.unit, gait[beyond.argmax()]
+            )
             found = spoken(actuator.unit, low, high)
             raise ParameterError(f"actuators.{name}.range", expected, found)
-        held = np.array([np.minimum(bounds[0], own), np.maximum(bounds[1], own)])
-        return held, actuator.rate_limit * factor
+        held = np.array([np.minimum(low, gait), np.maximum(high, gait)])
+        return (held - middle) * factor, actuator.rate_limit * factor
 
     def _scale(self, kind: str) -> float:
         """Factor from the unit of a command to that of its response."""

@@ -366,7 +366,23 @@ def test_no_phase_leaves_the_range_of_its_actuator(aerobat):
     bounded = pt.trim(replace(aerobat, actuators=actuators))
     lead = dict(zip(bounded.family.names, bounded.values, strict=True))["feather_phase"]
     assert bounded.found and bounded.residual <= 1e-12
-    assert lead == pytest.approx(-0.02, abs=2e-5)  # the margin at a limit is 1e-5
+    assert lead == pytest.approx(-0.02, abs=1e-8)
+
+
+def test_an_orbit_at_the_limit_of_an_actuator_is_one_for_controllers():
+    """A trim went 1e-5 rad beyond the limit, and controllers refused its orbit."""
+    bird = pt.load_robot("ornithopter")
+    ranges = {"frequency": (2.0, 8.0), "plunge_amplitude": (0.2, 0.6)}
+    narrow = {name: replace(bird.actuators[name], range=one) for name, one in ranges.items()}
+    robot = replace(bird, actuators=dict(bird.actuators) | narrow)
+    gait = pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.55)
+    trimmed = pt.trim(robot, gait=gait, speed=4.5)
+    optimal = pt.control.optimize(robot, start=trimmed, speed=4.5, harmonics=1)
+    for orbit in (trimmed, optimal.orbit):
+        amplitude = np.ptp(orbit.family.swings(orbit.values)[-1], axis=0).max() / 2
+        assert amplitude == pytest.approx(0.6, abs=2e-6)
+        law = pt.control.LinearRegulator(orbit, tuple(robot.actuators))
+        assert np.abs(law.multipliers).max() <= 1 + 1e-6
 
 
 def test_a_start_that_breaks_is_a_reason(aerobat):
