@@ -9,23 +9,14 @@ more within a beat than actuators follow. Neglected in the design: limits, which
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from patagium.arguments import checked
 from patagium.arrays import Array
-from patagium.control.predictive import (
-    GROWS,
-    OrbitController,
-    OrbitModel,
-    Reference,
-    closed_beat,
-    periodic_riccati,
-)
+from patagium.control.predictive import OrbitController, OrbitModel, Reference, periodic_riccati
 from patagium.errors import ParameterError
 
 
@@ -63,26 +54,21 @@ class LinearRegulator(OrbitController):
         self._averaged = averaged
         self._change_cost = change_cost
         super().__init__(orbit, commands, parts, tolerable)
-        grows = np.abs(self.multipliers).max()
-        if grows > GROWS:
-            said = f"LinearRegulator: departures grow {grows:.3g} times a beat under the averaged"
-            warnings.warn(f"{said} gain; averaged=False gives one for each part", stacklevel=3)
-
-    @property
-    def multipliers(self) -> NDArray[np.complex128]:
-        """Floquet multipliers of the closed loop with lags and commands as states, (n,) [1]."""
-        a, b = _with_commands(self.model)
-        beat = closed_beat(a, b, self.gains)
-        return np.asarray(np.linalg.eigvals(beat), complex)
 
     def _law(self, model: OrbitModel) -> tuple[Array, Array]:
-        """Cost-to-go matrices and feedback gains of a model."""
-        a, b = _with_commands(model)
+        """Cost-to-go matrices and feedback gains of a model whose states are all known."""
+        a, b = self._loop(model)
         if self._averaged:
             a, b = (np.broadcast_to(part.mean(axis=0), part.shape) for part in (a, b))
         share = self._change_cost * (self.half / (self.rates * model.period)) ** 2
         costs = block_diag(self.state_cost, self.input_cost)
         return periodic_riccati(a, b, costs, share * self.input_cost)
+
+    def _loop(self, model: OrbitModel) -> tuple[Array, Array]:
+        """Derivatives of [x, u] after each interval, by [x, u] before it and by the change of u."""
+        a, b = model.by_state, model.by_input
+        own = np.tile(np.eye(b.shape[2]), (len(b), 1, 1))
+        return np.block([[a, b], [0 * b.transpose(0, 2, 1), own]]), np.concatenate([b, own], 1)
 
     def answer(self, first: int, start: Array, before: Array) -> Array | None:
         """Departures of the commands, limited in range and rate, for one flight or several."""
@@ -91,12 +77,3 @@ class LinearRegulator(OrbitController):
         change = np.clip(change, -self.fastest, self.fastest)
         values = np.clip(neutral + before + change, self.low, self.high)
         return np.asarray(values - neutral)
-
-
-def _with_commands(model: OrbitModel) -> tuple[Array, Array]:
-    """Derivatives of [x, u] after each interval, by [x, u] before it and by the change of u."""
-    a, b = model.by_state, model.by_input
-    own = np.tile(np.eye(b.shape[2]), (len(b), 1, 1))
-    below = np.zeros_like(b).transpose(0, 2, 1)
-    whole = np.block([[a, b], [below, own]])
-    return whole, np.concatenate([b, own], 1)

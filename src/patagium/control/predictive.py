@@ -24,6 +24,7 @@ from types import MappingProxyType
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from patagium.arguments import checked
 from patagium.arrays import Array
@@ -225,6 +226,7 @@ class OrbitModel:
         pace: Rate of the gait's own time on the orbit; 1 where its frequency is the gait's own.
         begun: Number of the interval from which it is followed, and when that begins [s].
         course: Where the orbit is at the beginning of each interval.
+        lags: Places of the lag states of the air, which nothing measures.
         by_state: Derivative of each interval of a beat by its state, (parts, n_x, n_x).
         by_input: Derivative by the commands, (parts, n_x, n_u).
     """
@@ -266,6 +268,7 @@ class OrbitModel:
             self.pace = float(self.neutral[self.commands.index("frequency")])
             self.period /= self.pace
         self.kept = np.array([k for k, name in enumerate(self.names) if name != "x"])
+        self.lags = np.flatnonzero(np.isin(self.names, flight.aero.state_names)[self.kept])
         self.size = len(self.kept) + sum(self.chains)
         states = np.zeros((parts + 1, flight.size))
         states[0] = orbit.states[0]
@@ -461,10 +464,7 @@ def _joined(first: tuple[Array, ...], then: tuple[Array, ...]) -> tuple[Array, .
 
 def closed_beat(by_state: Array, by_input: Array, gains: Array) -> Array:
     """State transition matrix of one beat under feedback with gains K, (n_x, n_x)."""
-    beat = np.eye(by_state.shape[1])
-    for a, b, gain in zip(by_state, by_input, gains, strict=True):
-        beat = (a - b @ gain) @ beat
-    return beat
+    return reduce(lambda first, then: then @ first, by_state - by_input @ gains)
 
 
 _DOUBLINGS, _SETTLED_GAINS = 20, 1e-9
@@ -533,9 +533,11 @@ class OrbitController:
         self.input_cost = np.diag(costs / self.half**2)
         self.before = np.zeros(len(commands))
         self.costs, self.gains = self._law(model)
-        self.held: Counter[str] = Counter()
-        self.limited: Counter[str] = Counter()
-        self._answers = 0
+        self.gains[..., model.lags] = 0.0
+        if (grows := np.abs(self.multipliers).max()) > GROWS:
+            said = f"{type(self).__name__}: departures grow {grows:.3g} times a beat"
+            warnings.warn(f"{said}; tolerate larger ones or take gains of each part", stacklevel=4)
+        self.held, self.limited, self._answers = Counter[str](), Counter[str](), 0
         self._time = self._due = -np.inf
         self._followed = False
 
@@ -579,8 +581,17 @@ class OrbitController:
             raise ParameterError("controller", expected, own.describe())
 
     def _law(self, model: OrbitModel) -> tuple[Array, Array]:
-        """Costs to go and gains of a model."""
-        return periodic_riccati(model.by_state, model.by_input, self.state_cost, self.input_cost)
+        """Costs to go and gains of a model whose states are all known."""
+        return periodic_riccati(*self._loop(model), self.state_cost, self.input_cost)
+
+    def _loop(self, model: OrbitModel) -> tuple[Array, Array]:
+        """Derivatives of each interval by the states that are fed back, and by what they move."""
+        return model.by_state, model.by_input
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Floquet multipliers of the flown loop, but for limits of its commands, (n,) [1]."""
+        return np.linalg.eigvals(closed_beat(*self._loop(self.model), self.gains)).astype(complex)
 
     def follow(self, orbit: Reference, parameters: Mapping[str, float], first: int) -> None:
         """Follow another orbit from an interval on.
@@ -601,6 +612,7 @@ class OrbitController:
         beat = range(first, first + last.parts)
         model = OrbitModel(orbit, last.commands, last.parts, last.steered, parameters)
         costs, gains = self._law(model)
+        gains[..., model.lags] = 0.0
         course, model.begun = model.course, (first, last.time(first))
         former, own = (np.mean([one.along(k) for k in beat], axis=0)
                        for one in (last.course, course))  # fmt: skip
@@ -722,13 +734,10 @@ class OrbitController:
     def measured(self, state: FlightState, first: int) -> Array:
         """State of the model, its unmeasured lags as on the orbit at an interval, (n,) [SI]."""
         found = self.model.course.along(first)
-        robot = self.model.robot
         for k, name in enumerate(self.model.names):
             moving = name.removeprefix("velocity of ")
-            if moving != name:
-                found[k] = state.velocity(moving)
-            elif name in robot.coordinate_names:
-                found[k] = state.position(name)
+            if moving in self.model.robot.dof_names:
+                found[k] = (state.position if moving == name else state.velocity)(moving)
         return found
 
 
