@@ -111,7 +111,8 @@ class NoisyState:
             ParameterError: If the robot has no such state.
         """
         robot, dofs = orbit.robot, orbit.robot.dof_names
-        names = [*robot.coordinate_names, *(f"{k} of {i}" for k in _RATES for i in dofs)]
+        names = [*robot.coordinate_names]
+        names += [f"{rate} of {dof}" for rate in ("velocity", "acceleration") for dof in dofs]
         for name in self.std:
             if name not in names:
                 raise ParameterError("std", "states of the robot", name, names)
@@ -132,9 +133,6 @@ class NoisyState:
             return Estimate(FlightState(robot, last * truth.time_step, q, v), a)
 
         return estimate
-
-
-_RATES = ("velocity", "acceleration")
 
 
 @dataclass(frozen=True)

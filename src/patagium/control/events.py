@@ -266,11 +266,8 @@ def with_gusts(aero: Aerodynamics, events: Sequence[Event]) -> Aerodynamics:
     aero.air.require_uniform("aero")
     described = aero.describe()
     inner = innermost(described)
-    own = inner["air"]["gust"]
-    if own is not None:
-        gusts.insert(0, own)
-    several = {"name": "sum", "gusts": gusts}
-    inner["air"]["gust"] = several if len(gusts) > 1 else gusts[0]
+    gusts = [one for one in (inner["air"]["gust"], *gusts) if one is not None]
+    inner["air"]["gust"] = {"name": "sum", "gusts": gusts} if len(gusts) > 1 else gusts[0]
     return aero_from_description(aero.robot, described)
 
 
@@ -364,11 +361,9 @@ def _outwards(strips: Sequence[Strip], place: int) -> Array:
     """Unit vector along the span of a strip to the tip, axes of its body, (3,)."""
     strip = strips[place]
     span = np.cross(strip.normal, strip.forward)
-    beside = [k for k in (place - 1, place + 1) if 0 <= k < len(strips)]
-    same = [k for k in beside if strips[k].body == strip.body]
-    way = np.array(strip.quarter_chord, float)
-    if same:
-        way = (way - np.array(strips[same[0]].quarter_chord, float)) * (place - same[0])
+    near = [one for one in strips[max(place - 1, 0) : place + 2] if one.body == strip.body]
+    inner, outer = (np.array(one.quarter_chord, float) for one in (near[0], near[-1]))
+    way = outer - inner if len(near) > 1 else outer
     return np.asarray(span if span @ way >= 0 else -span)
 
 
@@ -395,28 +390,19 @@ def _scaled(body: Body, share: float, squares: Array, center: Array) -> dict[str
 
 def _plates(robot: Robot, place: int) -> tuple[float, Array, Array]:
     """Area of the strips of a body [m^2], its centroid [m] and its variances, (3,) [m^2]."""
-    parts = []
-    for strip in robot.strips:
-        if strip.body == place:
-            chord, width = float(strip.chord), float(strip.width)
-            span = np.cross(strip.normal, strip.forward)
-            forward = np.array(strip.forward)
-            center = np.array(strip.quarter_chord, float) - chord / 4 * forward
-            square = (span * width) ** 2 + (forward * chord) ** 2
-            parts.append((chord * width, center, square / 12 + center**2))
-    areas, centers, squares = map(np.array, zip(*parts, strict=True))
-    area = areas.sum()
-    center = areas @ centers / area
-    return float(area), center, areas @ squares / area - center**2
-
-
-_TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    strips = [strip for strip in robot.strips if strip.body == place]
+    sizes = np.array([(strip.chord, strip.width) for strip in strips], float)
+    forward, normal = (np.array([getattr(one, k) for one in strips]) for k in ("forward", "normal"))
+    centers = np.array([one.quarter_chord for one in strips], float) - sizes[:, :1] / 4 * forward
+    along = (forward * sizes[:, :1]) ** 2 + (np.cross(normal, forward) * sizes[:, 1:]) ** 2
+    shares = sizes.prod(axis=1) / sizes.prod(axis=1).sum()
+    center = shares @ centers
+    return sizes.prod(axis=1).sum(), center, shares @ (along / 12 + centers**2) - center**2
 
 
 def _with_point(body: Body, mass: float, center: Array) -> dict[str, float]:
     """Numbers of a body with a mass more at a point, (3,) [m]."""
-    total = float(body.mass) + mass
-    old = np.array(body.center_of_mass, float)
+    total, old = float(body.mass) + mass, np.array(body.center_of_mass, float)
     new = (float(body.mass) * old + mass * center) / total
     tensor = body.tensor
     for part, at in ((float(body.mass), old), (mass, center)):
@@ -430,7 +416,7 @@ def _mass_of(body: Body, mass: float, center: Array, tensor: Array) -> dict[str,
     return {
         f"{body.name}.mass": mass,
         **_named(f"{body.name}.center_of_mass", center),
-        **_named(f"{body.name}.inertia", [tensor[place] for place in _TENSOR]),
+        **_named(f"{body.name}.inertia", [*np.diag(tensor), *tensor[np.triu_indices(3, 1)]]),
     }
 
 
