@@ -17,6 +17,7 @@ from patagium.cli.words import (
     heading,
     named_quantities,
     parts_of,
+    progress_bar,
     say_json,
     show_table,
 )
@@ -108,7 +109,8 @@ def trim(
     asked = level if climb is None else climb
     wanted = partial(control.trim, machine, gait=gait, free=chosen, speed=speed, climb=asked)
     search = partial(wanted, turn_rate=turn_rate)
-    orbit = search(model, added_mass=added)
+    with progress_bar("Beats of the search, of 250 at most") as progress:
+        orbit = search(model, added_mass=added, progress=progress)
     if not isinstance(orbit, control.Orbit):
         if as_json:
             answer(orbit.summary(), as_json=True)

@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, QuasiSteady
-from patagium.arguments import checked
+from patagium.arguments import Progress, checked
 from patagium.arrays import Array
 from patagium.control.gait_family import (
     DIFFERENCE,
@@ -149,6 +149,7 @@ class OrbitSearch:
         family: GaitFamily,
         steps: int,
         tolerable: Mapping[str, float] = MappingProxyType({}),
+        progress: Progress | None = None,
     ) -> None:
         self.map, self.family, self.steps, names = flight_map, family, steps, flight_map.names
         self.frame = Frame(names)
@@ -168,11 +169,14 @@ class OrbitSearch:
         self._size = np.array([sizes[name] for name in self.frame.names])
         self._pitch = [k for k, name in enumerate(names) if name == "pitch"]
         self.iterations = self.points = 0
+        self._progress = progress
 
     @np.errstate(all="ignore")  # a flight that breaks is of infinite size
     def point(self, states: Array, values: Array, conditions: Conditions) -> Point:
         """Flight of all segments and its misfits."""
         self.points += 1
+        if self._progress is not None:
+            self._progress(min(self.points, _POINTS), _POINTS)
         rows = self.family.rows(values, self.steps, self.map.aero.air)
         flown = self.map.fly(states, rows)
         period, frame = rows.steps * rows.time_step, self.frame
@@ -252,9 +256,7 @@ class OrbitSearch:
         if not np.isfinite(at.size):
             return at, "the flight breaks within the first wingbeat"
         for _ in range(_NEWTON):
-            if self.points > _POINTS:
-                break
-            if at.residual <= 0.1 * TOLERANCE:
+            if self.points > _POINTS or at.residual <= 0.1 * TOLERANCE:
                 break
             states, values = self.step(at, held)
             excess = self.excess(at.values) if limited and at.size < _SURE else ""
@@ -412,6 +414,7 @@ def trim(
     start: Orbit | None = None,
     steps: int | None = None,
     tolerable: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
 ) -> Orbit | NoOrbit:
     """Periodic orbit of a flapping flight, or equilibrium of a glide.
 
@@ -434,6 +437,7 @@ def trim(
             by 0.3 of its unit, or the frequency by 0.3 of itself, where more than one orbit meets
             the conditions; others by 1 rad, 3 m/s and 20 rad/s. Where given, the orbit is the
             nearest by these sizes to what the search began from; else its rates follow the beat.
+        progress: Function that takes the beats flown by the search, and those at most.
 
     Returns:
         The orbit; or a `NoOrbit` that says what stood in the way and what to do. `found` tells
@@ -452,7 +456,7 @@ def trim(
     conditions = Conditions(turn_rate, climb, speed)
     family = _family(robot, gait, free, conditions)
     flight = FlightMap(robot, aero, added_mass)
-    search = OrbitSearch(flight, family, _steps(family, steps), tolerable or {})
+    search = OrbitSearch(flight, family, _steps(family, steps), tolerable or {}, progress)
     if excess := search.excess(family.neutral):
         raise ParameterError("gait", "a gait within the limits of the robot", excess)
     states = _first_states(search, robot, start)
@@ -598,21 +602,10 @@ def orbit_of(search: OrbitSearch, at: Point, added_mass: AddedMass | None) -> Or
     turned = float(end[yaw].sum())
     forward = _along_arc(turned) @ end[[x, y]]
     return Orbit(
-        search.map.robot,
-        search.map.aero,
-        added_mass,
-        search.family,
-        at.values,
-        at.states,
-        at.flown,
-        search.map.names,
-        search.steps,
-        float(forward / period),
-        float(end[z] / period),
-        turned / period,
-        at.residual,
-        search.iterations,
-    )
+        search.map.robot, search.map.aero, added_mass, search.family, at.values, at.states,
+        at.flown, search.map.names, search.steps, float(forward / period), float(end[z] / period),
+        turned / period, at.residual, search.iterations,
+    )  # fmt: skip
 
 
 NEARBY = "begin from an orbit nearby (start=), another gait or cruise, or free other ones (free)"

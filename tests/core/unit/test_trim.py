@@ -110,6 +110,14 @@ def test_an_orbit_repeats_in_the_simulator(orbit):
     assert abs(moved[2]) <= 1e-12
 
 
+def test_a_search_tells_how_far_it_is(orbit):
+    """A search of minutes was silent, which nobody can tell from one that hangs."""
+    told = []
+    pt.trim(orbit.robot, start=orbit, climb=0.01, progress=lambda *each: told.append(each))
+    flown = [done for done, _ in told]
+    assert flown == [*range(1, len(told) + 1)] and {most for _, most in told} == {250}
+
+
 def test_the_orbit_says_itself_in_ten_lines(orbit):
     text = repr(orbit)
     assert len(text.splitlines()) <= 10
