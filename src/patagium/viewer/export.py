@@ -7,7 +7,7 @@ is in the schema; bodies are frames in the world. Neglected: what is not over ti
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from itertools import product
 from math import isfinite
@@ -59,13 +59,23 @@ def topics_of(record: xr.Dataset) -> list[Topic]:
         labels = tuple("/".join(names) for names in product(*axes)) if axes else ("value",)
         values = variable.to_numpy().reshape(len(variable), -1).astype(float)
         if values.shape[1]:
-            unit = str(variable.attrs.get("units", ""))
-            own = known if " or " in unit else {}
-            units = tuple(own.get(f"{name}.{label}", unit) for label in labels)
-            found.append(Topic(str(name), units, labels, values))
+            found.append(Topic(str(name), _units(record, variable, labels, known), labels, values))
     if not found:
         raise LogError("file: expected quantities over time, found none")
     return found
+
+
+def _units(
+    record: xr.Dataset, variable: xr.DataArray, labels: Sequence[str], known: Mapping[str, str]
+) -> tuple[str, ...]:
+    """Unit of each number of a variable; `known`: units by name of what has several."""
+    unit = str(variable.attrs.get("units", ""))
+    if variable.dims[1:] == ("output",) and "unit" in record:  # predictions
+        return tuple(map(str, record["unit"].values))
+    if "component" in variable.dims:  # of a wrench
+        return tuple("N m" if "moment_" in label else "N" for label in labels)
+    own = known if " or " in unit else {}
+    return tuple(own.get(f"{variable.name}.{label}", unit) for label in labels)
 
 
 def body_frames(record: xr.Dataset) -> dict[str, tuple[Array, Array]]:
@@ -96,7 +106,7 @@ def export(record: xr.Dataset, path: str | Path) -> Path:
 
     Raises:
         ParameterError: If the kind of file is unknown, or the package that writes it is missing.
-        LogError: If nothing in it is over time.
+        LogError: If nothing in it is over time, or the times are none that advance.
         OutputError: If the file cannot be written.
     """
     target = Path(path)
@@ -111,6 +121,9 @@ def export(record: xr.Dataset, path: str | Path) -> Path:
         name, extra = ("rerun",) * 2 if package == "rerun" else ("mcap", "export")
         expected = f"{name}: pip install 'patagium[{extra}]'"
         raise ParameterError("export", expected, None) from None
+    if not record.sizes.get("time"):
+        raise LogError("file: expected samples, found none")
+    record = record.transpose("time", ...)
     topics = topics_of(record)
     _check_clock(record["time"].to_numpy())
     with whole_file(target) as draft:
@@ -119,7 +132,9 @@ def export(record: xr.Dataset, path: str | Path) -> Path:
 
 
 def _check_clock(time: Array) -> None:
-    """Refuse a record whose clock was reset: its two parts would be mixed in time."""
+    """Refuse a record whose clock was reset, as its two parts would be mixed, or told nothing."""
+    if not np.isfinite(time).all():
+        raise LogError(f"file: expected times, found {time[~np.isfinite(time)][0]}")
     back = np.maximum.accumulate(time) - time
     if back.max(initial=0.0) > _LATE:
         row = int((back > _LATE).argmax())
@@ -170,9 +185,10 @@ def _registered(writer: Any, name: str, topic: str, schema: dict[str, Any]) -> i
 
 def _messages(topic: Topic) -> Iterator[str]:
     """Numbers of each time by name, in JSON, to 12 digits; null for those that are not finite."""
-    words = [json.dumps(label).replace("%", "%%") + ": %s" for label in topic.labels]
-    mixed = f"{{{', '.join(words)}}}"
-    plain = mixed.replace("%s", "%.12g")
+    heads = [json.dumps(label).replace("%", "%%") for label in topic.labels]
+    mixed, plain = (
+        "{" + ", ".join(f"{head}: {form}" for head in heads) + "}" for form in ("%s", "%.12g")
+    )
     lost = set(np.flatnonzero(~np.isfinite(topic.values).all(axis=1)).tolist())
     for k, row in enumerate(topic.values.tolist()):
         if k not in lost:

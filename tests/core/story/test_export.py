@@ -65,6 +65,8 @@ def test_a_flight_is_read_back_as_it_was(flight: xr.Dataset, tmp_path: Path) -> 
         assert units[name]["x"]["description"] == slides
         assert units[name]["roll"]["description"] == turns
     assert units["v"]["roll"]["description"] == "rad/s"
+    wrench = [one["description"] for one in schemas["/mount_wrench"]["properties"].values()]
+    assert wrench == ["N"] * 3 + ["N m"] * 3
     frame = messages["/tf"][50][1]["transforms"][0]
     place, turn = body_frames(flight)["body"]
     assert frame["child_frame_id"] == "body"
@@ -80,6 +82,26 @@ def test_a_clock_that_was_reset_is_refused(flight: xr.Dataset, tmp_path: Path) -
     with pytest.raises(LogError, match=f"clock reset by .* cut it at sample {len(first.time)}"):
         export(both, tmp_path / "both.mcap")
     assert not (tmp_path / "both.mcap").exists()
+
+
+def test_dimensions_in_another_order_lose_nothing(flight: xr.Dataset, tmp_path: Path) -> None:
+    """Coordinates and forces were left out, and frames of as many samples as coordinates wrong."""
+    record = flight.isel(time=slice(0, flight.sizes["dof"]))
+    straight = read(export(record, tmp_path / "straight.mcap"))
+    turned = record.transpose("dof", "time", ...)
+    assert read(export(turned, tmp_path / "turned.mcap"))[:2] == straight[:2]
+
+
+def test_names_with_a_percent_sign_stay(tmp_path: Path) -> None:
+    """A name with %s was another one in the messages than in the schema."""
+    values = ("time", "output"), [[1.0, 2.0], [np.nan, 3.0]]
+    coords = {"time": [0.0, 1.0], "output": ["lift %span", "%d"], "unit": ("output", ["N", "m"])}
+    record = xr.Dataset({"prediction": values}, coords)
+    messages, schemas, _ = read(export(record, tmp_path / "named.mcap"))
+    assert messages["/prediction"][0][1] == {"lift %span": 1.0, "%d": 2.0}
+    assert messages["/prediction"][1][1] == {"lift %span": None, "%d": 3.0}
+    told = {k: one["description"] for k, one in schemas["/prediction"]["properties"].items()}
+    assert told == {"lift %span": "N", "%d": "m"}  # units of predictions were empty
 
 
 def test_predictions_go_with_it(flight: xr.Dataset, tmp_path: Path) -> None:
@@ -106,6 +128,11 @@ def test_what_cannot_be_written_is_told(
         export(flight, tmp_path / "flight.bag")
     with pytest.raises(LogError, match="quantities over time, found none"):
         export(xr.Dataset({"time": [0.0]}), tmp_path / "flight.mcap")
+    with pytest.raises(LogError, match="expected samples, found none"):
+        export(flight.isel(time=slice(0, 0)), tmp_path / "flight.mcap")
+    timeless = flight.assign_coords(time=flight["time"].where(flight["time"] > 0))
+    with pytest.raises(LogError, match="expected times, found nan"):
+        export(timeless, tmp_path / "flight.mcap")
     monkeypatch.setitem(__import__("sys").modules, "rerun", None)
     with pytest.raises(ParameterError, match=r"rerun: pip install 'patagium\[rerun\]'"):
         export(flight, tmp_path / "flight.rrd")
