@@ -1,7 +1,5 @@
 """A log recalled in blocks is the log recalled at once, and stays so across an update."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -15,6 +13,7 @@ from patagium.learning.models.structure import blocks_of
 from patagium.learning.stream import Samples, stream
 from patagium.learning.tuning.prediction_score import Flown
 from patagium.learning.tuning.prediction_score import score_predictions as predict
+from patagium.sensing.logs.table import LogTable
 
 
 class Lag(Network):
@@ -110,9 +109,10 @@ class Record:
     def table(self, begin, end):
         span = slice(begin, end)
         y = np.cos(TIME[span])[:, None]
-        spans = {"input_range": [[-1.0, 1.0]], "output_range": [[-1.0, 1.0]]}
-        names = {"input_names": ("x",), "output_names": ("y",), "output_units": ("1",)}
-        return SimpleNamespace(time=TIME[span], x=SIGNAL[span], y=y, **names, **spans)
+        names, unit, spans = (("x",), ("y",)), ("1",), (np.array([[-1.0, 1.0]]),) * 2
+        return LogTable(
+            TIME[span], SIGNAL[span], y, *names, unit, unit, *spans, np.array([], int), 3.0, ""
+        )
 
 
 def test_blocks_of_a_long_log_remember_those_before():

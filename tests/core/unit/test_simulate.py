@@ -306,7 +306,7 @@ def test_on_a_stand_the_air_meets_the_robot_as_in_the_cruise(tmp_path, capsys):
     with pytest.raises(SystemExit, match="0"):
         run(["simulate", "aerobat", "--mount", "fixed", "--duration", "0.01", "-o", str(path)])
     np.testing.assert_array_equal(pt.load_flight(path)["q"], held["q"])
-    assert "in a wind of 4.08 m/s, pitch -30.5 deg" in capsys.readouterr().out
+    assert "in a wind of 4.08 m/s, pitch -30.5 deg" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("again", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
