@@ -348,6 +348,8 @@ def _gait(
     kind = kind or "sinusoidal"
     if frequency is None and own is not None and kind in ("sinusoidal", "linkage"):
         frequency = own.frequency
+    if kind == "linkage":
+        gaits.check_linkage(machine)
     _refuse_what_is_unused(kind, frequency, sizes, leads, means)
     if kind == "still":
         return gaits.still(machine, **means)
@@ -360,10 +362,10 @@ def _gait(
     if frequency is None or lacking:
         joints = [machine.dof_names[i] for i in machine.actuated] or ["JOINT"]
         moved = "plunge" if any("plunge" in one for one in joints) else joints[0]
+        size = f", with --amplitude {moved}='30 deg'" * (kind == "sinusoidal")
         expected = (
-            f"the beats a second of a {kind} gait, such as '5 Hz', with --amplitude "
-            f"{moved}='30 deg'; or those of a section `cruise` in the robot's "
-            "file; or --gait still"
+            f"the beats a second of a {kind} gait, such as '5 Hz'{size}; or those of a section "
+            "`cruise` in the robot's file; or --gait still"
         )
         raise ParameterError("--frequency", expected, frequency)
     if kind == "linkage":

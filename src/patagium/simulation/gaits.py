@@ -18,9 +18,11 @@ import numpy as np
 from patagium.arguments import checked, of_kind
 from patagium.arrays import Array
 from patagium.errors import ParameterError, finite, positive, suggest_names
+from patagium.limits import TURN
 from patagium.robot import Robot
 from patagium.robot.assembly import beyond_limits
 from patagium.robot.linkage import Linkage
+from patagium.robot.units import meant, spoken
 from patagium.simulation.arm import carried_gait
 from patagium.simulation.gait_models import (
     FourierGait,
@@ -77,9 +79,13 @@ def sinusoidal(
         **amplitude: Amplitude of joints by name, such as `plunge=0.6` [rad, m].
 
     Raises:
-        ParameterError: If no actuated joint bears a name, or a limit is exceeded.
+        ParameterError: If no actuated joint bears a name, or a limit or a turn is exceeded.
     """
     lead, size = _by_joint(robot, phase or {}), _by_joint(robot, amplitude)
+    for name, one in (phase or {}).items():
+        if abs(one) > TURN:
+            expected = f"a lead of {name} within {spoken('rad', -TURN, TURN)}"
+            raise ParameterError("phase", expected, spoken("rad", one) + meant(one))
     return _within_limits(
         robot,
         FourierGait(
@@ -155,6 +161,7 @@ def linkage(
     Raises:
         ParameterError: If a joint is missing, or a limit is exceeded.
     """
+    check_linkage(robot)
     offset = _by_joint(robot, {"plunge": plunge_offset, "elbow": elbow_offset})
     gait = LinkageGait(
         joints=_joints(robot),
@@ -165,6 +172,17 @@ def linkage(
         elbow=_by_joint(robot, {"elbow": 1.0}) != 0,
     )
     return _within_limits(robot, gait)
+
+
+def check_linkage(robot: Robot) -> None:
+    """Refuse a robot without the joints of the linkage.
+
+    Raises:
+        ParameterError: If it has no plunge or no elbow.
+    """
+    if not (robot.joints_named("plunge") and robot.joints_named("elbow")):
+        expected = "joints plunge and elbow on either side for a linkage"
+        raise ParameterError("gait", expected, ", ".join(_joints(robot)))
 
 
 @checked

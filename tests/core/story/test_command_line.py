@@ -413,6 +413,25 @@ def test_words_it_does_not_know_are_named(words: tuple[str, ...], said: str, spe
     assert said in answer.err
 
 
+@pytest.mark.parametrize("given", [(), ("--frequency", "5"), ("--amplitude", "left_sweep=40 deg")])
+def test_a_linkage_on_other_wings_is_refused_at_once(given: tuple[str, ...], speak: Speak) -> None:
+    """Three refusals in a circle asked for an amplitude, forbade it and blamed --plunge."""
+    answer = speak("simulate", "hawk", "--gait", "linkage", *given)
+    assert answer.code == 2
+    assert "--gait: expected joints plunge and elbow on either side for a linkage" in answer.err
+
+
+def test_a_linkage_without_a_frequency_is_asked_for_no_amplitude(
+    tmp_path: Path, speak: Speak
+) -> None:
+    """The hint named --amplitude, which --gait linkage refuses."""
+    path, preset = tmp_path / "robot.yaml", Path(pt.robot.__file__).parent / "presets"
+    text = (preset / "aerobat-beta.yaml").read_text()
+    path.write_text(re.sub(r"(?ms)^cruise:.*?(?=^\w|\Z)", "", text))
+    asked = speak("simulate", path, "--gait", "linkage").err
+    assert "--frequency: expected" in asked and "--amplitude" not in asked
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -150,6 +150,20 @@ def test_a_gait_beyond_a_joint_limit_is_refused(robot):
         pt.gaits.sinusoidal(robot, frequency=5.0, plunge=30.0)  # without limits
 
 
+def test_a_lead_beyond_a_turn_asks_for_degrees(robot):
+    """A lead of 90 was taken for 90 rad without a word."""
+    turn = pt.gaits.sinusoidal(robot, frequency=5.0, feather=0.3, phase={"feather": 2 * np.pi})
+    assert turn.period == 0.2
+    with pytest.raises(ParameterError, match=r"feather within -360.*np\.radians\(90\)"):
+        pt.gaits.sinusoidal(robot, frequency=5.0, feather=0.3, phase={"feather": 90.0})
+
+
+def test_a_linkage_names_the_joints_that_it_moves():
+    """The refusal named `plunge`, which nobody had given."""
+    with pytest.raises(ParameterError, match="joints plunge and elbow.*found 'left_sweep"):
+        pt.gaits.linkage(pt.load_robot("hawk"), frequency=5.0)
+
+
 def test_every_gait_describes_itself_in_json(robot, tmp_path):
     table = tmp_path / "gait.csv"
     table.write_text("time [s],plunge [deg]\n0,0\n.05,10\n.1,0\n.15,-10\n.2,0\n")
