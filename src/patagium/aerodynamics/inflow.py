@@ -115,7 +115,7 @@ class Inflow(OnModel):
     @property
     def structure(self) -> str:
         """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
-        return f"{self.name} {self.strokes} on {self.model.structure}"
+        return f"{self.name} {self.strokes} on {self.model.key}"
 
     @property
     def own_parameters(self) -> dict[str, float]:

@@ -20,7 +20,7 @@ from patagium.aerodynamics.named_descriptions import field_values
 from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.arrays import Array, real_array
 from patagium.errors import ShapeError
-from patagium.native import NativeFunction, load_functions
+from patagium.native import NativeFunction, expression_digest, load_functions
 from patagium.robot.model import Robot
 
 
@@ -44,8 +44,13 @@ class Aerodynamics(Protocol):
 
     @property
     def structure(self) -> str:
-        """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
-        ...
+        """Text of what shapes the equations, numbers aside."""
+        return self.name
+
+    @cached_property
+    def key(self) -> str:
+        """Text on which compiled functions depend: `structure`, and code from outside patagium."""
+        return f"{self.structure}{expression_digest(type(self), lambda: aero_functions(self))}"
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -138,7 +143,7 @@ class Aerodynamics(Protocol):
         return CompiledAero(self, batch=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        compiled = {"batch", "_compiled"}  # made again where they are needed
+        compiled = {"batch", "key", "_compiled"}  # made again where they are needed
         return {name: one for name, one in self.__dict__.items() if name not in compiled}
 
 
@@ -221,7 +226,7 @@ def compile_aero(model: Aerodynamics) -> dict[str, NativeFunction]:
 
     Inputs of each: q, v, state, wind, robot_parameters, aero_parameters.
     """
-    key = f"aerodynamics {model.structure} {model.robot.structure}"
+    key = f"aerodynamics {model.key} {model.robot.structure}"
     label = f"aerodynamics of {model.robot.name}"
     return load_functions(key, lambda: aero_functions(model), label=label)
 

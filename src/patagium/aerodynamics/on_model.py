@@ -57,7 +57,7 @@ class OnModel(Aerodynamics):
     @property
     def structure(self) -> str:
         """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
-        return f"{self.name} on {self.model.structure}"
+        return f"{self.name} on {self.model.key}"
 
     @property
     def own_parameters(self) -> dict[str, float]:

@@ -21,6 +21,7 @@ from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.arguments import check_fields
 from patagium.arrays import Array, brief
 from patagium.errors import ParameterError
+from patagium.native import expression_digest
 
 
 def table_values(x: Any, knots: ca.SX, values: ca.SX) -> ca.SX:
@@ -131,7 +132,13 @@ class Polar(Protocol):
     @property
     def structure(self) -> str:
         """Text of all that shapes the equations, numbers aside."""
-        return self.name
+        return self.name + expression_digest(type(self), self._functions)
+
+    def _functions(self) -> list[ca.Function]:
+        flow, numbers = ca.SX.sym("flow", 3), ca.SX.sym("p", len(self.parameter_names))
+        found = self.coefficients(section_flow(*ca.vertsplit(flow)), numbers)
+        found = ca.vertcat(*found, self.downwash_factor(numbers))
+        return [ca.Function("polar", [flow, numbers], [found])]
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -356,7 +363,7 @@ class TablePolar(Polar):
     @property
     def structure(self) -> str:
         """Text of all that shapes the equations, numbers aside."""
-        return f"{self.name} {len(self.angle)}"
+        return f"{super().structure} {len(self.angle)}"
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

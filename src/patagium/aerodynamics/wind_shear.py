@@ -68,7 +68,7 @@ class WindShear(OnModel):
     def structure(self) -> str:
         """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
         law = "power" if self.roughness is None else "logarithm"
-        return f"{self.name} {law} on {self.model.structure}"
+        return f"{self.name} {law} on {self.model.key}"
 
     @property
     def own_parameters(self) -> dict[str, float]:

@@ -227,7 +227,7 @@ def _compiled_slopes(flight: FlightMap, loads: bool = False) -> _Slopes:
     kind += " with work" if flight.work else ""
     places, what = ((), "loads") if loads else (places, "slopes")
     functions = load_functions(
-        f"{what}{kind} {aero.structure} {places} {robot.structure}",
+        f"{what}{kind} {aero.key} {places} {robot.structure}",
         lambda: _slope_functions(flight, places, loads),
         label=f"derivatives of a flight of {robot.name}",
         many_only=["slope"],

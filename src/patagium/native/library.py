@@ -119,6 +119,17 @@ def _library(compiler: tuple[str, ...], key: str, code: Callable[[], Code], labe
     return library
 
 
+def expression_digest(kind: type, build_functions: Callable[[], Sequence[ca.Function]]) -> str:
+    """Hash of what a class from outside patagium expresses; empty for patagium's own classes.
+
+    Args:
+        kind: The class.
+        build_functions: Makes the SX functions that it expresses.
+    """
+    own = kind.__module__.startswith("patagium.")  # `source_digest` is of these
+    return "" if own else " " + short_hash(*(made.serialize() for made in build_functions()))
+
+
 @functools.cache
 def source_digest() -> str:
     """Hash of the modules that make expressions and code."""

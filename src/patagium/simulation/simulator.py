@@ -645,7 +645,7 @@ def _equations(
     models += [] if gust is None else [gust.parameters]
     parameters = robot.parameters, np.concatenate(models)
     functions = load_functions(
-        f"flight {kind} {aero.structure} {robot.structure}",
+        f"flight {kind} {aero.key} {robot.structure}",
         lambda: flight_functions(robot, aero, mount, added_mass, cells),
         label=f"flight of {robot.name}",
         many_only=["record"],

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, ClassVar
 
+import casadi as ca
 import numpy as np
 import pytest
 import xarray as xr
@@ -53,6 +56,47 @@ def test_networks_of_robots_that_look_alike_are_their_own(
         x = 0.3 * rng.standard_normal(nets[0].inputs)
         values = [net.evaluate(x[None], net.initial(0)) for net in nets]
         assert np.abs(values[0] - values[1]).max() > 1e-9
+
+
+def edited_polar(factor: float) -> pt.air.Polar:
+    """Polar of a class that is defined again with another formula, as in a notebook."""
+
+    @dataclass(frozen=True)
+    class Foil(pt.air.Polar):
+        name: ClassVar[str] = "foil"
+        slope: float = 4.0
+
+        def coefficients(self, flow: Any, parameters: Any) -> tuple[Any, Any]:
+            lift = factor * parameters[0] * ca.sin(flow.angle_of_attack) * flow.forward_sign
+            return lift, 0.1 * factor
+
+    return Foil()
+
+
+def edited_model(factor: float) -> type[pt.QuasiSteady]:
+    """Class of an air model that is defined again with another formula."""
+
+    class Own(pt.QuasiSteady):
+        def expressions(self, *inputs: Any) -> Any:
+            air = super().expressions(*inputs)
+            return replace(air, generalized_force=factor * air.generalized_force)
+
+    return Own
+
+
+def test_an_own_polar_or_model_is_compiled_anew_when_its_formula_is_edited() -> None:
+    """It flew on with the old formula: only its name was in the keys of compiled code."""
+    robot = pt.load_robot("aerobat")
+    q, v = robot.coordinates(pitch=-0.1), robot.velocities(x=3.0)
+    for make in (
+        lambda factor: pt.QuasiSteady(robot, polar=edited_polar(factor)),
+        lambda factor: edited_model(factor)(robot),
+        lambda factor: pt.air.WindShear(edited_model(factor)(robot)),
+    ):
+        forces = [make(factor).generalized_force(q, v) for factor in (1.0, 2.0)]
+        assert forces[1] == pytest.approx(2 * forces[0], rel=1e-12)  # rounding
+        assert np.abs(forces[0]).max() > 0.01  # N, N m
+        assert make(1.0).key == make(1.0).key
 
 
 def test_no_key_of_compiled_code_holds_a_representation_for_people() -> None:

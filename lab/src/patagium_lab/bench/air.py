@@ -165,7 +165,7 @@ def compiled(model: AirModel) -> NativeFunction:
     """
     aero = model.aero
     added = "" if model.added_mass is None else " with added mass"
-    key = f"cost of air {aero.structure}{added} {aero.robot.structure}"
+    key = f"cost of air {aero.key}{added} {aero.robot.structure}"
     label = f"{aero.name}{added} of {aero.robot.name}"
     return load_functions(key, lambda: [_function(model)], label=label)["cost"]
 

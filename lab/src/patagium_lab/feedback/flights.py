@@ -212,7 +212,7 @@ class Flights:
         (robot, aero), model = self.truths[0], self.controller.model
         mount = mount_of(robot, None)
         self._rate = load_functions(
-            f"rate of flights side by side {aero.structure} {robot.structure}",
+            f"rate of flights side by side {aero.key} {robot.structure}",
             lambda: flight_functions(robot, aero, mount)[:1],
             label=f"flights of {robot.name}, side by side",
         )["rate"]

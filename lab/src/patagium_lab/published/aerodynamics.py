@@ -7,10 +7,8 @@ signs are hard, so that forces jump.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -27,8 +25,6 @@ from patagium.robot.model import Robot
 
 PUBLISHED_ERRORS = ("sign", "backwards_drag", "factor", "polar", "midchord")
 PUBLISHED_FACTOR = 5.0
-_SOURCE = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16]
-"""Part of the key of compiled functions: the cache knows patagium's own source only."""
 
 
 @dataclass(frozen=True)
@@ -76,11 +72,6 @@ class Published(Aerodynamics):
     def state_size(self) -> int:
         """No states of its own."""
         return 0
-
-    @property
-    def structure(self) -> str:
-        """Structure of the equations without their numbers, for the key of compiled functions."""
-        return f"{self.name} source={_SOURCE}"
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

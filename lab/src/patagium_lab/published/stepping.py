@@ -157,7 +157,7 @@ def published_functions(robot: Robot, aero: Aerodynamics) -> Sequence[ca.Functio
 
 def _equations(robot: Robot, aero: Aerodynamics, state: Array) -> Equations:
     functions = load_functions(
-        f"published flight {aero.structure} {robot.structure}",
+        f"published flight {aero.key} {robot.structure}",
         lambda: published_functions(robot, aero),
         label=f"published flight of {robot.name}",
         many_only=["record"],

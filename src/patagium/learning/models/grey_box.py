@@ -319,7 +319,7 @@ class GreyBox(Network):
         added = None if self.added_mass is None else self.added_mass.structure
         options = f"{[*self._estimate]} {self._rows} {added}"
         kinds = [parameter.positive for parameter in self.parameters]
-        key = f"grey box {options} {kinds} {model.structure} {model.robot.structure}"
+        key = f"grey box {options} {kinds} {model.key} {model.robot.structure}"
         return load_functions(key, self._expressions, label=f"grey box of {model.robot.name}")
 
     def _expressions(self) -> list[ca.Function]:

@@ -62,7 +62,7 @@ class Butterfly:
             PublishedTurn(robot, Air(one), force_point="fixed") for one in (1.225, 1e-12)
         )
         self._rate = load_functions(
-            f"rate of flights side by side {air.structure} {robot.structure}",
+            f"rate of flights side by side {air.key} {robot.structure}",
             lambda: flight_functions(robot, air, mount_of(robot, None))[:1],
             label=f"flights of {robot.name}, side by side",
         )["rate"]

@@ -72,7 +72,7 @@ def steady_coefficients(model: LiftingLine) -> tuple[float, float]:
     """Lift coefficient over angle, and drag coefficient over its square, uncompiled."""
     v = AIRSPEED * np.array([np.cos(SMALL_ANGLE), 0, -np.sin(SMALL_ANGLE), 0, 0, 0])
     lags, constants = ca.DM.zeros(model.state_size), (model.robot.parameters, model.parameters)
-    key = f"{model.structure} {model.robot.structure}"
+    key = f"{model.key} {model.robot.structure}"
     if key not in _FORCES:
         _FORCES[key] = aero_functions(model)[0]
     force = _FORCES[key](np.zeros(6), v, lags, np.zeros(3), *constants)
