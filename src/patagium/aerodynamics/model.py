@@ -231,6 +231,29 @@ def compile_aero(model: Aerodynamics) -> dict[str, NativeFunction]:
     return load_functions(key, lambda: aero_functions(model), label=label)
 
 
+def checked_air(model: Aerodynamics, robot: Robot, air: AeroExpressions) -> AeroExpressions:
+    """Expressions of a model, in the shapes on which compiled code counts.
+
+    Args:
+        model: The model.
+        robot: The robot of the expressions.
+        air: What the model gives for it.
+
+    Raises:
+        ShapeError: If an expression, or the names of the states, have another shape.
+    """
+    strips, states = len(robot.strips), (model.state_size, 1)
+    expected = dict.fromkeys(_OF_STRIPS, (strips, 1)) | dict.fromkeys(_OF_STRIPS[:2], (3, strips))
+    expected |= {"power": (1, 1), "generalized_force": (robot.dof, 1), "wind": (3, strips or 1)}
+    given = vars(air) | ({} if air.memory is None else vars(air.memory)) | {"memory": None}
+    found = {name: ca.SX(one).shape for name, one in given.items() if one is not None}
+    for name, shape in [*found.items(), ("state_names", (len(model.state_names), 1))]:
+        if shape != expected.get(name, states):
+            what = f"aero {type(model).__name__}: {name}"
+            raise ShapeError(what, expected.get(name, states), shape)
+    return air
+
+
 def aero_functions(model: Aerodynamics) -> Sequence[ca.Function]:
     """CasADi functions generalized_force, strips and state_derivative of a model."""
     robot, robot_parameters = model.robot.symbolic()
@@ -243,7 +266,7 @@ def aero_functions(model: Aerodynamics) -> Sequence[ca.Function]:
         "aero_parameters": ca.SX.sym("c", len(model.parameter_names)),
     }
     q, v, state, wind, _, parameters = inputs.values()
-    air = model.expressions(robot, q, v, state, wind, parameters)
+    air = checked_air(model, robot, model.expressions(robot, q, v, state, wind, parameters))
     outputs = {
         "generalized_force": ["generalized_force"],
         "strips": _OF_STRIPS,

@@ -24,7 +24,7 @@ def plainly(value: Any) -> Any:
         return [plainly(one) for one in value]
     if isinstance(value, dict):
         return {name: plainly(one) for name, one in value.items()}
-    if isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if hasattr(value, "describe"):
         return value.describe()

@@ -22,11 +22,12 @@ from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.arguments import Progress, checked, of_kind
 from patagium.arrays import Array
 from patagium.control.estimators import Estimate, Estimator, NoisyState, TrackedState, Truth
-from patagium.control.events import Event, StuckEvent, with_gusts
+from patagium.control.events import Event, Machine, StuckEvent, with_gusts
 from patagium.control.orbit import Orbit, check_attitude
 from patagium.control.predictive import OrbitModel
 from patagium.errors import Outcome, ParameterError, SimulationFailed, positive
 from patagium.limits import MOST_STEPS
+from patagium.reading import json_ready
 from patagium.robot import Robot
 from patagium.simulation.simulator import FlightState, Simulator, check_robots, period_of
 from patagium.simulation.steered_gait import SteeredGait
@@ -136,7 +137,7 @@ class _Loop:
         gait: The gait as it is steered.
         simulator: The truth.
         called: Times at which the controller was called [s].
-        due: Events that have not happened, by their step.
+        due: Events that have not happened, by their step, with the machine where they change it.
         estimates: Estimate at each period, (n_q + n,); nan where there was none.
         followed: State of the orbit that the controller followed then, by name [SI].
     """
@@ -152,7 +153,7 @@ class _Loop:
     time_step: float
     gait: SteeredGait = field(init=False)
     simulator: Simulator = field(init=False)
-    due: list[tuple[int, Event, Robot, Aerodynamics]] = field(init=False)
+    due: list[tuple[int, Event, Machine | None]] = field(init=False)
     called: list[float] = field(default_factory=list)
     estimates: list[Array] = field(default_factory=list)
     followed: list[dict[str, float]] = field(default_factory=list)
@@ -181,8 +182,10 @@ class _Loop:
                     raise ParameterError("time", expected, event.time)
                 if isinstance(event, StuckEvent):
                     self.gait.places(event.command)
-                machine, aero = event.changed(machine, aero)
-            self.due.append((ceil(event.time / step - 1e-9), event, machine, aero))
+                after = event.changed(machine, aero)
+            same = after[0] is machine and after[1] is aero
+            machine, aero = after
+            self.due.append((ceil(event.time / step - 1e-9), event, None if same else after))
 
     def run(self, estimator: Estimator, learner: Learner | None, progress: Progress | None) -> None:
         """Fly to the end, or up to where the flight breaks."""
@@ -206,7 +209,7 @@ class _Loop:
             simulator.advance(last - done, progress)
             done = last
 
-    def _happen(self, event: Event, robot: Robot, aero: Aerodynamics) -> None:
+    def _happen(self, event: Event, machine: Machine | None) -> None:
         """Change the truth as an event says."""
         if isinstance(event, StuckEvent):
             places = self.gait.places(event.command)
@@ -214,8 +217,8 @@ class _Loop:
             if event.value is not None:
                 self.simulator.command({event.command: event.value})
             self.gait.stuck.update(places)
-        elif event.gust() is None:
-            self.simulator.change(robot, aero)
+        if machine is not None:
+            self.simulator.change(*machine)
 
     def _estimate(self, estimator: Estimator) -> Estimate | None:
         parts = (self.simulator.run.samples[name] for name in ("q", "v", "a"))
@@ -259,11 +262,11 @@ class _Loop:
             reference=(dims, wanted, units | {"long_name": "state on the orbit"}),
         )
         told = [one.describe() for one in self.events]
-        flight.attrs["events"] = json.dumps(told, default=float)
+        flight.attrs["events"] = json.dumps(json_ready(told))
         if hasattr(self.controller, "report"):
             flight.attrs["controller"] = self.controller.report()
         if hasattr(self.controller, "held"):
-            held = dict(self.controller.held)
+            held = json_ready(self.controller.held)
             flight.attrs["held"] = json.dumps(held)
             if sum(held.values()) == len(time):
                 flight.attrs["message"] += f"; no sample was answered ({', '.join(held)})"

@@ -461,7 +461,8 @@ def _coordinates(origin: FlightOrigin, time: Array) -> dict[str, Any]:
 
 
 def _origin_attributes(origin: FlightOrigin) -> dict[str, Any]:
-    robot, added_mass, aero = origin.robot, origin.added_mass, json.dumps(origin.aero.describe())
+    robot, added_mass = origin.robot, origin.added_mass
+    aero = json.dumps(json_ready(origin.aero.describe()))
     return {
         "robot": robot.source,
         "robot_name": robot.name,

@@ -15,6 +15,7 @@ import casadi as ca
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.aerodynamics.gusts import GUST, GUST_COMPONENTS, strip_delays, strip_winds
+from patagium.aerodynamics.model import checked_air
 from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.dynamics.chain import QuaternionTurn
 from patagium.dynamics.equations import (
@@ -259,6 +260,7 @@ def _motion(
     count = len(aero.parameters)
     lag, _, _ = layout.after_velocities(state)
     on_strips = aero.expressions(machine, q, v, lag, wind, parameters[:count])
+    on_strips = checked_air(aero, machine, on_strips)
     circulation, added = ca.SX.zeros(machine.dof, 1), None
     if added_mass is not None:
         others = parameters[count:]

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 import patagium as pt
+from patagium.aerodynamics.description import aero_from_description
 from patagium.control import (
     AdaptiveController,
     Estimate,
+    Event,
     GustEvent,
     LinearRegulator,
     NoisyState,
@@ -89,6 +91,29 @@ def test_a_machine_that_changes_keeps_its_state(orbit):
     sample = int(np.searchsorted(loaded["time"].values, 0.5))
     near = loaded["v"].values[sample - 2 : sample + 3, orbit.robot.passive]
     assert np.abs(np.diff(near, axis=0)).max() < 0.1  # m/s, rad/s
+
+
+def test_an_own_event_with_a_gust_and_a_change_does_both(orbit):
+    """The change was lost where an event had a gust, too; numbers of NumPy lost the flight."""
+
+    @dataclass(frozen=True, kw_only=True)
+    class IceInAGust(Event):
+        mass: float
+
+        def gust(self):
+            return pt.air.RampGust((0.0, 0.0, 1.0), self.time, 0.01)
+
+        def changed(self, robot, aero):
+            iced = robot.with_parameters({"body.mass": float(self.mass)})
+            return iced, aero_from_description(iced, aero.describe())
+
+    body = orbit.robot.parameters[orbit.robot.parameter_names.index("body.mass")]
+    heavier = np.float32(1.5 * body)
+    flight = flown(orbit, events=[IceInAGust(time=0.02, mass=heavier)], duration=0.05)
+    assert float(flight["mass"][-1] - flight["mass"][0]) > 0.1 * float(flight["mass"][0])
+    assert flight["wind"].sel(axis="z").values[-1] == 1.0
+    gust = GustEvent(time=0.02, velocity=(0.0, 0.0, 1.0), length_time=0.01)
+    assert "mass" not in flown(orbit, events=[gust], duration=0.05)
 
 
 def test_a_payload_on_one_side_rolls_the_machine(orbit):

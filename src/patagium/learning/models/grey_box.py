@@ -24,7 +24,7 @@ import numpy as np
 from patagium.aerodynamics.added_mass import AddedMass, added_mass_from_description
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.indicial import Relaxation, lag_step
-from patagium.aerodynamics.model import Aerodynamics
+from patagium.aerodynamics.model import Aerodynamics, checked_air
 from patagium.arguments import checked
 from patagium.arrays import Array, Indices
 from patagium.dynamics.equations import inverse, kirchhoff_force
@@ -393,7 +393,7 @@ class GreyBox(Network):
         x = ca.SX.sym("x", self.measured_inputs)
         z = ca.SX.sym("z", model.state_size)
         q, v, a = x[:n_q], x[n_q : n_q + n], x[n_q + n :]
-        air = model.expressions(machine, q, v, z, wind, of_air)
+        air = checked_air(model, machine, model.expressions(machine, q, v, z, wind, of_air))
         y = air.generalized_force
         if self.added_mass is not None:
             density = of_air[model.parameter_names.index("density")]
