@@ -10,7 +10,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 VERBS = "patagium.verbs"
-"""Modules of verbs of `patagium study`: `NAME = module`; see `patagium.cli.main`."""
+"""Verbs of `patagium study`: `WORD = module`, whose function of the module's name does the work."""
 AIR_MODELS = "patagium.air_models"
 """Functions `(robot, air, description) -> Aerodynamics` by the model's name."""
 

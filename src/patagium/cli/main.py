@@ -47,9 +47,9 @@ app = typer.Typer(
 )
 
 
-def _add(verb: ModuleType, where: typer.Typer = app, *, hidden: bool = False) -> None:
+def _add(verb: ModuleType, where: typer.Typer = app, word: str = "", hidden: bool = False) -> None:
     name = verb.__name__.rpartition(".")[2]
-    word = getattr(verb, "NAME", name)  # `import` names no function
+    word = word or getattr(verb, "NAME", name)  # `import` names no function
     command = where.command(word, epilog=_epilog(verb), hidden=hidden, cls=_command(verb))
     command(getattr(verb, name))
 
@@ -57,7 +57,8 @@ def _add(verb: ModuleType, where: typer.Typer = app, *, hidden: bool = False) ->
 def _epilog(verb: ModuleType, further: Sequence[str] = ()) -> str:
     """End of a verb's help: names of options that are not described, and examples."""
     told = ["Further options, which --help-all describes:", "\n".join(further)] if further else []
-    return "\n\n".join([*told, "Examples:", *verb.EXAMPLES[: 2 if further else None]])
+    examples = getattr(verb, "EXAMPLES", ())[: 2 if further else None]
+    return "\n\n".join([*told, *(["Examples:"] if examples else []), *examples])
 
 
 def _command(verb: ModuleType) -> type[TyperCommand]:
@@ -115,10 +116,19 @@ for _verb in (
 ):  # fmt: skip
     _add(_verb)
 _study = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown")
-for _point in plugins(VERBS).values():
-    _module = _point.load()
-    _add(_module, _study, hidden=getattr(_module, "HIDDEN", False))
-    _add(_module, hidden=True)  # the word of 0.1
+_taken = {"study", *(one.name for one in app.registered_commands)}
+for _word, _point in plugins(VERBS).items():
+    try:
+        _add(_module := _point.load(), _trial := typer.Typer(), _word)
+        get_command(_trial)  # reads the signature
+    except Exception as error:
+        _package = _point.dist.name if _point.dist else "unknown"
+        _found = f"cannot be used: {type(error).__name__}: {error}"
+        typer.echo(f"patagium: verb {_word} of the package {_package} {_found}", err=True)
+        continue
+    _add(_module, _study, _word, getattr(_module, "HIDDEN", False))
+    if _word not in _taken:
+        _add(_module, app, _word, hidden=True)  # the word of 0.1
 if _study.registered_commands:
     app.add_typer(_study, name="study", help="Studies of the authors: the paper, rigs, benches.")
 
