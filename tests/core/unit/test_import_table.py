@@ -588,6 +588,24 @@ def test_a_registered_reader_is_found_by_ending_and_by_first_bytes(
     assert inspect_log(renamed).topics[0].rows == 300
 
 
+@pytest.mark.parametrize("ending", [".txt", ".CSV", ".bag", ".csv.gz", "rec", ".tar.rec", ".", ""])
+def test_a_reader_of_no_ending_of_its_own_is_refused(ending: str) -> None:
+    """Such a reader was never called, or replaced that of CSV files without a word."""
+    with pytest.raises(ParameterError, match="^ending: expected one suffix"):
+        opening.register_reader(ending, CsvFile)
+
+
+def test_the_ending_of_an_own_reader_may_be_in_capitals(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A reader registered for ".REC" was never called."""
+    monkeypatch.setattr(opening, "_SINGLE", dict(opening._SINGLE))
+    for _ in range(2):  # twice, as in a notebook
+        opening.register_reader(".REC", CsvFile)
+    frame().to_csv(tmp_path / "log.Rec", index=False)
+    assert inspect_log(tmp_path / "log.Rec").topics[0].rows == 300
+
+
 def test_a_log_is_inspected_without_a_mapping(tmp_path: Path) -> None:
     stamps = frame()["t"].to_numpy().copy()
     stamps[100:] += 500.0

@@ -6,7 +6,8 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from patagium.errors import LogError
+from patagium.arguments import of_kind
+from patagium.errors import LogError, ParameterError
 from patagium.netcdf_file import kind_of
 from patagium.reading import check_room, regular_file
 from patagium.sensing.logs.files import table_files
@@ -42,6 +43,8 @@ _MAGIC = {
     b"\x89HDF\r\n": ".h5",
 }
 _TEXT = (".csv", ".txt", ".tsv", ".lvm", ".csv.gz", ".txt.gz", ".tsv.gz")
+_OWN = tuple(dict.fromkeys([*_SINGLE, *_PARTED, *_TEXT]))
+"""Endings of the formats that patagium reads itself."""
 _SUMMED_UP = (
     "a CSV, Parquet, MAT, HDF5, ULog (.ulg), ArduPilot (.BIN), ROS bag (.bag, .db3, its folder) "
     "or MCAP file"
@@ -90,13 +93,21 @@ def open_log(paths: str | Path | Sequence[str | Path], *, skip_rows: int | None 
 
 
 def register_reader(ending: str, reader: Callable[[Path], LogFile], magic: bytes = b"") -> None:
-    """Make `open_log`, `inspect_log` and `import_log` read one more format.
+    """Make `open_log`, `inspect_log` and `import_log` of this process read one more format.
 
     Args:
-        ending: Ending of the file names, such as ".tdms".
+        ending: Ending of the file names, such as ".tdms", in small letters or capitals.
         reader: Function or class that opens a file; see `LogFile` for what it returns.
         magic: First bytes of every such file; empty if they are not fixed.
+
+    Raises:
+        ParameterError: If the ending is not one suffix, or patagium reads such files itself.
     """
+    of_kind("ending", ending, str)
+    ending = ending.lower()
+    if ending not in Path(f"log{ending}").suffixes or ending in _OWN:
+        expected = f'one suffix such as ".tdms", none of {", ".join(_OWN)}'
+        raise ParameterError("ending", expected, ending)
     _SINGLE[ending] = reader
     if magic:
         _MAGIC[magic] = ending
