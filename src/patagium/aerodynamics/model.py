@@ -243,14 +243,14 @@ def checked_air(model: Aerodynamics, robot: Robot, air: AeroExpressions) -> Aero
         ShapeError: If an expression, or the names of the states, have another shape.
     """
     strips, states = len(robot.strips), (model.state_size, 1)
-    expected = dict.fromkeys(_OF_STRIPS, (strips, 1)) | dict.fromkeys(_OF_STRIPS[:2], (3, strips))
-    expected |= {"power": (1, 1), "generalized_force": (robot.dof, 1), "wind": (3, strips or 1)}
-    given = vars(air) | ({} if air.memory is None else vars(air.memory)) | {"memory": None}
-    found = {name: ca.SX(one).shape for name, one in given.items() if one is not None}
-    for name, shape in [*found.items(), ("state_names", (len(model.state_names), 1))]:
-        if shape != expected.get(name, states):
-            what = f"aero {type(model).__name__}: {name}"
-            raise ShapeError(what, expected.get(name, states), shape)
+    shapes = dict.fromkeys(_OF_STRIPS, (strips, 1)) | dict.fromkeys(_OF_STRIPS[:2], (3, strips))
+    shapes |= {"power": (1, 1), "generalized_force": (robot.dof, 1), "wind": (3, strips or 1)}
+    given = {**vars(air), **(vars(air.memory) if air.memory else {}), "memory": None}
+    given["state_names"] = ca.SX(len(model.state_names), 1)
+    for name, one in given.items():
+        wanted = shapes.get(name, states)
+        if one is not None and ca.SX(one).shape != wanted:
+            raise ShapeError(f"aero {type(model).__name__}: {name}", wanted, ca.SX(one).shape)
     return air
 
 

@@ -135,10 +135,9 @@ class Polar(Protocol):
         return self.name + expression_digest(type(self), self._functions)
 
     def _functions(self) -> list[ca.Function]:
-        flow, numbers = ca.SX.sym("flow", 3), ca.SX.sym("p", len(self.parameter_names))
-        found = self.coefficients(section_flow(*ca.vertsplit(flow)), numbers)
-        found = ca.vertcat(*found, self.downwash_factor(numbers))
-        return [ca.Function("polar", [flow, numbers], [found])]
+        flow, p = ca.SX.sym("flow", 3), ca.SX.sym("p", len(self.parameter_names))
+        found = self.coefficients(section_flow(*ca.vertsplit(flow)), p)
+        return [ca.Function("f", [flow, p], [*found, self.downwash_factor(p)])]
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

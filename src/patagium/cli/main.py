@@ -57,8 +57,8 @@ def _add(verb: ModuleType, where: typer.Typer = app, word: str = "", hidden: boo
 def _epilog(verb: ModuleType, further: Sequence[str] = ()) -> str:
     """End of a verb's help: names of options that are not described, and examples."""
     told = ["Further options, which --help-all describes:", "\n".join(further)] if further else []
-    examples = getattr(verb, "EXAMPLES", ())[: 2 if further else None]
-    return "\n\n".join([*told, *(["Examples:"] if examples else []), *examples])
+    examples = ["Examples:", *getattr(verb, "EXAMPLES", ())][: 3 if further else None]
+    return "\n\n".join([*told, *(examples if examples[1:] else ())])
 
 
 def _command(verb: ModuleType) -> type[TyperCommand]:
@@ -120,11 +120,10 @@ _taken = {"study", *(one.name for one in app.registered_commands)}
 for _word, _point in plugins(VERBS).items():
     try:
         _add(_module := _point.load(), _trial := typer.Typer(), _word)
-        get_command(_trial)  # reads the signature
+        get_command(_trial)
     except Exception as error:
-        _package = _point.dist.name if _point.dist else "unknown"
-        _found = f"cannot be used: {type(error).__name__}: {error}"
-        typer.echo(f"patagium: verb {_word} of the package {_package} {_found}", err=True)
+        _by = _point.dist and _point.dist.name
+        typer.echo(f"patagium: verb {_word} of the package {_by} fails: {error!r}", err=True)
         continue
     _add(_module, _study, _word, getattr(_module, "HIDDEN", False))
     if _word not in _taken:

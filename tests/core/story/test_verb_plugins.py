@@ -45,9 +45,9 @@ def test_a_verb_has_the_word_of_its_entry_point_and_replaces_none(tmp_path: Path
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
-        ("x = 1", "AttributeError: module 'waving' has no attribute 'waving'"),
-        ("def waving(x: int | str) -> None: ...", "AssertionError: "),
+        ("import no_such_module", "ModuleNotFoundError(\"No module named 'no_such_module'\")"),
+        ("x = 1", "AttributeError(\"module 'waving' has no attribute 'waving'\")"),
+        ("def waving(x: int | str) -> None: ...", "AssertionError("),
     ],
 )
 def test_a_verb_that_cannot_be_used_costs_one_sentence(tmp_path: Path, text: str, why: str) -> None:
@@ -55,5 +55,5 @@ def test_a_verb_that_cannot_be_used_costs_one_sentence(tmp_path: Path, text: str
     install(tmp_path, "wave = waving", waving=text)
     answer = said(tmp_path, "--version")
     assert (answer.returncode, answer.stdout.split()[0]) == (0, "patagium")
-    sentence = "patagium: verb wave of the package flap-verbs cannot be used: "
+    sentence = "patagium: verb wave of the package flap-verbs fails: "
     assert answer.stderr.startswith(sentence + why) and answer.stderr.count("\n") == 1

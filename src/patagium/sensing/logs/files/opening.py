@@ -43,8 +43,7 @@ _MAGIC = {
     b"\x89HDF\r\n": ".h5",
 }
 _TEXT = (".csv", ".txt", ".tsv", ".lvm", ".csv.gz", ".txt.gz", ".tsv.gz")
-_OWN = tuple(dict.fromkeys([*_SINGLE, *_PARTED, *_TEXT]))
-"""Endings of the formats that patagium reads itself."""
+_OWN = {*_SINGLE, *_PARTED, *_TEXT}
 _SUMMED_UP = (
     "a CSV, Parquet, MAT, HDF5, ULog (.ulg), ArduPilot (.BIN), ROS bag (.bag, .db3, its folder) "
     "or MCAP file"
@@ -106,8 +105,7 @@ def register_reader(ending: str, reader: Callable[[Path], LogFile], magic: bytes
     of_kind("ending", ending, str)
     ending = ending.lower()
     if ending not in Path(f"log{ending}").suffixes or ending in _OWN:
-        expected = f'one suffix such as ".tdms", none of {", ".join(_OWN)}'
-        raise ParameterError("ending", expected, ending)
+        raise ParameterError("ending", f"one suffix, none of {' '.join(sorted(_OWN))}", ending)
     _SINGLE[ending] = reader
     if magic:
         _MAGIC[magic] = ending
