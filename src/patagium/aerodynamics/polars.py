@@ -132,7 +132,8 @@ class Polar(Protocol):
     @property
     def structure(self) -> str:
         """Text of all that shapes the equations, numbers aside."""
-        return self.name + expression_digest(type(self), self._functions)
+        own = expression_digest(type(self), self._functions)
+        return f"{self.name} {len(self.parameters)}{own}"
 
     def _functions(self) -> list[ca.Function]:
         flow, p = ca.SX.sym("flow", 3), ca.SX.sym("p", len(self.parameter_names))
@@ -358,11 +359,6 @@ class TablePolar(Polar):
             expected += f" mirror image), drags >= 0, coefficients of {_LARGEST:g} at most"
             found = f"{np.degrees(angle[k]):.4g} degrees, C_L {lift[k]:.4g}, C_D {drag[k]:.4g}"
             raise ParameterError(f"polar table: point {k + 1}", expected, found)
-
-    @property
-    def structure(self) -> str:
-        """Text of all that shapes the equations, numbers aside."""
-        return f"{super().structure} {len(self.angle)}"
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
