@@ -105,10 +105,10 @@ def identify(
     estimates.check_estimate(estimate, aero, refine, table is None)
     if table is not None:
         network = table_network(table, choice, resumes=state is not None and state.exists())
-        given = choice.settings or {}
-        if choice.default and "covariance" not in given:
+        if choice.kind == "extended" and choice.every is None:  # no file of settings
+            given = dict(choice.settings or {})
             found = table_settings(table, network, every, given)
-            choice = replace(choice, settings=found | dict(given))
+            choice = replace(choice, settings=found | given)
     elif estimate:
         if choice.network is not None:
             raise ParameterError("--network", "none with --estimate", choice.network.value)

@@ -5,7 +5,7 @@ What was chosen, and from what, is kept with the scores of an identification (`c
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from math import ceil, nan
 from typing import Any
 
@@ -129,7 +129,10 @@ def default_learner(
 
 
 def table_settings(
-    table: LogTable, network: Network, every: int | None = None, given: Collection[str] = ()
+    table: LogTable,
+    network: Network,
+    every: int | None = None,
+    given: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Default settings of the learner of a table, by name: forgetting and the least model error.
 
@@ -137,15 +140,18 @@ def table_settings(
         table: Rows of the log.
         network: Network that learns it.
         every: One sample in so many is used; None: as many as the time of an update allows.
-        given: Dotted names of settings that are given; with noise given, no least error is set.
+        given: Settings that are given, by dotted name; with noise given, no least error is set.
     """
-    found: dict[str, Any] = {"prior_share": table_share(table, network, every)}
-    if {"measurement_std", "misfit.floor", "noise_estimation.memory"}.isdisjoint(given):
+    structure = (given or {}).get("covariance", "full")
+    found: dict[str, Any] = {"prior_share": table_share(table, network, every, structure)}
+    if {"measurement_std", "misfit.floor", "noise_estimation.memory"}.isdisjoint(given or ()):
         found["misfit"] = {"floor": FLOOR}
     return found
 
 
-def table_share(table: LogTable, network: Network, every: int | None = None) -> float:
+def table_share(
+    table: LogTable, network: Network, every: int | None = None, structure: Structure = "full"
+) -> float:
     """Default `prior_share` of the learner of a table: a memory of 100 s [1].
 
     A network without physics is not the machine: batteries, ground and wear move the best weights.
@@ -153,7 +159,7 @@ def table_share(table: LogTable, network: Network, every: int | None = None) -> 
     more than the last sample held. The memory is 1000 updates at least.
     """
     step = usual_step(table.time)
-    taken = _kept_up(network, "full", step) if every is None else every
+    taken = _kept_up(network, structure, step) if every is None else every
     return min(taken * step / MEMORY, 1.0 / LEAST_MEMORY)
 
 

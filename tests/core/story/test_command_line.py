@@ -344,6 +344,19 @@ def test_a_table_without_settings_is_learned_as_in_python(
     assert json.loads(speak(*words).out)["chosen"]["memory"].endswith("prior_share 0.001")
 
 
+def test_naming_a_default_of_a_table_turns_no_other_off(
+    log: tuple[Path, Path], speak: Speak
+) -> None:
+    """`--hidden 8,8`, the default itself, dropped the memory and the least error of the model."""
+    words = ("identify", log[0], "--mapping", log[1], "--json")
+    plain = json.loads(speak(*words).out)
+    for name, value in (("hidden", "8,8"), ("learner", "extended"), ("covariance", "full")):
+        told = json.loads(speak(*words, f"--{name}", value).out)
+        assert told["nmse"] == plain["nmse"], name
+        assert told["chosen"]["memory"] == plain["chosen"]["memory"]
+    assert "memory" not in json.loads(speak(*words, "--learner", "cubature").out)["chosen"]
+
+
 def refusals(folder: Path) -> dict[str, tuple[tuple[object, ...], str]]:
     """Words that cannot be obeyed, and what the one sentence must say."""
     nothing, text = folder / "nothing.nc", folder / "text.nc"
