@@ -36,6 +36,7 @@ from math import ceil
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from patagium.arrays import Array, Bools, Indices, thin, usual_step
 from patagium.learning.learners.learner import Learner
@@ -312,12 +313,15 @@ class ForecastSums:
         label: Name of the horizon.
         seconds: Its length [s].
         names: Names of the outputs, n_y.
+        scale: Scale of each output, in which outputs are compared, (n_y,) or () [unit of y].
     """
 
-    def __init__(self, label: str, seconds: float, names: Sequence[str]) -> None:
+    def __init__(
+        self, label: str, seconds: float, names: Sequence[str], scale: ArrayLike = 1.0
+    ) -> None:
         self.label, self.seconds, self._names = label, seconds, tuple(names)
         self._sums = {
-            f"{method}{half}": ErrorSums(len(self._names))
+            f"{method}{half}": ErrorSums(len(self._names), scale)
             for method in METHODS
             for half in ("", "_second_half")
         }

@@ -275,7 +275,8 @@ def compare(
     chosen = thin(np.arange(len(y)), MOST_CHECKS).tolist() if predicts else []
     noise = np.zeros_like(y) if std is None else std
     checks = [check(model, k, (x[k], y[k]), noise[k]) for k in chosen]  # type: ignore[arg-type]
-    scorer, late = Scorer(names), np.arange(len(y)) >= len(y) // 2
+    scorer = Scorer(names, getattr(model.network, "output_scale", 1.0))
+    late = np.arange(len(y)) >= len(y) // 2
     scorer.add_predictions(y, guess, held, late)
     if checks:
         error, std = (np.array([one[k] for one in checks]) for k in (1, 2))

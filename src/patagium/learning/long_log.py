@@ -110,9 +110,10 @@ class _LongRun:
         self.block, self.path = block, path
         names = record.of_role("output")
         self.step = usual_step(record.time(0, block))
-        self.scorer, self.held = Scorer(names), np.zeros(len(names))
+        scale = getattr(learner.network, "output_scale", 1.0)
+        self.scorer, self.held = Scorer(names, scale), np.zeros(len(names))
         self.horizons = dict(horizons)
-        self.forecasts = [ForecastSums(label, one, names) for label, one in horizons.items()]
+        self.forecasts = [ForecastSums(label, s, names, scale) for label, s in horizons.items()]
         self.begin, self.last, self.gaps, self.updates = 0, float("nan"), 0, 0
         self.final: tuple[BlockRun, xr.Dataset] | None = None
         self.memory, self.unkept = ModelMemory(learner.network), ""

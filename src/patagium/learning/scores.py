@@ -19,7 +19,7 @@ from patagium.arrays import Array, Bools
 from patagium.errors import ShapeError
 
 SILENT_RATIO = 1e-9
-"""An output is silent when its std is at most this share of the largest rms of all outputs."""
+"""An output is silent when its std is at most this share of the largest rms, both scaled."""
 
 INTERVAL = 1.959963985
 """Half width of the 95 % interval of a normal distribution, in standard deviations."""
@@ -39,6 +39,7 @@ class ErrorSums:
 
     Args:
         outputs: Number of outputs n_y.
+        scale: Scale of each output, in which outputs are compared, (n_y,) or () [unit of y].
 
     Attributes:
         sums: Number of samples, their mean, squares about it, squared errors of the prediction
@@ -48,8 +49,8 @@ class ErrorSums:
         Chan, Golub & LeVeque (1983), Algorithms for computing the sample variance.
     """
 
-    def __init__(self, outputs: int) -> None:
-        self.sums = np.zeros((5, outputs))
+    def __init__(self, outputs: int, scale: ArrayLike = 1.0) -> None:
+        self.sums, self._scale = np.zeros((5, outputs)), np.asarray(scale)
 
     def add(
         self,
@@ -96,11 +97,11 @@ class ErrorSums:
 
     @property
     def silent(self) -> Bools:
-        """Outputs that never move: std_i <= 1e-9 max_j rms_j, (n_y,)."""
+        """Outputs that never move: std_i / scale_i <= 1e-9 max_j rms_j / scale_j, (n_y,)."""
         count, _, square = self.sums[:3]
         std = np.sqrt(square / np.where(count > 0, count, 1.0))
-        largest = np.sqrt(self.mean_square.max(initial=0.0))
-        return np.asarray(std <= SILENT_RATIO * largest)
+        largest = np.sqrt((self.mean_square / self._scale**2).max(initial=0.0))
+        return np.asarray(std / self._scale <= SILENT_RATIO * largest)
 
     @property
     def nmse(self) -> Array:
@@ -256,17 +257,18 @@ class Scorer:
 
     Args:
         names: Names of the outputs, n_y.
+        scale: Scale of each output, in which outputs are compared, (n_y,) or () [unit of y].
 
     Attributes:
         samples: Number of samples predicted.
         checks: Number of samples at which the predicted interval was checked.
     """
 
-    def __init__(self, names: Sequence[str]) -> None:
+    def __init__(self, names: Sequence[str], scale: ArrayLike = 1.0) -> None:
         self.names = tuple(names)
         outputs = len(self.names)
         self.samples, self.checks = 0, 0
-        self._errors = {half: ErrorSums(outputs) for half in _HALVES}
+        self._errors = {half: ErrorSums(outputs, scale) for half in _HALVES}
         self._intervals = {half: IntervalSums(outputs) for half in _HALVES}
         self._innovations = InnovationSums(outputs)
 
@@ -328,10 +330,12 @@ class Scorer:
         heard = ~self.silent
         each, late = (sums.coverage(heard) for sums in self._intervals.values())
         within = self._intervals[_WHOLE].reliability(heard)
+        nis = np.where(heard, self._intervals[_LATE].nis, np.nan)
         return {
             "coverage": mean_heard(each),
             "coverage_second_half": mean_heard(late),
-            "nis_second_half": mean_heard(np.where(heard, self._intervals[_LATE].nis, np.nan)),
+            "nis_second_half": mean_heard(nis),
+            "nis_second_half_by_output": dict(zip(self.names, nis.tolist(), strict=True)),
             "coverage_by_output": dict(zip(self.names, each.tolist(), strict=True)),
             "coverage_checks": self.checks,
             "reliability": dict(zip(map(str, NOMINAL), within, strict=True)),

@@ -470,13 +470,14 @@ def stream(
     for word, given in (("names", names), ("units", units)):
         if len(given) != outputs:
             raise ShapeError(word, (outputs,), (len(given),))
-    sums = [ForecastSums(label, one, names) for label, one in named_horizons(horizons).items()]
+    scale, ahead_of = getattr(learner.network, "output_scale", 1.0), named_horizons(horizons)
+    sums = [ForecastSums(label, one, names, scale) for label, one in ahead_of.items()]
     ahead = forecasters(learner, samples, every, sums, len(samples.time) // 2, motion, period)
     run = BlockRun(learner, samples, every, [*ahead, *watches])
     run.go(progress)
     if isinstance(learner, FilterLearner) and run.outcome is Outcome.COMPLETED:
         learner.look_back(samples.time, samples.x, samples.gaps)
-    held, scorer = persistence(samples.y, run.used), Scorer(names)
+    held, scorer = persistence(samples.y, run.used), Scorer(names, scale)
     run.score(scorer, held)
     scores = {
         "samples": len(samples.time),

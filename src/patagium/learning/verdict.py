@@ -41,7 +41,8 @@ def frozen_scores(network: Network, blocks: Iterable[Block], *weights: Array) ->
     kinds = dict(zip(["frozen_second_half"], weights, strict=False))
     if isinstance(network, LinearStripNetwork):
         kinds["physics_second_half"] = network.initial(0)
-    sums, names = {name: ErrorSums(network.outputs) for name in kinds}, network.output_names
+    scale, names = getattr(network, "output_scale", 1.0), network.output_names
+    sums = {name: ErrorSums(network.outputs, scale) for name in kinds}
     for time, x, y, gaps, rows in blocks:
         for name, kept in kinds.items():
             seen = network_inputs(network, kept, time, x, gaps)[rows]
@@ -93,6 +94,13 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
             few &= "outliers" not in scores.get("events", ("outliers",))  # nor of frozen weights
             remedy = "; if a few samples are wild, `--outlier-std 5` (`Screening`) weighs them less"
             warnings.append(f"Warning: {times}{remedy * few}.")
+    elif wrong := [
+        f"{name} {one:.2g}"
+        for name, one in scores["nis_second_half_by_output"].items()
+        if isfinite(one) and not 1 / _NIS <= one <= _NIS and error[name] >= _SMALL
+    ]:
+        text = f"squared errors over what was predicted (NIS): {', '.join(wrong)}"
+        warnings.append(f"Warning: the intervals of some outputs are wrong, {text}.")
     count, learned = scores["updates"], scores.get("updates_learned", 0)
     if learned < 0.99 * count and (learned or scores["events"]):
         events = ", ".join(f"{name} {number}" for name, number in scores["events"].items())

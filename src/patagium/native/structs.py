@@ -180,7 +180,7 @@ SCREENING = struct(
     int64_t *seen: m: samples of the channel so far
     double floor: error of the model at least, over the deviation of each output; 0: there is none
     double span: samples in a span of correlation
-    double least: variance, at least
+    double least: variance of a scaled output, at least
     double *clock: stamp of the sample before, NaN: unknown; mean time between two, 0: unknown
     double *left: m: what the last sample left
     double *carried: m: what of it is expected at this sample

@@ -68,6 +68,22 @@ def test_compiled_and_numpy_learners_agree(covariance: object, std: float | None
     np.testing.assert_allclose(fast.weights, slow.weights, rtol=1e-8, atol=1e-9)
 
 
+def test_units_of_outputs_change_nothing() -> None:
+    """An output in small numbers beside one in large numbers had intervals far too wide."""
+    units, names = np.array([2.0**-26, 2.0**10]), ("strain", "pressure")
+    plain = pair(DenseNetwork(3, (5,), names))
+    scaled = pair(DenseNetwork(3, (5,), names, output_scale=units))
+    for time, x, y in samples(100):
+        for one, other in zip(plain, scaled, strict=True):
+            (mean, covariance), (own, meant) = (m.predict(x, None, time) for m in (one, other))
+            np.testing.assert_allclose(own / units, mean, rtol=1e-8, atol=1e-10)
+            scaled_back = meant / np.outer(units, units)
+            np.testing.assert_allclose(scaled_back, covariance, rtol=1e-8, atol=1e-10)
+            one.update(x, y, time)
+            other.update(x, units * y, time)
+            np.testing.assert_allclose(other.nis, one.nis, rtol=1e-6)
+
+
 def test_weights_are_as_sure_as_their_errors_are_large() -> None:
     """With an error correlated over ten samples, white noise is too sure of the weights."""
     network, ratios = DenseNetwork(2, (), ("y",)), {}

@@ -51,6 +51,15 @@ def test_a_quiet_output_is_not_silent(rng: np.random.Generator) -> None:
     assert not np.isnan(scores.normalized_error(truth, truth)).any()
 
 
+def test_outputs_are_compared_in_their_scales(rng: np.random.Generator) -> None:
+    """A strain beside an absolute pressure in Pa was called silent and left out of the scores."""
+    y = rng.normal(size=(50, 2)) * [1.5e-5, 300.0] + [0.0, 1.01325e5]
+    for scale, silent in ((1.0, ["strain"]), (np.array([3e-5, 600.0]), [])):
+        scorer = Scorer(("strain", "pressure"), scale)
+        scorer.add_predictions(y, y, y, np.arange(50) >= 25)
+        assert scorer.error_scores()["silent"] == silent
+
+
 def test_second_half_looks_at_the_second_half_alone() -> None:
     truth = np.arange(8.0)[:, None]
     guess = truth.copy()

@@ -40,6 +40,16 @@ def test_words_for_intervals() -> None:
     assert float(times[1]) == pytest.approx(5.0, rel=0.15)
 
 
+def test_wrong_intervals_of_one_output_are_told(rng: np.random.Generator) -> None:
+    """A mean over outputs of .9 hid that one of them had intervals five times too wide."""
+    network, std = DenseNetwork(1, (), ("a", "b")), np.array([0.75, 5.0])
+    learner = ExtendedLearner(network, prior_std=1e-9, measurement_std=std)
+    x = np.zeros((400, 1))
+    y = network.evaluate(x, learner.weights) + rng.standard_normal((400, 2))
+    told = compare(learner, 0.01 * np.arange(400), x, y).scores["verdict"]
+    assert any("some outputs are wrong" in text and ": b 0.0" in text for text in told)
+
+
 def test_intervals_of_frozen_weights_hold_the_noise_of_each_sample() -> None:
     """Noise of deviation 5 that comes with the samples, over a model's own of 1."""
     learner = ExtendedLearner(DenseNetwork(1, (), ("y",)), prior_std=1e-9, measurement_std=1.0)

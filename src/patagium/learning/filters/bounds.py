@@ -8,9 +8,9 @@ these time steps, unless all inputs go on smoothly from what was refused. Median
 a usual time step, and change with it. It is refused for as many
 samples as the inputs went on smoothly before it, 20 to 100; then it is believed, and moves of its
 size are no jumps any more. The range is that of the values taken so far, at least the network's own
-scale of an input and a hundredth of the widest output. A value outside of it widens it by a quarter
-at most, and 1e-4 of it is forgotten with each sample. The first 20 values of a channel that moves
-are bounded by 1e9 of the network's scale alone.
+scale of an input and a hundredth of the widest output, both over their scales. A value outside of
+it widens it by a quarter at most, and 1e-4 of it is forgotten with each sample. The first 20 values
+of a channel that moves are bounded by 1e9 of the network's scale alone.
 
 A sample with an input that is refused is not learned; an output that is refused is missing. A
 hundred more refused than taken, none of them further off than 1e4 widths and no two in a row
@@ -194,7 +194,8 @@ class Bounds:
         n, low, high = self.inputs, self.arrays["bound_low"], self.arrays["bound_high"]
         width = np.nan_to_num(high - low)
         width[:n] = np.maximum(width[:n], self.scale[:n])
-        width[n:] = np.maximum(width[n:], _C.LEAST_SHARE * width[n:].max(initial=0.0))
+        widest = (width[n:] / self.scale[n:]).max(initial=0.0)
+        width[n:] = np.maximum(width[n:], _C.LEAST_SHARE * widest * self.scale[n:])
         return np.asarray(width)
 
     def _ahead(self, time: float) -> float:

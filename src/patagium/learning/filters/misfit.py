@@ -71,6 +71,7 @@ class Misfit:
             changes it from sample to sample.
         offset: Value of y that counts as one sample before the first, (n_y,) or () [y].
         per_newton: Size of y for one newton on each strip, (n_y,) or () [y/N]; 0: unknown.
+        scale: Scale of each output, in which outputs are compared, (n_y,) or () [y].
 
     Attributes:
         floor: As given.
@@ -88,8 +89,10 @@ class Misfit:
         sample: Array,
         offset: ArrayLike = 0.0,
         per_newton: ArrayLike = 0.0,
+        scale: ArrayLike = 1.0,
     ) -> None:
         self.floor, self._known, self._sample = floor, known, sample
+        self._unit = np.square(np.broadcast_to(scale, len(known)))
         self.parts = {name: np.zeros(len(known)) for name in PARTS}
         self.parts["center"][:], self.parts["per_newton"][:] = offset, per_newton
         self.clock = np.array([np.nan, 0.0])
@@ -98,9 +101,14 @@ class Misfit:
         self.scale, self._weights = np.ones(len(known)), np.zeros(len(known))
 
     @property
-    def least(self) -> float:
-        """Smallest variance of an interval, a share of that of the largest output [y^2]."""
-        return float(_C.LEAST * self.parts["level"].max())
+    def _levels(self) -> Array:
+        """Variances of the scaled measurements, (n_y,) [1]."""
+        return np.asarray(self.parts["level"] / self._unit)
+
+    @property
+    def least(self) -> Array:
+        """Smallest variances of an interval, a share of the largest scaled one, (n_y,) [y^2]."""
+        return np.asarray(_C.LEAST * self._levels.max() * self._unit)
 
     @property
     def alone(self) -> Array:
@@ -175,14 +183,14 @@ class Misfit:
             load: Squares of the network's own scale, where nothing was measured yet, (n_y,) [y^2].
         """
         level, change = self.parts["level"], self.parts["change"]
-        largest = float(level.max())
-        moving = (level > _C.STILL * largest) & (change > 0)
+        largest = float(self._levels.max())
+        moving = (self._levels > _C.STILL * largest) & (change > 0)
         self.span = _C.UNSEEN
         if moving.any():
             logs = [log(a / b) / 2 for a, b in zip(level[moving], change[moving], strict=True)]
             self.span = min(max(exp(sum(logs) / len(logs)), 1.0), _C.MOST)
         own = _C.LEAST * np.where(load > 0, load, 1.0)
-        least = np.full_like(level, self.least) if largest > 0 else own
+        least = self.least if largest > 0 else own
         squares = self.parts["per_newton"] ** 2
         force = np.divide(level, squares, out=np.zeros_like(level), where=squares > 0).max()
         least = np.maximum(least, _C.SLIGHT * force * squares)
@@ -241,14 +249,14 @@ class Misfit:
         last[:] = carried
         error, least = innovation - carried, self.least
         level, heard = self.parts["level"], self.parts["before"]
-        top = level.argmax()
+        top = self._levels.argmax()
         quiet = self._weights[top] < _C.REST * usual[top]
         if quiet and heard[top] ** 2 < _C.REST * level[top]:  # at rest
             fast = 0.0
         for k in np.flatnonzero(kept).tolist():
             stated = float(self.parts["interval"][k])
             missed = error[k] ** 2 > _C.QUANTILE * stated
-            if missed or stated > least:
+            if missed or stated > least[k]:
                 width[k] += _C.TURN * (float(missed) - _C.OUTSIDE)
             square = _capped(innovation[k] ** 2, alone[k], count)
             lagged[k] += middle * (copysign(sqrt(square), innovation[k]) * before[k] - lagged[k])

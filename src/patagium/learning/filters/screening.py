@@ -176,10 +176,11 @@ class Screen:
         self.relative = RELATIVE_NOISE if np.isnan(noise).any() else 0.0
         self.stated = np.zeros(channels)
         floor = 0.0 if chosen.misfit is None else chosen.misfit.floor
-        self.misfit = Misfit(floor, noise.copy(), self.stated, offset, per_newton)
+        self.bounds = Bounds(network)
+        scale = self.bounds.scale[self.bounds.inputs :]
+        self.misfit = Misfit(floor, noise.copy(), self.stated, offset, per_newton, scale)
         if self.misfit.floor:
             self.parts["steady"][:], self.parts["loaded"][:] = noise, 0.0
-        self.bounds = Bounds(network)
         self.numbers[:3] = np.nan, -inf, np.nan
 
     @property

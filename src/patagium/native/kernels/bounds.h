@@ -16,7 +16,7 @@
 #define BOUNDLESS 1e9     /* and scales that a value has at most until then */
 #define INPUT_REACH 3.0   /* widths of the range that an input may lie outside of it, */
 #define OUTPUT_REACH 10.0 /* and an output */
-#define LEAST_SHARE 0.01  /* width of an output, at least, over the widest */
+#define LEAST_SHARE 0.01  /* width of an output, at least, over the widest, both scaled */
 #define JUMP 15.0         /* median steps that an input may move, */
 #define JUMP_SHARE 0.25   /* or widths, */
 #define AHEAD 2.0         /* and median steps for each usual step of time in between */
@@ -172,9 +172,10 @@ static int bound(screening *s, double *measured) {
   b->clock[0] = stamp;
   b->clock[2] = b->track[1] = 0;
   for (int k = 0; k < n; k++) take(b, k, b->x[k], widths[k]);
-  for (int k = 0; k < s->channels; k++) widest = larger(widest, widths[n + k] = width_of(b, n + k));
+  for (int k = n; k < n + s->channels; k++)
+    widest = larger(widest, (widths[k] = width_of(b, k)) / b->scale[k]);
   for (int k = 0; k < s->channels; k++) {
-    const double width = larger(widths[n + k], LEAST_SHARE * widest);
+    const double width = larger(widths[n + k], LEAST_SHARE * widest * b->scale[n + k]);
     if (judged(b, n + k, measured[k], width, ahead) == IN_RANGE) {
       take(b, n + k, measured[k], width);
     } else {

@@ -69,12 +69,18 @@ static void follow(screening *s, const double *measured) {
   }
 }
 
+/* Square of what the network scales an output by: unlike units are compared in it. */
+static double unit_of(const screening *s, int k) {
+  const double scale = s->bounds->scale[s->bounds->inputs + k];
+  return scale * scale;
+}
+
 /* Samples in a span of correlation: deviation of the measurements over the rms of their changes. */
 static double span_of(const screening *s, double largest) {
   double sum = 0;
   int count = 0;
   for (int k = 0; k < s->channels; k++) {
-    if (!(s->level[k] > STILL * largest) || !(s->change[k] > 0)) continue;
+    if (!(s->level[k] / unit_of(s, k) > STILL * largest) || !(s->change[k] > 0)) continue;
     sum += log(s->level[k] / s->change[k]) / 2;
     count++;
   }
@@ -83,16 +89,17 @@ static double span_of(const screening *s, double largest) {
 
 /* Variances that the filter assumes; load: of the channels, where nothing was measured yet. */
 static void assume(screening *s) {
-  double largest = 0, force = 0; /* mean square of a channel, and of a force on each strip */
+  double largest = 0, force = 0; /* mean square of a scaled channel, of a force on each strip */
   for (int k = 0; k < s->channels; k++) {
     const double square = s->per_newton[k] * s->per_newton[k];
-    largest = fmax(largest, s->level[k]);
+    largest = fmax(largest, s->level[k] / unit_of(s, k));
     if (square > 0) force = fmax(force, s->level[k] / square);
   }
   s->span = span_of(s, largest);
   s->least = LEAST * largest;
   for (int k = 0; k < s->channels; k++) {
-    const double own = largest > 0 ? s->least : LEAST * (s->load[k] > 0 ? s->load[k] : 1);
+    const double load = LEAST * (s->load[k] > 0 ? s->load[k] : 1);
+    const double own = largest > 0 ? s->least * unit_of(s, k) : load;
     const double least = fmax(own, SLIGHT * force * s->per_newton[k] * s->per_newton[k]);
     const double left = fmin(LEFT * s->residual[k], s->level[k]);
     const double misfit = fmax(s->floor * s->floor * s->level[k], left);
@@ -114,7 +121,7 @@ static void state_interval(screening *s, const double *covariance, int carried) 
     const double all = covariance[k * s->channels + k], weights = all - s->noise[k];
     const double beyond = BEYOND * fmax(weights - s->usual[k], 0);
     const double stated = (expected(s, recent, k) + beyond) * (carried ? exp(2 * s->width[k]) : 1);
-    s->interval[k] = stated > 0 ? fmax(stated, s->least) : all;
+    s->interval[k] = stated > 0 ? fmax(stated, s->least * unit_of(s, k)) : all;
   }
 }
 
@@ -122,7 +129,7 @@ static void state_interval(screening *s, const double *covariance, int carried) 
 static int at_rest(const screening *s, const double *covariance) {
   int top = 0;
   for (int k = 1; k < s->channels; k++)
-    if (s->level[k] > s->level[top]) top = k;
+    if (s->level[k] / unit_of(s, k) > s->level[top] / unit_of(s, top)) top = k;
   const double weights = covariance[top * s->channels + top] - s->noise[top];
   return weights < REST * s->usual[top] && s->before[top] * s->before[top] < REST * s->level[top];
 }
@@ -147,7 +154,7 @@ static void learn_misfit(screening *s, const double *covariance, const double *i
     s->lagged[k] += middle * (rooted(innovation[k], square) * before - s->lagged[k]);
     s->power[k] += middle * (before * before - s->power[k]);
     const int missed = e * e > QUANTILE * s->interval[k];
-    if (missed || s->interval[k] > s->least) s->width[k] += TURN * (missed - OUTSIDE);
+    if (missed || s->interval[k] > s->least * unit_of(s, k)) s->width[k] += TURN * (missed - OUTSIDE);
     s->residual[k] += slow * (remains - s->residual[k]);
     s->recent[k] += fast * (capped(e * e, s->recent[k], s->whole[LEARNED]) - s->recent[k]);
     s->alone[k] += fast * (square - s->alone[k]);
