@@ -29,6 +29,7 @@ from math import inf, log, nan, pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.ndimage import uniform_filter1d
 from scipy.special import ndtr
 
@@ -142,11 +143,12 @@ class PredictionScore:
         return cls(**{**found, "outcome": Outcome[found["outcome"]]})
 
 
-def moving(y: Array) -> Bools:
+def moving(y: Array, scale: ArrayLike = 1.0) -> Bools:
     """Samples at which outputs move, (N, n_y): constant outputs never do.
 
     Args:
         y: Measurements, (N, n_y) [unit of y]; NaN where one is missing.
+        scale: Scale of each output, in which outputs are compared, (n_y,) or () [unit of y].
     """
     measured = np.isfinite(y)
     truth = np.where(measured, y, 0.0)
@@ -155,7 +157,7 @@ def moving(y: Array) -> Bools:
     size = np.sqrt((truth**2).sum(axis=0) / np.maximum(count, 1))
     truth = np.where(measured, y - center, 0.0)
     std = np.sqrt((truth**2).sum(axis=0) / np.maximum(count, 1))
-    alive = std > SILENT_RATIO * size.max(initial=0.0)
+    alive = std / scale > SILENT_RATIO * (size / scale).max(initial=0.0)
     truth = truth / np.where(alive, std, 1.0)
     span = max(len(y) // SPANS, 2)
     share, mean, square = (

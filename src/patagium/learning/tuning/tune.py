@@ -408,7 +408,8 @@ def _used(flight: Flight, network: Network, every: int, source: str) -> tuple[Fl
     log, used = Samples(time, x, y, gaps), chosen
     if sees == network.inputs:
         log, used = Samples(time[chosen], x[chosen], y[chosen], gaps[:0]), np.arange(len(chosen))
-    flown = Flown(log, used, moving(y[chosen]), source or name)
+    alive = moving(y[chosen], getattr(network, "output_scale", 1.0))
+    flown = Flown(log, used, alive, source or name)
     return flown, kinematics_of(flight, time, gaps, chosen)
 
 
