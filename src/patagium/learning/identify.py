@@ -39,7 +39,7 @@ from patagium.learning.samples import (
 )
 from patagium.learning.scores import Scorer, persistence
 from patagium.learning.stream import MOST_CHECKS, late_samples, stream, used_samples
-from patagium.learning.table_network import samples_that_scale
+from patagium.learning.table_network import range_words, samples_that_scale
 from patagium.learning.verdict import frozen_scores, with_verdict
 from patagium.learning.what_if import what_if
 from patagium.sensing.force.measured_force import ForceSamples
@@ -117,6 +117,7 @@ def identify(
     if isinstance(flight, LogTable):
         result.scores["gaps_found"] = flight.describe_gaps()
         result.scores.update(samples=len(flight.time), samples_that_scaled=first)
+        result.scores["verdict"] += range_words(chosen.network, flight, first)
         inputs = flight.input_names
     elif isinstance(chosen.network, LinearStripNetwork) and not simulated:
         result.scores["verdict"] += what_if(chosen.network, (time, x, y), known["std"], period)

@@ -35,7 +35,7 @@ from patagium.learning.stream import (
     forecasters,
     used_samples,
 )
-from patagium.learning.table_network import samples_that_scale
+from patagium.learning.table_network import range_words, samples_that_scale
 from patagium.learning.verdict import Block, frozen_scores, with_verdict
 from patagium.sensing.logs.record import LogRecord
 from patagium.whole_file import write_whole
@@ -88,6 +88,7 @@ def identify_record(
     run.go(progress)
     result = run.result()
     result.scores["samples_that_scaled"] = first
+    result.scores["verdict"] += range_words(chosen.network, start, first)
     result.scores["chosen"] = choices(
         run.learner, taken, step, learner_given=learner is not None, every_given=every is not None
     )

@@ -137,6 +137,8 @@ def _sample_words(scores: Mapping[str, Any]) -> tuple[str, str, str]:
         held = "the last sample" if every == 1 else f"one measured sample in {every}"
         return "none learned", "predicted with frozen weights", held
     used = "every sample used" if every == 1 else f"one in {every} used"
+    if first := scores.get("samples_that_scaled"):
+        used += f" after the first {first}, which scale the network"
     return used, "predicted before the sample was used", "the last used sample"
 
 

@@ -21,6 +21,7 @@ from patagium.sensing.logs.table import LogTable
 
 SCALING_TIME, SCALING_SAMPLES = 1.0, 50
 """Time [s] and least number of the samples that scale columns without a stated range."""
+_FAR = 10.0  # half widths from its center to where a column is far beyond its scale
 _MOVES = 0.1
 """Share of its range (1 to 99 %) by which a column moves where it is no longer at rest [1]."""
 
@@ -123,6 +124,30 @@ def samples_that_scale(network: Network, table: LogTable) -> int:
     names = ("input_center", "input_scale", "output_center", "output_scale")
     alike = (np.array_equal(getattr(own, k), getattr(network, k, np.nan)) for k in names)
     return scaling_samples(table) if all(alike) else 0
+
+
+def range_words(network: Network, table: LogTable, first: int) -> list[str]:
+    """Warnings of columns that go far beyond what the first samples scale them by.
+
+    Args:
+        network: Network that the first samples scale.
+        table: The log, or the beginning of it.
+        first: Number of samples that scale it; 0: none, and no warning.
+    """
+    own: Any = network
+    found, names, values = [], (*table.input_names, *table.output_names), [table.x, table.y]
+    unknown = np.isnan(_bounds(table)).any(axis=1) & (first > 0)
+    for k in np.flatnonzero(unknown).tolist():
+        center = np.append(own.input_center, own.output_center)[k]
+        scale, column = np.append(own.input_scale, own.output_scale)[k], np.hstack(values)[:, k]
+        known = np.append(column[np.isfinite(column)], center)
+        ends = np.quantile(known, (0.01, 0.99), method="nearest")
+        far = ends[np.abs(ends - center).argmax()]
+        if abs(far - center) > _FAR * scale:
+            reach = f"{names[k]} reaches {far:.3g}, but the first {first} samples scale it by"
+            by = f"{center - scale:.3g} to {center + scale:.3g}"
+            found.append(f"Warning: {reach} {by}: state its `range` in the mapping.")
+    return found
 
 
 def _rest(values: Array) -> int:

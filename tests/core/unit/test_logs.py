@@ -11,6 +11,7 @@ from patagium.errors import LogError
 from patagium.learning.default_learner import default_learner, table_every, table_share
 from patagium.learning.identify import evaluate, identify
 from patagium.learning.model_file import model_of
+from patagium.learning.page import summary
 from patagium.learning.settings import FilterSettings
 from patagium.learning.table_network import network_for, scaling_samples
 from patagium.sensing.logs.table import LogTable
@@ -72,6 +73,23 @@ def test_a_column_without_a_range_is_scaled_by_samples_that_are_not_predicted() 
     assert scores["samples_that_scaled"] == 475
     assert scores["samples"] == 900 and scores["samples_predicted"] == 425
     assert scores["nmse_second_half"]["lift"] < 0.05
+
+
+def test_a_column_far_beyond_what_scales_it_is_told() -> None:
+    """A fan that is off in the first second was scaled by -1 to 1, and nothing was said."""
+    rng, time = np.random.default_rng(6), np.arange(0.0, 10.0, 0.01)
+    fan = np.where(time < 2.0, 0.0, 600.0) + (time >= 2.0) * rng.normal(0.0, 5.0, 1000)
+    angle = 0.5 * np.sin(6 * np.pi * time)
+    frame = pd.DataFrame({"t": 1e3 * time, "fan": fan, "a": angle, "lift": fan * (1 + angle)})
+    for stated in ({}, {"range": [0, 1000]}):
+        inputs = [{"column": "fan", "unit": "1", **stated}, {"column": "a", "unit": "1"}]
+        output = {"column": "lift", "unit": "N", "range": [0, 1500]}
+        scores = identify(table_of(frame, {**WORDS, "inputs": inputs, "outputs": [output]})).scores
+        told = "; ".join(scores["verdict"])
+        assert ("fan reaches 6" in told and "first 100 samples scale it by -1 to 1" in told) != (
+            "range" in stated
+        )
+        assert "every sample used after the first 100, which scale the network" in summary(scores)
 
 
 def test_a_learner_with_scales_of_its_own_loses_no_sample_of_a_table() -> None:
