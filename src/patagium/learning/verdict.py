@@ -78,29 +78,7 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
         if names:
             outputs = f"{len(names)} outputs" if len(names) > 3 else ", ".join(names)
             warnings.append(f"Warning: the error of {outputs} is larger than that of {rival}.")
-    frozen = scores.get("frozen_second_half", {})
-    names = [name for name, value in error.items() if value < 1 < frozen.get(name, 0.0)]
-    if names:
-        text = f"with the last weights, {', '.join(names)} would err by more than their mean does"
-        warnings.append(f"Warning: {text}: the weights follow this log, and are no model of it.")
-    nis = scores["nis_second_half"]
-    if isfinite(nis) and not 1 / _NIS <= nis <= _NIS:
-        times = f"squared errors are {nis:.2g} times what was predicted (NIS)"
-        if max(error.values()) < _SMALL:
-            small = "below a thousandth of the standard deviation of each output"
-            warnings.append(f"Note: {times}, but errors are {small}.")
-        else:
-            few = nis > _NIS and scores["coverage_second_half"] >= _RIGHT[0]
-            few &= "outliers" not in scores.get("events", ("outliers",))  # nor of frozen weights
-            remedy = "; if a few samples are wild, `--outlier-std 5` (`Screening`) weighs them less"
-            warnings.append(f"Warning: {times}{remedy * few}.")
-    elif wrong := [
-        f"{name} {one:.2g}"
-        for name, one in scores["nis_second_half_by_output"].items()
-        if isfinite(one) and not 1 / _NIS <= one <= _NIS and error[name] >= _SMALL
-    ]:
-        text = f"squared errors over what was predicted (NIS): {', '.join(wrong)}"
-        warnings.append(f"Warning: the intervals of some outputs are wrong, {text}.")
+    warnings += _frozen_words(scores) + _nis_words(scores)
     count, learned = scores["updates"], scores.get("updates_learned", 0)
     if learned < 0.99 * count and (learned or scores["events"]):
         events = ", ".join(f"{name} {number}" for name, number in scores["events"].items())
@@ -117,3 +95,41 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
             "the weights alone make the prediction three times as uncertain as they used to."
         )
     return warnings
+
+
+def _frozen_words(scores: Mapping[str, Any]) -> list[str]:
+    """Warning of weights that follow a log and are no model of it."""
+    frozen, held = (scores.get(k, {}) for k in ("frozen_second_half", "persistence_second_half"))
+    error, names = scores["nmse_second_half"], []
+    physics = "physics_second_half" in scores  # its carried error may do as much, rightly
+    for name, late in frozen.items():
+        far = late > max(10 * error[name], held.get(name, np.inf), _SMALL) and not physics
+        names += [name] * (error[name] < 1 < late or far)
+    if not names:
+        return []
+    worst = max(names, key=lambda name: float(frozen[name]))
+    text = f"with the last weights, the NMSE of {worst} would be {frozen[worst]:.2g}, not "
+    text += f"{error[worst]:.2g}: the weights follow this log, and are no model of it"
+    remedy = ". If the machine does not change, try `--prior-share 0 --noise-memory 1000`"
+    return [f"Warning: {text}{remedy * (not physics)}."]
+
+
+def _nis_words(scores: Mapping[str, Any]) -> list[str]:
+    """Warning of squared errors that are not what was predicted, in the mean or of an output."""
+    error, nis = scores["nmse_second_half"], scores["nis_second_half"]
+    if not isfinite(nis):
+        return []
+    if 1 / _NIS <= nis <= _NIS:
+        each = scores["nis_second_half_by_output"].items()
+        wrong = [(k, one) for k, one in each if not 1 / _NIS <= one <= _NIS and error[k] >= _SMALL]
+        told = ", ".join(f"{name} {one:.2g}" for name, one in wrong)
+        text = "the intervals of some outputs are wrong, squared errors over what was predicted"
+        return [f"Warning: {text} (NIS): {told}."] * bool(wrong)
+    times = f"squared errors are {nis:.2g} times what was predicted (NIS)"
+    if max(error.values()) < _SMALL:
+        small = "below a thousandth of the standard deviation of each output"
+        return [f"Note: {times}, but errors are {small}."]
+    few = nis > _NIS and scores["coverage_second_half"] >= _RIGHT[0]
+    few &= "outliers" not in scores.get("events", ("outliers",))  # nor of frozen weights
+    remedy = "; if a few samples are wild, `--outlier-std 5` (`Screening`) weighs them less"
+    return [f"Warning: {times}{remedy * few}."]

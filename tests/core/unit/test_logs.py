@@ -92,6 +92,26 @@ def test_a_column_far_beyond_what_scales_it_is_told() -> None:
         assert "every sample used after the first 100, which scale the network" in summary(scores)
 
 
+def test_a_table_that_is_learned_well_and_modeled_badly_is_told_with_its_remedy() -> None:
+    """The last weights erred by .017, ten times what a held sample does, and nothing was said."""
+    time = np.arange(0.0, 30.0, 0.01)
+    x = np.sin(3 * time + 1)
+    y = 2 * x**3 + 0.005 * np.random.default_rng(1).normal(size=time.size)
+    frame = pd.DataFrame({"t": 1e3 * time, "x": x, "y": y})
+    words = {
+        "inputs": [{"column": "x", "unit": "1", "range": [-1, 1]}],
+        "outputs": [{"column": "y", "unit": "N", "range": [-2, 2]}],
+    }
+    table, frozen = table_of(frame, {**WORDS, **words}), []
+    settings = FilterSettings(noise_estimation=pt.learning.NoiseEstimation(memory=1000))
+    for one in (None, pt.ExtendedLearner(network_for(table, (8, 8)), settings)):
+        scores = identify(table, one).scores
+        told = any("`--prior-share 0 --noise-memory 1000`" in text for text in scores["verdict"])
+        frozen.append(scores["frozen_second_half"]["y"])
+        assert told == (one is None) == (frozen[-1] > scores["persistence_second_half"]["y"])
+    assert frozen[1] < 0.02 * frozen[0]
+
+
 def test_a_learner_with_scales_of_its_own_loses_no_sample_of_a_table() -> None:
     """The first second of each table was left out, and a shorter one refused."""
     table = log(900, words=UNRANGED)
