@@ -94,7 +94,7 @@ def identify(
     words = {} if isinstance(flight, LogTable) else _flight_words(flight, chosen, count)
     if isinstance(flight, LogTable):
         _refuse_for_tables(inputs)
-        first = samples_that_scale(chosen.network, flight)
+        first, inputs = samples_that_scale(chosen.network, flight), flight.input_names
         time, x, y = flight.time[first:], flight.x[first:], flight.y[first:]
         taken = table_every(chosen, usual_step(time)) if every is None else every
         known: dict[str, Any] = {"names": flight.output_names, "units": flight.output_units}
@@ -117,8 +117,7 @@ def identify(
     if isinstance(flight, LogTable):
         result.scores["gaps_found"] = flight.describe_gaps()
         result.scores.update(samples=len(flight.time), samples_that_scaled=first)
-        result.scores["verdict"] += range_words(chosen.network, flight, first)
-        inputs = flight.input_names
+        result.scores["verdict"] += range_words(flight, first)
     elif isinstance(chosen.network, LinearStripNetwork) and not simulated:
         result.scores["verdict"] += what_if(chosen.network, (time, x, y), known["std"], period)
     return replace(result, inputs=None if inputs is None else tuple(inputs))

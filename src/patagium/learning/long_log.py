@@ -88,7 +88,7 @@ def identify_record(
     run.go(progress)
     result = run.result()
     result.scores["samples_that_scaled"] = first
-    result.scores["verdict"] += range_words(chosen.network, start, first)
+    result.scores["verdict"] += range_words(start, first)
     result.scores["chosen"] = choices(
         run.learner, taken, step, learner_given=learner is not None, every_given=every is not None
     )

@@ -464,14 +464,13 @@ def stream(
     samples = checked_samples(learner.network, (time, x, y), gaps, std)
     if isinstance(learner, FilterLearner):
         learner.restart_clock()
-    outputs = samples.y.shape[1]
+    outputs, scale = samples.y.shape[1], getattr(learner.network, "output_scale", 1.0)
     names = tuple(names or learner.network.output_names)
     units = tuple(units or ("1",) * outputs)
     for word, given in (("names", names), ("units", units)):
         if len(given) != outputs:
             raise ShapeError(word, (outputs,), (len(given),))
-    scale, ahead_of = getattr(learner.network, "output_scale", 1.0), named_horizons(horizons)
-    sums = [ForecastSums(label, one, names, scale) for label, one in ahead_of.items()]
+    sums = [ForecastSums(k, one, names, scale) for k, one in named_horizons(horizons).items()]
     ahead = forecasters(learner, samples, every, sums, len(samples.time) // 2, motion, period)
     run = BlockRun(learner, samples, every, [*ahead, *watches])
     run.go(progress)

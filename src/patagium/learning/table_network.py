@@ -126,26 +126,26 @@ def samples_that_scale(network: Network, table: LogTable) -> int:
     return scaling_samples(table) if all(alike) else 0
 
 
-def range_words(network: Network, table: LogTable, first: int) -> list[str]:
+def range_words(table: LogTable, first: int) -> list[str]:
     """Warnings of columns that go far beyond what the first samples scale them by.
 
     Args:
-        network: Network that the first samples scale.
         table: The log, or the beginning of it.
-        first: Number of samples that scale it; 0: none, and no warning.
+        first: Number of samples that scale its network; 0: none, and no warning.
     """
-    own: Any = network
-    found, names, values = [], (*table.input_names, *table.output_names), [table.x, table.y]
-    unknown = np.isnan(_bounds(table)).any(axis=1) & (first > 0)
-    for k in np.flatnonzero(unknown).tolist():
-        center = np.append(own.input_center, own.output_center)[k]
-        scale, column = np.append(own.input_scale, own.output_scale)[k], np.hstack(values)[:, k]
-        known = np.append(column[np.isfinite(column)], center)
-        ends = np.quantile(known, (0.01, 0.99), method="nearest")
-        far = ends[np.abs(ends - center).argmax()]
-        if abs(far - center) > _FAR * scale:
-            reach = f"{names[k]} reaches {far:.3g}, but the first {first} samples scale it by"
-            by = f"{center - scale:.3g} to {center + scale:.3g}"
+    if not first:
+        return []
+    own, found, values = network_for(table, ()), [], np.hstack([table.x, table.y])
+    center = np.append(own.input_center, own.output_center)
+    scale = np.append(own.input_scale, own.output_scale)
+    names = (*table.input_names, *table.output_names)
+    for k in np.flatnonzero(np.isnan(_bounds(table)).any(axis=1)).tolist():
+        apart = np.append(values[np.isfinite(values[:, k]), k] - center[k], 0.0)
+        low, high = np.quantile(apart, (0.01, 0.99))
+        far = high if high > -low else low
+        if abs(far) > _FAR * scale[k]:
+            reach = f"{names[k]} goes to {center[k] + far:.3g}; the first {first} samples scale it"
+            by = f"by {center[k]:.3g} +- {scale[k]:.3g}"
             found.append(f"Warning: {reach} {by}: state its `range` in the mapping.")
     return found
 

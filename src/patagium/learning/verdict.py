@@ -108,8 +108,8 @@ def _frozen_words(scores: Mapping[str, Any]) -> list[str]:
     if not names:
         return []
     worst = max(names, key=lambda name: float(frozen[name]))
-    text = f"with the last weights, the NMSE of {worst} would be {frozen[worst]:.2g}, not "
-    text += f"{error[worst]:.2g}: the weights follow this log, and are no model of it"
+    text = f"with the last weights, the NMSE of {worst} would be {frozen[worst]:.2g}"
+    text += ": the weights follow this log, and are no model of it"
     remedy = ". If the machine does not change, try `--prior-share 0 --noise-memory 1000`"
     return [f"Warning: {text}{remedy * (not physics)}."]
 
@@ -121,10 +121,8 @@ def _nis_words(scores: Mapping[str, Any]) -> list[str]:
         return []
     if 1 / _NIS <= nis <= _NIS:
         each = scores["nis_second_half_by_output"].items()
-        wrong = [(k, one) for k, one in each if not 1 / _NIS <= one <= _NIS and error[k] >= _SMALL]
-        told = ", ".join(f"{name} {one:.2g}" for name, one in wrong)
-        text = "the intervals of some outputs are wrong, squared errors over what was predicted"
-        return [f"Warning: {text} (NIS): {told}."] * bool(wrong)
+        wrong = [k for k, one in each if not 1 / _NIS <= one <= _NIS and error[k] >= _SMALL]
+        return [f"Warning: intervals (NIS) are wrong for {', '.join(wrong)}."] * bool(wrong)
     times = f"squared errors are {nis:.2g} times what was predicted (NIS)"
     if max(error.values()) < _SMALL:
         small = "below a thousandth of the standard deviation of each output"

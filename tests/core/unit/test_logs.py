@@ -86,7 +86,7 @@ def test_a_column_far_beyond_what_scales_it_is_told() -> None:
         output = {"column": "lift", "unit": "N", "range": [0, 1500]}
         scores = identify(table_of(frame, {**WORDS, "inputs": inputs, "outputs": [output]})).scores
         told = "; ".join(scores["verdict"])
-        assert ("fan reaches 6" in told and "first 100 samples scale it by -1 to 1" in told) != (
+        assert ("fan goes to 6" in told and "first 100 samples scale it by 0 +- 1" in told) != (
             "range" in stated
         )
         assert "every sample used after the first 100, which scale the network" in summary(scores)
