@@ -168,7 +168,7 @@ def motor_forces(
     machine = log.robot if robot is None else robot
     columns = [machine.index(joint) for joint in joint_names(sensor.joints, machine)]
     force = sensor.in_range(log[name]["current"].values) * sensor.force_per_current
-    found = _at(log[name], force, sensor.sample_std, motion, shift)
+    found = _at(log[name], force, sensor, motion, shift)
     shape = (len(motion["time"]), machine.dof)
     values, variance = np.full(shape, np.nan), np.zeros(shape)
     values[:, columns] = found.values
@@ -194,7 +194,7 @@ def cell_wrench(log: SensorLog, motion: xr.Dataset, name: str, *, shift: float =
     if not isinstance(cell, LoadCell) or cell.at is not None:
         raise ParameterError("name", "a load cell of the log, without `at`", name)
     shown = cell.in_range(log[name]["wrench"].values)
-    found = _at(log[name], shown, cell.sample_std, motion, shift)
+    found = _at(log[name], shown, cell, motion, shift)
     constant = np.concatenate([cell.force_bias, cell.moment_bias]) ** 2
     talk = np.zeros((6, 6)) if cell.cross_talk is None else np.asarray(cell.cross_talk) ** 2
     variance = found.variance + constant + found.values**2 @ talk.T
@@ -368,23 +368,32 @@ def _of_cell(machine: Robot, q: ca.SX, shown: ca.SX, cell: LoadCell) -> ca.SX:
 
 
 def _at(
-    reading: xr.Dataset, values: Array, std: Array | float, motion: xr.Dataset, shift: float
+    reading: xr.Dataset,
+    values: Array,
+    sensor: MotorCurrent | LoadCell,
+    motion: xr.Dataset,
+    shift: float,
 ) -> Measured:
-    """Signal smoothed at the times of a motion, with the noise of its spectrum where it is zero."""
+    """Input u = y + T y' of the low-pass of a sensor, by its smoothed output y, along a motion.
+
+    The noise is that of the spectrum of the output where the sensor states zero.
+    """
     stamps = np.asarray(reading["time"].values, float) - shift
     times = np.asarray(motion["time"].values, float)
     width = values.shape[1]
     told = np.isfinite(values).sum(axis=0) > _ORDER
     values, spread = values[:, told], np.full((2, len(times), width), np.nan)
     least = _LEAST * np.maximum(np.nanstd(values, axis=0), 1e-9)
-    noise = np.array(np.broadcast_to(std, width), float)[told]
+    noise = np.array(np.broadcast_to(sensor.sample_std, width), float)[told]
     for k in np.flatnonzero(noise == 0):
         seen = np.isfinite(values[:, k])
         noise[k] = spectral_noise(stamps[seen], values[seen, k, None], _ORDER).std
     noise = np.fmax(noise, least)
     if told.any():
         found = smooth_series(stamps, values, noise, times, order=_ORDER)
-        spread[:, :, told] = found.state[:, :, 0], found.covariance[:, :, 0, 0]
+        back = np.array([1.0, sensor.lag])
+        variance = found.covariance[:, :, :2, :2] @ back @ back
+        spread[:, :, told] = found.state[:, :, :2] @ back, variance
     every = np.full(width, np.nan)
     every[told] = noise
     return Measured(spread[0], spread[1], every)

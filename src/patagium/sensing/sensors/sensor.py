@@ -128,6 +128,12 @@ class Sensor:
         """Size from which a reading counts as saturated, slightly below the limit."""
         return np.asarray(_NEAR * self.limit)
 
+    @property
+    def lag(self) -> float:
+        """Time constant of the low-pass that its `bandwidth` states [s]; 0 without one."""
+        width = getattr(self, "bandwidth", None)
+        return 0.0 if width is None else 1.0 / (2.0 * np.pi * width)
+
     def saturated(self, rows: Array) -> Bools:
         """Whether values of samples, (N, k) or (k,), are at or beyond the range, and tell nothing.
 
