@@ -276,6 +276,28 @@ def test_a_cell_within_the_robot_holds_nothing(log: pt.sensing.SensorLog) -> Non
         motion_and_force(under)
 
 
+def test_several_motor_currents_are_all_used(log: pt.sensing.SensorLog) -> None:
+    """Only the last sensor of motor currents counted, and joints of the others had no force."""
+    wings = ("left_plunge", "right_plunge")
+    joints = [log.robot.dof_names[k] for k in log.robot.actuated]
+    groups = {"wings": [*wings], "others": [name for name in joints if name not in wings]}
+    whole, readings, sensors = log["ina226"], {**log.readings}, {**log.sensors}
+    del readings["ina226"], sensors["ina226"]
+    for name, parts in groups.items():
+        readings[name] = whole.sel(joint=parts)
+        sensors[name] = replace(log.sensors["ina226"], name=name, joints=tuple(parts))
+    motion, forces = motion_and_force(replace(log, readings=readings, sensors=sensors))
+    np.testing.assert_allclose(forces.force, motion_and_force(log)[1].force, rtol=1e-9, atol=1e-12)
+    told = json.loads(motion.attrs["findings"])["noise"]
+    assert {one["part"]: one["sensor"] for one in told}.items() >= {"left_plunge": "wings"}.items()
+    twice = replace(sensors["others"], joints=tuple(joints))
+    both = replace(
+        log, readings={**readings, "others": whole}, sensors={**sensors, "others": twice}
+    )
+    with pytest.raises(LogError, match="expected one for each joint, found 'others' too"):
+        motion_and_force(both)
+
+
 def test_the_stand_of_a_robot_that_does_not_float_does_no_work() -> None:
     """A load cell under the hinge of a wing was taken as a force on the wing."""
     plate = "{type: plate, axis: y, chord: 9 cm, span: 20 cm, thickness: 1 mm}"

@@ -73,7 +73,8 @@ def motion_and_force(
         The motion, and the force, which is NaN where the motion is not known.
 
     Raises:
-        LogError: If the sensors do not see the motion, or several load cells hold the robot.
+        LogError: If the sensors do not see the motion, several load cells hold the robot, or
+            several motor currents drive a joint.
     """
     late = dict(shifts or {})
     motion = estimate_motion(log, shifts=late)
@@ -82,10 +83,12 @@ def motion_and_force(
     facts["notes"] += drift_notes(log)
     for name, sensor in log.sensors.items():
         if isinstance(sensor, MotorCurrent):
-            joints = motor_forces(log, motion, name, shift=late.get(name, 0.0), robot=log.robot)
+            force = motor_forces(log, motion, name, shift=late.get(name, 0.0), robot=log.robot)
             parts = joint_names(sensor.joints, log.robot)
-            units = [log.robot.force_units[log.robot.index(part)] for part in parts]
-            white = zip(parts, units, joints.noise.tolist(), strict=True)
+            columns = [log.robot.index(part) for part in parts]
+            joints = _joined(joints, force, columns, name)
+            units = [log.robot.force_units[k] for k in columns]
+            white = zip(parts, units, force.noise.tolist(), strict=True)
         elif isinstance(sensor, LoadCell) and sensor.at is not None:
             facts["notes"].append(f"load cell {name!r}: not used, for it is within the robot")
             continue
@@ -108,6 +111,17 @@ def motion_and_force(
         facts["notes"] += _cell_notes(motion, found, joints, mount)
     motion.attrs["findings"] = json.dumps(facts)
     return motion, found
+
+
+def _joined(joints: Measured | None, force: Measured, columns: list[int], name: str) -> Measured:
+    """Forces of joints with those of one more sensor in its columns."""
+    if joints is None:
+        return force
+    if np.isfinite(joints.values[:, columns]).any():
+        raise LogError(f"motor currents: expected one for each joint, found {name!r} too")
+    joints.values[:, columns] = force.values[:, columns]
+    joints.variance[:, columns] = force.variance[:, columns]
+    return joints
 
 
 def _cell_notes(
