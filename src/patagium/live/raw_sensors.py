@@ -443,7 +443,7 @@ class _Torque:
         found[:, self.unknown] = np.nan
         for name, motor in self._motors.items():
             kept, longest = self._samples[name], _GAP / motor.rate
-            moments = times + self.shifts.get(name, 0.0) + motor.lag  # of its low-pass
+            moments = times + self.shifts.get(name, 0.0) + motor.lag
             while len(kept) > 2 and kept[1][0] < moments[0]:
                 kept.popleft()
             found[:, self._columns[name]] = np.nan

@@ -31,6 +31,12 @@ PARTS = ("q", "v", "a", "u1")
 """Quantities of each coordinate that every sample carries, in this order, after its time."""
 OPTIONAL_PARTS = ("damping_force", "mount_force", "added_mass_force")
 """Known generalized forces, (n,) [N, N m] each, that a sample may carry after them."""
+HELD = (
+    "the body never moves: what holds it has a force, which is taken for that of the air; import a "
+    "load cell (`cell.force`, `cell.moment`) and use patagium motion, or leave out `floating` in "
+    "the robot file"
+)
+"""Finding about a floating body that stands where it is."""
 
 
 def air_force(

@@ -14,6 +14,7 @@ from patagium.arrays import Array
 from patagium.errors import LogError
 from patagium.netcdf_file import write_netcdf
 from patagium.robot.planform import wing_span
+from patagium.sensing.force.air_force import HELD
 from patagium.sensing.force.measured_force import (
     ForceSamples,
     Measured,
@@ -32,6 +33,8 @@ _WHITE = {"correlation": 0.0, "jitter": 0.0, "doubted": 0.0, "nis": 1.0, "shown"
 _HELD_DOWN = 1.5
 """Mean lift over weight from which the sign of a load cell is asked for."""
 
+_SCATTER = 3.0
+"""Scatter of the pose of a body over its standard deviation up to which it never moves."""
 _STILL = 0.05
 """Share of its fastest velocity up to which a coordinate rests: air has a 400th of its force."""
 _REST = 0.3
@@ -41,6 +44,8 @@ _OFF = 0.05
 a tilt of the cameras by 2 degrees or an error of the mass by 3 % makes."""
 _DRIFT = 0.02
 """Change of it from one rest to another, over the weight, from which the zero moved."""
+_CALM = 0.05
+"""Share of the fastest wind of a log up to which there is none, or the same at two rests."""
 
 _WINDOWS, _FEWEST = 10, 5
 """Parts of a log, of two beats at least, of which each has a phase of the load cell."""
@@ -85,9 +90,8 @@ def motion_and_force(
         if isinstance(sensor, MotorCurrent):
             force = motor_forces(log, motion, name, shift=late.get(name, 0.0), robot=log.robot)
             parts = joint_names(sensor.joints, log.robot)
-            columns = [log.robot.index(part) for part in parts]
-            joints = _joined(joints, force, columns, name)
-            units = [log.robot.force_units[k] for k in columns]
+            joints = _joined(joints, force, name)
+            units = [log.robot.force_units[log.robot.index(part)] for part in parts]
             white = zip(parts, units, force.noise.tolist(), strict=True)
         elif isinstance(sensor, LoadCell) and sensor.at is not None:
             facts["notes"].append(f"load cell {name!r}: not used, for it is within the robot")
@@ -108,20 +112,34 @@ def motion_and_force(
     found.force[unknown] = np.nan
     found.covariance[unknown] = np.nan
     if mount is not None:
-        facts["notes"] += _cell_notes(motion, found, joints, mount)
+        doubts = _cell_notes(motion, found, joints, mount)
+        facts["notes"] += [f"Warning: load cell: {doubt}" for doubt in doubts]
+    elif (
+        log.robot.floating
+        and log.mount in ("", "free")
+        and _stands(motion, [*log.robot.floating_dofs])
+    ):
+        facts["notes"].append(f"Warning: {HELD}")
     motion.attrs["findings"] = json.dumps(facts)
     return motion, found
 
 
-def _joined(joints: Measured | None, force: Measured, columns: list[int], name: str) -> Measured:
-    """Forces of joints with those of one more sensor in its columns."""
+def _stands(motion: xr.Dataset, base: list[int]) -> bool:
+    """Whether the floating body never moves by more than its pose errs."""
+    q, variance = motion["q"].values, np.einsum("tii->ti", motion["covariance"].values)
+    apart = ((q - np.median(q, axis=0)) ** 2)[:, base] / variance[:, base]
+    return bool((apart.mean(axis=0) < _SCATTER**2).all())
+
+
+def _joined(joints: Measured | None, force: Measured, name: str) -> Measured:
+    """Forces of joints with those of one more sensor of other joints."""
     if joints is None:
         return force
-    if np.isfinite(joints.values[:, columns]).any():
+    known = np.isfinite(joints.values)
+    if (known & np.isfinite(force.values)).any():
         raise LogError(f"motor currents: expected one for each joint, found {name!r} too")
-    joints.values[:, columns] = force.values[:, columns]
-    joints.variance[:, columns] = force.variance[:, columns]
-    return joints
+    values = np.where(known, joints.values, force.values)
+    return Measured(values, joints.variance + force.variance)
 
 
 def _cell_notes(
@@ -131,7 +149,7 @@ def _cell_notes(
     place = list(found.robot.floating_dofs[:3])  # x, y, z
     known = np.isfinite(found.force[:, place]).all(axis=1)
     if known.sum() < 2:
-        return ["Warning: load cell: no two samples have a force that is known"]
+        return ["no two samples have a force that is known"]
     weight = found.robot.flying.mass * found.robot.gravity
     lift = float(np.nanmean(found.force[:, place[2]])) / weight
     turned = replace(mount.measured, values=-mount.measured.values)
@@ -149,9 +167,9 @@ def _cell_notes(
 def _sign_note(lift: float, along: float) -> str:
     first, other = ("drives", "brakes") if along > 0 else ("brakes", "drives")
     return (
-        f"Warning: load cell: the air lifts {lift:.2g} times the weight and {first} the motion, "
-        f"or, if the cell shows what the robot does to it, lifts {2 - lift:.2g} times the weight "
-        f"and {other} it: then it lacks `negated: true` in the mapping"
+        f"the air lifts {lift:.2g} times the weight and {first} the motion, or, if the cell shows "
+        f"what the robot does to it, lifts {2 - lift:.2g} times the weight and {other} it: then it "
+        "lacks `negated: true` in the mapping"
     )
 
 
@@ -161,7 +179,7 @@ def _arm_notes(wrench: Array, span: float) -> list[str]:
     if not 0 < _LONG * span * force < moment:
         return []
     return [
-        f"Warning: load cell: its moment over its force is an arm of {moment / force:.3g} m, of a "
+        f"its moment over its force is an arm of {moment / force:.3g} m, of a "
         f"robot of {span:.3g} m span: rather in N mm than N m"
     ]
 
@@ -229,7 +247,7 @@ def _late_notes(time: Array, whole: Array, cell: Array) -> list[str]:
     if abs(change) < max(1e-3, _EVENLY * float(np.std(late - start - rate * middle))):
         return []
     return [
-        f"Warning: load cell: from {middle[0]:.3g} s to {middle[-1]:.3g} s its delay to the motion "
+        f"from {middle[0]:.3g} s to {middle[-1]:.3g} s its delay to the motion "
         f"grows by {1e3 * change:.2f} ms: if the wind did not change, its clock drifts by about "
         f"{1e6 * rate:.0f} ppm from that of the motion, which spoils the force: take {rate:.2g} "
         "(t - t[0]) from its stamps t in the log and import it again, or import shorter parts "
@@ -270,32 +288,32 @@ def _zero_notes(motion: xr.Dataset, found: ForceSamples, place: list[int]) -> li
 
     notes, (first, last) = [], (rests[0], rests[-1])
     middle = [0.5 * (found.time[one.start] + found.time[one.stop - 1]) for one in (first, last)]
-    offset, moved = shown(first), shown(last) - shown(first)
-    wind = np.asarray(found.air.wind, float)
-    speed = max(float(np.linalg.norm(wind)), 1e-9)
-    against = -float(found.force[first, place].mean(axis=0) @ wind) / speed
-    if against > max(_DRIFT * weight, float(spread.max())):
+    wind = found.air.wind_at(found.time)
+    speed, blown = np.linalg.norm(wind, axis=1), wind[first].mean(axis=0)
+    calm = speed[first].max() <= _CALM * speed.max()
+    against = -found.force[first, place].mean(axis=0) @ blown / max(np.linalg.norm(blown), 1e-9)
+    here = f"while the robot rests at {middle[0]:.3g} s"
+    if not calm and against > max(_DRIFT * weight, spread.max()):
         notes.append(
-            f"Warning: load cell: while the robot rests at {middle[0]:.3g} s the air pushes it by "
-            f"{against:.2g} N against the wind {tuple(wind.tolist())} m/s: its sign (a head wind "
-            "is [-5, 0, 0]) or the zero or the axes of the cell are wrong"
+            f"{here} the air pushes it by {against:.2g} N against the wind "
+            f"{tuple(blown.round(3).tolist())} m/s: its sign (a head wind is [-5, 0, 0]) or the "
+            "zero or the axes of the cell are wrong"
         )
-    if not np.any(found.air.wind) and found.air.gust is None and large(offset, _OFF):
+    if calm and large(offset := shown(first), _OFF):
         notes.append(
-            f"Warning: load cell: while the robot rests at {middle[0]:.3g} s it shows "
-            f"{words(offset)}, axes of the body, that no weight explains, and the force of the air "
-            "is wrong by as much: subtract it by `offset` in the mapping (there in unit, axes and "
-            "sign of the log), check the mass of the robot, and state the wind under `air` if it "
-            "blew"
+            f"{here} it shows {words(offset)}, axes of the body, that no weight explains, and the "
+            "force of the air is wrong by as much: subtract it by `offset` in the mapping (there "
+            "in unit, axes and sign of the log), check the mass, and state any wind under `air`"
         )
-    close = np.abs(found.q[first].mean(axis=0) - found.q[last].mean(axis=0)) < _STILL
-    close[place] = True
-    if first is not last and close.all() and large(moved, _DRIFT):
+    change = found.q[first].mean(axis=0) - found.q[last].mean(axis=0)
+    alike = (np.abs(np.delete(change, place)) < _STILL).all()
+    alike &= np.linalg.norm(wind[last].mean(axis=0) - blown) <= _CALM * speed.max()
+    if first is not last and alike and large(moved := shown(last) - shown(first), _DRIFT):
         notes.append(
-            f"Warning: load cell: from the rest at {middle[0]:.3g} s to that at {middle[1]:.3g} s "
-            f"what it shows changes by {words(moved)}, axes of the body: its zero drifts, or the "
-            "wind changed; read the zero before and after, import shorter parts with `start` and "
-            "`end`, each with its own `offset`, or use a cell that has warmed up"
+            f"from the rest at {middle[0]:.3g} s to that at {middle[1]:.3g} s what it shows "
+            f"changes by {words(moved)}, axes of the body: its zero drifts, or the wind changed; "
+            "read the zero before and after, import shorter parts (`start`, `end`), each with its "
+            "own `offset`, or use a cell that has warmed up"
         )
     return notes
 

@@ -392,8 +392,8 @@ def _at(
     if told.any():
         found = smooth_series(stamps, values, noise, times, order=_ORDER)
         back = np.array([1.0, sensor.lag])
-        variance = found.covariance[:, :, :2, :2] @ back @ back
-        spread[:, :, told] = found.state[:, :, :2] @ back, variance
+        spread[0][:, told] = found.state[:, :, :2] @ back
+        spread[1][:, told] = found.covariance[:, :, :2, :2] @ back @ back
     every = np.full(width, np.nan)
     every[told] = noise
     return Measured(spread[0], spread[1], every)

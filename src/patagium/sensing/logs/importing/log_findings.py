@@ -13,7 +13,7 @@ import numpy as np
 
 from patagium.errors import LogError
 from patagium.robot import Robot
-from patagium.sensing.force.air_force import packet_columns
+from patagium.sensing.force.air_force import HELD, packet_columns
 from patagium.sensing.logs.axes import is_rotation
 from patagium.sensing.logs.files.channels import some
 from patagium.sensing.logs.files.table_files import nanoseconds_in, unit_of_suffix
@@ -275,10 +275,7 @@ def _flight_findings(robot: Robot, spool: Spool) -> list[Finding]:
         found.append(Finding("note", "flight", "missing", text))
     base = {f"{kind}.{robot.dof_names[k]}" for kind in "qv" for k in robot.floating_dofs}
     if plan.zero and base and base <= set(still):
-        text = "the body never moves: what holds it has a force, which is taken for that of the air"
-        text += "; import a load cell (`cell.force`, `cell.moment`) and use patagium motion, or "
-        text += "leave out `floating` in the robot file"
-        found.append(Finding("warning", "flight", "held", text))
+        found.append(Finding("warning", "flight", "held", HELD))
     missing = sorted(set(wanted) - set(held) - {f"q.{name}" for name in joints} - plan.zero.keys())
     if missing:
         text = f"found no {some(missing, 6)}: the log is no flight of {robot.name!r} yet"
