@@ -121,8 +121,9 @@ def _nis_words(scores: Mapping[str, Any]) -> list[str]:
         return []
     if 1 / _NIS <= nis <= _NIS:
         each = scores["nis_second_half_by_output"].items()
-        wrong = [k for k, one in each if not 1 / _NIS <= one <= _NIS and error[k] >= _SMALL]
-        return [f"Warning: intervals (NIS) are wrong for {', '.join(wrong)}."] * bool(wrong)
+        far = [(k, one) for k, one in each if not 1 / _NIS <= one <= _NIS and error[k] >= _SMALL]
+        told = ", ".join(f"{one:.2g} times of {name}" for name, one in far)
+        return [f"Warning: squared errors over what was predicted (NIS): {told}."] * bool(far)
     times = f"squared errors are {nis:.2g} times what was predicted (NIS)"
     if max(error.values()) < _SMALL:
         small = "below a thousandth of the standard deviation of each output"
