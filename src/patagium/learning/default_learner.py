@@ -160,7 +160,7 @@ def table_share(
     """
     step = usual_step(table.time)
     taken = _kept_up(network, structure, step) if every is None else every
-    return min(taken * step / MEMORY, 1.0 / LEAST_MEMORY)
+    return float(f"{min(taken * step / MEMORY, 1.0 / LEAST_MEMORY):.3g}")  # of logs alike the same
 
 
 def update_time(network: Network, structure: Structure = "full") -> float:

@@ -102,9 +102,10 @@ def _frozen_words(scores: Mapping[str, Any]) -> list[str]:
     frozen, held = (scores.get(k, {}) for k in ("frozen_second_half", "persistence_second_half"))
     error, names = scores["nmse_second_half"], []
     physics = "physics_second_half" in scores  # its carried error may do as much, rightly
-    for name, late in frozen.items():
-        far = late > max(10 * error[name], held.get(name, np.inf), _SMALL) and not physics
-        names += [name] * (error[name] < 1 < late or far)
+    for name, value in error.items():
+        late = frozen.get(name, 0.0)
+        far = late > max(10 * value, held.get(name, np.inf), _SMALL) and not physics
+        names += [name] * (value < 1 < late or far)
     if not names:
         return []
     worst = max(names, key=lambda name: float(frozen[name]))

@@ -182,7 +182,7 @@ def check_linkage(robot: Robot) -> None:
     """
     if not (robot.joints_named("plunge") and robot.joints_named("elbow")):
         expected = "joints plunge and elbow on either side for a linkage"
-        raise ParameterError("gait", expected, ", ".join(_joints(robot)))
+        raise ParameterError("gait", expected, f"{robot.name} with {', '.join(_joints(robot))}")
 
 
 @checked
