@@ -160,7 +160,7 @@ def test_a_lead_beyond_a_turn_asks_for_degrees(robot):
 
 def test_a_linkage_names_the_joints_that_it_moves():
     """The refusal named `plunge`, which nobody had given."""
-    with pytest.raises(ParameterError, match="joints plunge and elbow.*found 'hawk with left_sweep"):
+    with pytest.raises(ParameterError, match="plunge and elbow.*found 'hawk with left_sweep"):
         pt.gaits.linkage(pt.load_robot("hawk"), frequency=5.0)
 
 
