@@ -156,11 +156,12 @@ def table_share(
 
     A network without physics is not the machine: batteries, ground and wear move the best weights.
     A filter that takes the samples as all of one truth becomes sure of their mean, and errs by
-    more than the last sample held. The memory is 1000 updates at least.
+    more than the last sample held. The memory is 1000 updates at least. Three
+    digits: the time steps of two logs of one rate differ by rounding, their settings do not.
     """
     step = usual_step(table.time)
     taken = _kept_up(network, structure, step) if every is None else every
-    return float(f"{min(taken * step / MEMORY, 1.0 / LEAST_MEMORY):.3g}")  # of logs alike the same
+    return float(f"{min(taken * step / MEMORY, 1.0 / LEAST_MEMORY):.3g}")
 
 
 def update_time(network: Network, structure: Structure = "full") -> float:

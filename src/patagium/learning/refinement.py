@@ -107,7 +107,7 @@ def refine(
 
 
 class _Fit(NamedTuple):
-    """Log that weights are to explain, and what is known beside it.
+    """Least-squares problem of a log: samples, prior of the weights and variances of the noise.
 
     Attributes:
         learner: What has learned it.
@@ -202,7 +202,7 @@ def _noise(fit: _Fit, errors: Array, told: float) -> Array:
 
 
 def _words(fit: _Fit, errors: Array, *, anew: bool) -> str:
-    """Words on the fit, and on errors that correlate from one used sample to the next."""
+    """Description of the fit, with a warning of errors that correlate between used samples."""
     logs = "whole log that was learned" if anew else "last log and of what was learned before it"
     scaled = errors / _raised(fit.learner, errors, _deviations(fit))
     scaled = scaled[np.isfinite(errors).any(axis=1)]

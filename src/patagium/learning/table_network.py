@@ -116,7 +116,7 @@ def scaling_samples(table: LogTable) -> int:
 
 
 def samples_that_scale(network: Network, table: LogTable) -> int:
-    """Number of first samples of a table whose ranges are the network's; 0 if its are others."""
+    """Number of first samples of a table that scale the network; 0 if its scales are others."""
     try:
         own: Any = network_for(table, ())
     except LogError:

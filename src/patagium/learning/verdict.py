@@ -98,10 +98,10 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
 
 
 def _frozen_words(scores: Mapping[str, Any]) -> list[str]:
-    """Warning of weights that follow a log and are no model of it."""
+    """Warning of final weights that predict the log far worse than the online prediction did."""
     frozen, held = (scores.get(k, {}) for k in ("frozen_second_half", "persistence_second_half"))
     error, names = scores["nmse_second_half"], []
-    physics = "physics_second_half" in scores  # its carried error may do as much, rightly
+    physics = "physics_second_half" in scores  # its carried error may rightly do it
     for name, value in error.items():
         late = frozen.get(name, 0.0)
         far = late > max(10 * value, held.get(name, np.inf), _SMALL) and not physics

@@ -70,7 +70,7 @@ def _units(
 ) -> tuple[str, ...]:
     """Unit of each number of a variable; `known`: units by name of what has several."""
     unit = str(variable.attrs.get("units", ""))
-    if variable.dims[1:] == ("output",) and "unit" in record:  # predictions
+    if variable.dims[1:] == ("output",) and "unit" in record:
         return tuple(map(str, record["unit"].values))
     if "component" in variable.dims:  # of a wrench
         return tuple("N m" if "moment_" in label else "N" for label in labels)
@@ -132,7 +132,7 @@ def export(record: xr.Dataset, path: str | Path) -> Path:
 
 
 def _check_clock(time: Array) -> None:
-    """Refuse a record whose clock was reset, as its two parts would be mixed, or told nothing."""
+    """Refuse a record whose times are not finite, or whose clock was reset and mixes two parts."""
     if not np.isfinite(time).all():
         raise LogError(f"file: expected times, found {time[~np.isfinite(time)][0]}")
     back = np.maximum.accumulate(time) - time

@@ -124,7 +124,7 @@ def test_noise_that_is_not_stated_is_that_of_the_spectrum(
 def test_the_low_pass_of_a_sensor_is_undone(
     motion: xr.Dataset, flight: xr.Dataset, width: float
 ) -> None:
-    """The stated bandwidth was ignored: forces came late, and 4 % of the intervals held them."""
+    """The delay of the sensor's low-pass stayed in the forces: 4 % of the intervals held them."""
     slow = [replace(one, bandwidth=width) for one in SENSORS[3:]]
     log = pt.sense(flight, slow).without_truth()
     joints = pt.sensing.motor_forces(log, motion, "ina226")
@@ -193,7 +193,7 @@ def test_in_free_flight_only_what_is_measured_is_known(robot: pt.Robot) -> None:
 def test_a_body_that_stands_without_a_load_cell_is_told(
     log: pt.sensing.SensorLog, flight: xr.Dataset, robot: pt.Robot
 ) -> None:
-    """The force of its stand, the weight in the mean, passed for that of the air without a word."""
+    """The force of a stand, the weight on average, was taken for that of the air."""
 
     def held(one: pt.sensing.SensorLog) -> bool:
         notes = json.loads(motion_and_force(one)[0].attrs["findings"])["notes"]
@@ -293,7 +293,7 @@ def test_a_cell_within_the_robot_holds_nothing(log: pt.sensing.SensorLog) -> Non
 
 
 def test_several_motor_currents_are_all_used(log: pt.sensing.SensorLog) -> None:
-    """Only the last sensor of motor currents counted, and joints of the others had no force."""
+    """Only the last current sensor was used: joints of the others had no force."""
     wings = ("left_plunge", "right_plunge")
     joints = [log.robot.dof_names[k] for k in log.robot.actuated]
     groups = {"wings": [*wings], "others": [name for name in joints if name not in wings]}
@@ -499,7 +499,7 @@ def test_a_load_cell_that_shows_more_than_the_weight_at_rest_is_asked_for_its_ze
     wind: float | tuple[float, float],
     words: list[str],
 ) -> None:
-    """The forces were wrong by as much without a word; a tunnel that starts was a zero that drifts.
+    """A wrong zero of the cell was not reported, or a tunnel that starts was taken for its drift.
 
     Two winds are that of the first rest and that of the last, as the log recorded them.
     """

@@ -94,7 +94,7 @@ def test_a_machine_that_changes_keeps_its_state(orbit):
 
 
 def test_an_own_event_with_a_gust_and_a_change_does_both(orbit):
-    """The change was lost where an event had a gust, too; numbers of NumPy lost the flight."""
+    """An event with a gust did not change the robot; NumPy numbers in events lost the flight."""
 
     @dataclass(frozen=True, kw_only=True)
     class IceInAGust(Event):

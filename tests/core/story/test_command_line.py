@@ -347,7 +347,7 @@ def test_a_table_without_settings_is_learned_as_in_python(
 def test_naming_a_default_of_a_table_turns_no_other_off(
     log: tuple[Path, Path], speak: Speak
 ) -> None:
-    """`--hidden 8,8`, the default itself, dropped the memory and the least error of the model."""
+    """`--hidden 8,8`, which is the default, switched off forgetting and the model's least error."""
     words = ("identify", log[0], "--mapping", log[1], "--json")
     plain = json.loads(speak(*words).out)
     for name, value in (("hidden", "8,8"), ("learner", "extended"), ("covariance", "full")):
@@ -428,7 +428,7 @@ def test_words_it_does_not_know_are_named(words: tuple[str, ...], said: str, spe
 
 @pytest.mark.parametrize("given", [(), ("--frequency", "5"), ("--amplitude", "left_sweep=40 deg")])
 def test_a_linkage_on_other_wings_is_refused_at_once(given: tuple[str, ...], speak: Speak) -> None:
-    """Three refusals in a circle asked for an amplitude, forbade it and blamed --plunge."""
+    """Three errors in turn asked for an amplitude, forbade it and named --plunge."""
     answer = speak("simulate", "hawk", "--gait", "linkage", *given)
     assert answer.code == 2
     assert "--gait: expected joints plunge and elbow on either side for a linkage" in answer.err
@@ -437,7 +437,7 @@ def test_a_linkage_on_other_wings_is_refused_at_once(given: tuple[str, ...], spe
 def test_a_linkage_without_a_frequency_is_asked_for_no_amplitude(
     tmp_path: Path, speak: Speak
 ) -> None:
-    """The hint named --amplitude, which --gait linkage refuses."""
+    """The error advised --amplitude, which --gait linkage refuses."""
     path, preset = tmp_path / "robot.yaml", Path(pt.robot.__file__).parent / "presets"
     text = (preset / "aerobat-beta.yaml").read_text()
     path.write_text(re.sub(r"(?ms)^cruise:.*?(?=^\w|\Z)", "", text))
@@ -529,7 +529,7 @@ def test_closed_streams_lose_what_is_said_and_nothing_else() -> None:
 def test_a_stdout_that_takes_nothing_costs_no_file(
     pipe: bool, code: int, log: tuple[Path, Path], tmp_path: Path, speak: Speak
 ) -> None:
-    """A flight was lost whole, and a mapping; a closed pipe ended with 1 and no word."""
+    """Flights and mappings were lost when stdout failed; a closed pipe gave exit code 1."""
     flown, begun = tmp_path / "flight.nc", tmp_path / "map.yaml"
     for words in (
         ("simulate", "aerobat", *FLY, "-o", flown),
@@ -547,7 +547,7 @@ def test_a_stdout_that_takes_nothing_costs_no_file(
 def test_a_pipe_among_the_outputs_that_is_closed_is_told(
     log: tuple[Path, Path], speak: Speak, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Typer ended it with 1 and no word, which the exit codes do not have."""
+    """A closed pipe among the outputs gave exit code 1 without a message."""
 
     def closed(*_: object) -> None:
         raise BrokenPipeError(32, "Broken pipe", "pipe")
@@ -558,7 +558,7 @@ def test_a_pipe_among_the_outputs_that_is_closed_is_told(
 
 
 def test_a_mapping_is_written_with_json_too(log: tuple[Path, Path], speak: Speak) -> None:
-    """With --json, inspect took -o and wrote nothing."""
+    """With --json, inspect accepted -o and wrote no file."""
     begun = log[0].with_name("map.yaml")
     answer = speak("inspect", log[0], "-o", begun, "--json")
     assert json.loads(answer.out)["format"] and begun.read_text("utf-8").startswith("time: ")

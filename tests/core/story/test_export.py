@@ -93,7 +93,7 @@ def test_dimensions_in_another_order_lose_nothing(flight: xr.Dataset, tmp_path: 
 
 
 def test_names_with_a_percent_sign_stay(tmp_path: Path) -> None:
-    """A name with %s was another one in the messages than in the schema."""
+    """A name with %s differed between the messages and their schema."""
     values = ("time", "output"), [[1.0, 2.0], [np.nan, 3.0]]
     coords = {"time": [0.0, 1.0], "output": ["lift %span", "%d"], "unit": ("output", ["N", "m"])}
     record = xr.Dataset({"prediction": values}, coords)

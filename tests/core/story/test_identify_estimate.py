@@ -143,7 +143,7 @@ def test_a_table_has_no_numbers_of_the_air(tmp_path: Path) -> None:
 
 
 def test_a_resumed_state_counts_in_the_fit(identify: Speak, tmp_path: Path) -> None:
-    """The fit after a resumed state was of its log alone: earlier logs did not count in it."""
+    """The fit after a resumed state used the last log alone."""
     options = *LEARN, "--model", tmp_path / "model.json", "--json"
     once, first, second = (
         json.loads(identify(*options, *state).out)

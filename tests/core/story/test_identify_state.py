@@ -57,7 +57,7 @@ def test_a_second_run_goes_on_from_the_first(identify: Speak, tmp_path: Path) ->
 def test_a_short_second_log_goes_on_with_the_scales_of_the_first(
     identify: Speak, tmp_path: Path, speak: Speak
 ) -> None:
-    """Its first second was lost, and a log below a second refused for scales that it needs not."""
+    """A second log lost its first second, and one shorter than that was refused."""
     mapping, state, short = (tmp_path / name for name in ("columns.yaml", "state", "short.csv"))
     mapping.write_text(MAPPING.replace(", range: [-2, 2]", ""))
     first = identify(*LEARN, "--state", state)

@@ -163,7 +163,7 @@ def test_saturated_currents_are_missing_and_told_in_a_log(
 def test_a_stream_undoes_the_low_pass_of_currents(
     log: pt.sensing.SensorLog, flight: xr.Dataset, robot: pt.Robot
 ) -> None:
-    """The stated bandwidth was ignored: torques came 3 ms late, an error of 1 % of the variance."""
+    """The delay of the sensor's low-pass stayed in the torques: 3 ms, 1 % of their variance."""
     slow = replace(log.sensors["ina226"], bandwidth=50.0)
     readings = {**log.readings, **pt.sense(flight, [slow]).readings}
     slower = replace(log, readings=readings, sensors={**log.sensors, "ina226": slow})

@@ -1,4 +1,4 @@
-"""Verbs that other packages bring: their words, and what a bad one costs."""
+"""Verbs of other packages: their names, and errors in one of them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 
 def said(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    """Answer of the program where a folder of packages can be imported, too."""
+    """Result of the program with a folder of packages on the import path."""
     path = os.pathsep.join([str(folder), *filter(None, sys.path)])
     program = [sys.executable, "-c", "from patagium.cli.main import run; run()", *words]
     return subprocess.run(
@@ -20,7 +20,7 @@ def said(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 def install(folder: Path, entry: str, **modules: str) -> None:
-    """Package of a verb, as an installer leaves it in a folder."""
+    """Write an installed package that brings a verb to a folder."""
     facts = folder / "flap_verbs-1.dist-info"
     facts.mkdir()
     (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: flap-verbs\nVersion: 1\n")
@@ -30,7 +30,7 @@ def install(folder: Path, entry: str, **modules: str) -> None:
 
 
 def test_a_verb_has_the_word_of_its_entry_point_and_replaces_none(tmp_path: Path) -> None:
-    """It had the name of its module, so that a module `cache` replaced `patagium cache`."""
+    """A verb had the name of its module: a module `cache` replaced `patagium cache`."""
     verb = 'def {0}() -> None:\n    """Wave."""\n    print("hello from {0}")\n'
     entry = "wave = cache\nrobots = waving"
     install(tmp_path, entry, cache=verb.format("cache"), waving=verb.format("waving"))
@@ -51,7 +51,7 @@ def test_a_verb_has_the_word_of_its_entry_point_and_replaces_none(tmp_path: Path
     ],
 )
 def test_a_verb_that_cannot_be_used_costs_one_sentence(tmp_path: Path, text: str, why: str) -> None:
-    """Every command ended in a traceback, `--version` too."""
+    """One verb that cannot be imported ended every command in a traceback, also `--version`."""
     install(tmp_path, "wave = waving", waving=text)
     answer = said(tmp_path, "--version")
     assert (answer.returncode, answer.stdout.split()[0]) == (0, "patagium")

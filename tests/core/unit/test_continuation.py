@@ -167,7 +167,7 @@ def test_the_verb_shows_a_branch_and_a_picture(tmp_path, capsys):
 
 
 def test_a_branch_is_drawn_where_stdout_takes_nothing(aerobat, tmp_path):
-    """The table came first, and with it the picture was lost."""
+    """The picture was lost when printing the table failed."""
     branch, picture = continue_orbit(aerobat, "speed", (2.94, 2.96)), tmp_path / "branch.svg"
     with refusing_stdout(pipe=False), pytest.raises(OSError, match="No space left"):
         _branch(branch, picture, as_json=False)

@@ -151,7 +151,7 @@ def test_a_gait_beyond_a_joint_limit_is_refused(robot):
 
 
 def test_a_lead_beyond_a_turn_asks_for_degrees(robot):
-    """A lead of 90 was taken for 90 rad without a word."""
+    """A phase of 90 was taken for 90 rad without a warning."""
     turn = pt.gaits.sinusoidal(robot, frequency=5.0, feather=0.3, phase={"feather": 2 * np.pi})
     assert turn.period == 0.2
     with pytest.raises(ParameterError, match=r"feather within -360.*np\.radians\(90\)"):
@@ -159,7 +159,7 @@ def test_a_lead_beyond_a_turn_asks_for_degrees(robot):
 
 
 def test_a_linkage_names_the_joints_that_it_moves():
-    """The refusal named `plunge`, which nobody had given."""
+    """The error named a joint `plunge`, which the user had not given."""
     with pytest.raises(ParameterError, match="plunge and elbow.*found 'hawk with left_sweep"):
         pt.gaits.linkage(pt.load_robot("hawk"), frequency=5.0)
 

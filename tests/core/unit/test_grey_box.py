@@ -293,7 +293,7 @@ def test_units(name, unit, written, robot):
 
 @pytest.mark.usefixtures("interpreted")
 def test_units_of_joints_are_those_of_their_kind(one_wing):
-    """They were "N/m or N m/rad" in tables, reports and JSON."""
+    """Units of joint stiffness were "N/m or N m/rad" in tables, reports and JSON."""
     robot = one_wing(
         "name: slide, type: prismatic, axis: z, stiffness: 5", "name: plunge, axis: x, stiffness: 5"
     )

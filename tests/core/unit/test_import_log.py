@@ -177,7 +177,7 @@ def test_keys_of_json_may_hold_dots(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("first", [0, 1, 30])
 def test_nulls_of_json_are_missing_numbers(first: int, tmp_path: Path) -> None:
-    """One null ended all topics of the file, and one in the first message hid the number."""
+    """A null ended the reading of all topics, or hid a field where the first message had it."""
     held = [{"x": float(k), "a": {"b": [2.0 * k, 0]}} for k in range(100)]
     nulls: list[dict[str, Any]] = [{"x": None, "a": None}, {"x": None, "a": {"b": None}}]
     held[first : first + 2] = nulls
@@ -195,14 +195,14 @@ def test_nulls_of_json_are_missing_numbers(first: int, tmp_path: Path) -> None:
 
 
 def test_a_number_that_is_always_null_is_said_to_be(tmp_path: Path) -> None:
-    """The reason was the name of a type of Python."""
+    """The reason shown for a missing field was the name of a Python type."""
     path = _json_messages(tmp_path / "log.mcap", [{"x": 1.0, "y": None}] * 300)
     assert inspect_log(path).topics[0].unplaced == {"y": "null in the first messages"}
 
 
 @pytest.mark.parametrize("kind", ["mcap", "csv"])
 def test_stamps_that_no_unit_makes_nanoseconds(kind: str, tmp_path: Path) -> None:
-    """Whole numbers in ns without a unit ended in "int too large", or were refused for nothing."""
+    """Integer stamps in ns without a unit raised "int too large" or an unclear error."""
     held = [{"t": 17 * 10**17 + k * 10**7, "x": float(k)} for k in range(100)]
     path = tmp_path / f"log.{kind}"
     if kind == "mcap":

@@ -451,7 +451,7 @@ def test_columns_of_a_second_clock_stay_on_it_beside_columns_filled_in_turn(tmp_
 
 @pytest.mark.parametrize("turns", [False, True])
 def test_the_column_of_stamps_may_be_a_quantity_too(tmp_path: Path, turns: bool) -> None:
-    """It ended in a ValueError, and held the numbers of another beside columns filled in turn."""
+    """A time column that was also a quantity raised ValueError, or got another column's values."""
     table = pd.DataFrame({"t": (t := 0.01 * np.arange(200)), "x": np.sin(t), "y": 100 + t})
     if turns:
         table.loc[::2, "x"] = np.nan
@@ -590,7 +590,7 @@ def test_a_registered_reader_is_found_by_ending_and_by_first_bytes(
 
 @pytest.mark.parametrize("ending", [".txt", ".CSV", ".bag", ".csv.gz", "rec", ".tar.rec", ".", ""])
 def test_a_reader_of_no_ending_of_its_own_is_refused(ending: str) -> None:
-    """Such a reader was never called, or replaced that of CSV files without a word."""
+    """A reader for an ending such as .txt was never called, or replaced that of CSV files."""
     with pytest.raises(ParameterError, match="^ending: expected one suffix"):
         opening.register_reader(ending, CsvFile)
 
@@ -598,7 +598,7 @@ def test_a_reader_of_no_ending_of_its_own_is_refused(ending: str) -> None:
 def test_the_ending_of_an_own_reader_may_be_in_capitals(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A reader registered for ".REC" was never called."""
+    """A file reader registered with the ending ".REC" in capitals was never called."""
     monkeypatch.setattr(opening, "_SINGLE", dict(opening._SINGLE))
     for _ in range(2):  # twice, as in a notebook
         opening.register_reader(".REC", CsvFile)

@@ -85,7 +85,7 @@ def edited_model(factor: float) -> type[pt.QuasiSteady]:
 
 
 def test_an_own_polar_or_model_is_compiled_anew_when_its_formula_is_edited() -> None:
-    """It flew on with the old formula: only its name was in the keys of compiled code."""
+    """An edited class was flown with its old formula: compiled code was found by its name alone."""
     robot = pt.load_robot("aerobat")
     q, v = robot.coordinates(pitch=-0.1), robot.velocities(x=3.0)
     for make in (

@@ -758,7 +758,7 @@ def test_times_of_the_day_go_on_after_midnight(
 
 
 def test_names_of_labview_are_found_above_lines_without_a_comment(tmp_path: Path) -> None:
-    """Its last name, Comment, made a line of its head before it that of the names."""
+    """The name Comment, without values, made another line of the header the line of names."""
     head = (
         "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t,\n***End_of_Header***\t\n\t\n"
     )

@@ -186,7 +186,7 @@ def test_blocks_do_not_change_an_import(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_scales_of_another_log_cost_no_sample(tmp_path: Path) -> None:
-    """The first second was left out, whatever the learner was scaled by."""
+    """The first second of a log was left out although it did not scale the learner."""
     words = WORDS | {"outputs": [{"column": "y", "unit": "N"}]}
     path = import_log(written(tmp_path), parse_mapping(words), tmp_path / "log.nc").path
     with LogRecord(path) as opened:

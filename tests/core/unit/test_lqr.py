@@ -127,7 +127,7 @@ def lagging():
 
 
 def test_multipliers_are_those_of_the_flight_whose_lags_are_not_measured(lagging):
-    """They counted on lags of the air, which nothing measures: 4.56 where it grows 4.71 times."""
+    """Multipliers used gains of unmeasured lags: 4.56, where departures grow 4.71 times."""
     orbit, commands = lagging
     with pytest.warns(UserWarning, match=r"grow .* a beat; .* gains of each part"):
         averaged = LinearRegulator(orbit, commands, parts=5, averaged=True)
@@ -142,7 +142,7 @@ def test_multipliers_are_those_of_the_flight_whose_lags_are_not_measured(lagging
 
 
 def test_gains_of_lags_that_are_not_measured_are_zero(lagging):
-    """The gains of a predictive controller and of a regulator held some that were not flown."""
+    """Controllers had gains for lag states of the air, which are never measured."""
     orbit, commands = lagging
     names = {"x", *orbit.robot.dof_names, *(f"velocity of {k}" for k in orbit.robot.dof_names)}
     held = [LinearRegulator(orbit, commands), PredictiveController(orbit, commands)]

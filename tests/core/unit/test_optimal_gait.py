@@ -220,7 +220,7 @@ def test_a_front_has_gaits_and_sinusoids_at_each_speed(ornithopter, tmp_path, ca
 
 
 def test_a_front_is_drawn_where_stdout_takes_nothing(best, tmp_path):
-    """The table came first, and with it the picture was lost."""
+    """The picture was lost when printing the table failed."""
     picture = tmp_path / "front.svg"
     with refusing_stdout(pipe=False), pytest.raises(OSError, match="No space left"):
         _front([(4.0, best)], picture, as_json=False)

@@ -21,7 +21,7 @@ STRIPS = len(ROBOT.strips)
 
 @dataclass(frozen=True)
 class Own(pt.QuasiSteady):
-    """Model with states of its own, one of whose expressions is another."""
+    """Air model with states, one expression of which is replaced."""
 
     other: tuple[str, Any] | None = None
 
@@ -50,7 +50,7 @@ def fly(aero: Any) -> Any:
     ],
 )
 def test_expressions_of_another_shape_are_refused(name: str, other: Any, said: str) -> None:
-    """Missing rates of states corrupted memory, and forces of strips by rows were scrambled."""
+    """Missing derivatives of states corrupted memory; transposed strip forces were mixed up."""
     field = "target" if name == "memory" else name
     for use in (fly, lambda aero: aero.generalized_force(ROBOT.coordinates(), ROBOT.velocities())):
         with pytest.raises(ShapeError) as refusal:
@@ -59,14 +59,14 @@ def test_expressions_of_another_shape_are_refused(name: str, other: Any, said: s
 
 
 def test_names_of_states_are_as_many_as_states(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fewer names than states were taken."""
+    """A model with fewer names than states was accepted."""
     monkeypatch.setattr(Own, "state_names", ("one",), raising=False)
     with pytest.raises(ShapeError, match="state_names"):
         fly(Own(ROBOT))
 
 
 def test_numbers_of_numpy_are_recorded() -> None:
-    """A flight in air of NumPy's scalars was flown and then lost: they were no JSON."""
+    """A flight whose air has NumPy scalars was lost at its end: JSON cannot hold them."""
 
     @pt.air.register_polar
     @dataclass(frozen=True)

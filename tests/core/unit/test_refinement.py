@@ -100,7 +100,7 @@ def test_of_another_the_cost_is_minimal():
 
 
 def test_logs_one_after_the_other_teach_as_much_as_both_at_once():
-    """`refine` forgot what the learner knew before its last log: deviations grew by a half."""
+    """`refine` used the last log alone: standard deviations were 1.6 times too large."""
     draw = np.random.default_rng(2)
     network = pt.DenseNetwork(3, (), 2)
     x, y = draw.normal(size=(120, 3)), draw.normal(size=(120, 2))
@@ -119,7 +119,7 @@ def test_logs_one_after_the_other_teach_as_much_as_both_at_once():
 
 
 def test_found_noise_is_that_of_the_errors_that_remain():
-    """It counted the errors of the first weights: deviations were 3 to 50 times too wide."""
+    """Noise included errors of the first weights: deviations were 3 to 50 times too large."""
     network, noise, time = pt.DenseNetwork(3, (), 2), np.array([0.01, 0.3]), np.arange(100) * 0.01
     far, squares = [], []
     for seed in range(20):

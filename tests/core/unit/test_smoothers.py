@@ -107,7 +107,7 @@ def test_the_acceleration_converges_as_noise_falls(rng) -> None:
 
 @pytest.mark.parametrize(("rate", "gap", "noise"), [(10, 0.0, 1e-5), (50, 0.4, 1e-6)])
 def test_output_between_few_samples_of_little_noise(rate, gap, noise, rng) -> None:
-    """The start was as wide as the output is dense: LinAlgError, or negative variances."""
+    """The first covariance grew with the output rate: LinAlgError, or negative variances."""
     time = np.arange(0, 4, 1 / rate)
     time = time[(time < 2) | (time > 2 + gap)]
     at = np.arange(0, 3500) * 1e-3

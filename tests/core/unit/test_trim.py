@@ -111,7 +111,7 @@ def test_an_orbit_repeats_in_the_simulator(orbit):
 
 
 def test_a_search_tells_how_far_it_is(orbit):
-    """A search of minutes was silent, which nobody can tell from one that hangs."""
+    """A search that took minutes showed no progress."""
     told = []
     pt.trim(orbit.robot, start=orbit, climb=0.01, progress=lambda *each: told.append(each))
     flown = [done for done, _ in told]

@@ -154,7 +154,7 @@ def flown(aero: Any, **start: float) -> Any:
 )
 @pytest.mark.usefixtures("interpreted")
 def test_a_flight_records_the_wind_that_its_wings_met(put_on: Callable[..., Any]) -> None:
-    """It recorded that at the reference height, from which cycles took airspeed and thrust."""
+    """A flight recorded the wind at the reference height; airspeed and thrust were wrong."""
     flight = flown(put_on(held_air(FLAPPER)), z=1.0, roll=0.4)
     heights = flight["strip_point"].values[..., 2]
     assert np.ptp(heights[0]) > 0.05
@@ -168,7 +168,7 @@ def test_a_flight_records_the_wind_that_its_wings_met(put_on: Callable[..., Any]
 @pytest.mark.parametrize("knows_shear", [False, True])
 @pytest.mark.usefixtures("interpreted")
 def test_a_flight_in_shear_is_learned_by_the_wind_it_met(knows_shear: bool) -> None:
-    """Learned by the wind at the reference height; what knows shear must not shear it twice."""
+    """A model learned with the wind at the reference height; a grey box must not shear it twice."""
     plain = held_air(HALF)
     shear = WindShear(plain, **LAW)
     flight = flown(shear, z=1.0, pitch=-0.1)
@@ -180,7 +180,7 @@ def test_a_flight_in_shear_is_learned_by_the_wind_it_met(knows_shear: bool) -> N
 
 @pytest.mark.usefixtures("interpreted")
 def test_power_of_learned_air_is_relative_to_the_wind_that_strips_meet() -> None:
-    """What the weights add was taken relative to the wind at the reference height."""
+    """Power of learned forces was relative to the wind at the reference height."""
     air = held_air(FLAPPER)
     weights = np.array([0.5, 0.8, 0.1, 0.2, 0.0])
     orders = (

@@ -13,6 +13,7 @@ import xarray as xr
 from patagium.arrays import Array
 from patagium.errors import LogError
 from patagium.netcdf_file import write_netcdf
+from patagium.robot import Robot
 from patagium.robot.planform import wing_span
 from patagium.sensing.force.air_force import HELD
 from patagium.sensing.force.measured_force import (
@@ -34,7 +35,7 @@ _HELD_DOWN = 1.5
 """Mean lift over weight from which the sign of a load cell is asked for."""
 
 _SCATTER = 3.0
-"""Scatter of the pose of a body over its standard deviation up to which it never moves."""
+"""Scatter of a body's pose over its standard deviation below which the body is at rest [1]."""
 _STILL = 0.05
 """Share of its fastest velocity up to which a coordinate rests: air has a 400th of its force."""
 _REST = 0.3
@@ -45,7 +46,7 @@ a tilt of the cameras by 2 degrees or an error of the mass by 3 % makes."""
 _DRIFT = 0.02
 """Change of it from one rest to another, over the weight, from which the zero moved."""
 _CALM = 0.05
-"""Share of the fastest wind of a log up to which there is none, or the same at two rests."""
+"""Share of a log's fastest wind below which wind is zero, or equal at two rests [1]."""
 
 _WINDOWS, _FEWEST = 10, 5
 """Parts of a log, of two beats at least, of which each has a phase of the load cell."""
@@ -114,25 +115,22 @@ def motion_and_force(
     if mount is not None:
         doubts = _cell_notes(motion, found, joints, mount)
         facts["notes"] += [f"Warning: load cell: {doubt}" for doubt in doubts]
-    elif (
-        log.robot.floating
-        and log.mount in ("", "free")
-        and _stands(motion, [*log.robot.floating_dofs])
-    ):
+    elif log.robot.floating and log.mount in ("", "free") and _stands(motion, log.robot):
         facts["notes"].append(f"Warning: {HELD}")
     motion.attrs["findings"] = json.dumps(facts)
     return motion, found
 
 
-def _stands(motion: xr.Dataset, base: list[int]) -> bool:
-    """Whether the floating body never moves by more than its pose errs."""
-    q, variance = motion["q"].values, np.einsum("tii->ti", motion["covariance"].values)
-    apart = ((q - np.median(q, axis=0)) ** 2)[:, base] / variance[:, base]
+def _stands(motion: xr.Dataset, robot: Robot) -> bool:
+    """Whether the pose of the floating body is constant within its standard deviation."""
+    known, base = motion["known"].values, [*robot.floating_dofs]
+    q, spread = (motion[one].values[known] for one in ("q", "covariance"))
+    apart = (q - np.median(q, axis=0))[:, base] ** 2 / np.einsum("tii->ti", spread)[:, base]
     return bool((apart.mean(axis=0) < _SCATTER**2).all())
 
 
 def _joined(joints: Measured | None, force: Measured, name: str) -> Measured:
-    """Forces of joints with those of one more sensor of other joints."""
+    """Joint forces from several sensors, each of which measures other joints."""
     if joints is None:
         return force
     known = np.isfinite(joints.values)

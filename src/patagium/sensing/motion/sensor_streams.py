@@ -80,7 +80,7 @@ class MeasurementModel:
         raise NotImplementedError
 
     def sees(self, robot: Robot) -> set[int]:
-        """Coordinates of a robot that move what the sensor shows."""
+        """Coordinates of a robot on which the readings of the sensor depend."""
         rng = np.random.default_rng(0)
         motion = rng.uniform(0.1, 1.0, (1, 3, robot.dof)), Rotation.identity(1)
         _, slope = self.residuals(*motion, np.ones((1, self.width)))

@@ -138,7 +138,7 @@ class StampSurvey:
 
     @property
     def rate(self) -> float:
-        """Rows before the first one with the latest stamp, over the duration [Hz]; else NaN."""
+        """Mean rate of the rows from the first to the latest stamp [Hz]; NaN without a duration."""
         return self._last_row / self.duration if self.duration > 0 else float("nan")
 
     @property
