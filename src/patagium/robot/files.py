@@ -127,6 +127,25 @@ def load_robot_text(text: str, name: str = "robot text") -> Robot:
     return _robot(deepcopy(_content(text, name)), text, name)
 
 
+def robot_attributes(robot: Robot) -> dict[str, str]:
+    """Text and name of a robot, as records carry them.
+
+    Raises:
+        ParameterError: If its source describes another robot.
+    """
+    if robot.source and robot_of_text(robot.source, robot.name) != robot:
+        expected = (
+            "the robot that its source describes: change it by `with_parameters`, or in its file; "
+            'with source="" its records cannot be read again'
+        )
+        raise ParameterError("robot", expected, f"{robot.name}, changed otherwise")
+    return {"robot": robot.source, "robot_name": robot.name}
+
+
+robot_of_text = lru_cache(maxsize=8)(load_robot_text)
+"""`load_robot_text`, which remembers the last few."""
+
+
 def _robot(described: Any, text: str, name: str, numbered: bool = True) -> Robot:
     mounted = isinstance(described, dict) and "mounted_on" in described
     model = CompositionFile if mounted else RobotFile

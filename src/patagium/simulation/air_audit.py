@@ -122,7 +122,8 @@ def _downwash(flight: xr.Dataset) -> list[str]:
 
 def _descent(robot: Robot, flight: xr.Dataset) -> list[str]:
     """Sentence about wings that sink into the air that they throw down, against its inflow."""
-    states, moving = flight["aero_state"].to_numpy().mean(axis=0), air_velocity(flight, robot)
+    states = flight["aero_state"].to_numpy().mean(axis=0)
+    moving = air_velocity(flight, robot).mean(axis=0)
     for k, name in enumerate(aero_of(flight).state_names):
         if not re.fullmatch(r"induced (\d+ )?velocity of x", name):
             continue

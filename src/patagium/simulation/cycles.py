@@ -72,7 +72,8 @@ def cycle_statistics(
     beat = beat if steered is None else float(ends[-1] - ends[0]) / count
     stamps = ends[:-1, None] + np.diff(ends)[:, None] * phase
     counted = flight.isel(time=np.flatnonzero((time >= ends[0]) & (time <= ends[-1])))
-    velocity = air_velocity(counted, robot)
+    through = air_velocity(flight, robot).T
+    velocity = np.concatenate([_cycle_means(each, time, ends[[0, -1]]) for each in through])
     signals = _signals(flight, robot, time, _forward(flight, robot, velocity))
     by_cycle = {name: _cycle_means(signal, time, ends) for name, signal in signals.items()}
     weight = float(robot.gravity * flying_mass(counted, robot).mean())
@@ -185,12 +186,12 @@ def air_force(flight: xr.Dataset, robot: Robot, time: Array) -> Array:
 
 
 def air_velocity(flight: xr.Dataset, robot: Robot) -> Array:
-    """Mean velocity of the center of mass through the air, (3,) [m/s]."""
+    """Velocity of the center of mass through the air, (N, 3) [m/s]."""
     momentum = flight["momentum"].transpose("time", "axis").values
     wind = flight["wind"].transpose("time", "axis").values
     mass = flying_mass(flight, robot)[:, None]
     moved = np.divide(momentum, mass, out=np.zeros_like(momentum), where=mass > 0)
-    return np.asarray((moved - wind).mean(axis=0), float)
+    return np.asarray(moved - wind, float)
 
 
 def _forward(flight: xr.Dataset, robot: Robot, velocity: Array) -> Array:

@@ -13,7 +13,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from math import isclose
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,7 +30,8 @@ from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, LogError, Outcome, ParameterError, positive
 from patagium.netcdf_file import kind_of, loaded_dataset, netcdf_content, write_netcdf
 from patagium.reading import json_object, json_ready, made_again, parsed_json
-from patagium.robot import Robot, load_robot_text
+from patagium.robot import Robot
+from patagium.robot.files import robot_attributes, robot_of_text
 from patagium.robot.strip_chains import chain_words
 from patagium.scratch import release
 from patagium.simulation.arm import Tool, track_tool
@@ -192,6 +192,9 @@ class FlightOrigin:
     load_cells: tuple[InternalLoadCell, ...] = ()
     commands: tuple[str, ...] = ()
 
+    def __post_init__(self) -> None:
+        robot_attributes(self.robot)  # a flight that cannot be read is not flown
+
 
 def flight_record(
     origin: FlightOrigin, time: Array, samples: Mapping[str, Array], outcome: Outcome, message: str
@@ -319,7 +322,7 @@ def robot_of(flight: xr.Dataset, name: str = "flight", late: bool = False) -> Ro
     """
     _require(flight, ("robot", "robot_name"))
     with made_again("the flight's robot", FlightError):
-        robot = _robot_of_text(str(flight.attrs["robot"]), str(flight.attrs["robot_name"]))
+        robot = robot_of_text(str(flight.attrs["robot"]), str(flight.attrs["robot_name"]))
     check_labels(flight, robot, name)
     try:
         time = flight.coords.get("time")
@@ -353,9 +356,6 @@ def check_labels(flight: xr.Dataset, robot: Robot, name: str = "flight") -> None
             expected = f"expected {len(labels)} {'strips' if dim == 'strip' else 'coordinates'}"
             told = f"{len(found)}: {', '.join(found)} in place of {', '.join(labels)}"
             raise FlightError(f"{name}: {dim}: {expected} of robot {robot.name!r}, found {told}")
-
-
-_robot_of_text = lru_cache(maxsize=8)(load_robot_text)
 
 
 def aero_of(flight: xr.Dataset) -> Aerodynamics:
@@ -464,8 +464,7 @@ def _origin_attributes(origin: FlightOrigin) -> dict[str, Any]:
     robot, added_mass = origin.robot, origin.added_mass
     aero = json.dumps(json_ready(origin.aero.describe()))
     return {
-        "robot": robot.source,
-        "robot_name": robot.name,
+        **robot_attributes(robot),
         "aero": aero,
         "added_mass": json.dumps(None if added_mass is None else added_mass.describe()),
         "gait": json.dumps(origin.gait),
@@ -513,7 +512,7 @@ def carrier_of(flight: xr.Dataset) -> Carrier | None:
         if flight.attrs.get("mount") != "arm" or not told or "arm" not in told:
             return None
         words = told["arm"]
-        arm = load_robot_text(words["source"], words["name"])
+        arm = robot_of_text(words["source"], words["name"])
         tool = Tool(arm, words["at"], tuple(words["position"]), tuple(words["orientation"]))
         time = np.asarray(flight["time"].values, float)
         start = np.array(words["start"], float)

@@ -212,7 +212,7 @@ def _hover(robot: Robot, flight: xr.Dataset) -> list[str]:
         return []
     fastest = float(flight["strip_airspeed"].to_numpy().mean(axis=0).max())
     driven = flight["v"].to_numpy()[:, list(robot.actuated)].any()
-    speed = np.linalg.norm(air_velocity(flight, robot))
+    speed = np.linalg.norm(air_velocity(flight, robot).mean(axis=0))
     if not driven or speed > HOVER * fastest:
         return []
     return [NO_INFLOW]

@@ -59,7 +59,7 @@ def test_lag_states_start_at_zero_are_integrated_and_recorded(robot):
 
 def test_a_joint_without_actuator_swings_by_itself(robot):
     actuated = tuple(i for i in robot.actuated if "feather" not in robot.dof_names[i])
-    loose = replace(robot, actuated=actuated)
+    loose = replace(robot, actuated=actuated, source="")
     gait = pt.gaits.sinusoidal(loose, frequency=5.0, plunge=0.3)
     flight = pt.simulate(
         loose, pt.QuasiSteady(loose), gait, duration=0.05, time_step=2e-5,
@@ -75,7 +75,7 @@ def test_a_joint_without_actuator_swings_by_itself(robot):
 
 
 def test_a_wing_of_one_strip_keeps_its_axis(robot):
-    single = replace(robot, strips=robot.strips[:1])
+    single = replace(robot, strips=robot.strips[:1], source="")
     flight = pt.simulate(
         single, pt.QuasiSteady(single), pt.gaits.still(single), duration=1e-3, time_step=1e-4,
         v=single.coordinates(x=4.0),

@@ -221,8 +221,17 @@ def test_a_step_too_large_ends_as_a_value_that_names_the_quantity(robot, aero, g
     assert np.isfinite(flight.v.values).all()
 
 
+def test_a_robot_whose_source_tells_another_is_not_flown(robot, gait):
+    """A flight of a robot changed by `replace` came back with the numbers of the former one."""
+    other = replace(robot, gravity=2 * robot.gravity)
+    with pytest.raises(ParameterError, match="robot: expected the robot that its source describes"):
+        pt.Simulator(other, pt.QuasiSteady(other), gait, duration=0.1)
+    heavy = robot.with_parameters({"gravity": 2 * robot.gravity})
+    pt.Simulator(heavy, pt.QuasiSteady(heavy), gait, duration=0.1)
+
+
 def test_numbers_that_are_not_finite_stop_the_run(robot, aero, gait):
-    heavy = replace(robot, damping=tuple(1e300 if d else 0.0 for d in robot.damping))
+    heavy = replace(robot, damping=tuple(1e300 if d else 0.0 for d in robot.damping), source="")
     flight = pt.simulate(
         heavy, aero, gait, duration=0.1, time_step=1e-4, throw=False,
         v=robot.coordinates(pitch=1.0),
@@ -235,7 +244,7 @@ def test_numbers_that_are_not_finite_stop_the_run(robot, aero, gait):
 def test_a_passive_joint_stops_the_run_at_its_limit(robot, aero, gait):
     lower = list(robot.lower)
     lower[robot.index("z")] = -0.001
-    floor = replace(robot, lower=tuple(lower))
+    floor = replace(robot, lower=tuple(lower), source="")
     flight = pt.simulate(floor, aero, gait, duration=0.2, time_step=1e-4, throw=False)
     assert "z reached -0.001" in flight.attrs["message"]
 

@@ -81,7 +81,7 @@ def test_growth_of_a_step_is_that_of_the_scheme():
 
 def test_a_flight_with_a_stiff_damper_is_told_the_step_it_takes():
     robot = pt.load_robot("aerobat")
-    damped = replace(robot, damping=tuple(10 * d for d in robot.damping))
+    damped = replace(robot, damping=tuple(10 * d for d in robot.damping), source="")
     aero, gait = pt.QuasiSteady(damped), pt.gaits.sinusoidal(damped, frequency=5.0, plunge=0.4)
     forward = damped.velocities(x=4.0)
     with pytest.raises(SimulationFailed, match="velocity of pitch") as caught:
@@ -96,7 +96,7 @@ def test_a_flight_with_a_stiff_damper_is_told_the_step_it_takes():
 
 @pytest.mark.usefixtures("interpreted")
 def test_a_flight_the_air_drives_out_of_range_is_not_called_so():
-    robot = replace(pt.load_robot("aerobat"), damping=(0.0,) * 14)
+    robot = replace(pt.load_robot("aerobat"), damping=(0.0,) * 14, source="")
     pushing = replace(pt.QuasiSteady(robot), air=pt.Air(wind=(0.0, 0.0, 3.0)))
     with pytest.raises(SimulationFailed) as caught:
         pt.simulate(

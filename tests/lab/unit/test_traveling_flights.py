@@ -114,7 +114,7 @@ def test_a_robot_that_flies_into_a_gust_meets_it_sooner(robot):
 
 
 def test_a_step_too_long_is_told_in_a_gust_that_travels_too(robot):
-    damped = replace(robot, damping=tuple(20 * d for d in robot.damping))
+    damped = replace(robot, damping=tuple(20 * d for d in robot.damping), source="")
     flight = fly(damped, SIDEWAYS, throw=False)
     assert flight.attrs["outcome"] == "STEP_TOO_LONG"
 

@@ -139,7 +139,7 @@ def restriped(robot: Robot, count: int) -> Robot:
                     width=float(width),
                 )
             )
-    return replace(robot, name=f"{robot.name} of {count} strips", strips=tuple(strips))
+    return replace(robot, name=f"{robot.name} of {count} strips", strips=tuple(strips), source="")
 
 
 def _on_line(along: float, middle: np.ndarray, values: np.ndarray) -> float:

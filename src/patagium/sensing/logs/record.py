@@ -21,6 +21,7 @@ from patagium.errors import FlightError, LogError, command
 from patagium.netcdf_file import kind_of, loaded_dataset, netcdf_content, open_netcdf
 from patagium.reading import parsed_json
 from patagium.robot import Robot, load_robot_text
+from patagium.robot.files import robot_attributes
 from patagium.sensing.force.air_force import OPTIONAL_PARTS, PARTS, packet_columns
 from patagium.sensing.logs.table import LogTable
 from patagium.simulation.flight import air_of, quantities, robot_of
@@ -264,7 +265,7 @@ class LogRecord(AbstractContextManager["LogRecord"]):
         stated = {"air": str(self._file.air)} if "air" in self._file.ncattrs() else {}
         if robot is None:
             return stated
-        return {**stated, "robot": robot.source, "robot_name": robot.name, "gait": "{}"}
+        return {**stated, **robot_attributes(robot), "gait": "{}"}
 
     def _parts(self, robot: Robot) -> dict[str, tuple[str, ...]]:
         """Names of the numbers of each part of a flight that the log holds whole."""

@@ -21,6 +21,7 @@ from patagium.arguments import checked
 from patagium.arrays import Array, Bools, real_array
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot
+from patagium.robot.files import robot_attributes
 from patagium.sensing.motion.camera_faults import (
     Stretch,
     consistent_frames,
@@ -418,7 +419,7 @@ def _dataset(robot: Robot, times: Array, fitted: MotionFits, log: SensorLog) -> 
         variables["attitude"] = (("time", "quaternion"), turned, {"units": "1"})
         variables["attitude_std"] = (("time", "axis"), std, {"units": "rad"})
         coordinates |= {"quaternion": list("wxyz"), "axis": list("xyz")}
-    attributes = {"robot": robot.source, "robot_name": robot.name, "mount": log.mount}
+    attributes = {**robot_attributes(robot), "mount": log.mount}
     attributes["air"] = json.dumps(log.air.describe())
     known &= ~fitted.open_times(times)
     facts = motion_findings(fitted)

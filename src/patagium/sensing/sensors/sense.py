@@ -18,6 +18,7 @@ from patagium.errors import FlightError, LogError, ParameterError
 from patagium.netcdf_file import loaded_dataset, open_netcdf, write_netcdf
 from patagium.reading import json_object, made_again
 from patagium.robot import Robot
+from patagium.robot.files import robot_attributes
 from patagium.sensing.sensors.imu import Imu
 from patagium.sensing.sensors.joints import Encoder, MotorCurrent
 from patagium.sensing.sensors.load_cell import LoadCell
@@ -177,7 +178,7 @@ def save_sensor_log(log: SensorLog, path: str | Path) -> Path:
     Raises:
         OutputError: If the file cannot be written.
     """
-    origin = {"robot": log.robot.source, "robot_name": log.robot.name, "mount": log.mount}
+    origin = {**robot_attributes(log.robot), "mount": log.mount}
     origin["air"] = json.dumps(log.air.describe())
     described = {
         label: reading.assign_attrs(sensor=json.dumps(log.sensors[label].describe()))

@@ -24,6 +24,7 @@ from patagium.arrays import Array, brief, count_noise
 from patagium.errors import LogError, ParameterError
 from patagium.netcdf_file import NetcdfDraft
 from patagium.robot import Robot, load_robot, preset_names
+from patagium.robot.files import robot_attributes
 from patagium.sensing.logs.files.opening import open_log
 from patagium.sensing.logs.importing.consistency import consistency
 from patagium.sensing.logs.importing.findings import SECOND, Finding, time_doubt
@@ -233,7 +234,7 @@ def _written(spool: Spool, draft: Draft, progress: Progress | None, tell: Tell |
         "air": mapping.air.model_dump_json(),
     }
     if robot is not None:
-        attributes |= {"robot": robot.source, "robot_name": robot.name}
+        attributes |= robot_attributes(robot)
     writer: Writer = (
         NetcdfWriter(draft.file, base.count, attributes, spool)
         if isinstance(draft, NetcdfDraft)
