@@ -75,8 +75,8 @@ def identify(
         Path | None,
         output_file(
             "File of the learner's state: it is resumed if it is there, and written at the "
-            "end and on Ctrl-C. A state, unlike a model, learns on, with the centers and scales it "
-            "began with; that of a learner that diverged is not written."
+            "end. A state, unlike a model, learns on, with the centers and scales it began with; "
+            "that of a learner that diverged is not written."
         ),
     ] = None,
     report: ReportOption = None,
@@ -156,13 +156,12 @@ def _say_what_next(file: Path, mapping: Path | None, model: Path, *, flown: bool
 def _learned(
     learner: Any, file: Path, learned: Any, options: dict[str, Any], state: Path | None
 ) -> Any:
-    """Identification of a flight, a table or a long log; Ctrl-C keeps the state, if there is one.
+    """Identification of a flight, a table or a long log; Ctrl-C leaves a state as it was.
 
     Raises:
         Exit: With code 130 on Ctrl-C.
     """
     from patagium.cli.interruption import interruptible
-    from patagium.cli.state import keep_state
     from patagium.learning import identify as identify_log
     from patagium.learning.long_log import identify_record
     from patagium.sensing.logs.record import LogRecord
@@ -177,11 +176,10 @@ def _learned(
                     )
                 return identify_log(learned, learner, progress=progress, **options)
         except Interrupted:
-            if isinstance(learned, LogRecord):
-                if resume is not None and resume.exists():
-                    typer.echo(f"The same command goes on from {resume}", err=True)
+            if isinstance(learned, LogRecord) and resume is not None and resume.exists():
+                typer.echo(f"The same command goes on from {resume}", err=True)
             elif state is not None:
-                keep_state(learner, state)
+                typer.echo(f"{state} is as it was; the same command begins anew", err=True)
             raise typer.Exit(130) from None
 
 
