@@ -300,7 +300,7 @@ def limited(robot, torque=np.inf, power=np.inf):
     limits = [np.full(robot.dof, np.inf) for _ in range(2)]
     for most, value in zip(limits, (torque, power), strict=True):
         most[[robot.index("left_plunge"), robot.index("right_plunge")]] = value
-    return replace(robot, effort_limit=tuple(limits[0]), power_limit=tuple(limits[1]))
+    return replace(robot, effort_limit=tuple(limits[0]), power_limit=tuple(limits[1]), source="")
 
 
 @pytest.mark.parametrize(("torque", "power", "word"), [(10, np.inf, "N m"), (np.inf, 180, "W")])
