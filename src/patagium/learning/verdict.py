@@ -101,10 +101,11 @@ def _frozen_words(scores: Mapping[str, Any]) -> list[str]:
     """Warning of final weights that predict the log far worse than the online prediction did."""
     frozen, held = (scores.get(k, {}) for k in ("frozen_second_half", "persistence_second_half"))
     error, names = scores["nmse_second_half"], []
-    physics = "physics_second_half" in scores  # its carried error may rightly do it
+    physics = "physics_second_half" in scores  # its carried error may rightly do more
+    other = scores["physics_second_half"] if physics else held
     for name, value in error.items():
         late = frozen.get(name, 0.0)
-        far = late > max(10 * value, held.get(name, np.inf), _SMALL) and not physics
+        far = late > max(10 * value, other.get(name, np.inf), _SMALL)
         names += [name] * (value < 1 < late or far)
     if not names:
         return []

@@ -187,7 +187,7 @@ SCREENING = struct(
     double *lagged: m: mean product of an innovation and of what the sample before left
     double *power: m: mean square of what the sample before left
     double *center: m: mean of the measurements
-    double *per_newton: m: size of an output for one newton on each strip; 0: unknown
+    double *levers: m x m: square that strips give an output, over that of another output
     double *sampled: m: mean variance that came with the samples of late
     double *level: m: variance of the measurements
     double *change: m: mean square of their changes from sample to sample

@@ -11,9 +11,11 @@ what a sample leaves after it was learned, averaged over 100 spans of correlatio
 c = s / rms(change of y from sample to sample) samples, for a sine 1 / (2 pi f) s whatever the rate
 of the samples. The mean of y is no part of s, and a model that errs by more than s for long is
 worse than a constant. The measurement's own noise, where it is known, is added. No output is
-believed to a three-thousandth of what the strips' largest force would make of it: side forces of a
-symmetric flight begin at rounding and may grow a billion times, and what they said when they were
-small would outweigh all that comes.
+believed to a three-thousandth of what the strips' forces would make of it if they did not cancel,
+nor, where samples leave something, to a hundredth of it: the side force of a symmetric flight is
+what noise of the angles makes of it, and an exact fit of it would draw the weights that it shares
+with other outputs to zero; and where it begins at rounding and grows a billion times, what it said
+when it was small would outweigh all that comes.
 
 What a sample leaves is still there a moment later: the next sample is predicted with rho r on
 top, rho = <e_k r_(k-1)> / <r_(k-1)^2> over 20 spans, at most .99, to the power of the time since
@@ -57,7 +59,7 @@ _FAR = 10.0  # usual variances: new flow
 _LAST, _MEAN_STEP = range(2)
 PARTS = (
     *("level", "change", "before", "residual", "recent", "usual", "interval"),
-    *("left", "carried", "lagged", "power", "alone", "width", "center", "per_newton", "sampled"),
+    *("left", "carried", "lagged", "power", "alone", "width", "center", "sampled"),
 )
 
 
@@ -70,7 +72,8 @@ class Misfit:
         sample: Variances that came with the sample in hand, (n_y,) [y^2]; whoever gives it
             changes it from sample to sample.
         offset: Value of y that counts as one sample before the first, (n_y,) or () [y].
-        per_newton: Size of y for one newton on each strip, (n_y,) or () [y/N]; 0: unknown.
+        levers: Mean square that strips give an output where their forces do not cancel, over
+            that of another output, (n_y, n_y) or () [y^2/y^2]; 0: unknown.
         scale: Scale of each output, in which outputs are compared, (n_y,) or () [y].
 
     Attributes:
@@ -88,13 +91,15 @@ class Misfit:
         known: Array,
         sample: Array,
         offset: ArrayLike = 0.0,
-        per_newton: ArrayLike = 0.0,
+        levers: ArrayLike = 0.0,
         scale: ArrayLike = 1.0,
     ) -> None:
         self.floor, self._known, self._sample = floor, known, sample
         self._unit = np.square(np.broadcast_to(scale, len(known)))
         self.parts = {name: np.zeros(len(known)) for name in PARTS}
-        self.parts["center"][:], self.parts["per_newton"][:] = offset, per_newton
+        self.parts["center"][:] = offset
+        self.parts["levers"] = np.zeros(len(known) ** 2)
+        self.parts["levers"][:] = np.ravel(levers)
         self.clock = np.array([np.nan, 0.0])
         self.heard = np.zeros(len(known), np.int64)
         self.span = _C.UNSEEN
@@ -191,10 +196,11 @@ class Misfit:
             self.span = min(max(exp(sum(logs) / len(logs)), 1.0), _C.MOST)
         own = _C.LEAST * np.where(load > 0, load, 1.0)
         least = self.least if largest > 0 else own
-        squares = self.parts["per_newton"] ** 2
-        force = np.divide(level, squares, out=np.zeros_like(level), where=squares > 0).max()
-        least = np.maximum(least, _C.SLIGHT * force * squares)
-        left = np.minimum(_C.LEFT * self.parts["residual"], level)
+        residual = self.parts["residual"]
+        apart = self.parts["levers"].reshape(len(level), -1) @ level
+        coarse = np.minimum(_C.COARSE * apart, _C.MUCH * residual)
+        least = np.maximum(np.maximum(least, _C.SLIGHT * apart), coarse)
+        left = np.minimum(_C.LEFT * residual, level)
         misfit = np.maximum(self.floor**2 * level, left)
         return np.asarray(self._known + np.maximum(self.span * misfit, least))
 

@@ -145,8 +145,7 @@ class Screen:
         network: Network that is fed.
         settings: Settings of a filter, of which its three groups are read.
         offset: Value of y that the scale of each output is about, scalar or (n_y,) [unit of y].
-        per_newton: Size of y for one newton on each strip, scalar or (n_y,) [unit of y / N]; 0:
-            unknown.
+        levers: As `Misfit` takes them.
     """
 
     def __init__(
@@ -155,7 +154,7 @@ class Screen:
         network: Network,
         settings: FilterSettings | None = None,
         offset: ArrayLike = 0.0,
-        per_newton: ArrayLike = 0.0,
+        levers: ArrayLike = 0.0,
     ) -> None:
         chosen, channels = settings or FilterSettings(), len(noise)
         screening, noise_estimation = chosen.screening, chosen.noise_estimation
@@ -178,7 +177,7 @@ class Screen:
         floor = 0.0 if chosen.misfit is None else chosen.misfit.floor
         self.bounds = Bounds(network)
         scale = self.bounds.scale[self.bounds.inputs :]
-        self.misfit = Misfit(floor, noise.copy(), self.stated, offset, per_newton, scale)
+        self.misfit = Misfit(floor, noise.copy(), self.stated, offset, levers, scale)
         if self.misfit.floor:
             self.parts["steady"][:], self.parts["loaded"][:] = noise, 0.0
         self.numbers[:3] = np.nan, -inf, np.nan
@@ -460,7 +459,7 @@ class Screen:
 
 def new_screen(numbers: FilterNumbers) -> Screen:
     """Screening of a filter, before any sample."""
-    known = [getattr(numbers.network, name, 0.0) for name in ("offset", "per_newton")]
+    known = [getattr(numbers.network, name, 0.0) for name in ("offset", "levers")]
     return Screen(numbers.noise, numbers.network, numbers.settings, *known)
 
 

@@ -30,7 +30,7 @@ from patagium.arrays import Array, Indices
 from patagium.dynamics.equations import inverse, kirchhoff_force
 from patagium.errors import ParameterError
 from patagium.learning.models.dense import described
-from patagium.learning.models.linear_strip import per_newton
+from patagium.learning.models.linear_strip import strip_squares
 from patagium.learning.models.memory import LagEquations, MemoryState, memory_in, row_size
 from patagium.learning.models.network import Encoding, FlightTerms, Network
 from patagium.learning.models.physical import (
@@ -108,7 +108,8 @@ class GreyBox(Network):
         self._names = robot.dof_names if measured is None else tuple(measured)
         self._rows = tuple(robot.index(name) for name in self._names)
         weight = 9.81 * float(robot.mass)
-        self._scales = weight * per_newton(robot)[list(self._rows), None]
+        squares = strip_squares(robot)[list(self._rows), :, :3].sum(axis=(1, 2))
+        self._scales = weight * np.sqrt(squares)[:, None]
         self._places = [*numbers]
         scales = [parameter.scale for parameter in self.parameters]
         self._numbers = np.array([*numbers.values(), *scales])

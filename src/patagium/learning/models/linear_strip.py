@@ -75,6 +75,11 @@ class LinearStripNetwork(WingNetwork):
         attached: Whether flow is expected to stay attached.
         per_newton: Root of the sum of squares of each output for one newton on each strip, along
             each axis, joints at rest, (n_y,) [1, m].
+        output_scale: The same with one newton a quarter chord behind besides, 1 where it is 0:
+            outputs of unlike units are compared in it.
+        levers: Mean square of an output over that of another one, (n_y, n_y), were the forces of
+            strips not to cancel: each strip's force is told by the joint that it turns most, or
+            else by the upward force.
         scaled_prior: True: a stated `prior_std` is a factor on `own_prior`.
 
     Raises:
@@ -113,7 +118,12 @@ class LinearStripNetwork(WingNetwork):
         self.items = len(robot.strips) + slots
         self.perceptron = Perceptron((_POLYNOMIALS + slots, OUTPUTS))
         self.offset = np.zeros(len(self._names))
-        self.per_newton = per_newton(robot)[rows]
+        squares = strip_squares(robot)[rows]
+        self.per_newton = np.sqrt(squares[..., :3].sum(axis=(1, 2)))
+        squares = squares.sum(axis=2)
+        self.levers = _levers(robot, rows, squares)
+        self.output_scale = np.sqrt(squares.sum(axis=1))
+        self.output_scale[self.output_scale == 0] = 1.0
         self._parameters = np.array([*self.air.wind, self.air.density, *robot.parameters])
         chains = strip_chains(robot) if attached else ""
         sides = *map(side_of, robot.strips), chains
@@ -319,16 +329,33 @@ def _functions(machine: Robot, rows: Sequence[int], attached: bool) -> list[ca.F
     return [encode, *lag_functions(given.sums.line, given.measured, parameters)]
 
 
-def per_newton(robot: Robot) -> Array:
-    """Root of the sum of squares of generalized forces of one newton on each strip, (n,) [1, m]."""
+def strip_squares(robot: Robot) -> Array:
+    """Squares of generalized forces of one newton on a strip, (n, strips, 4) [1, m^2].
+
+    One newton along each axis, and its moment by a quarter of the chord; joints at rest.
+    """
     wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
-    forces = ca.SX.sym("forces", 3, len(robot.strips))
+    forces = ca.SX.sym("forces", 4, len(robot.strips))
     for k, strip in enumerate(robot.strips):
-        moment = ca.cross(vector(strip.quarter_chord), forces[:, k])
-        add_wrench(wrenches, strip.body, forces[:, k], moment)
+        span = np.cross(strip.normal, strip.forward)
+        moment = ca.cross(vector(strip.quarter_chord), forces[:3, k])
+        moment += vector(span) * strip.chord / 4 * forces[3, k]
+        add_wrench(wrenches, strip.body, forces[:3, k], moment)
     q = ca.SX(ca.DM(robot.coordinates(**robot.resting)))
     slope = ca.jacobian(generalized_force(robot, q, wrenches), ca.vec(forces))
-    return np.asarray(np.sqrt((ca.evalf(slope).full() ** 2).sum(axis=1)))
+    squares = ca.evalf(slope).full() ** 2
+    return np.asarray(squares.reshape(len(squares), -1, 4))
+
+
+def _levers(robot: Robot, rows: Sequence[int], squares: Array) -> Array:
+    """What `levers` says, from the squares of the measured rows, (n_y, strips)."""
+    found = np.zeros((len(rows), len(rows)))
+    turned = np.where(np.isin(rows, robot.floating_dofs)[:, None], 0.0, squares)
+    upward = [k for k, row in enumerate(rows) if robot.dof_names[row] == "z"]
+    for strip, joints in enumerate(turned.T):
+        for place in [joints.argmax()] if joints.any() else upward:
+            found[:, place] += squares[:, strip] / squares[place].sum()
+    return found
 
 
 def _slots(terms: int) -> int:

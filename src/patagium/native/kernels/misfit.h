@@ -16,7 +16,9 @@
 #define MOST 1e3        /* samples in a span of correlation, at most */
 #define STILL 1e-6      /* variance of a channel that does not move, over the largest */
 #define LEAST 1e-12     /* variance, at least, over the largest of a channel */
-#define SLIGHT 1e-7     /* and over that which the largest force of the strips would make of it */
+#define SLIGHT 1e-7     /* and over that which the forces of the strips would make of it, */
+#define COARSE 1e-4     /* which it is said to err by where samples leave much of it: */
+#define MUCH 1e5        /* so many times what they leave, at most */
 #define START 0.02      /* of the variance of a channel: what is left, to begin with */
 #define LEFT 3.0        /* variance over the mean square of what a sample leaves */
 #define LONG 100.0      /* spans over which what is left is averaged, */
@@ -89,18 +91,16 @@ static double span_of(const screening *s, double largest) {
 
 /* Variances that the filter assumes; load: of the channels, where nothing was measured yet. */
 static void assume(screening *s) {
-  double largest = 0, force = 0; /* mean square of a scaled channel, of a force on each strip */
-  for (int k = 0; k < s->channels; k++) {
-    const double square = s->per_newton[k] * s->per_newton[k];
-    largest = fmax(largest, s->level[k] / unit_of(s, k));
-    if (square > 0) force = fmax(force, s->level[k] / square);
-  }
+  double largest = 0; /* mean square of a scaled channel */
+  for (int k = 0; k < s->channels; k++) largest = fmax(largest, s->level[k] / unit_of(s, k));
   s->span = span_of(s, largest);
   s->least = LEAST * largest;
   for (int k = 0; k < s->channels; k++) {
     const double load = LEAST * (s->load[k] > 0 ? s->load[k] : 1);
     const double own = largest > 0 ? s->least * unit_of(s, k) : load;
-    const double least = fmax(own, SLIGHT * force * s->per_newton[k] * s->per_newton[k]);
+    double apart = 0; /* mean square, were forces of strips not to cancel */
+    for (int j = 0; j < s->channels; j++) apart += s->levers[k * s->channels + j] * s->level[j];
+    const double least = fmax(own, fmax(SLIGHT * apart, fmin(COARSE * apart, MUCH * s->residual[k])));
     const double left = fmin(LEFT * s->residual[k], s->level[k]);
     const double misfit = fmax(s->floor * s->floor * s->level[k], left);
     s->noise[k] = s->steady[k] + s->stated[k] + fmax(s->span * misfit, least);
