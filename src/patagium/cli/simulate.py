@@ -333,7 +333,7 @@ def _gait(
     from patagium.simulation import gaits
 
     named, leads, means = (
-        named_quantities(f"--{k}", given or (), "rad", "an angle") for k, given in words.items()
+        named_quantities(f"--{k}", given or (), _unit(machine, k), _noun(machine, k))
     )
     sizes = {name: size for name, size in amplitudes.items() if size is not None} | named
     own, lacking = machine.cruise, False

@@ -298,7 +298,7 @@ class AdaptiveController(OuterController):
             raise ParameterError("commands", "one beside the frequency", model.commands)
         self.controller, self._design, self._memory = controller, orbit, memory
         robot, strips = orbit.robot, orbit.robot.strips
-        weight = float(robot.gravity) * robot.mass
+        weight = robot.scale_gravity * robot.mass
         lever = float(np.mean([strip.chord for strip in strips]))
         wrench = weight * np.array([1.0, 1.0, lever])
         self._stds = np.r_[np.full(len(strips), EFFECTIVENESS_STD), WRENCH_STD * wrench]

@@ -237,7 +237,7 @@ def _sizes(orbit: Orbit, names: tuple[str, ...]) -> Array:
     a velocity as 5/3 of them a beat: 1 m/s and 2 rad/s at 12 Hz.
     """
     robot, period = orbit.robot, orbit.period
-    length = 0.75 * (abs(float(robot.gravity)) or 9.81) * period**2
+    length = 0.75 * robot.scale_gravity * period**2
     units = dict(zip(robot.dof_names, robot.dof_units, strict=True))
     places = [name.rpartition("velocity of ")[2] for name in names]
     sizes = np.array([length if units.get(place) == "m" else 0.1 for place in places])

@@ -644,7 +644,7 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
         wrench = _mean_wrench(search, at, weakest if trouble == "stalled" else system[1])
         weights = {name: abs(value) * _LEVER[name[0]] for name, value in wrench.items()}
         most, robot = max(weights, key=weights.__getitem__), search.map.robot
-        if abs(wrench[most]) < _CREDIBLE * robot.mass * max(robot.gravity, 1.0):
+        if abs(wrench[most]) < _CREDIBLE * robot.mass * robot.scale_gravity:
             lacking = wrench
             told = [
                 f"{wrench[name]:.2g} {'N m' if name.startswith('moment') else 'N'} of {name}"

@@ -315,6 +315,11 @@ class Robot:
         return sum(body.mass for body in self.bodies)
 
     @property
+    def scale_gravity(self) -> float:
+        """Gravity that scales forces, the standard one where it is zero, as in water [m/s^2]."""
+        return float(self.gravity) or 9.80665
+
+    @property
     def force_units(self) -> tuple[str, ...]:
         """Unit of each generalized force: "N", or "N m" of a turn."""
         return tuple("N" if unit == "m" else "N m" for unit in self.dof_units)

@@ -148,25 +148,26 @@ def _cell_notes(
     known = np.isfinite(found.force[:, place]).all(axis=1)
     if known.sum() < 2:
         return ["no two samples have a force that is known"]
-    weight = found.robot.flying.mass * found.robot.gravity
-    lift = float(np.nanmean(found.force[:, place[2]])) / weight
+    weight = found.robot.flying.mass * found.robot.scale_gravity
     turned = replace(mount.measured, values=-mount.measured.values)
     other = inverse_dynamics_force(motion, joints=joints, mount=replace(mount, measured=turned))
     time, force = found.time[known], found.force[known][:, place]
     flipped = other.force[known][:, place]
+    lift, lesser = (float(one[:, 2].mean()) / weight for one in (force, flipped))
     whole, cell = 0.5 * (force + flipped), 0.5 * (flipped - force)
     along, drifts = _drag(time, force, whole), _late_notes(time, whole, cell)
     notes = _arm_notes(mount.measured.values, wing_span(found.robot)) + drifts
-    if lift > _HELD_DOWN or (along > _DRIVEN and not drifts):
-        return [*notes, _sign_note(lift, along)]
+    heavy = bool(found.robot.gravity) and lift > _HELD_DOWN
+    if heavy or (along > _DRIVEN and not drifts):
+        return [*notes, _sign_note(lift, lesser, along)]
     return notes + _zero_notes(motion, found, place)
 
 
-def _sign_note(lift: float, along: float) -> str:
+def _sign_note(lift: float, lesser: float, along: float) -> str:
     first, other = ("drives", "brakes") if along > 0 else ("brakes", "drives")
     return (
         f"the air lifts {lift:.2g} times the weight and {first} the motion, or, if the cell shows "
-        f"what the robot does to it, lifts {2 - lift:.2g} times the weight and {other} it: then it "
+        f"what the robot does to it, lifts {lesser:.2g} times the weight and {other} it: then it "
         "lacks `negated: true` in the mapping"
     )
 
@@ -270,7 +271,7 @@ def _zero_notes(motion: xr.Dataset, found: ForceSamples, place: list[int]) -> li
     rests = [slice(a, b + 1) for a, b in ends if found.time[b] - found.time[a] > _REST]
     if not rests:
         return []
-    weight = found.robot.flying.mass * found.robot.gravity
+    weight = found.robot.flying.mass * found.robot.scale_gravity
     turned = from_quaternion(motion["attitude"].values)
     spread = 3 * np.median(found.std[:, place][known], axis=0)
 
