@@ -131,10 +131,9 @@ def _sinusoid(
 
     if frequency is None:
         raise ParameterError("--path-frequency", "the cycles a second of a sinusoid, in Hz", None)
-    slides = [word for word in amplitude if word.partition("=")[0] in ("x", "y", "z")]
-    turns = [word for word in amplitude if word not in slides]
-    size: dict[str, Any] = named_quantities("--path-amplitude", slides, "m", "a length")
-    size |= named_quantities("--path-amplitude", turns, "rad", "an angle")
+    size: dict[str, Any] = named_quantities(
+        "--path-amplitude", amplitude, lambda name: "m" if name in ("x", "y", "z") else "rad"
+    )
     return paths.sinusoid(center, frequency=frequency, **turn, **size)
 
 

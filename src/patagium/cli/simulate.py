@@ -332,8 +332,13 @@ def _gait(
     """Gait of the options: a sine where one of its numbers is given, else that of the robot."""
     from patagium.simulation import gaits
 
+    def unit(name: str) -> str:
+        joints = machine.joints_named(name)
+        return machine.dof_units[machine.index(joints[0])] if joints else "rad"
+
     named, leads, means = (
-        named_quantities(f"--{k}", given or (), _unit(machine, k), _noun(machine, k))
+        named_quantities(f"--{k}", given or (), *("rad", "an angle") if k == "phase" else (unit,))
+        for k, given in words.items()
     )
     sizes = {name: size for name, size in amplitudes.items() if size is not None} | named
     own, lacking = machine.cruise, False
@@ -362,7 +367,8 @@ def _gait(
     if frequency is None or lacking:
         joints = [machine.dof_names[i] for i in machine.actuated] or ["JOINT"]
         moved = "plunge" if any("plunge" in one for one in joints) else joints[0]
-        size = f", with --amplitude {moved}='30 deg'" * (kind == "sinusoidal")
+        size = "5 cm" if unit(moved) == "m" else "30 deg"
+        size = f", with --amplitude {moved}='{size}'" * (kind == "sinusoidal")
         expected = (
             f"the beats a second of a {kind} gait, such as '5 Hz'{size}; or those of a section "
             "`cruise` in the robot's file; or --gait still"

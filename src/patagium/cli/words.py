@@ -120,7 +120,7 @@ def whole_numbers(text: str) -> WholeNumbers:
 
 
 def named_quantities(
-    option: str, words: Sequence[str], unit: str | Callable[[str], str], noun: str
+    option: str, words: Sequence[str], unit: str | Callable[[str], str], noun: str = ""
 ) -> dict[str, float]:
     """Values by name, in SI, from words such as "feather=30 deg".
 
@@ -128,7 +128,7 @@ def named_quantities(
         option: Option of the words, for the message.
         words: Words NAME=VALUE.
         unit: SI unit wanted, or that of a name.
-        noun: Noun with its article, for the message.
+        noun: Noun with its article, for the message; empty: an angle or a length, by its unit.
 
     Raises:
         ParameterError: If a word is not NAME=VALUE, or a name comes twice.
@@ -139,13 +139,17 @@ def named_quantities(
     for word in words:
         name, equals, value = (part.strip() for part in word.partition("="))
         if not (name and equals and value):
-            expected = f"NAME=VALUE with {noun}, such as {name or 'plunge'}=0.5"
+            expected = (
+                f"NAME=VALUE with {noun or 'an angle or a length'}, such as {name or 'plunge'}=0.5"
+            )
             raise ParameterError(option, expected, word)
         if name in values:
             raise ParameterError(option, f"{name} once", word)
         try:
             wanted = unit if isinstance(unit, str) else unit(name)
-            values[name] = in_si(value, wanted, noun)
+            values[name] = in_si(
+                value, wanted, noun or ("an angle" if wanted == "rad" else "a length")
+            )
         except UnitMismatch as error:
             raise PatagiumError(f"{option} {name}: {error}") from None
     return values

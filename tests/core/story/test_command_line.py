@@ -144,6 +144,35 @@ def test_simulate_understands_units_as_it_does_si(tmp_path: Path, speak: Speak) 
     assert ends[0][6] != 0.0
 
 
+SLIDING = """
+name: foil
+gravity: 0 m/s^2
+bodies:
+  foil:
+    joints: [{name: heave, type: prismatic, axis: z}, {name: pitch, axis: y}]
+    mass: 1 kg
+    shape: {type: plate, chord: 10 cm, span: 60 cm, thickness: 8 mm}
+"""
+
+
+def test_the_amplitude_and_mean_of_a_joint_that_slides_are_lengths(
+    tmp_path: Path, speak: Speak
+) -> None:
+    """Lengths were refused, and 5 deg of a sliding joint was 87 mm without a word."""
+    robot, file = tmp_path / "foil.yaml", tmp_path / "f.nc"
+    robot.write_text(SLIDING)
+    fly = ("simulate", robot, *FLY, "-o", file)
+    sizes = ("--amplitude", "heave=5 cm", "--amplitude", "pitch=10 deg", "--phase", "heave=90 deg")
+    answer = speak(*fly, "--frequency", "1", *sizes, "--offset", "heave=1 cm")
+    assert answer.code == 0, answer.err
+    start = pt.load_flight(file)["q"].values[0]
+    np.testing.assert_allclose(start, [0.06, 0.0], rtol=0, atol=1e-12)  # rounding
+    for words in (("--amplitude", "heave=5 deg"), ("--offset", "heave=5 deg")):
+        wrong = speak(*fly, "--frequency", "1", *words)
+        assert wrong.code == 2 and f"{words[0]} heave: expected a length such as" in wrong.err
+    assert "with --amplitude heave='5 cm'" in speak(*fly).err
+
+
 def test_numbers_of_the_cruise_that_are_given_again_change_nothing(
     tmp_path: Path, speak: Speak
 ) -> None:

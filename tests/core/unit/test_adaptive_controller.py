@@ -1,5 +1,7 @@
 """Does a model of the air that relearns in flight bring a changed robot back to its orbit?"""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -219,6 +221,14 @@ def test_what_cannot_be_adapted_is_refused(orbit):
     law = LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE)
     with pytest.raises(ParameterError, match="memory"):
         AdaptiveController(law, orbit, memory=1.0)
+
+
+def test_a_robot_without_gravity_learns_as_on_earth(orbit):
+    """Deviations of the wrench were shares of a weight of zero: `learn: true` was refused."""
+    law = LinearRegulator(orbit, COMMANDS, tolerable=TOLERABLE)
+    afloat = replace(orbit, robot=orbit.robot.with_parameters({"gravity": 0.0}))
+    own, usual = (AdaptiveController(law, one).learner.stds for one in (afloat, orbit))
+    np.testing.assert_allclose(own, usual, rtol=1e-3)  # 9.81 of the file, 9.80665
 
 
 @pytest.mark.parametrize("wing", ["left_wing", "right_wing"])
