@@ -119,6 +119,9 @@ def whole_numbers(text: str) -> WholeNumbers:
     return found
 
 
+_NOUNS = {"rad": "an angle", "m": "a length"}
+
+
 def named_quantities(
     option: str, words: Sequence[str], unit: str | Callable[[str], str], noun: str = ""
 ) -> dict[str, float]:
@@ -136,20 +139,17 @@ def named_quantities(
     from patagium.robot.units import UnitMismatch, in_si
 
     values: dict[str, float] = {}
+    told = noun or "an angle or a length"
     for word in words:
         name, equals, value = (part.strip() for part in word.partition("="))
         if not (name and equals and value):
-            expected = (
-                f"NAME=VALUE with {noun or 'an angle or a length'}, such as {name or 'plunge'}=0.5"
-            )
+            expected = f"NAME=VALUE with {told}, such as {name or 'plunge'}=0.5"
             raise ParameterError(option, expected, word)
         if name in values:
             raise ParameterError(option, f"{name} once", word)
         try:
             wanted = unit if isinstance(unit, str) else unit(name)
-            values[name] = in_si(
-                value, wanted, noun or ("an angle" if wanted == "rad" else "a length")
-            )
+            values[name] = in_si(value, wanted, noun or _NOUNS[wanted])
         except UnitMismatch as error:
             raise PatagiumError(f"{option} {name}: {error}") from None
     return values

@@ -512,11 +512,8 @@ def test_a_load_cell_that_shows_more_than_the_weight_at_rest_is_asked_for_its_ze
     time, count = 0.005 * np.arange(401), 401
     phase = np.clip((time - 0.6) / 0.8, 0.0, 1.0)
     path = 0.1 * np.outer(np.sin(np.pi * phase) ** 4, [1.0, 0.0, 0.5])
-    pull = 0.05 * np.gradient(np.gradient(path, time, axis=0), time, axis=0) + [
-        0,
-        0,
-        0.05 * gravity,
-    ]
+    fall = np.gradient(np.gradient(path, time, axis=0), time, axis=0) + [0, 0, gravity]
+    pull = 0.05 * fall
     place = path + 1e-4 * rng.standard_normal((count, 3))
     turns = S.as_quaternion(Rotation.from_rotvec(1e-3 * rng.standard_normal((count, 3))))
     wrench = 2e-3 * rng.standard_normal((count, 6))
