@@ -224,14 +224,16 @@ def orbit_air(
     *,
     hovers: bool,
 ) -> tuple[Aerodynamics, AddedMass | None, Model | None]:
-    """Air at rest for an orbit; a warning is printed of what it neglects of this robot's wings."""
-    from patagium.simulation.flight_summary import HINGED, NO_INFLOW, hinged_strips
+    """Air at rest for an orbit; warnings are printed of what it neglects of this robot."""
+    from patagium.simulation.flight_summary import BUOYANT, HINGED, LIQUID, NO_INFLOW, hinged_strips
 
     found = chosen_air(word, machine, polars, inflow, density=density)
     if hovers and not inflow and found[2] is None:
         typer.echo(f"patagium: {NO_INFLOW}", err=True)
     if word == "quasi-steady" and (turned := hinged_strips(machine)):
         typer.echo(f"patagium: {HINGED.format(machine.strips[turned[0]].wing)}", err=True)
+    if machine.gravity and found[0].air.density > LIQUID:
+        typer.echo(f"patagium: {BUOYANT}", err=True)
     return found
 
 

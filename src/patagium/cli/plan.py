@@ -54,8 +54,8 @@ TurnRate: TypeAlias = quantity_type("rad/s", "a rate of turning")  # type: ignor
 Velocity: TypeAlias = Annotated[tuple[Speed, Speed, Speed], Field(examples=["[0, 0, 1 m/s]"])]
 BEATS = 40
 """Duration of a flight in wingbeats where none is given."""
-TRUE_DENSITY = 1.2
-"""Density of a truth that was not learned, where none is given [kg/m^3]."""
+TRUE_SHARE = 1.2 / DENSITY
+"""Density of a truth that was not learned, where none is given, over that of the model [1]."""
 GUST_SHARE = 0.1
 """Gust over the speed where no event is given."""
 
@@ -328,11 +328,16 @@ class Prepared:
             f"Controller: {plan.controller.type}, commands {commands}"
             + learns * plan.controller.learn,
             f"Truth: masses and inertias off by {100 * truth.masses:g} % "
-            f"(std; seed {plan.seed}), {_air_words(truth, TRUE_DENSITY)}, "
+            f"(std; seed {plan.seed}), {_air_words(truth, self._density)}, "
             f"the model's {_air_words(plan.trim, DENSITY)}",
             f"Known: {told}",
             f"Flight of {self.duration:.3g} s; events: {events}",
         )
+
+    @property
+    def _density(self) -> float:
+        """Density of a truth that says none and was not learned [kg/m^3]."""
+        return self.orbit.aero.air.density * TRUE_SHARE
 
     def _legs(self) -> list[str]:
         found = self.controller.legs if isinstance(self.controller, Route) else {}
@@ -351,7 +356,7 @@ class Prepared:
         plan, truth = self.plan, self.plan.truth
         robot = off_nominal(self.orbit.robot, truth.masses, plan.seed)
         aero, carried, _ = chosen_air(
-            truth.air, robot, usual=TRUE_DENSITY, factor=truth.added_mass,
+            truth.air, robot, usual=self._density, factor=truth.added_mass,
             density=truth.density, wind=truth.wind,
         )  # fmt: skip
         if truth.polar:

@@ -418,6 +418,7 @@ def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
         PatagiumError: If something was not saved.
     """
     from patagium.simulation import save_flight
+    from patagium.simulation.flight_summary import BUOYANT
 
     broken = str(flight.attrs["outcome"]) != "COMPLETED"
     if broken:  # what is there already may be whole
@@ -432,8 +433,9 @@ def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
     facts = flight_facts(flight) | ({"file": str(output)} if kept else {})
     shown = facts if as_json else flight_table(facts)
     outputs.attempt("facts on stdout", lambda: answer(shown, as_json=as_json, title="Flight"))
-    for warning in () if broken else facts["warnings"]:
-        typer.echo(f"patagium: {warning}", err=True)
+    for warning in facts["warnings"]:
+        if not broken or warning == BUOYANT:  # the others are of what broke it
+            typer.echo(f"patagium: {warning}", err=True)
     outputs.check()
     if broken:
         typer.echo(f"patagium: {flight.attrs['message']}; the flight is kept in {where}", err=True)

@@ -53,6 +53,11 @@ SEPARATED = np.radians(30.0)
 """Mean incidence from which on the force of a wing is far behind a quarter of its chord [rad]."""
 LIQUID = 2.0
 """Density above which a medium carries robots by buoyancy [kg/m^3]."""
+BUOYANT = (
+    "Buoyancy is not modeled: gravity: 0 m/s^2 in the robot file stands for a robot as heavy as "
+    "its water."
+)
+"""Warning about robots with a weight in a liquid."""
 SLOWEST_FALL = 0.3
 """Sink rate below which there is no warning [m/s]."""
 UNEXPLAINED = 1e-2
@@ -122,10 +127,7 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     if "speed" in facts and flight.attrs.get("mount") == "free":
         warnings = _warnings(facts, judged=bool(weight) and (not beat or beats > 0))
         if weight and air_of(flight).density > LIQUID:
-            warnings.append(
-                "Buoyancy is not modeled: gravity: 0 m/s^2 in the robot file stands for a robot "
-                "as heavy as its water."
-            )
+            warnings.append(BUOYANT)
     warnings += _hover(robot, flight.isel(time=chosen))
     warnings += _hinge(robot, flight.isel(time=chosen))
     if audit > UNEXPLAINED:

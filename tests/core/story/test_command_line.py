@@ -15,6 +15,7 @@ import pytest
 
 import patagium as pt
 from patagium.cli import trim
+from patagium.cli.estimates import orbit_air
 from patagium.cli.main import app, run
 from patagium.errors import RobotFileError
 from patagium.learning.identify import identify
@@ -243,6 +244,22 @@ def test_simulate_keeps_what_was_flown_before_it_broke_down(tmp_path: Path, spea
     kept = tmp_path / "broken.partial.nc"
     assert "pitch" in answer.err and str(kept) in answer.err and not path.exists()
     assert 0.0 <= float(pt.load_flight(kept)["time"][-1]) < 1.0
+
+
+def test_buoyancy_is_told_of_orbits_and_of_flights_that_break(
+    tmp_path: Path, speak: Speak, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Only flights that ended said that buoyancy is not modeled; trims never did."""
+    words = ("--density", "998", "--time-step", "1e-2", "--duration", "0.1")
+    answer = speak("simulate", "aerobat", *words, "-o", tmp_path / "b.nc")
+    assert answer.code == 2 and answer.err.count("patagium: Buoyancy is not modeled") == 1
+    heavy = pt.load_robot("aerobat")
+    for robot, density, told in (
+        (heavy, 998.0, True), (heavy, 1.2, False),
+        (heavy.with_parameters({"gravity": 0.0}), 998.0, False),
+    ):  # fmt: skip
+        orbit_air("quasi-steady", robot, None, False, density, hovers=False)
+        assert ("Buoyancy is not modeled" in capsys.readouterr().err) == told
 
 
 def test_check_says_what_a_good_file_holds(flight: Path, speak: Speak) -> None:

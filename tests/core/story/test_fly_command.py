@@ -164,6 +164,17 @@ def test_legs_have_the_added_mass_of_the_first_orbit(monkeypatch):
     assert seen["added_mass"] == "that of the model"
 
 
+def test_the_truth_of_a_plan_in_water_is_water(tmp_path):
+    """A controller whose model is in water flew a truth in air of 1.2 kg/m^3."""
+    path = tmp_path / "plan.yaml"
+    for density, words in (("density: 1.5, ", "1.46939"), ("", "1.2")):
+        trimmed = f"trim: {{{density}speed: 6, free: [frequency, elevation_offset, plunge_phase]}}"
+        path.write_text(f"robot: ornithopter\n{trimmed}\nevents: []\nduration: 5 ms\n")
+        ready = prepared(load_plan(path))
+        assert f"quasi-steady air of {words} kg/m^3, the model's" in " ".join(ready.words)
+        assert pt.simulation.air_of(ready.fly()).density == pytest.approx(float(words), rel=1e-5)
+
+
 def test_the_robot_of_a_plan_is_looked_for_beside_it(tmp_path, monkeypatch):
     (tmp_path / "plans").mkdir()
     path, own = (tmp_path / "plans" / name for name in ("plan.yaml", "own.yaml"))
