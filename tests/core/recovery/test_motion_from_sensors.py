@@ -290,6 +290,23 @@ def test_a_bias_that_takes_up_a_wrong_scale_is_said(factor: float, stated: float
     assert factor != 1 or not notes
 
 
+def test_an_accelerometer_on_a_robot_without_gravity_is_told() -> None:
+    """A unit in water, whose file has no gravity as it has no buoyancy, had a bias of 9.8 m/s^2."""
+    text = "bodies: {body: {floating: true, mass: 1, shape: {type: box, size: [0.1, 0.06, 0.04]}}}"
+    robot = load_robot_text("name: ball\ngravity: 0\n" + text, "ball")
+    parts = {name: (("time", "dof"), np.zeros((500, 6))) for name in "qva"}
+    facts = {"robot": robot.source, "robot_name": robot.name}
+    rest = xr.Dataset(parts, {"time": np.arange(500) / 1e3, "dof": list(robot.dof_names)}, facts)
+    with pytest.warns(UserWarning, match="gravity is 0 in the robot file"):
+        log = pt.sense(rest, [SENSORS[0], replace(SENSORS[2], dropout=0.0)]).without_truth()
+    for fall in (0.0, 9.81):
+        shown = log["icm_42688_p"]
+        shown = shown.assign(specific_force=shown["specific_force"] + [0.0, 0.0, fall])
+        told = replace(log, readings={**log.readings, "icm_42688_p": shown})
+        notes = json.loads(pt.estimate_motion(told).attrs["findings"])["notes"]
+        assert any("gravity is 0 in the robot file" in one for one in notes) == (fall > 0), notes
+
+
 def test_a_unit_on_one_wing_of_a_held_robot_contradicts_nothing() -> None:
     """An inertial unit on one wing was compared with the other wing: a false alarm of 6 rad/s."""
     held = SLIDE.replace("parent: sled\n    ", "").replace("type: prismatic, axis: z", "axis: x")

@@ -52,6 +52,7 @@ from patagium.sensing.motion.sensor_streams import (
 )
 from patagium.sensing.motion.smoothers import MOTION_ORDERS
 from patagium.sensing.sensors import SensorLog, as_quaternion, from_quaternion
+from patagium.sensing.sensors.imu import WEIGHTLESS
 
 UNKNOWN = (1e-1, 3e1, 3e2)
 """Least standard deviation of position [m, rad], rate and acceleration before any sample."""
@@ -456,9 +457,11 @@ def motion_findings(fitted: MotionFits) -> dict[str, Any]:
         for one in noise
         if one["shown"] is not None and one["off"] > _APART * max(one["shown"], FLOOR[one["part"]])
     ]
+    cause = "check units, axes, and where the unit and the cameras sit and how"
+    cause = cause if fitted.robot.gravity else WEIGHTLESS
     biased = [
         f"Warning: {one.stream.name}, specific force: its bias is {bias:.2g} m/s^2, where "
-        f"{std:.2g} is expected: check units, axes, and where the unit and the cameras sit and how"
+        f"{std:.2g} is expected: {cause}"
         for fit, one in seen
         if (place := fit.biases.get(one.stream.name))
         and (bias := np.abs(fit.spline.at(one.stream.time).levels[:, 0, place][:, :3]).max())

@@ -17,6 +17,12 @@ from patagium.sensing.sensors.scene import Scene
 from patagium.sensing.sensors.sensor import FramedSensor, Reading, Signal, bound, noise, stepped
 from patagium.simulation.flight import AXES
 
+WEIGHTLESS = (
+    "gravity is 0 in the robot file: with it an accelerometer at rest shows 0, and in real water "
+    "9.81 m/s^2; a file with gravity has it so, and buoyancy is then a force of the air"
+)
+"""What is wrong with inertial units on a robot without gravity."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Imu(FramedSensor):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, replace
@@ -19,7 +20,7 @@ from patagium.netcdf_file import loaded_dataset, open_netcdf, write_netcdf
 from patagium.reading import json_object, made_again
 from patagium.robot import Robot
 from patagium.robot.files import robot_attributes
-from patagium.sensing.sensors.imu import Imu
+from patagium.sensing.sensors.imu import WEIGHTLESS, Imu
 from patagium.sensing.sensors.joints import Encoder, MotorCurrent
 from patagium.sensing.sensors.load_cell import LoadCell
 from patagium.sensing.sensors.motion_capture import MotionCapture
@@ -122,6 +123,8 @@ def sense(flight: xr.Dataset, sensors: Sequence[Sensor], *, seed: int = 0) -> Se
         if labels.count(label) > 1:
             raise ParameterError("sensors", "a name of its own for each", label)
     scene = Scene(flight)
+    if not scene.robot.gravity and any(isinstance(sensor, Imu) for sensor in sensors):
+        warnings.warn(WEIGHTLESS, stacklevel=3)
     readings, truth = {}, {}
     for sensor in sensors:
         if (count := float(scene.time[-1] - scene.time[0]) * sensor.rate) > _MOST:
