@@ -1,8 +1,8 @@
 """Lift and drag coefficients of a section, as expressions with named parameters.
 
-Coefficients depend on the angle of attack alone. Neglected: Reynolds number,
-aspect ratio, history of the flow (dynamic stall), pitching moment about the
-point where the force acts.
+Coefficients depend on the angle of attack, those of `ReynoldsPolar` on the Reynolds
+number too. Neglected: aspect ratio, history of the flow (dynamic stall), pitching
+moment about the point where the force acts.
 """
 
 from __future__ import annotations
@@ -166,7 +166,8 @@ class Polar(Protocol):
         """Angle of downwash over C_L that the polar holds already, scalar [rad].
 
         1/a - 1/(2 pi), a the slope of C_L within 5 degrees of zero: what was measured on a wing
-        that ends is flatter than a section's by what its tip vortices induce.
+        that ends is flatter than a section's by what its tip vortices induce. The chord is 1 m and
+        the speed 1 m/s: a polar of one's own that knows the Reynolds number overrides this.
 
         Args:
             parameters: Values or symbols in the order of `parameter_names`.
@@ -316,6 +317,10 @@ class ReynoldsPolar(SmoothPolar):
         rise = parameters[2] - 6.28 * re**-0.369
         return super().coefficients(flow, [lift, drag, rise])
 
+    def downwash_factor(self, parameters: Any) -> Any:
+        """Downwash over C_L without viscosity: what that takes from the slope is no downwash."""
+        return SmoothPolar().downwash_factor(parameters)
+
 
 @dataclass(frozen=True)
 class TablePolar(Polar):
@@ -353,10 +358,8 @@ class TablePolar(Polar):
         sound = within & (drag >= 0) & (np.maximum(np.abs(lift), drag) <= _LARGEST)
         if not sound.all():
             k = int(np.argmin(sound))
-            expected = (
-                "ascending angles from -90 to 90 degrees (a section that moves backward is its"
-            )
-            expected += f" mirror image), drags >= 0, coefficients of {_LARGEST:g} at most"
+            expected = "ascending angles from -90 to 90 degrees (a section that moves backward is"
+            expected += f" its mirror image), drags >= 0, coefficients of {_LARGEST:g} at most"
             found = f"{np.degrees(angle[k]):.4g} degrees, C_L {lift[k]:.4g}, C_D {drag[k]:.4g}"
             raise ParameterError(f"polar table: point {k + 1}", expected, found)
 

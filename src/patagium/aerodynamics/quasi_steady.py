@@ -142,9 +142,8 @@ class QuasiSteady(Aerodynamics):
         mass_flow = density * strip.width * strip.chord * flow.speed / 2
         across, along = mass_flow * lift, mass_flow * drag
         if self.rotational:
-            circulation = (
-                parameters[1 + len(self._polars.numbers)] * strip.chord**2 * motion.pitch_rate
-            )
+            coefficient = parameters[1 + len(self._polars.numbers)]
+            circulation = coefficient * strip.chord**2 * motion.pitch_rate
             across = across + density * strip.width * circulation
         return StripLoad(
             motion=motion,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tests.robots import FLAPPER
 
-from patagium.aerodynamics import QuasiSteady
+from patagium.aerodynamics import Air, QuasiSteady
 from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.polars import (
     _KINDS,
@@ -136,12 +136,24 @@ def test_drag_by_reynolds_number_is_positive_however_slow_the_air() -> None:
             assert -1e-3 < -float(lift) < 1.966  # rounding off at Re = 6 leaves lift, and no more
 
 
-def test_downwash_of_the_polar_by_reynolds_number_hardly_knows_viscosity() -> None:
-    viscosity = 1.47e-5
-    amplitude = 1.966 - 3.94 * viscosity**0.429  # of a section of a meter at 1 m/s
-    slope = amplitude * np.sin(np.radians(10.0)) / np.radians(5.0)  # within 5 degrees of zero
-    found = ReynoldsPolar(viscosity=viscosity).downwash_factor(ca.DM(ReynoldsPolar().parameters))
-    assert float(found) == pytest.approx(1 / slope - 1 / (2 * np.pi), rel=1e-12)
+def test_viscosity_takes_nothing_from_the_downwash_of_the_polar_by_reynolds_number() -> None:
+    """The downwash was that of a chord of 1 m at 1 m/s, so it depended on the viscosity alone."""
+    expected = SmoothPolar(1.966).downwash_factor(ca.DM(SmoothPolar(1.966).parameters))
+    for viscosity in (1e-6, 1.47e-5, 0.05):
+        polar = ReynoldsPolar(viscosity=viscosity)
+        assert float(polar.downwash_factor(ca.DM(polar.parameters))) == float(expected) > 0.09
+
+
+def test_forces_over_ground_at_one_reynolds_number_go_with_the_square_of_the_speed() -> None:
+    """Ground takes from the polar's downwash, whose Reynolds number was not that of the strips."""
+    robot, forces = load_robot_text(FLAPPER), []
+    for scale in (1.0, 1000.0):
+        polar = ReynoldsPolar(viscosity=1.47e-4 * scale)
+        model = QuasiSteady(robot, Air(ground=-0.1), polar=polar)
+        v = robot.velocities(x=3.0, z=-1.0)[None] * scale
+        q = robot.coordinates()[None]
+        forces.append(model.batch.generalized_force(q, v) / scale**2)
+    assert forces[1] == pytest.approx(forces[0], rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -305,7 +305,7 @@ HOW_KNOWN = (
     "incidence (.29, Azuma & Watanabe), plates have none: at 3.2 m/s a degree of incidence is "
     "worth an eighth of the weight, and how the fore wing twists there is not reported. The mass "
     "of the fruit fly whose motion was measured is assumed (1 mg). `rotational=True` would carry "
-    ".90 of its weight and all of that of the bumblebee at 2.5 m/s, but 2.2 times that of the "
+    ".89 of its weight and all of that of the bumblebee at 2.5 m/s, but 2.2 times that of the "
     "climbing dragonfly."
 )
 Make = Callable[[Robot, Air], Aerodynamics]
