@@ -56,14 +56,14 @@ def fourier_series(gait: Gait) -> FourierGait:
 
 
 class _Shape(NamedTuple):
-    """Frequency; amplitudes, means and leads, (n_a,); series, without and of what is added."""
+    """Frequency; amplitudes, means, leads, (n_a,); series at amplitude one, and whole series."""
 
     frequency: float
     amplitude: Array
     mean: Array
     lead: Array
-    turned: NDArray[np.complex128]
-    added: NDArray[np.complex128]
+    unscaled: NDArray[np.complex128]
+    series: NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
@@ -108,8 +108,7 @@ class GaitFamily:
     def gait(self, values: ArrayLike) -> FourierGait:
         """Gait for given values of the parameters, (p,) [Hz, 1, rad or m, rad]."""
         shape = self._shape(values)
-        series = shape.turned + shape.added
-        own = shape.frequency, shape.mean, series.real, -series.imag
+        own = shape.frequency, shape.mean, shape.series.real, -shape.series.imag
         return FourierGait(self.base.joints, *own)
 
     def swings(self, values: ArrayLike) -> tuple[float, Array, Array, Array, Array]:
@@ -121,7 +120,7 @@ class GaitFamily:
             values: (p,) [Hz, 1, rad or m, rad].
         """
         shape = self._shape(values)
-        wave = _waves(256, len(shape.added)) @ (shape.turned + shape.added)
+        wave = _waves(256, len(shape.series)) @ shape.series
         return shape.frequency, shape.amplitude, shape.mean, shape.lead, shape.mean + wave.real
 
     def _shape(self, values: ArrayLike) -> _Shape:
@@ -133,9 +132,9 @@ class GaitFamily:
         cosine, sine = theta[1 + 3 * n :].reshape(-1, 2, n).swapaxes(0, 1)
         amplitude, offset, lead = theta[1 : 1 + 3 * n].reshape(3, n)
         order = np.arange(1, len(base.sine) + 1)[:, None]
-        turned = (base.cosine - 1j * base.sine) * (amplitude * np.exp(1j * order * lead))
-        mean, added = base.mean + offset, cosine - 1j * sine
-        return _Shape(float(theta[0]), amplitude, mean, lead, turned, added)
+        unscaled = (base.cosine - 1j * base.sine) * np.exp(1j * order * lead)
+        mean, series = base.mean + offset, amplitude * unscaled + (cosine - 1j * sine)
+        return _Shape(float(theta[0]), amplitude, mean, lead, unscaled, series)
 
     @checked
     def rows(self, values: ArrayLike, steps: int, air: Air) -> PrescribedRows:
@@ -143,18 +142,20 @@ class GaitFamily:
 
         Args:
             values: (p,) [Hz, 1, rad or m, rad].
-            steps: Time steps of the beat.
+            steps: Time steps of the beat, 1 to `MOST_STEPS`.
             air: The air, whose wind the rows carry.
 
         Raises:
             ShapeError: If there is not a value for each parameter.
-            ParameterError: If the gait has no beat, or the steps are not 1 to `MOST_STEPS`.
+            ParameterError: If there is no beat, the steps are others, or `frequency` meets a gust.
         """
         n, shape = len(self.base.joints), self._shape(values)
         frequency, way = shape.frequency, self.directions
         if not (frequency > 0 and 0 < steps <= MOST_STEPS):
             expected = f"a frequency above 0, and 1 to {MOST_STEPS} steps"
             raise ParameterError("values and steps", expected, (values, steps))
+        if way[:, 0].any() and air.gust is not None:
+            raise ParameterError("air", "air without a gust, for derivatives by frequency", air)
         phase = np.pi * np.arange(2 * steps + 1) / steps
         pace = 2.0 * np.pi * frequency
         order = 1j * np.arange(1, len(self.base.sine) + 1)[:, None]
@@ -166,10 +167,8 @@ class GaitFamily:
             return np.asarray((wave @ powers).real.reshape(len(phase), count, -1))
 
         paced = pace ** np.arange(3)[:, None]
-        own = derived(shape.turned, 4)
-        joints = paced * own[:, :3]
-        if shape.added.any():
-            joints = joints + paced * derived(shape.added, 3)
+        own = derived(shape.unscaled, 4)
+        joints = paced * derived(shape.series, 3)
 
         def effect(kind: int) -> Array:
             """Derivative by amplitudes, offsets, phases, or a cosine or sine of the series."""
@@ -179,8 +178,7 @@ class GaitFamily:
                 unit = np.zeros(order.shape, complex)
                 unit[(kind - 3) // 2] = 1.0 if kind % 2 else -1j
                 return np.tile(paced * derived(unit, 3), n)
-            size = np.where(shape.amplitude != 0, shape.amplitude, np.inf)
-            return paced * own[:, 1:] if kind else paced * own[:, :3] / size
+            return paced * (shape.amplitude * own[:, 1:] if kind else own[:, :3])
 
         effects: dict[int, Array] = {}
         slopes = np.zeros((len(phase), len(way), 3, n))

@@ -245,28 +245,31 @@ def _slope_functions(
     """CasADi functions of rate and Jacobian, and of where its nonzeros are.
 
     Where the air's equations call kernels, whose Jacobian is long, the function takes a seed too
-    and gives rate and derivative along it.
+    and gives rate and derivative along it. A density is that of the added mass too.
     """
     mount = mount_of(flight.robot, None)
     balance = flight_balance(flight.robot, flight.aero, mount, flight.added_mass)
     state, row, *constants = balance.inputs
-    outputs = balance.effort if loads else balance.rate[: flight.size]
+    outputs, lacking = balance.effort if loads else balance.rate[: flight.size], balance.lacking
     variables = ca.vertcat(state[: flight.size], row[:-3], ca.vertcat(*constants)[list(places)])
-    both, everything = ca.vertcat(outputs, balance.lacking), ca.vertcat(variables, balance.free)
-    still = ca.substitute(balance.lacking, balance.free, ca.DM.zeros(balance.free.shape))
+    still = ca.substitute(lacking, balance.free, ca.DM.zeros(balance.free.shape))
     solved, count = ca.densify(balance.response(-still)), outputs.numel()
+    if flight.added_mass and places and "density" in flight.parameters:
+        known, air = flight.aero.parameter_names, constants[1]
+        shared = [air[len(known)]], [air[known.index("density")]]
+        outputs, lacking, solved = ca.substitute([outputs, lacking, solved], *shared)
+    both, everything = ca.vertcat(outputs, lacking), ca.vertcat(variables, balance.free)
     inputs = [state[: flight.size], row, *constants]
     names, width = ["state", "row", "robot_parameters", "aero_parameters"], variables.numel()
     if calls_kernels(ca.Function("both", [*inputs, balance.free], [both])):
         seed = ca.SX.sym("seed", width)
-        (rate,) = ca.substitute([outputs], [balance.free], [solved])
+        rate = ca.substitute(outputs, balance.free, solved)
         found = ca.vertcat(rate, ca.jtimes(rate, variables, seed))
         return [ca.Function("slope", [*inputs, seed], [found], [*names, "seed"], ["found"])]
     slopes = jacobian(both, everything)
     answer = -balance.response(slopes[count:, :width])
     whole = slopes[:count, :width] + slopes[:count, width:] @ answer
-    found = ca.vertcat(outputs, *whole.nonzeros())
-    (found,) = ca.substitute([found], [balance.free], [solved])
+    found = ca.substitute(ca.vertcat(outputs, *whole.nonzeros()), balance.free, solved)
     function = ca.Function("slope", inputs, [found], names, ["found"])
     filled = whole.sparsity()
     entries, unused = ca.SX(ca.DM([*filled.row(), *filled.get_col()])), ca.SX.sym("unused")
@@ -293,7 +296,6 @@ def _flown_compiled(
     work = np.zeros(
         (2 * size + found + 3 * width * size + len(column)) * stride + count * (size + row_size)
     )
-
     held = [np.ascontiguousarray(part) for part in (rows.table, rows.step_slopes)]
     rate, step = ctypes.c_void_p(slopes.function.batch_address), ctypes.c_double(rows.time_step)
     library.wingbeat(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.robots import FLAPPER
@@ -37,9 +39,9 @@ class Case:
         self.v = self.robot.velocities(x=6.0, pitch=0.3, roll=0.1)
         self.air = pt.Air(wind=(0.5, 0.2, 0.1))
 
-    def map(self, robot=None, parameters=("body.mass",), work=True):
+    def map(self, robot=None, parameters=("body.mass", "density"), work=True, air=None):
         robot = robot or self.robot
-        aero = self.make(robot, self.air)
+        aero = self.make(robot, air or self.air)
         added = pt.AddedMass(robot, aero.air) if self.inert else None
         return FlightMap(robot, aero, added, parameters, work)
 
@@ -102,6 +104,13 @@ def test_derivatives_are_those_of_differences(case):
         assert np.abs(expected).max() > 1e-3
     heavy, light = (case.robot.with_parameters({"body.mass": 0.1 + e}) for e in (STEP, -STEP))
     expected = (ends(robot=heavy) - ends(robot=light)) / (2 * STEP)
+    np.testing.assert_allclose(found.by_parameter[0, :, -2], expected, atol=5e-8)
+    assert np.abs(expected).max() > 0.1
+    dense, thin = (
+        case.map(air=replace(case.air, density=1.225 + e)).fly(start[None], rows).ends[0]
+        for e in (STEP, -STEP)
+    )
+    expected = (dense - thin) / (2 * STEP)  # that of the added mass's density was left out
     np.testing.assert_allclose(found.by_parameter[0, :, -1], expected, atol=5e-8)
     assert np.abs(expected).max() > 0.1
 
@@ -157,6 +166,24 @@ def test_gaits_of_a_family_are_what_steering_gives(case):
     shifted = found.motion(late - late[0] + float(lag))
     np.testing.assert_allclose(shifted.position, expected.position, atol=1e-9)
     np.testing.assert_allclose(shifted.acceleration, expected.acceleration, atol=1e-5)
+
+
+def test_a_wing_that_is_still_answers_its_amplitude(case):
+    """The derivative by an amplitude of zero was zero, so that no glide began to flap."""
+    family = gait_family(case.robot, case.gait, ("plunge_amplitude",))
+    still, flapping = (family.rows([size], STEPS, case.air) for size in (0.0, 1.0))
+    expected = flapping.table - still.table  # the joints are linear in the amplitude
+    np.testing.assert_allclose(still.slopes[:, 0], expected[:, :-3], atol=1e-10)
+    assert np.abs(expected).max() > 100
+
+
+def test_a_gust_has_no_derivative_by_frequency(case):
+    """The wind was left out of it: the steps of another frequency meet another part of a gust."""
+    air = pt.Air(gust=pt.air.OneMinusCosineGust((0.0, 0.0, 1.5), 0.02, 0.03))
+    with pytest.raises(ParameterError, match="air without a gust"):
+        case.family.rows(case.family.neutral, STEPS, air)
+    family = gait_family(case.robot, case.gait, ("plunge_amplitude",))
+    assert family.rows(family.neutral, STEPS, air).table[:, -1].max() > 1.0
 
 
 def test_what_the_map_refuses(case, tmp_path):
