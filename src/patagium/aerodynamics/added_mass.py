@@ -222,11 +222,16 @@ class AddedMass:
 
     def _checked(self, **arguments: ArrayLike) -> list[Array]:
         sizes = dict.fromkeys(arguments, self.robot.dof) | {"q": self.robot.coordinate_count}
-        return [real_array(name, value, (sizes[name],)) for name, value in arguments.items()]
+        found = [real_array(name, value, (sizes[name],)) for name, value in arguments.items()]
+        self.robot.check_attitudes(found[0])
+        return found
 
     @property
     def _constants(self) -> tuple[Array, Array]:
         return self.robot.parameters, self.parameters
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: one for name, one in vars(self).items() if name != "_functions"}
 
     @cached_property
     def _functions(self) -> dict[str, NativeFunction]:

@@ -168,6 +168,9 @@ class CompiledAero:
         self._constants = (model.robot.parameters, model.parameters)
         self._functions = compile_aero(model)
 
+    def __reduce__(self) -> tuple[type[CompiledAero], tuple[Aerodynamics, bool]]:
+        return CompiledAero, (self._model, self._batch)
+
     def generalized_force(
         self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
     ) -> Array:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -117,6 +119,14 @@ def test_factors_by_wing(robot):
     assert again == half
     plain, own = fly(robot, pt.AddedMass(robot, factor=0.5)), fly(robot, half)
     np.testing.assert_allclose(own.q, plain.q, atol=1e-12)  # rounding, over the flight
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_added_mass_that_was_used_goes_to_another_process(robot, again):
+    """Its compiled functions went along, which cannot be pickled."""
+    used, q = pt.AddedMass(robot), robot.coordinates(pitch=0.1)
+    matrix = used.mass_matrix(q)
+    np.testing.assert_array_equal(again(used).mass_matrix(q), matrix)
 
 
 def test_refusals(robot):

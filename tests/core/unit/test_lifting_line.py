@@ -97,6 +97,8 @@ def test_a_model_that_was_used_goes_to_another_process(
     twin = again(aero)
     assert np.array_equal(twin.generalized_force(q[0], q[0]), force)
     assert np.array_equal(twin.batch.generalized_force(q, q), forces)
+    many = pickle.loads(pickle.dumps(aero.batch.generalized_force))  # a pool maps such a method
+    assert np.array_equal(many(q, q), forces)
 
 
 def test_methods_give_circulation_and_downwash_of_every_strip(aero: LiftingLine) -> None:

@@ -383,6 +383,7 @@ def test_starts_that_cannot_be_are_refused(pair):
 
 
 def test_a_quaternion_of_zeros_is_refused_by_equations_points_and_air(pair):
+    """Every number was NaN, in silence; those of the added mass were the last."""
     robot = pair[1]
     dyn, aero = pt.Dynamics(robot), pt.QuasiSteady(robot)
     q, v = np.zeros(robot.coordinate_count), np.zeros(robot.dof)
@@ -395,6 +396,7 @@ def test_a_quaternion_of_zeros_is_refused_by_equations_points_and_air(pair):
         lambda: point.position(q),
         lambda: aero.generalized_force(q, v),
         lambda: aero.batch.strips(some, np.zeros((3, robot.dof))),
+        lambda: pt.AddedMass(robot).generalized_force(q, v, v),
     ):
         with pytest.raises(ParameterError, match="expected a quaternion of length 1, such as"):
             ask()
