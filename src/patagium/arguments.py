@@ -100,11 +100,11 @@ def of_kind(name: str, value: object, kind: Any) -> None:
         kind: Annotation: a type, a union, a sequence or a mapping.
 
     Raises:
-        ParameterError: If the type is another, or a seed is below zero.
+        ParameterError: If the type is another, or a seed or a number of steps is below zero.
     """
     if not _fits(value, kind):
         raise ParameterError(*_misfit(name, value, kind))
-    if name == "seed" and isinstance(value, Integral) and int(value) < 0:  # as NumPy takes it
+    if name in ("seed", "steps") and isinstance(value, Integral) and int(value) < 0:
         raise ParameterError(name, "a whole number, zero or more", value)
 
 

@@ -34,7 +34,7 @@ class AeroExpressions:
         effective_angle_of_attack: Incidence that the load answers to: with the wake's lag and
             the velocity that the wings induce, where a model has them, (n_strips, 1) [rad].
         strip_airspeed: Speed of that point across the span, relative to the air,
-            (n_strips, 1) [m/s].
+            (n_strips, 1) [m/s]; its derivative is NaN where it is zero.
         power: Sum of force times velocity of its point relative to the air and of moment times
             pitch rate, scalar [W]; in still air the power of the air on the robot.
         state_derivative: Rate of the model's own states, (n_z, 1) [m/s^2, 1/s].

@@ -333,7 +333,7 @@ class Point:
         Args:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
         """
-        return self._call("jacobian", q)
+        return self._call("jacobian", q).reshape(3, self.robot.dof)
 
 
 def poses_at(robot: Robot, q: ArrayLike) -> tuple[Array, Array]:

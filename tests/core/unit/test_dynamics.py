@@ -168,6 +168,8 @@ def test_a_robot_of_one_coordinate_keeps_its_axes(choice, monkeypatch):
     assert dyn.batch.mass_matrix(np.zeros((5, 1))).shape == (5, 1, 1)
     assert dyn.batch.inverse(*np.zeros((3, 5, 1))).shape == (5, 1)
     assert dyn.momentum(q, v).shape == (3,)
+    jacobian = dyn.point("rod", (0.0, 0.0, -0.5)).jacobian(q)  # was (3,)
+    np.testing.assert_allclose(jacobian[:, 0], [-0.5 * np.cos(0.3), 0, 0.5 * np.sin(0.3)])
 
 
 @pytest.mark.parametrize("again", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])

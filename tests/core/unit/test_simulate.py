@@ -94,6 +94,8 @@ def test_a_flight_that_goes_on_cannot_be_changed_by_who_looks_at_it(robot, aero,
     simulator = pt.Simulator(
         robot, aero, gait, duration=0.02, time_step=1e-4, v=robot.coordinates(x=4.0)
     )
+    with pytest.raises(ParameterError, match="steps: expected a whole number, zero or more"):
+        simulator.advance(-1)  # told COMPLETED
     simulator.advance(50)
     so_far = simulator.flight()
     for name in ("q", "strip_force", "momentum"):
