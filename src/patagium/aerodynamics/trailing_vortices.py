@@ -192,8 +192,6 @@ def _legs(
         # the leg at the end of the strip before it and at the beginning of the strip after it
         sides = [(i, ends[i][k - i]) for i in (k - 1, k) if 0 <= i < len(strips)]
         core = CORE * sum(strips[i].width for i, _ in sides) / len(sides)
-        if len(sides) == 2 and strips[sides[0][0]].body == strips[sides[1][0]].body:
-            sides = sides[:1]
         edge, velocity = ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)
         span = ca.SX.zeros(3, 1)
         for i, offset in sides:
@@ -272,7 +270,8 @@ def horseshoe_function(sizes: tuple[int, ...], images: bool = False) -> ca.Funct
     vortices on their own wing, which is left out, a swept wing has no solution that strips
     converge to. On strips of other chains the bound vortex from the beginning E of one leg to
     that of the next, at r and s = r - L, gives
-        B = r x s (r/|r| - s/|s|).L / (4 pi (|r x s|^2 + core^2 |L|^2)).
+        B = r x s (r/|r| - s/|s|).L / (4 pi (|r x s|^2 + core^2 |L|^2)),
+    where core^2 is the mean of those of the two legs, which a mirror image swaps.
     With the circulation c_i of strip i along the chain, leg k carries c_(k-1) - c_k, and
         c_i = gain_i (wash_i + feedthrough n_i . (sum_k K_ki (c_(k-1) - c_k) + sum_j B_ji c_j)).
     One call in compiled code: `kernels/horseshoes.h`.
@@ -350,7 +349,7 @@ def _bound_influence(
     ends = [k + 1 for k in begins]
     r, s = _from(edges[:, begins], points), _from(edges[:, ends], points)
     length = [ca.repmat((edges[a, ends] - edges[a, begins]).T, 1, count) for a in range(3)]
-    core = ca.repmat(core_squares[begins], 1, count)
+    core = ca.repmat((core_squares[begins] + core_squares[ends]) / 2, 1, count)
     across = _crossed(r, s)
     near = [ca.sqrt(_dot(x, x) + NEAR * core) for x in (r, s)]
     along = _dot(r, length) / near[0] - _dot(s, length) / near[1]

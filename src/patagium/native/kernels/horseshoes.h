@@ -131,13 +131,14 @@ static inline void horseshoes_double(int numbers, const int *size, const double 
     for (int end = j + size[c]; j < end; j++, leg++) {
       const double *from = edge + 3 * leg, *to = from + 3;
       const double length[3] = {to[0] - from[0], to[1] - from[1], to[2] - from[2]};
+      const double core = 0.5 * (core_square[leg] + core_square[leg + 1]);
       for (int b = 0; b < blocks; b++) {
         lanes r[3], s[3], *k = bound[j][b], wash = normalwash[leg][b] - normalwash[leg + 1][b];
         for (int axis = 0; axis < 3 && wings > 1; axis++) {
           r[axis] = point[b][axis] - from[axis];
           s[axis] = point[b][axis] - to[axis];
         }
-        if (wings > 1) bound_influence(r, s, length, core_square[leg], others[b], k);
+        if (wings > 1) bound_influence(r, s, length, core, others[b], k);
         for (int axis = 0; axis < 3 && wings > 1; axis++) {
           k[axis] *= quarter_pi_inverse;
           wash -= k[axis] * normal[b][axis];
@@ -301,6 +302,8 @@ static inline void fwd1_horseshoes_double(int numbers, const int *size, const do
       const double *dfrom = in[12] + 3 * leg, *dto = dfrom + 3;
       const double length[3] = {to[0] - from[0], to[1] - from[1], to[2] - from[2]};
       const double dlength[3] = {dto[0] - dfrom[0], dto[1] - dfrom[1], dto[2] - dfrom[2]};
+      const double core = 0.5 * (in[4][leg] + in[4][leg + 1]);
+      const double dcore = 0.5 * (in[14][leg] + in[14][leg + 1]);
       for (int b = 0; b < blocks; b++) {
         lanes r[3], s[3], dr[3], ds[3], *k = bound[j][b], *dk = dbound[j][b];
         for (int axis = 0; axis < 3 && wings > 1; axis++) {
@@ -310,8 +313,7 @@ static inline void fwd1_horseshoes_double(int numbers, const int *size, const do
           ds[axis] = dpoint[b][axis] - dto[axis];
         }
         if (wings > 1)
-          bound_influence_forward(r, s, length, in[4][leg], dr, ds, dlength, in[14][leg],
-                                  others[b], k, dk);
+          bound_influence_forward(r, s, length, core, dr, ds, dlength, dcore, others[b], k, dk);
         between[j][b] = normalwash[leg][b] - normalwash[leg + 1][b];
         dbetween[j][b] = dnormalwash[leg][b] - dnormalwash[leg + 1][b];
         for (int axis = 0; axis < 3 && wings > 1; axis++) {
