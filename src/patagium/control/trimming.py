@@ -652,6 +652,9 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
                 if weight >= 0.5 * weights[most]
             ]
             reason += f"; what the free parameters hardly reach is {', '.join(told)}"
+            if most in ("force_y", "moment_x", "moment_z"):
+                either = "if left and right differ, free a command that differs between them or add"
+                remedy = f"{either} a fin; else {remedy}"
     names = search.family.names
     nearest = dict(zip(names, map(float, at.values), strict=True))
     return NoOrbit(reason, remedy, lacking, at.residual, search.iterations, nearest)

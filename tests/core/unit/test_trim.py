@@ -547,3 +547,13 @@ def test_no_actuator_gives_an_amplitude_below_zero():
     search = OrbitSearch(FlightMap(robot, pt.QuasiSteady(robot)), family, 100)
     assert not search.excess(family.neutral)
     assert "would need plunge_amplitude -" in search.excess(-family.neutral)
+
+
+def test_a_robot_without_fin_whose_sides_differ_is_told_so():
+    """The remedy named an orbit nearby, which no robot without yaw stability has there."""
+    heavy = "mass: 206 g\n    center_of_mass: [0, 0.000001 m, 0]"
+    odd = load_robot_text(pt.load_robot("hawk").source.replace("mass: 206 g", heavy))
+    failed = pt.trim(odd, climb=None, free=("elevation_offset",))
+    assert "what the free parameters hardly reach is" in failed.reason
+    assert "of moment_x" in failed.reason
+    assert failed.remedy.startswith("if left and right differ, free a command that differs")
