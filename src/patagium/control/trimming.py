@@ -618,8 +618,7 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
     At a limit the wrench that lacks is that of the whole misfit, else of its weakest direction.
     """
     lacking: dict[str, float] = {}
-    remedy = NEARBY
-    reason = f"Newton's method stalled at a misfit of {at.residual:.2g}"
+    reason, remedy = f"Newton's method stalled at a misfit of {at.residual:.2g}", NEARBY
     if trouble != "stalled":
         reason, remedy = trouble, f"widen that limit, {remedy}"
     pitch = at.states[:, [name == "pitch" for name in search.map.names]]
@@ -638,8 +637,7 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
         left, sizes, _ = np.linalg.svd(system[0])
         asked = left.T @ system[1]
         least = np.r_[np.maximum(sizes, _RANK), np.full(len(asked), _RANK)]
-        weak = np.abs(asked) / least[: len(asked)]
-        worst = int(np.argmax(weak))
+        worst = int(np.argmax(np.abs(asked) / least[: len(asked)]))
         weakest = left[:, worst] * asked[worst]
         wrench = _mean_wrench(search, at, weakest if trouble == "stalled" else system[1])
         weights = {name: abs(value) * _LEVER[name[0]] for name, value in wrench.items()}
@@ -655,8 +653,7 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
             if most in ("force_y", "moment_x", "moment_z"):
                 either = "if left and right differ, free a command that differs between them or add"
                 remedy = f"{either} a fin; else {remedy}"
-    names = search.family.names
-    nearest = dict(zip(names, map(float, at.values), strict=True))
+    nearest = dict(zip(search.family.names, map(float, at.values), strict=True))
     return NoOrbit(reason, remedy, lacking, at.residual, search.iterations, nearest)
 
 
