@@ -93,15 +93,17 @@ def identify(
     true forecast. Nothing has to be set: what was chosen, and from what, is printed, and an option
     overrides it, one by one. With --state the other options must be the same as before.
     """
-    from patagium.cli.logs import flight_or_table, long_record
+    from patagium.cli.logs import flight_or_table
     from patagium.cli.state import keep_model, keep_state, resumed, sole_user
     from patagium.learning.default_learner import learner_choices, table_settings
+    from patagium.learning.long_log import LONG, remove_course
     from patagium.learning.model_file import model_of
+    from patagium.sensing.logs.record import LogRecord
 
     every = every or choice.every
-    long = long_record(file, mapping)
-    flight: Any
-    flight, table = (None, long.table(0, _START)) if long else flight_or_table(file, mapping)
+    flight, log = flight_or_table(file, mapping, LONG)
+    long = isinstance(log, LogRecord)
+    table = log.table(0, _START) if long else log
     estimates.check_estimate(estimate, aero, refine, table is None)
     if table is not None:
         network = table_network(table, choice, resumes=state is not None and state.exists())
@@ -118,15 +120,17 @@ def identify(
     outputs = Outputs()
     with sole_user(state):
         learner = resumed(choice.learner(network), state)
-        learned = long or (flight if table is None else table)
+        learned, options = flight if log is None else log, {"every": every, "horizons": horizon}
         before = model_of(learner) if estimate and learner.count else None
-        result = _learned(learner, file, learned, {"every": every, "horizons": horizon}, state)
+        result = _learned(learner, file, learned, options, state)
         made = result.learner
         if estimate and refine is not False and result.outcome is Outcome.COMPLETED:
             with progress_bar(f"Refining what {file.name} taught"):
                 result = estimates.refined(result, flight, result.scores["every"], before)
-        if result.outcome is Outcome.COMPLETED:
-            outputs.attempt("state", lambda: keep_state(made, state))
+        lost = result.outcome is not Outcome.COMPLETED
+        ended = lost or outputs.attempt("state", lambda: keep_state(made, state))
+        if long and state is not None and ended:  # a kill before this costs one block
+            remove_course(_course(state))
     result.scores["chosen"] |= learner_choices(made, given=bool(estimate) or not choice.default)
     if table is not None:
         typer.echo(f"{file}: {result.scores['gaps_found']}", err=True)
@@ -153,6 +157,10 @@ def _say_what_next(file: Path, mapping: Path | None, model: Path, *, flown: bool
     say_next(*((view, command("patagium cycles {}", file)) if flown else (again,)))
 
 
+def _course(state: Path) -> Path:
+    return state.with_name(f"{state.name}.course")
+
+
 def _learned(
     learner: Any, file: Path, learned: Any, options: dict[str, Any], state: Path | None
 ) -> Any:
@@ -166,7 +174,7 @@ def _learned(
     from patagium.learning.long_log import identify_record
     from patagium.sensing.logs.record import LogRecord
 
-    resume = None if state is None else state.with_name(f"{state.name}.course")
+    resume = None if state is None else _course(state)
     with progress_bar(f"Learning from {file.name}") as bar:
         try:
             with interruptible(bar) as progress:

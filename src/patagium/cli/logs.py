@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,6 @@ from patagium.errors import ParameterError, command
 from patagium.netcdf_file import kind_of
 
 if TYPE_CHECKING:
-    from patagium.sensing import LogTable
     from patagium.sensing.logs.record import LogRecord
 
 
@@ -45,27 +45,16 @@ def tell_warnings(file: Path, findings: Sequence[Mapping[str, Any]]) -> None:
         typer.echo(f"  {one['where']}: {one['kind']}: {one['text']}", err=True)
 
 
-def long_record(file: Path, mapping: Path | None) -> LogRecord | None:
-    """Open imported log that is too long for memory; None for any other file.
-
-    Raises:
-        LogError: If the imported log is damaged.
-    """
-    from patagium.learning.long_log import LONG
-    from patagium.sensing.logs.record import LogRecord, is_log
-
-    if not is_log(file) or mapping is not None:
-        return None
-    with LogRecord(file) as record:
-        fits = record.is_flight or record.count < LONG
-    return None if fits else record_of(file, None)
-
-
-def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | None]:
+def flight_or_table(file: Path, mapping: Path | None, most: float = inf) -> tuple[Any, Any]:
     """Flight or table in a file.
 
+    Args:
+        file: The flight, imported log, or table.
+        mapping: Mapping of a table.
+        most: Number of samples from which a table is left on the disk.
+
     Returns:
-        The flight and None, or None and the table.
+        The flight and None, or None and the table, or None and the open record of a long one.
 
     Raises:
         ParameterError: If a mapping is missing, or is given for a file that needs none.
@@ -77,7 +66,7 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
     from patagium.sensing.logs.record import LOADED
     from patagium.simulation import load_flight
 
-    record: Any = record_of(file, mapping)
+    record = record_of(file, mapping)
     if record is None and file.suffix.lower() == ".nc":
         if mapping is not None:
             raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
@@ -89,5 +78,7 @@ def flight_or_table(file: Path, mapping: Path | None) -> tuple[Any, LogTable | N
             raise ParameterError("--mapping", f"a YAML file {meaning}", None)
         place = file if file.is_dir() else existing(file)
         record = opened_log(place, existing(mapping), partial(show_findings, err=True))
+    if record.count >= most and not record.is_flight:
+        return None, record
     with record as log:
         return (log.flight(), None) if log.is_flight else (None, log.table())

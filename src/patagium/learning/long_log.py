@@ -8,6 +8,7 @@ begin anew with what they know; of the record of predictions that of the last bl
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import io
 import json
@@ -68,7 +69,7 @@ def identify_record(
         every: 100 to use one sample in 100; None: as `table_every` says.
         horizons: Times ahead for which outputs are forecast; see `stream`.
         progress: Called now and then with samples done and samples in all.
-        course: File to go on from, in which progress is kept; removed at the end.
+        course: File to go on from, in which progress is kept, until `remove_course`.
         block: Samples a block, at most; at least ten times `every`.
 
     Returns:
@@ -93,6 +94,13 @@ def identify_record(
         run.learner, taken, step, learner_given=learner is not None, every_given=every is not None
     )
     return result
+
+
+def remove_course(course: Path) -> None:
+    """Remove the kept progress of a run whose learner is on the disk, or diverged."""
+    course.unlink(missing_ok=True)  # first: without its learner it could not be gone on from
+    for kept in course.parent.glob(f"{glob.escape(course.name)}.[0-9]*.state"):
+        kept.unlink(missing_ok=True)
 
 
 class _LongRun:
@@ -137,7 +145,6 @@ class _LongRun:
         if done and isinstance(self.learner, FilterLearner):
             last = self.record.table(max(0, total - self.block), total)
             self.learner.look_back(last.time, last.x, find_gaps(last.time, self.record.gap))
-        self._remove()
 
     def result(self) -> Identification:
         """Scores over all samples, and the record of the last block.
@@ -210,8 +217,8 @@ class _LongRun:
         facts = self.record.path.stat()
         learner = {k: value for k, value in self.learner.describe().items() if k != "found"}
         words = [
-            _FORMAT, facts.st_size, facts.st_mtime_ns, self.every, self.horizons,
-            self.block, learner,
+            _FORMAT, facts.st_size, facts.st_mtime_ns, self.record.mapping, self.every,
+            self.horizons, self.block, learner,
         ]  # fmt: skip
         return hashlib.sha256(json.dumps(words, sort_keys=True, default=str).encode()).hexdigest()
 
@@ -258,10 +265,3 @@ class _LongRun:
         self.scorer.resume(sums)
         for one in self.forecasts:
             one.resume(sums)
-
-    def _remove(self) -> None:
-        if self.path is None:
-            return
-        for name in self.path.parent.glob(f"{self.path.name}.*.state"):
-            name.unlink(missing_ok=True)
-        self.path.unlink(missing_ok=True)

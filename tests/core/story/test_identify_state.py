@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
+from patagium.learning import long_log
 
 from ...spoken import Speak
 
@@ -124,3 +125,57 @@ def test_ctrl_c_leaves_the_state_as_it_was(
     monkeypatch.undo()
     assert identify(*LEARN, "--state", state).code == 0
     assert pt.load_learner(state).count == 400
+
+
+@pytest.fixture
+def in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A log of 200 samples is long, and learned from in blocks of 100."""
+    monkeypatch.setattr(long_log, "LONG", 200)
+    monkeypatch.setitem(long_log.identify_record.__kwdefaults__, "block", 100)
+
+
+def killed(*_: object) -> None:
+    raise SystemExit(137)
+
+
+@pytest.mark.usefixtures("in_blocks")
+@pytest.mark.parametrize(
+    "place", ["patagium.cli.state.keep_state", "patagium.learning.long_log.remove_course"]
+)
+def test_a_long_run_killed_near_its_end_is_not_lost(
+    place: str, identify: Speak, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its course was removed before its state was written, and a table had none at all."""
+    state, straight = tmp_path / "learner.state", tmp_path / "straight.state"
+    assert identify(*LEARN, "--state", straight).code == 0
+
+    with monkeypatch.context() as patched:
+        patched.setattr(place, killed)
+        assert identify(*LEARN, "--state", state).code == 137
+    calls, update = list[object](), pt.ExtendedLearner.update
+
+    def counted(self: pt.ExtendedLearner, *sample: object) -> object:
+        calls.append(sample)
+        return update(self, *sample)
+
+    monkeypatch.setattr(pt.ExtendedLearner, "update", counted)
+    assert identify(*LEARN, "--state", state).code == 0
+    assert 0 < len(calls) < 150  # of the last block alone
+    learners = [pt.load_learner(one) for one in (state, straight)]
+    assert [one.count for one in learners] == [400, 400]
+    np.testing.assert_array_equal(learners[0].weights, learners[1].weights)
+    assert not list(tmp_path.glob("*.course*"))
+
+
+@pytest.mark.usefixtures("in_blocks")
+def test_a_long_run_goes_on_with_the_same_mapping_alone(
+    identify: Speak, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Blocks of a table under one mapping must not be mixed with those under another."""
+    with monkeypatch.context() as patched:
+        patched.setattr("patagium.cli.state.keep_state", killed)
+        assert identify(*LEARN, "--state", tmp_path / "state").code == 137
+    mapping = tmp_path / "columns.yaml"
+    mapping.write_text(MAPPING.replace("column: a,", "column: a, negated: true,"))
+    answer = identify(*LEARN, "--state", tmp_path / "state")
+    assert answer.code == 2 and "state.course: of another log, learner or setting" in answer.err

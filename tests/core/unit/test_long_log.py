@@ -13,7 +13,7 @@ import patagium as pt
 from patagium.errors import LogError
 from patagium.learning import long_log
 from patagium.learning.identify import identify
-from patagium.learning.long_log import identify_record
+from patagium.learning.long_log import identify_record, remove_course
 from patagium.learning.table_network import network_for
 from patagium.sensing.logs.files import table_files
 from patagium.sensing.logs.importing.import_log import import_log
@@ -139,7 +139,18 @@ def test_learning_goes_on_where_it_was_interrupted(record: LogRecord, tmp_path: 
         "gaps",
     ):
         assert again.scores[key] == pytest.approx(straight.scores[key], nan_ok=True), key
+    remove_course(course)
     assert not list(tmp_path.glob("learner.course*"))
+
+
+def test_a_course_is_removed_by_its_own_name(tmp_path: Path) -> None:
+    """The name was taken as a pattern: the kept learner of another run was removed instead."""
+    own = {"run[1].course", "run[1].course.250.state", "run[1].course.500.state"}
+    others = {"run1.course", "run1.course.250.state", "run[1].course.copy.state"}
+    for name in own | others:
+        (tmp_path / name).touch()
+    remove_course(tmp_path / "run[1].course")
+    assert {one.name for one in tmp_path.iterdir()} == others
 
 
 def test_a_course_of_another_log_is_refused(record: LogRecord, tmp_path: Path) -> None:

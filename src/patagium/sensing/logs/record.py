@@ -74,6 +74,7 @@ class LogRecord(AbstractContextManager["LogRecord"]):
         units: Units of its numbers, by name.
         gap: Length from which a step is a gap, in median steps.
         findings: Findings of the import; see `Finding`.
+        mapping: Mapping of the import as JSON text; empty of a log that had none.
 
     Raises:
         LogError: If the file is no imported log.
@@ -109,6 +110,7 @@ class LogRecord(AbstractContextManager["LogRecord"]):
         self.count = len(self._file.dimensions["time"])
         self.gap = float(self._file.gap)
         self.findings: list[dict[str, Any]] = parsed_json(self._file.findings, "findings")
+        self.mapping = str(getattr(self._file, "mapping", ""))
         for variable in self._file.variables.values():
             if variable.dtype != np.float64 or variable.dimensions != ("time",):
                 raise LogError(f"{self.path}: {variable.name}: expected float64 over time")

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -362,11 +362,12 @@ def read_table(
         return record.table()
 
 
-@contextmanager
 def opened_log(
     path: str | Path, mapping: TableMapping | str | Path | None = None, tell: Tell | None = None
-) -> Iterator[LogRecord]:
+) -> LogRecord:
     """Open imported log; another one is imported in a temporary folder. See `read_table`.
+
+    The imported file is removed at once; open, it stays readable until it is closed.
 
     Raises:
         ParameterError: If a mapping is missing.
@@ -376,6 +377,6 @@ def opened_log(
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "log.nc"
         file = path if mapping is None else import_log(path, mapping, out, tell=tell).path
-        with LogRecord(file) as record:
-            record.path = Path(path)  # what its errors name
-            yield record
+        record = LogRecord(file)
+    record.path = Path(path)  # what its errors name
+    return record
