@@ -96,12 +96,11 @@ def identify(
     from patagium.cli.logs import flight_or_table
     from patagium.cli.state import keep_model, keep_state, resumed, sole_user
     from patagium.learning.default_learner import learner_choices, table_settings
-    from patagium.learning.long_log import LONG, remove_course
     from patagium.learning.model_file import model_of
     from patagium.sensing.logs.record import LogRecord
 
     every = every or choice.every
-    flight, log = flight_or_table(file, mapping, LONG)
+    flight, log = flight_or_table(file, mapping, blocks=True)
     long = isinstance(log, LogRecord)
     table = log.table(0, _START) if long else log
     estimates.check_estimate(estimate, aero, refine, table is None)
@@ -120,17 +119,15 @@ def identify(
     outputs = Outputs()
     with sole_user(state):
         learner = resumed(choice.learner(network), state)
-        learned, options = flight if log is None else log, {"every": every, "horizons": horizon}
         before = model_of(learner) if estimate and learner.count else None
-        result = _learned(learner, file, learned, options, state)
+        options = {"every": every, "horizons": horizon}
+        result = _learned(learner, file, log or flight, options, state)
         made = result.learner
         if estimate and refine is not False and result.outcome is Outcome.COMPLETED:
             with progress_bar(f"Refining what {file.name} taught"):
                 result = estimates.refined(result, flight, result.scores["every"], before)
-        lost = result.outcome is not Outcome.COMPLETED
-        ended = lost or outputs.attempt("state", lambda: keep_state(made, state))
-        if long and state is not None and ended:  # a kill before this costs one block
-            remove_course(_course(state))
+        if result.outcome is Outcome.COMPLETED:
+            outputs.attempt("state", lambda: keep_state(made, state, of_course=long))
     result.scores["chosen"] |= learner_choices(made, given=bool(estimate) or not choice.default)
     if table is not None:
         typer.echo(f"{file}: {result.scores['gaps_found']}", err=True)
@@ -157,10 +154,6 @@ def _say_what_next(file: Path, mapping: Path | None, model: Path, *, flown: bool
     say_next(*((view, command("patagium cycles {}", file)) if flown else (again,)))
 
 
-def _course(state: Path) -> Path:
-    return state.with_name(f"{state.name}.course")
-
-
 def _learned(
     learner: Any, file: Path, learned: Any, options: dict[str, Any], state: Path | None
 ) -> Any:
@@ -170,11 +163,12 @@ def _learned(
         Exit: With code 130 on Ctrl-C.
     """
     from patagium.cli.interruption import interruptible
+    from patagium.cli.state import course_of
     from patagium.learning import identify as identify_log
     from patagium.learning.long_log import identify_record
     from patagium.sensing.logs.record import LogRecord
 
-    resume = None if state is None else _course(state)
+    resume = None if state is None else course_of(state)
     with progress_bar(f"Learning from {file.name}") as bar:
         try:
             with interruptible(bar) as progress:

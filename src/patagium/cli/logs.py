@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -45,13 +44,13 @@ def tell_warnings(file: Path, findings: Sequence[Mapping[str, Any]]) -> None:
         typer.echo(f"  {one['where']}: {one['kind']}: {one['text']}", err=True)
 
 
-def flight_or_table(file: Path, mapping: Path | None, most: float = inf) -> tuple[Any, Any]:
+def flight_or_table(file: Path, mapping: Path | None, *, blocks: bool = False) -> tuple[Any, Any]:
     """Flight or table in a file.
 
     Args:
         file: The flight, imported log, or table.
         mapping: Mapping of a table.
-        most: Number of samples from which a table is left on the disk.
+        blocks: Whether a table that is too long for memory is left on the disk.
 
     Returns:
         The flight and None, or None and the table, or None and the open record of a long one.
@@ -61,6 +60,7 @@ def flight_or_table(file: Path, mapping: Path | None, most: float = inf) -> tupl
         LogError: If the log cannot be read.
     """
     from patagium.cli.inspect import show_findings
+    from patagium.learning.long_log import LONG
     from patagium.sensing import load_log
     from patagium.sensing.logs.importing.import_log import opened_log
     from patagium.sensing.logs.record import LOADED
@@ -78,7 +78,7 @@ def flight_or_table(file: Path, mapping: Path | None, most: float = inf) -> tupl
             raise ParameterError("--mapping", f"a YAML file {meaning}", None)
         place = file if file.is_dir() else existing(file)
         record = opened_log(place, existing(mapping), partial(show_findings, err=True))
-    if record.count >= most and not record.is_flight:
+    if blocks and record.count >= LONG and not record.is_flight:
         return None, record
     with record as log:
         return (log.flight(), None) if log.is_flight else (None, log.table())

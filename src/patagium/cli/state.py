@@ -41,10 +41,19 @@ def resumed(learner: Any, state: Path | None) -> Any:
     return found
 
 
-def keep_state(learner: Any, state: Path | None) -> None:
-    """Write the state of a learner, if there is a file for it."""
+def course_of(state: Path) -> Path:
+    """File of a long run's progress, beside that of its state."""
+    return state.with_name(f"{state.name}.course")
+
+
+def keep_state(learner: Any, state: Path | None, *, of_course: bool = False) -> None:
+    """Write the state of a learner, if there is a file for it, and end its course if it has one."""
     if state is not None:
         learner.save(state)
+        if of_course:  # a kill between the two costs one block, which is learned again
+            from patagium.learning.long_log import remove_course
+
+            remove_course(course_of(state))
         typer.echo(f"The state after {learner.count} samples is in {state}", err=True)
 
 

@@ -69,7 +69,8 @@ def identify_record(
         every: 100 to use one sample in 100; None: as `table_every` says.
         horizons: Times ahead for which outputs are forecast; see `stream`.
         progress: Called now and then with samples done and samples in all.
-        course: File to go on from, in which progress is kept, until `remove_course`.
+        course: File to go on from, in which progress is kept until `remove_course`, or
+            until the learner diverges.
         block: Samples a block, at most; at least ten times `every`.
 
     Returns:
@@ -97,7 +98,7 @@ def identify_record(
 
 
 def remove_course(course: Path) -> None:
-    """Remove the kept progress of a run whose learner is on the disk, or diverged."""
+    """Remove the kept progress of a run, once its learner is on the disk."""
     course.unlink(missing_ok=True)  # first: without its learner it could not be gone on from
     for kept in course.parent.glob(f"{glob.escape(course.name)}.[0-9]*.state"):
         kept.unlink(missing_ok=True)
@@ -145,6 +146,8 @@ class _LongRun:
         if done and isinstance(self.learner, FilterLearner):
             last = self.record.table(max(0, total - self.block), total)
             self.learner.look_back(last.time, last.x, find_gaps(last.time, self.record.gap))
+        if not done and self.path is not None:
+            remove_course(self.path)
 
     def result(self) -> Identification:
         """Scores over all samples, and the record of the last block.

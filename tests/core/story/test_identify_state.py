@@ -134,7 +134,7 @@ def in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(long_log.identify_record.__kwdefaults__, "block", 100)
 
 
-def killed(*_: object) -> None:
+def killed(*_: object, **__: object) -> None:
     raise SystemExit(137)
 
 
