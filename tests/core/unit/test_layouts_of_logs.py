@@ -541,6 +541,20 @@ def test_the_rate_to_restamp_by_counts_rows_of_whole_stamps(rows: int, rate: str
     assert all(f"`restamp: {rate}` if" in one for one in words) and bool(words) == (rows > 1)
 
 
+@pytest.mark.parametrize("shared", [1, 5])
+def test_the_rate_to_restamp_by_holds_where_a_clock_was_set_back(shared: int) -> None:
+    """Rows of both clocks were divided by the time of the later stamps: 167 Hz for 100 Hz."""
+    time = np.arange(6000) // shared * shared * 10**7
+    time[3000:] -= 24 * 10**9
+    time[100] = time[99]
+    survey = StampSurvey()
+    for block in np.array_split(time, 7):
+        survey.add(block)
+    words = [one.text for one in stamp_findings("log", survey, 3.0, written=False)]
+    rates = [float(one) for text in words for one in re.findall("restamp: (.*) Hz", text)]
+    assert len(rates) == 2 and rates == pytest.approx([100.0, 100.0], rel=0.01)
+
+
 def test_a_wrong_rate_is_answered_with_the_right_one(tmp_path: Path) -> None:
     case = CASES["restamp, far off"](tmp_path, seeded("rate"))
     with pytest.raises(LogError) as refusal:

@@ -59,7 +59,7 @@ class StampSurvey:
         self.rows, self.kept, self.missing = 0, 0, 0
         self.duplicates, self.backwards, self.furthest_back = 0, 0, 0
         self.first: int | None = None
-        self.last, self._last_row = NO_STAMP, 0
+        self.last, self._last_row, self._last_back = NO_STAMP, 0, 0
         self.longest, self.longest_at = 0, 0
         self._bins = np.zeros(_BINS, np.int64)
         self._sums = np.zeros(_BINS)
@@ -76,16 +76,15 @@ class StampSurvey:
         self.rows += len(stamps)
         known = stamps != NO_STAMP
         self.missing += int((~known).sum())
-        latest = np.maximum.accumulate(np.concatenate([[self.last], stamps]))
-        advances = known & (stamps > latest[:-1])
-        behind = latest[:-1][known] - stamps[known]
-        behind = behind[latest[:-1][known] != NO_STAMP]
-        back = behind[behind > 0]
-        self.duplicates += int((behind == 0).sum())
-        self.backwards += len(back)
-        self.furthest_back = max(self.furthest_back, int(back.max(initial=0)))
+        latest = np.maximum.accumulate(np.concatenate([[self.last], stamps]))[:-1]
+        advances, back = known & (stamps > latest), known & (stamps < latest)
+        self.duplicates += int((known & (stamps == latest)).sum())
+        self.furthest_back = max(self.furthest_back, int((latest - stamps)[back].max(initial=0)))
         if advances.any():
-            self._last_row = self.rows - 1 - int(advances[::-1].argmax())
+            after = int(advances[::-1].argmax())
+            self._last_row = self.rows - 1 - after
+            self._last_back = self.backwards + int(back[: len(back) - after].sum())
+        self.backwards += int(back.sum())
         self._count(stamps[advances])
         return np.asarray(advances, np.bool_)
 
@@ -138,8 +137,17 @@ class StampSurvey:
 
     @property
     def rate(self) -> float:
-        """Mean rate of the rows from the first to the latest stamp [Hz]; NaN without a duration."""
-        return self._last_row / self.duration if self.duration > 0 else float("nan")
+        """Mean rate of the rows from the first to the latest stamp [Hz]; NaN without a duration.
+
+        Rows that follow after a clock was set back, until it is ahead again, take no time.
+        """
+        rows = self._last_row - self._last_back * self.set_back
+        return rows / self.duration if self.duration > 0 else float("nan")
+
+    @property
+    def set_back(self) -> bool:
+        """Whether the clock was set back, by more than ten median steps."""
+        return self.furthest_back / SECOND > 10 * self.median
 
     @property
     def duration(self) -> float:
@@ -424,8 +432,7 @@ def stamp_findings(
             "backward stamps",
             f"stamped before an earlier one, by up to {stamps.furthest_back / SECOND:.4g} s; "
             "left out"
-            + f"; if the clock wraps or was set back, say `restamp: {1 / stamps.median:.4g} Hz`"
-            * (stamps.furthest_back / SECOND > 10 * stamps.median),
+            + f"; if the clock wraps or was set back, say `restamp: {rate}`" * stamps.set_back,
         ),
         (stamps.near_duplicates, "near-duplicate stamps", "less than a tenth of the median step "
          f"after the one before; kept; say {even}"),
