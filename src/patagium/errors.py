@@ -94,8 +94,9 @@ def shown(value: object, most: int = SHOWN) -> str:
 
 
 def command(words: str, *files: object) -> str:
-    """Words of a command with files, quoted for a shell, in place of `{}`."""
-    return words.format(*(shlex.quote(str(one)) for one in files))
+    """Words of a command with files, quoted for a shell and no options, in place of `{}`."""
+    names = (f"./{one}" if f"{one}".startswith("-") else str(one) for one in files)
+    return words.format(*map(shlex.quote, names))
 
 
 def similar(word: object, known: Iterable[str]) -> str:
@@ -263,7 +264,8 @@ class OutputError(PatagiumError, OSError):
 
     def __init__(self, path: str | os.PathLike[str], problem: Exception) -> None:
         number = getattr(problem, "errno", None)
-        remedy = command(_REMEDIES.get(number or 0, "name another place"), Path(path).parent)
+        folder = Path(os.path.realpath(path) if os.path.islink(path) else path).parent
+        remedy = command(_REMEDIES.get(number or 0, "name another place"), folder)
         reason = getattr(problem, "strerror", None) or problem
         super().__init__(f"{path}: cannot be written: {reason}; {remedy}")
         self.path, self.errno = path, number

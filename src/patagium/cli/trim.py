@@ -122,7 +122,9 @@ def trim(
         name, limits = _range(along, {**units, "speed": "m/s", "climb": "m/s"})
         hold = ("climb",) if level is not None or climb is not None else ()
         hold = (*hold, *(("speed",) if speed is not None else ()))
-        _branch(control.continue_orbit(orbit, name, limits, hold=hold), figure, as_json)
+        with progress_bar("Orbits of the branch, 400 at most") as progress:
+            branch = control.continue_orbit(orbit, name, limits, hold=hold, progress=progress)
+        _branch(branch, figure, as_json)
         return
     outputs, facts, found = Outputs(), orbit.summary(), orbit
     if output is not None:

@@ -9,7 +9,7 @@ closed branches, which are followed until the points are used up.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from patagium.arguments import checked
+from patagium.arguments import Progress, checked
 from patagium.arrays import Array
 from patagium.control.gait_family import gait_family
 from patagium.control.orbit import Orbit
@@ -119,6 +119,7 @@ def continue_orbit(
     *,
     hold: Sequence[str] = ("climb",),
     points: int = 200,
+    progress: Progress | None = None,
 ) -> Branch:
     """Branch of periodic orbits through one, along a parameter, folds passed.
 
@@ -131,6 +132,7 @@ def continue_orbit(
         hold: Which of "speed" and "climb" keep the orbit's value; that of `along` never does.
             The turn rate does.
         points: Number of orbits at most, on either side of the first.
+        progress: Function that takes the orbits found, and those at most.
 
     Raises:
         ParameterError: If there is no such parameter, the orbit is outside of the limits, or the
@@ -146,8 +148,9 @@ def continue_orbit(
         own = f"{along} {curve.first.value:.6g} {curve.unit}"
         expected = f"two that hold the orbit's {own}, a finite number apart"
         raise ParameterError("limits", expected, limits)
-    down, back = _walk(curve, -1.0, (low, high), points)
-    up, ahead = _walk(curve, 1.0, (low, high), points)
+    told = progress or (lambda done, total: None)
+    down, back = _walk(curve, -1.0, limits, points, lambda k: told(k, 2 * points))
+    up, ahead = _walk(curve, 1.0, limits, points, lambda k: told(len(down) + k, 2 * points))
     places = [*down[::-1], curve.first, *up]
     marks = [mark for one in places for mark in one.marks]
     names = zip(curve.family.names, curve.search.reach, strict=True)
@@ -307,7 +310,7 @@ class _Curve:
 
 
 def _walk(
-    curve: _Curve, way: float, limits: tuple[float, float], points: int
+    curve: _Curve, way: float, limits: tuple[float, float], points: int, tell: Callable[[int], Any]
 ) -> tuple[list[_Place], str]:
     """Orbits from the first to an end of the branch, and why it ends there."""
     here = curve.placed(curve.first.at, None, way)
@@ -317,6 +320,7 @@ def _walk(
     if here.value == (high if way > 0 else low):
         return found, f"the limit {here.value:.5g} {curve.unit}"
     while len(found) < points:
+        tell(len(found))
         ahead, end = curve.next(here, length), None
         if ahead is not None and not low <= ahead.value <= high:
             end = min(max(ahead.value, low), high)

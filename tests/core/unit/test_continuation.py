@@ -57,7 +57,11 @@ def aerobat():
 
 
 def test_parameters_along_a_branch_count_from_the_same_gait(aerobat):
-    branch = continue_orbit(aerobat, "speed", (2.9, 3.0))
+    told: list[tuple[int, int]] = []
+    branch = continue_orbit(
+        aerobat, "speed", (2.9, 3.0), progress=lambda done, total: told.append((done, total))
+    )
+    assert told == sorted(told) and told[-1][0] == len(branch.orbits) - 2 < told[-1][1] == 400
     place = int(np.argmin(np.abs(branch.values - aerobat.speed)))
     own = branch.orbits[place].parameters
     assert own == pytest.approx(aerobat.parameters, abs=1e-6)

@@ -16,7 +16,7 @@ import pytest
 import xarray as xr
 from matplotlib.figure import Figure
 
-from patagium.errors import OutputError, ParameterError
+from patagium.errors import OutputError, ParameterError, command
 from patagium.netcdf_file import NetcdfDraft
 from patagium.report.figures import save_figure
 from patagium.whole_file import make_folder, whole_file, write_whole
@@ -123,6 +123,19 @@ def test_a_folder_that_is_not_there_is_not_made(tmp_path: Path) -> None:
         write_whole(tmp_path / "file" / "inner", "new")
     with pytest.raises(OutputError, match="name a file, not a folder"):
         write_whole(tmp_path / "a", "new")
+
+
+def test_the_folder_behind_a_link_is_the_one_to_make(tmp_path: Path) -> None:
+    """The folder of the link itself, which was there, was to be made."""
+    link = tmp_path / "link"
+    link.symlink_to(tmp_path / "far" / "file")
+    with pytest.raises(OutputError, match=r"mkdir -p .*/far$"):
+        write_whole(link, "new")
+
+
+def test_a_name_is_no_option_of_a_proposed_command() -> None:
+    """A command with the name of a file "-a.nc" failed: no such option."""
+    assert command("view {} --model {}", "-a.nc", "b c") == "view ./-a.nc --model 'b c'"
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
