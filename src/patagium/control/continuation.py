@@ -152,15 +152,13 @@ def continue_orbit(
     down, back = _walk(curve, -1.0, limits, points, lambda k: told(k, 2 * points))
     up, ahead = _walk(curve, 1.0, limits, points, lambda k: told(len(down) + k, 2 * points))
     places = [*down[::-1], curve.first, *up]
-    marks = [mark for one in places for mark in one.marks]
-    names = zip(curve.family.names, curve.search.reach, strict=True)
     return Branch(
         along,
         curve.unit,
-        tuple(name for name, size in names if size),
+        tuple(np.array(curve.family.names)[curve.search.reach != 0].tolist()),
         np.array([one.value for one in places]),
         tuple(curve.orbit(one.at) for one in places),
-        tuple(marks),
+        tuple(mark for one in places for mark in one.marks),
         (back, ahead),
     )
 
@@ -290,9 +288,8 @@ class _Curve:
         ways = ways[np.count_nonzero(sizes > _ROUNDING * sizes[0]) :]  # several at a branch point
         goes = ways @ (way * slope if before is None else before)[moving]
         tangent[moving] = goes @ ways / max(np.linalg.norm(goes), _ROUNDING)
-        pace = float(slope @ tangent)
         size = multipliers(self.orbit(at))
-        return _Place(at, self.value(at), tangent, pace, size)
+        return _Place(at, self.value(at), tangent, float(slope @ tangent), size)
 
     def next(self, here: _Place, length: float) -> _Place | None:
         """Orbit at a distance along the branch, or None."""
