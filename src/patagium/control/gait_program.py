@@ -121,7 +121,7 @@ class _Swings:
 
 @dataclass(frozen=True)
 class _Ranges:
-    """Ranges of frequency, means and leads, which are linear in the parameters.
+    """Ranges of frequency, amplitudes, means and leads, which are linear in the parameters.
 
     Attributes:
         ways: Derivative of each by the parameters, (r, p).
@@ -170,11 +170,14 @@ def _limited(flight: FlightMap, family: GaitFamily, rows: PrescribedRows) -> _Sw
 def _linear_ranges(family: GaitFamily) -> _Ranges:
     """Ranges that actuators give frequency, means and leads (over the gait at the beginning).
 
-    A frequency without an actuator stays between half and twice that of the gait.
+    Of an amplitude it is that it is not negative, as `_limited` keeps the swing in its range. A
+    frequency without an actuator stays between half and twice that of the gait.
     """
     robot, joints = family.robot, family.base.joints
     own, _, mean, lead, _ = family.swings(family.neutral)
-    known = {"offset": ("mean", 1 + len(mean), mean), "phase": ("lead", 1 + 2 * len(mean), lead)}
+    n = len(mean)
+    known = {"offset": ("mean", 1 + n, mean), "phase": ("lead", 1 + 2 * n, lead)}
+    known["amplitude"] = "amplitude", 1, np.ones(n)
     wanted = {"frequency": (0, own, (0.5 * own, 2.0 * own))}
     for name, actuator in robot.actuators.items():
         kind, answering = robot.command(name)
@@ -182,7 +185,8 @@ def _linear_ranges(family: GaitFamily) -> _Ranges:
             wanted[name] = (0, own, actuator.range)
         for k in map(joints.index, answering if kind in known else ()):
             word, first, values = known[kind]
-            wanted[f"{word} of {joints[k]}"] = (first + k, float(values[k]), actuator.range)
+            limits = (0.0, np.inf) if kind == "amplitude" else actuator.range
+            wanted[f"{word} of {joints[k]}"] = (first + k, float(values[k]), limits)
     found: dict[tuple[float, ...], str] = {}
     for name, (place, own, (low, high)) in wanted.items():
         way = family.directions[:, place]

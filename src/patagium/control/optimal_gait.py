@@ -37,6 +37,7 @@ GOALS = {"power": "least power", "range": "least energy a meter", "speed": "grea
 """What may be sought, and its words."""
 MOST = 16
 """Greatest order of the Fourier series of an optimal gait."""
+_ALIKE = 1e-6  # difference of speeds, climbs and turns of two flights under the same conditions
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class OptimalGait:
         goal: What was sought: "power", "range" or "speed".
         harmonics: Order of the Fourier series.
         power: Mean mechanical power of the joints [W].
-        power_before: That of the orbit it began from [W].
+        power_before: That of the orbit it began from [W]; None where that flies otherwise.
         sinusoid: The best gait of one harmonic at the same conditions; None if it is that, if none
             was found, or if the search began from an orbit that was given.
         residual: Largest residual of the conditions of Karush, Kuhn and Tucker, scaled [1].
@@ -60,7 +61,7 @@ class OptimalGait:
     goal: Goal
     harmonics: int
     power: float
-    power_before: float
+    power_before: float | None
     sinusoid: OptimalGait | None
     residual: float
     iterations: int
@@ -84,8 +85,9 @@ class OptimalGait:
     @property
     def note(self) -> str:
         """Warning that the gait takes more power than the one begun from; empty if it does not."""
-        told = "more power than before: that gait exceeds a limit, or minima are several"
-        return told if self.goal == "power" and self.power > 1.001 * self.power_before else ""
+        if self.goal != "power" or self.power <= 1.001 * (self.power_before or np.inf):
+            return ""
+        return "more power than before: that gait exceeds a limit, or minima are several"
 
     def summary(self) -> dict[str, Any]:
         """Gait as facts by name, with their units."""
@@ -97,8 +99,9 @@ class OptimalGait:
             "power_simulated_W": simulated,
             "power_without_recovery_W": spent,
             "energy_per_meter_J_m": self.energy_per_meter,
-            "power_before_W": self.power_before,
         }
+        if self.power_before is not None:
+            facts["power_before_W"] = self.power_before
         if self.sinusoid is not None:
             facts["power_of_best_sinusoid_W"] = self.sinusoid.power
             facts["saved_over_sinusoid"] = 1.0 - self.power / self.sinusoid.power
@@ -120,13 +123,14 @@ class OptimalGait:
 
     def __repr__(self) -> str:
         orbit, best = self.orbit, self.sinusoid
+        others = [f"before {self.power_before:.4g} W"] if self.power_before is not None else []
+        others += [f"best sinusoid {best.power:.4g} W"] if best else []
         lines = [
             f"gait of {GOALS[self.goal]} of {orbit.robot.name}, "
             f"{self.harmonics} harmonic{'s' * (self.harmonics > 1)}, {orbit.gait.frequency:.4g} Hz",
             f"  speed {said(orbit.speed)} m/s, climb {said(orbit.climb)} m/s",
-            f"  power {self.power:.4g} W, {self.energy_per_meter:.4g} J/m "
-            f"(before {self.power_before:.4g} W"
-            + (f"; best sinusoid {best.power:.4g} W)" if best else ")"),
+            f"  power {self.power:.4g} W, {self.energy_per_meter:.4g} J/m"
+            + (f" ({'; '.join(others)})" if others else ""),
             f"  without recovery {self.powers[1]:.4g} W",
             f"  residual {self.residual:.1e} after {self.iterations} iterations",
             f"  held by: {', '.join(self.held) or 'nothing'}",
@@ -248,16 +252,18 @@ def power_front(
         raise ParameterError("speeds", "each speed once", speeds)
     found: list[tuple[float, OptimalGait | NoOrbit]] = []
     last: OptimalGait | None = None
+    sine: OptimalGait | None = None
     for speed in speeds:
         given: dict[str, Any] = {"speed": speed, "climb": climb}
-        if last is None or last.sinusoid is None:
+        if last is None or sine is None:
             one = optimize(robot, aero, gait, harmonics=harmonics, added_mass=added_mass, **given)
+            sine = one.sinusoid if isinstance(one, OptimalGait) else None
         else:
-            sine = last.sinusoid.orbit
-            own = optimize(robot, sine.aero, harmonics=1, start=sine, **given)
-            one = optimize(robot, sine.aero, harmonics=harmonics, start=last.orbit, **given)
-            if isinstance(one, OptimalGait):
-                one = replace(one, sinusoid=own) if isinstance(own, OptimalGait) else own
+            own = optimize(robot, harmonics=1, start=sine.orbit, **given)
+            one = optimize(robot, harmonics=harmonics, start=last.orbit, **given)
+            if isinstance(own, OptimalGait):
+                sine = own
+                one = replace(one, sinusoid=own) if isinstance(one, OptimalGait) else one
         last = one if isinstance(one, OptimalGait) else last
         found.append((float(speed), one))
     return found
@@ -309,6 +315,10 @@ def _optimal(
     if not found.solved:
         return _not_found(family.names, found, program.overloads)
     nodes, values = found.nodes[:-1], found.values
+    alike = all(
+        asked is None or abs(getattr(start, name) - asked) <= _ALIKE
+        for name, asked in vars(conditions).items()
+    )
     search.steps = max(search.steps, stable_steps(search, values, nodes))  # of a slower beat
     at, trouble = search.newton(search.point(nodes, values, conditions), conditions)
     if trouble and not at.residual <= TOLERANCE:
@@ -319,7 +329,7 @@ def _optimal(
         goal,
         harmonics,
         found.work * family.gait(found.values).frequency,
-        program.power_before,
+        program.power_before if alike else None,
         None,
         found.residual,
         found.iterations,

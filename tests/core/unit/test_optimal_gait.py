@@ -12,7 +12,7 @@ import patagium as pt
 from patagium.cli.optimize import _front
 from patagium.control import optimal_gait
 from patagium.control.gait_family import gait_family
-from patagium.control.gait_program import TOLERANCE, GaitProgram, _limited
+from patagium.control.gait_program import TOLERANCE, GaitProgram, _limited, _linear_ranges
 from patagium.control.optimal_gait import coefficients
 from patagium.control.trimming import Conditions, OrbitSearch, Point
 from patagium.control.wingbeat import FlightMap
@@ -141,6 +141,11 @@ def test_named_parameters_are_the_least_power_of_a_trim(ornithopter):
     assert least.power < beat.joint_work.values[-1] / trimmed.period
     again = pt.control.optimize(ornithopter, speed=4.2, free=free, start=least.orbit)
     assert again.orbit.speed == pytest.approx(4.2) and again.residual <= TOLERANCE
+    assert least.power_before < 1.2 * least.power and "power_before_W" in least.summary()
+    # It was warned of more power than before, which is that of another speed.
+    faster = pt.control.optimize(ornithopter, speed=5.5, free=free, start=least.orbit)
+    assert faster.power > 1.001 * least.power and not faster.note
+    assert "power_before_W" not in faster.summary() and "before" not in repr(faster)
 
 
 def test_a_slower_best_beat_takes_the_steps_that_it_asks_for():
@@ -183,6 +188,19 @@ def test_a_phase_keeps_the_range_of_its_actuator():
     assert found.found and found.residual <= TOLERANCE
     assert abs(found.orbit.parameters["feather_phase"]) == pytest.approx(0.02, abs=1e-6)
     assert any("lead of left_feather at its" in one for one in found.held)
+
+
+def test_an_amplitude_does_not_turn_over():
+    """Only the swing kept the actuator's range from zero on: -3.96 times the amplitude was found."""
+    aerobat = pt.load_robot("aerobat")
+    actuators = {"feather_amplitude": Actuator("rad", (0.0, 1.2), 5.0, 0.1, 1.0)}
+    robot, names = replace(aerobat, actuators=actuators), ("feather_amplitude", "feather_offset")
+    ranges = _linear_ranges(gait_family(robot, pt.gaits.cruise(robot), names))
+    turned, none, most = (ranges.ways @ (size, 0.3) for size in (-0.1, 0.0, 1e3))
+    assert (turned < ranges.low).any()
+    for inside in (none, most):
+        assert ((ranges.low <= inside) & (inside <= ranges.high)).all()
+    assert "amplitude of left_feather" in ranges.names
 
 
 def test_the_summary_tells_the_swings_of_the_gait(best):
@@ -293,6 +311,24 @@ def test_a_front_flies_with_added_mass(ornithopter, monkeypatch):
     added = pt.AddedMass(ornithopter)
     pt.control.power_front(ornithopter, (4.0,), added_mass=added)
     assert asked[0]["added_mass"] is added
+
+
+def test_a_front_keeps_the_gaits_whose_comparison_fails(best, monkeypatch):
+    """A gait was thrown away where no sinusoid was found, and the next speed began anew."""
+    asked, none = [], pt.control.optimize(best.orbit.robot, speed=30.0, harmonics=1)
+
+    def optimize(_, *given, speed, harmonics, start=None, **more):
+        asked.append((speed, harmonics, start))
+        if harmonics == 1:
+            return none if speed == 5.0 else best.sinusoid
+        return best if speed == 4.0 else replace(best, sinusoid=None)
+
+    monkeypatch.setattr(optimal_gait, "optimize", optimize)
+    front = pt.control.power_front(best.orbit.robot, (4.0, 5.0, 6.0), harmonics=2)
+    assert [one.found for _, one in front] == [True] * 3
+    assert [one.sinusoid for _, one in front] == [best.sinusoid, None, best.sinusoid]
+    begun = [start for _, harmonics, start in asked if harmonics == 1]
+    assert begun == [best.sinusoid.orbit] * 2
 
 
 def limited(robot, torque=1e6, power=1e6):
