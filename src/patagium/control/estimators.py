@@ -9,7 +9,7 @@ of the same sensor.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol, runtime_checkable
 
@@ -40,6 +40,8 @@ class Truth:
         q: Coordinates, (N, n_q) [m, rad, 1].
         v: Velocities, (N, n) [m/s, rad/s].
         a: Accelerations, (N, n) [m/s^2, rad/s^2].
+        along: Function from times, (m,) [s], to rows of q, v and a on the orbit that is followed
+            now, (m, n_q + 2 n) [SI], but for where it is.
     """
 
     robot: Robot
@@ -47,6 +49,7 @@ class Truth:
     q: Array
     v: Array
     a: Array
+    along: Callable[[Array], Array]
     __repr__ = brief
 
 
@@ -79,8 +82,8 @@ class NoisyState:
     Args:
         std: Standard deviations by name: a coordinate such as `z`, `velocity of z`, or
             `acceleration of z` [SI]; what is not named is exact.
-        delay: Time by which every sample is late; it is taken to the present along the orbit, so
-            that its departure from the orbit is as old as the delay [s].
+        delay: Time by which every sample is late; it is taken to the present along the orbit that
+            is followed, so that its departure from the orbit is as old as the delay [s].
         missing: Share of samples that do not come, below 1.
 
     Raises:
@@ -127,7 +130,7 @@ class NoisyState:
                 return None
             moved = np.concatenate([part[place] for part in (truth.q, truth.v, truth.a)]) + errors
             if place < last:
-                then, now = orbit.along(truth.time_step * np.array([place, last]))
+                then, now = truth.along(truth.time_step * np.array([place, last]))
                 moved += now - then
             q, v, a = np.split(moved, [truth.q.shape[1], truth.q.shape[1] + len(dofs)])
             return Estimate(FlightState(robot, last * truth.time_step, q, v), a)

@@ -221,10 +221,19 @@ class _Loop:
             self.simulator.change(*machine)
 
     def _estimate(self, estimator: Estimator) -> Estimate | None:
-        parts = (self.simulator.run.samples[name] for name in ("q", "v", "a"))
-        found = estimator(Truth(self.robot, self.simulator.time_step, *parts))
+        q, v, a = (self.simulator.run.samples[name] for name in ("q", "v", "a"))
+        found = estimator(Truth(self.robot, self.simulator.time_step, q, v, a, self._along))
         of_kind("estimate", found, Estimate | None)
         return found
+
+    def _along(self, time: Array) -> Array:
+        """Rows of q, v and a on the orbit that is followed, but for where it is; see `Truth`."""
+        model = getattr(self.controller, "model", None)
+        if not (isinstance(model, OrbitModel) and isinstance(model.orbit, Orbit)):
+            return self.orbit.along(time)
+        (first, begun), course = model.begun, model.course
+        own = first * model.period + time - begun
+        return model.orbit.along(own, course.heading + course.lead)
 
     def _control(self, estimate: Estimate | None) -> None:
         """Have the controller answer an estimate."""

@@ -204,8 +204,13 @@ class Orbit:
         return np.hstack([flight[name].values for name in ("q", "v", "a")])
 
     @checked
-    def along(self, time: Array) -> Array:
-        """Rows of q, v and a on the orbit, (m, n_q + 2 n) [SI], at some times, (m,) [s]."""
+    def along(self, time: Array, heading: float = 0.0) -> Array:
+        """Rows of q, v and a on the orbit, (m, n_q + 2 n) [SI], at some times, (m,) [s].
+
+        Args:
+            time: The times.
+            heading: Angle by which the orbit is turned about the vertical [rad].
+        """
         known, size = self._beat, self.robot.dof
         travel, grid = known[-1] - known[0], np.linspace(0.0, 1.0, len(known))
         beats, phases = np.divmod(time / self.period + 1e-9, 1.0)
@@ -217,7 +222,9 @@ class Orbit:
             pair = [self.robot.index(name) + shift for name in "xy"]
             way = turns * (found[:, pair] @ (1.0, 1.0j))
             way += 0.0 if shift else done * complex(*travel[pair])
+            way *= np.exp(1j * heading)
             found[:, pair], travel[pair] = np.column_stack([way.real, way.imag]), 0.0
+        found[:, self.robot.index("yaw")] += heading
         return np.asarray(found + beats[:, None] * travel)
 
     @checked

@@ -245,7 +245,7 @@ class OrbitModel:
             raise ParameterError("parts", f"from 1 to the orbit's {orbit.steps} steps", parts)
         if len(commands) == 0:
             raise ParameterError("commands", "one of the robot's at least", commands)
-        self.robot, self.commands, self.parts = robot, tuple(commands), parts
+        self.orbit, self.robot, self.commands, self.parts = orbit, robot, tuple(commands), parts
         self.names = flight.names
         self.steered = SteeredGait(robot, orbit.gait) if steered is None else steered
         gait = self.steered.gait

@@ -215,6 +215,30 @@ def test_a_leg_of_another_frequency_is_flown_at_its_own(ornithopter_orbit):
         assert a == pytest.approx(b, abs=5e-3)
 
 
+@pytest.mark.parametrize("change", [{"speed": 6.4}, {"turn_rate": 0.6}])
+def test_a_late_sample_is_taken_to_the_present_along_its_leg(
+    aerobat, straight, ornithopter_orbit, change
+):
+    """It was taken there along the first orbit, whatever the beat and the heading of the leg."""
+    first, commands = straight, ("frequency", *STEERING)
+    if "speed" in change:
+        first = ornithopter_orbit
+        commands = ("frequency", "plunge_amplitude", "elevation_offset", "rudder_offset")
+    begin = {"gait": first.gait, "speed": first.speed, "start": first, "free": commands}
+    leg, period = pt.trim(first.robot, **(begin | change)), first.period
+    route = control.Route(control.LinearRegulator(first, commands), {2 * period: leg})
+    flight = pt.fly(
+        first.robot, first.aero, route, orbit=first, duration=24 * period,
+        time_step=period / 240, sensors=control.NoisyState(delay=0.1 * period),
+    )  # fmt: skip
+    late = flight.estimate[-20:].rename(state="dof")
+    body = ["x", "y", "roll", "pitch", "yaw"]
+    for name, prefix, most in (("q", "", 0.01), ("v", "velocity of ", 0.3)):
+        true = flight[name].sel(dof=body).interp(time=late.control_time)
+        known = late.sel(dof=[prefix + one for one in body])
+        assert np.abs(known.values - true.values).max() < most  # .14 and 4.7 along the first orbit
+
+
 def test_legs_that_cannot_be_flown_are_named(aerobat, straight, turn, ornithopter_orbit):
     law = control.LinearRegulator(straight, ("frequency", *STEERING))
     found = pt.trim(aerobat, gait=straight.gait, free=("frequency", "feather_offset"), speed=4.45)

@@ -191,7 +191,7 @@ def test_a_phase_keeps_the_range_of_its_actuator():
 
 
 def test_an_amplitude_does_not_turn_over():
-    """Only the swing kept the actuator's range from zero on: -3.96 times the amplitude was found."""
+    """Only the swing kept the actuator's range from zero on: amplitudes of -3.96 came out."""
     aerobat = pt.load_robot("aerobat")
     actuators = {"feather_amplitude": Actuator("rad", (0.0, 1.2), 5.0, 0.1, 1.0)}
     robot, names = replace(aerobat, actuators=actuators), ("feather_amplitude", "feather_offset")
