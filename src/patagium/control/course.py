@@ -17,9 +17,10 @@ from patagium.arrays import Array
 from patagium.control.orbit import Frame
 from patagium.errors import ParameterError
 
-CLOSED = 1e-4
-"""Largest change of a state, but for place and heading, over a beat [m/s, rad, rad/s]; a heading
-that changes by less does not turn."""
+CLOSED, TURNS = 1e-4, 1e-6
+"""Largest change of a state, but for place and heading, over a beat, and over its largest value
+where that is above one [m/s, rad, rad/s]; and the change of the heading from which it turns, more
+than other time steps make of a straight orbit [rad]."""
 
 
 class Course:
@@ -53,7 +54,7 @@ class Course:
         self.pairs = np.array([self.places[:2], *Frame(self.names).vectors])
         self.travel = (end - states[0])[self.places]
         turned = 0.0 if self.yaw is None else float(end[self.yaw] - states[0, self.yaw])
-        self.turn = turned if abs(turned) > CLOSED else 0.0
+        self.turn = turned if abs(turned) > TURNS else 0.0
         self.origin, self.heading, self.lead, self.center = np.zeros(3), 0.0, 0.0, 0j
         self.ahead = np.zeros_like(self.states)
         self.ahead[:, self.places[0]] = 1.0
@@ -61,10 +62,12 @@ class Course:
             self.ahead[:, self.places[1]] = self.travel[1] / self.travel[0]
         if self.turn:
             self._bend()
-        left = np.abs(self.apart(len(self.states), end))
+        sizes = np.maximum(1.0, np.abs(self.states).max(axis=0))
+        left = np.abs(self.apart(len(self.states), end)) / sizes
         if not left.max() <= CLOSED:
             expected = f"an orbit whose state returns after a beat, to {CLOSED:g}"
-            found = f"{self.names[int(np.argmax(left))]} changes by {left.max():.3g}"
+            worst = int(np.argmax(left))
+            found = f"{self.names[worst]} changes by {(left * sizes)[worst]:.3g}"
             raise ParameterError("orbit", expected, found)
 
     def _bend(self) -> None:

@@ -477,7 +477,8 @@ UNEVEN = 0.1
 GROWS = 1.001
 """Multiplier from which a departure grows; a neutral one that is double is 1 + sqrt(rounding)."""
 TOLERABLE = {"z": 0.1, "yaw": 0.1, "roll": 0.1, "pitch": 0.1}
-"""Departures that cost as much as a command over half its range, where none are given [m, rad]."""
+"""Departures that cost as much as a command over half its range, where none are given [m, rad].
+They are for robots of about a meter."""
 TOLERABLE_SPEED, TOLERABLE_TURN = 0.3, 2.0
 """The same of velocities [m/s] and of rates of turn [rad/s]."""
 SOFT = 100.0
@@ -780,7 +781,8 @@ class PredictiveController(OrbitController):
             cube (of four commands: 4 ms at 20, 3 s at 200), later 1 ms at 20 and 5 ms at 200.
         parts: Intervals of a beat; one command each.
         tolerable: Departures by name of a state, such as `z` or `velocity of x`, that cost as much
-            as a command over half its range [SI].
+            as a command over half its range [SI]; by default .1 m, .1 rad, .3 m/s and
+            2 rad/s, which are for robots of about a meter: other sizes need their own.
         limits: Soft limits by name of a state, least and most [SI]; None where there is none. Of
             horizontal velocities along and across the heading of the orbit.
 

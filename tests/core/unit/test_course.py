@@ -286,6 +286,23 @@ def test_an_autopilot_flies_a_turn_as_the_regulator_does(turn):
     assert answered > 30 and abs(laws[1].model.course.lead) > 1e-6
 
 
+def test_a_slow_turn_of_a_fast_beat_is_a_turn():
+    """By less than 1e-4 rad a beat it was none, and refused for the sideways velocity it gains."""
+    names = ("x", "y", "z", "yaw", "velocity of x", "velocity of y")
+    for turn in (7e-5, 2e-6):
+        angles = turn * np.linspace(0.0, 1.0, 5)
+        way = 0.1 * (np.exp(1j * angles) - 1.0) / (1j * turn)
+        along = 10.0 * np.exp(1j * angles)
+        rows = (way.real, way.imag, 0 * angles, angles, along.real, along.imag)
+        course = Course(names, np.column_stack(rows))
+        assert course.turn == pytest.approx(turn)
+        end = course.along(4 * 1000)  # 1000 beats
+        assert end[3] == pytest.approx(1000 * turn)
+        assert end[5] == pytest.approx(10.0 * np.sin(1000 * turn))
+        circle = 0.1 * (np.exp(1000j * turn) - 1.0) / (1j * turn)
+        assert complex(*end[:2]) == pytest.approx(circle, abs=1e-6)
+
+
 def test_what_is_no_course_is_refused(turn):
     names = ("x", "y", "z", "yaw", "velocity of x", "velocity of y")
     spot = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.3, 0.0, 0.0]])
