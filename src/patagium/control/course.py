@@ -66,8 +66,8 @@ class Course:
         left = np.abs(self.apart(len(self.states), end)) / sizes
         if not left.max() <= CLOSED:
             expected = f"an orbit whose state returns after a beat, to {CLOSED:g}"
-            worst = int(np.argmax(left))
-            found = f"{self.names[worst]} changes by {(left * sizes)[worst]:.3g}"
+            k = int(np.argmax(left))
+            found = f"{self.names[k]} changes by {left[k] * sizes[k]:.3g}"
             raise ParameterError("orbit", expected, found)
 
     def _bend(self) -> None:

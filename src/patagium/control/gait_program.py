@@ -175,9 +175,8 @@ def _linear_ranges(family: GaitFamily) -> _Ranges:
     """
     robot, joints = family.robot, family.base.joints
     own, _, mean, lead, _ = family.swings(family.neutral)
-    n = len(mean)
-    known = {"offset": ("mean", 1 + n, mean), "phase": ("lead", 1 + 2 * n, lead)}
-    known["amplitude"] = "amplitude", 1, np.ones(n)
+    known = {"offset": ("mean", 1 + len(mean), mean), "phase": ("lead", 1 + 2 * len(mean), lead)}
+    known["amplitude"] = "amplitude", 1, np.ones(len(mean))
     wanted = {"frequency": (0, own, (0.5 * own, 2.0 * own))}
     for name, actuator in robot.actuators.items():
         kind, answering = robot.command(name)

@@ -231,9 +231,8 @@ class _Loop:
         model = getattr(self.controller, "model", None)
         if not (isinstance(model, OrbitModel) and isinstance(model.orbit, Orbit)):
             return self.orbit.along(time)
-        (first, begun), course = model.begun, model.course
-        own = first * model.period + time - begun
-        return model.orbit.along(own, course.heading + course.lead)
+        own = time + model.begun[0] * model.period - model.begun[1]
+        return model.orbit.along(own, model.course.heading + model.course.lead)
 
     def _control(self, estimate: Estimate | None) -> None:
         """Have the controller answer an estimate."""

@@ -123,14 +123,14 @@ class OptimalGait:
 
     def __repr__(self) -> str:
         orbit, best = self.orbit, self.sinusoid
-        others = [f"before {self.power_before:.4g} W"] if self.power_before is not None else []
-        others += [f"best sinusoid {best.power:.4g} W"] if best else []
+        others = {"before": self.power_before, "best sinusoid": best and best.power}
+        told = [f"{name} {power:.4g} W" for name, power in others.items() if power is not None]
         lines = [
             f"gait of {GOALS[self.goal]} of {orbit.robot.name}, "
             f"{self.harmonics} harmonic{'s' * (self.harmonics > 1)}, {orbit.gait.frequency:.4g} Hz",
             f"  speed {said(orbit.speed)} m/s, climb {said(orbit.climb)} m/s",
             f"  power {self.power:.4g} W, {self.energy_per_meter:.4g} J/m"
-            + (f" ({'; '.join(others)})" if others else ""),
+            + (f" ({'; '.join(told)})" if told else ""),
             f"  without recovery {self.powers[1]:.4g} W",
             f"  residual {self.residual:.1e} after {self.iterations} iterations",
             f"  held by: {', '.join(self.held) or 'nothing'}",

@@ -477,8 +477,7 @@ UNEVEN = 0.1
 GROWS = 1.001
 """Multiplier from which a departure grows; a neutral one that is double is 1 + sqrt(rounding)."""
 TOLERABLE = {"z": 0.1, "yaw": 0.1, "roll": 0.1, "pitch": 0.1}
-"""Departures that cost as much as a command over half its range, where none are given [m, rad].
-They are for robots of about a meter."""
+"""Departures that cost as much as a command over half its range, where none are given [m, rad]."""
 TOLERABLE_SPEED, TOLERABLE_TURN = 0.3, 2.0
 """The same of velocities [m/s] and of rates of turn [rad/s]."""
 SOFT = 100.0
