@@ -205,7 +205,7 @@ class Orbit:
 
     @checked
     def along(self, time: Array, heading: float = 0.0) -> Array:
-        """Rows of q, v and a, (m, n_q + 2 n) [SI], at times, (m,) [s], turned by a heading [rad]."""
+        """Rows of q, v and a, (m, n_q + 2 n) [SI], at times (m,) [s], turned by a heading [rad]."""
         known, size = self._beat, self.robot.dof
         travel, grid = known[-1] - known[0], np.linspace(0.0, 1.0, len(known))
         beats, phases = np.divmod(time / self.period + 1e-9, 1.0)
