@@ -17,7 +17,7 @@ import os
 import re
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, redirect_stdout
 from dataclasses import replace
 from itertools import islice
@@ -450,7 +450,44 @@ class _Headed(io.TextIOBase):
         return head or self._text.read(size)
 
 
-class CsvFile(LogFile):
+class _RowsFile(LogFile):
+    """Table that is read in parts of some rows; each entry of the lists in a column is a column."""
+
+    _parts: Callable[..., Iterator[Any]]  # some of its columns, as Pandas or Arrow has them
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._lists: dict[str, tuple[str, int]] = {}  # column of the lists, and place in them
+
+    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
+        """Requested rows, one pass through the file for each request."""
+        for key, one in enumerate(wanted):
+            with reading(self.path, self.format):
+                row, names = 0, columns_of(one)
+                sources = dict.fromkeys(self._lists.get(name, (name, 0))[0] for name in names)
+                for part in self._parts(list(sources)):
+                    columns = self._columns(part, names, row)
+                    yield table_block(key, one, columns, row, len(part), str(self.path))
+                    row += len(part)
+
+    def _columns(self, part: Any, names: Iterable[str], row: int) -> dict[str, Any]:
+        """Columns of some rows by name: as they are, or the entries of lists."""
+        columns, parsed = dict[str, Any](), dict[str, Array]()
+        for name in names:
+            source, place = self._lists.get(name, ("", 0))
+            if source and source not in parsed:
+                own, cells = name.rpartition("[")[0], part[source].to_numpy()
+                size = sum(one == source for one, _ in self._lists.values())
+                parsed[source] = _list_entries(str(self.path), own, cells, size, row)
+            columns[name] = parsed[source][:, place] if source else self._column(part, name, row)
+        return columns
+
+    def _column(self, part: Any, name: str, row: int) -> Any:
+        """Column of a part that begins with a row."""
+        return part[name].to_numpy()
+
+
+class CsvFile(_RowsFile):
     """Open CSV file.
 
     Args:
@@ -511,7 +548,6 @@ class CsvFile(LogFile):
         look = "".join(lines[self._skip + made :])
         rows = [_cells(line, self._separator) for line in lines[self._skip + made :]]
         self._decimal = "," if self._separator != "," and _comma_decimal(rows) else "."
-        self._lists: dict[str, tuple[str, int]] = {}
         self._commas = list(self._names) if self._decimal == "," else []
         self._numbers: list[str] = []
         self._days: dict[str, tuple[Any, int]] = {}
@@ -523,38 +559,18 @@ class CsvFile(LogFile):
             topic = Topic("", "table", None, {}, StampSource("rows"), reason)
         self.topics: dict[str, Topic] = {"": topic}
 
-    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
-        """Requested rows, one pass through the file for each request."""
-        for key, one in enumerate(wanted):
-            with reading(self.path, "CSV"), self._opened() as text:
-                for _ in range(self._skip):
-                    text.readline()
-                row, names = 0, columns_of(one)
-                sources = [self._lists.get(name, (name, 0))[0] for name in names]
-                for frame in self._frames(text, list(dict.fromkeys(sources))):
-                    columns = self._columns(frame, names, row)
-                    yield table_block(key, one, columns, row, len(frame), str(self.path))
-                    row += len(frame)
+    def _parts(self, sources: list[str]) -> Iterator[Any]:
+        with self._opened() as text:
+            for _ in range(self._skip):
+                text.readline()
+            yield from self._frames(text, sources)
 
-    def _columns(self, frame: Any, names: Iterable[str], row: int) -> dict[str, Any]:
-        """Columns of some rows by name: numbers, calendar times, entries of lists."""
-        columns: dict[str, Any] = {}
-        parsed: dict[str, Array] = {}
-        for name in names:
-            source, place = self._lists.get(name, ("", 0))
-            if source:
-                if source not in parsed:
-                    own, cells = _parted(source)[0], frame[source].tolist()
-                    size = sum(one == source for one, _ in self._lists.values())
-                    parsed[source] = _list_entries(str(self.path), own, cells, size, row)
-                columns[name] = parsed[source][:, place]
-            elif name in self._calendar:
-                columns[name] = self._after_midnight(name, _calendar(frame[name]), row)
-            elif name in self._commas and frame[name].dtype.kind not in "fiub":
-                columns[name] = frame[name].astype(str).str.replace(",", ".")
-            else:
-                columns[name] = frame[name]
-        return columns
+    def _column(self, frame: Any, name: str, row: int) -> Any:
+        if name in self._calendar:
+            return self._after_midnight(name, _calendar(frame[name]), row)
+        if name in self._commas and frame[name].dtype.kind not in "fiub":
+            return frame[name].astype(str).str.replace(",", ".")
+        return frame[name]
 
     def _after_midnight(self, name: str, stamps: Any, row: int) -> Any:
         """Times of the day that go on over midnight; times with a date as they are."""
@@ -799,7 +815,7 @@ def _comma_decimal(rows: Sequence[Sequence[str]]) -> bool:
     return any("," in cell for cell in numbers) and not any("." in cell for cell in numbers)
 
 
-class ParquetFile(LogFile):
+class ParquetFile(_RowsFile):
     """Open Parquet file."""
 
     format = "Parquet"
@@ -811,11 +827,10 @@ class ParquetFile(LogFile):
 
             self._file = parquet.ParquetFile(path)
             schema = _flattened(self._file.schema_arrow.empty_table()).schema
-            first = next(self._tables(1, None), None)
+            first = next(self._parts(None, 1), None)
             found: dict[str, str] = {}
             stamped: dict[str, float] = {}
             unplaced: dict[str, str] = {}
-            self._lists: dict[str, tuple[str, int]] = {}
             for name, kind in zip(schema.names, schema.types, strict=True):
                 if types.is_timestamp(kind):
                     found[name], stamped[name] = "timestamp", 1.0
@@ -839,30 +854,14 @@ class ParquetFile(LogFile):
         topic = table_topic(found, count, units, stamped=stamped, unplaced=unplaced)
         self.topics: dict[str, Topic] = {"": topic}
 
-    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
-        """Requested rows, one pass through the file for each request."""
-        for key, one in enumerate(wanted):
-            with reading(self.path, "Parquet"):
-                row, names = 0, columns_of(one)
-                sources = list(dict.fromkeys(self._lists.get(name, (name, 0))[0] for name in names))
-                for table in self._tables(BLOCK, sources):
-                    columns = {source: table[source].to_numpy() for source in sources}
-                    for source in {self._lists[name][0] for name in names if name in self._lists}:
-                        own = {one: k for one, (of, k) in self._lists.items() if of == source}
-                        cells = columns[source]
-                        found = _list_entries(str(self.path), source, cells, len(own), row)
-                        columns |= {one: found[:, k] for one, k in own.items()}
-                    yield table_block(key, one, columns, row, len(table), str(self.path))
-                    row += len(table)
-
     def close(self) -> None:
         """Close the file."""
         self._file.close()
 
-    def _tables(self, rows: int, columns: list[str] | None) -> Iterator[Any]:
+    def _parts(self, sources: list[str] | None, rows: int = BLOCK) -> Iterator[Any]:
         from pyarrow import Table
 
-        for batch in self._file.iter_batches(rows, columns=columns, use_threads=False):
+        for batch in self._file.iter_batches(rows, columns=sources, use_threads=False):
             yield _flattened(Table.from_batches([batch]))
 
 
