@@ -136,7 +136,7 @@ class OneMinusCosineGust(DiscreteGust):
 
     def share(self, phase: Array) -> Array:
         """Share of the largest velocity, (N,), at phases (t - start)/T within 0 to 1, (N,)."""
-        return np.asarray(0.5 * (1.0 - np.cos(2 * np.pi * phase)))
+        return 0.5 * (1.0 - np.cos(2 * np.pi * phase))
 
     def knots(self, first: float, last: float) -> Array:
         """Times between which the velocity is as good as a cubic, (K,) [s]."""
@@ -288,7 +288,7 @@ def _transverse(step: float, decay: float, noise: Array, past: Array) -> Array:
     ahead = _two_lags(step, decay, drive)
     back = _two_lags(step, decay, behind)
     states = np.vstack([back[:0:-1, ::-1] @ stationary, ahead])
-    return np.asarray(sqrt(3.0) * states[:, 0] + (1.0 - sqrt(3.0)) * states[:, 1])
+    return sqrt(3.0) * states[:, 0] + (1.0 - sqrt(3.0)) * states[:, 1]
 
 
 def _added_root(step: float, decay: float, stationary: Array) -> Array:
@@ -567,7 +567,7 @@ def gusts_at_strips(pieces: CubicPieces, time: Array, delays: Array) -> Array:
         begins[left] = ends
         piece[left] += 1
         left = left[~final]
-    return np.asarray(np.moveaxis(total.reshape(*shape, GUST_COMPONENTS), 1, 2))
+    return np.moveaxis(total.reshape(*shape, GUST_COMPONENTS), 1, 2)
 
 
 def _piece_of(pieces: CubicPieces, time: Array) -> Indices:

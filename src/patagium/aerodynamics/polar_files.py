@@ -120,7 +120,7 @@ def _within(table: Array, path: str) -> Array:
         warnings.warn(words, stacklevel=4)
     if np.count_nonzero(within) < 2:
         raise Unreadable(path, "alpha", "two or more rows within 90 degrees", "fewer")
-    return np.asarray(table[within])
+    return table[within]
 
 
 def _cells(line: str, header: str) -> list[str]:

@@ -166,7 +166,7 @@ def _step(
         second = rate(begin + step / 2, z + step / 2 * first)
         third = rate(begin + step / 2, z + step / 2 * second)
         fourth = rate(begin + step, z + step * third)
-        return np.asarray(z + step / 6 * (first + 2 * second + 2 * third + fourth))
+        return z + step / 6 * (first + 2 * second + 2 * third + fourth)
 
     if not aero.state_size:
         return state

@@ -489,7 +489,7 @@ class AdaptiveController(OuterController):
 
     def _missed(self, beat: _Beat) -> Array:
         """Misfit of each interval that the weights leave, (m, velocities) [m/s, rad/s]."""
-        return np.asarray(beat.measured - beat.slopes @ self.learner.weights)
+        return beat.measured - beat.slopes @ self.learner.weights
 
     def _surprise(self, missed: Array, beat: _Beat) -> float:
         """Mean square of what differs within a beat over that of the beats before; 0 at first."""

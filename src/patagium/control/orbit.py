@@ -76,7 +76,7 @@ class Frame:
         for along, across in self.vectors:
             found[along, across] += rate[self._yaw]
             found[across, along] -= rate[self._yaw]
-        return np.asarray(found[np.ix_(self.kept, self.kept)])
+        return found[np.ix_(self.kept, self.kept)]
 
     def generators(self, state: Array) -> Array:
         """Change of a state with position and heading, (n, 4) or without yaw (n, 3) [SI]."""
@@ -175,7 +175,7 @@ class Orbit:
         """Derivative of the return map, position and heading left out, (n - 4, n - 4) [SI]."""
         frame = Frame(self.names)
         _, slope = frame.seen(self.segments.ends[-1])
-        return np.asarray((slope @ self.monodromy)[np.ix_(frame.kept, frame.kept)])
+        return (slope @ self.monodromy)[np.ix_(frame.kept, frame.kept)]
 
     @property
     def _pitch(self) -> Array:

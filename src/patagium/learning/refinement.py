@@ -158,7 +158,7 @@ def _raised(learner: FilterLearner, error: Array, std: Array) -> Array:
     """
     screening = learner.settings.screening
     limit = np.inf if screening is None else screening.outlier_std
-    return np.asarray(np.fmax(std, np.abs(error) / limit))
+    return np.fmax(std, np.abs(error) / limit)
 
 
 def _errors(fit: _Fit, weights: Array) -> Array:

@@ -618,7 +618,7 @@ def _integral(span: Array, chord: Array, edges: Array) -> Array:
     left = np.clip(np.searchsorted(span, edges, side="right") - 1, 0, len(span) - 2)
     step = edges - span[left]
     slope = (chord[left + 1] - chord[left]) / (span[left + 1] - span[left])
-    return np.asarray(area[left] + step * (chord[left] + slope * step / 2))
+    return area[left] + step * (chord[left] + slope * step / 2)
 
 
 def _triple(vector: Array) -> tuple[float, float, float]:

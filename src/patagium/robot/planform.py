@@ -101,7 +101,7 @@ def placed(pose: tuple[Array, Array], points: Array) -> Array:
         points: In body axes, (..., 3) [m].
     """
     position, rotation = pose
-    return np.asarray(position + points @ rotation.T)
+    return position + points @ rotation.T
 
 
 def side_of(strip: Strip) -> int:

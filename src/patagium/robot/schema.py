@@ -76,7 +76,7 @@ _ORIGIN = (0.0, 0.0, 0.0)
 
 
 def _from_second_moments(second: Array) -> Tensor:
-    return np.asarray(np.diag(second.sum() - second))
+    return np.diag(second.sum() - second)
 
 
 class Cylinder(_Part):

@@ -144,7 +144,7 @@ def outer_end(strip: Strip) -> Array:
     span = np.cross(np.array(strip.normal), np.array(strip.forward))
     middle = np.array(strip.quarter_chord, float)
     outward = side_of(strip) or 1
-    return np.asarray(middle + outward * float(strip.width) / 2 * span)
+    return middle + outward * float(strip.width) / 2 * span
 
 
 def wing_tips(robot: Robot) -> dict[str, tuple[int, Array]]:

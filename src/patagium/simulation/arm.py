@@ -142,7 +142,7 @@ def rotation_vector(matrix: Array) -> Array:
     cosine = (np.trace(matrix, axis1=1, axis2=2) - 1) / 2
     angle = np.arctan2(sine, cosine)
     scale = np.where(sine > 1e-9, angle / np.where(sine > 1e-9, 2 * sine, 1.0), 0.5)
-    return np.asarray(skew * scale[:, None])
+    return skew * scale[:, None]
 
 
 CLEARANCE = 0.03
@@ -534,7 +534,7 @@ def _unwind(arm: Robot, q: Array) -> Array:
     low, high = np.array(arm.lower), np.array(arm.upper)
     middle = np.where(np.isfinite(low + high), (low + high) / 2, 0.0)
     turns = np.array([unit == "rad" for unit in arm.dof_units])
-    return np.asarray(q - turns * 2 * np.pi * np.round((q - middle) / (2 * np.pi)))
+    return q - turns * 2 * np.pi * np.round((q - middle) / (2 * np.pi))
 
 
 def _without_repeats(q: Array) -> Array:

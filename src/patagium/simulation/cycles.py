@@ -118,7 +118,7 @@ def _cycle_means(signal: Array, time: Array, ends: Array) -> Array:
     values = np.interp(stamps, time, signal)
     pieces = np.diff(stamps) * (values[1:] + values[:-1]) / 2
     firsts = np.searchsorted(stamps, ends[:-1])
-    return np.asarray(np.add.reduceat(pieces, firsts) / np.diff(ends))
+    return np.add.reduceat(pieces, firsts) / np.diff(ends)
 
 
 def _attributes(velocity: Array, weight: float, means: dict[str, float]) -> dict[str, float]:

@@ -349,7 +349,7 @@ def _direction(name: str, vector: Triple) -> Array:
     length = float(np.linalg.norm(written))
     if not length > 1e-12:
         raise ParameterError(name, "a direction of some length", tuple(vector))
-    return np.asarray(written / length)
+    return written / length
 
 
 def _by_name(values: Mapping[str, float]) -> Array:

@@ -350,7 +350,7 @@ def _classic_step(rate: Rate, state: Array, place: int, time_step: float) -> Arr
     k2 = rate(state + 0.5 * time_step * k1, place + 1)
     k3 = rate(state + 0.5 * time_step * k2, place + 1)
     k4 = rate(state + time_step * k3, place + 2)
-    return np.asarray(state + time_step / 6.0 * ((k1 + k4) + 2.0 * (k2 + k3)))
+    return state + time_step / 6.0 * ((k1 + k4) + 2.0 * (k2 + k3))
 
 
 def _in_python(

@@ -580,7 +580,7 @@ def _wind(aero: Aerodynamics, samples: dict[str, Array], time: Array) -> Array:
         return aero.air.wind_at(time)
     areas = np.array([float(s.chord * s.width) for s in aero.robot.strips])
     winds = samples[STRIP_WIND].reshape(len(time), -1, 3)  # of one strip it is (N, 3)
-    return np.asarray(np.average(winds, axis=1, weights=areas))
+    return np.average(winds, axis=1, weights=areas)
 
 
 def period_of(

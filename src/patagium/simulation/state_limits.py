@@ -177,7 +177,7 @@ def _sample_numbers(first: int, last: int) -> Indices:
 
 def growth(z: NDArray[np.complex128]) -> Array:
     """Growth in a step of classic Runge-Kutta, |1 + z + z^2/2 + z^3/6 + z^4/24|, as z [-]."""
-    return np.asarray(np.abs(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))))
+    return np.abs(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4))))
 
 
 def longest_stable_step(eigenvalues: NDArray[np.complex128], time_step: float) -> float:

@@ -124,7 +124,7 @@ class _Answer:
         """Time in the gait, (N,) [s], at times since the command, (N,) [s]."""
         on_ramp = np.minimum(since, self.lasting[0])
         found = self.ramp.integral(on_ramp, 0) + self.fixed.integral(since - on_ramp, 0)
-        return np.asarray(self.phase + found)
+        return self.phase + found
 
 
 class SteeredGait:

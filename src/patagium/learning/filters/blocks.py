@@ -142,7 +142,7 @@ class BlockRoots:
     def covariance(self, roots: Parts) -> BlockCovariance:
         """P, which shares no memory with the state."""
         doubles = [root.astype(float) for root in roots]
-        parts = [np.asarray(root @ root.T) for root in doubles]
+        parts = [root @ root.T for root in doubles]
         return block_covariance(self._numbers.network, self._numbers.settings.covariance, parts)
 
     def variances(self, roots: Parts) -> Array:

@@ -224,7 +224,7 @@ class Misfit:
     def _expected(self, name: str) -> Array:
         """Mean square of the errors of late, at the noise that came with this sample."""
         own = np.maximum(self.parts[name] - self.parts["sampled"], 0.0)
-        return np.asarray(own + self._sample)
+        return own + self._sample
 
     def learned(
         self,

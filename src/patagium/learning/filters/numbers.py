@@ -154,7 +154,7 @@ def _prior_variance(network: Network, std: Numbers | None) -> Array:
     own = own_prior(network)
     stated = scale_of("prior_std", PRIOR if std is None else std, network.size)
     if getattr(network, "scaled_prior", False):
-        return np.asarray((own * stated) ** 2)
+        return (own * stated) ** 2
     return np.where(np.isnan(own), stated**2 / network.fan_in, own**2)
 
 

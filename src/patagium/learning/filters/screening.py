@@ -308,7 +308,7 @@ class Screen:
         if not self.misfit.floor:
             return covariance
         scale = self.misfit.stated(np.diag(covariance), self.parts["noise"], carried)
-        return np.asarray(scale[:, None] * covariance * scale)
+        return scale[:, None] * covariance * scale
 
     def stated_innovation(self, innovation: Array) -> Array:
         """Innovation in the units that the filter assumes, larger where it states less, (n_y,).
@@ -319,7 +319,7 @@ class Screen:
         if not self.misfit.floor:
             return innovation
         error = np.where(self.left_out, 0.0, innovation - self.misfit.parts["carried"])
-        return np.asarray(error / self.misfit.scale)
+        return error / self.misfit.scale
 
     def follow(self, measured: Array) -> None:
         """Scale of the outputs from one more measurement.

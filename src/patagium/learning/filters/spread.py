@@ -47,7 +47,7 @@ class Moments(NamedTuple):
     @property
     def covariance(self) -> Array:
         """P_yy = Z' Z + M, (n_y, n_y)."""
-        return np.asarray(self.slopes.T @ self.slopes + self.remainder)
+        return self.slopes.T @ self.slopes + self.remainder
 
 
 def moments_of(center: Array, plus: Array, minus: Array, noise: Array, rule: SpreadRule) -> Moments:

@@ -134,7 +134,7 @@ class DenseNetwork(PerceptronNetwork):
 
     def _seen(self, x: Array) -> Array:
         """Scaled inputs, (N, n_x)."""
-        return np.asarray((x - self.input_center) / self.input_scale)
+        return (x - self.input_center) / self.input_scale
 
 
 _SCALES = ("input_center", "input_scale", "output_center", "output_scale")

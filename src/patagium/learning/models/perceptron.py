@@ -26,13 +26,13 @@ from patagium.limits import WIDEST
 
 def softplus(z: Array) -> Array:
     """Smooth ramp ln(1 + e^z), without overflow."""
-    return np.asarray(np.maximum(z, 0) + np.log1p(np.exp(-np.abs(z))))
+    return np.maximum(z, 0) + np.log1p(np.exp(-np.abs(z)))
 
 
 def softplus_slope(z: Array) -> Array:
     """Derivative of `softplus`, the logistic function."""
     decay = np.exp(-np.abs(z))
-    return np.asarray(np.where(z >= 0, 1.0, decay) / (1.0 + decay))
+    return np.where(z >= 0, 1.0, decay) / (1.0 + decay)
 
 
 ACTIVATIONS: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
@@ -195,7 +195,7 @@ class PerceptronNetwork(Network):
     def initial(self, seed: int) -> Array:
         """Weights to start from: standard normal over sqrt(fan-in), (n,)."""
         normal = np.random.default_rng(seed).standard_normal(self.size)
-        return np.asarray(normal / np.sqrt(self.fan_in))
+        return normal / np.sqrt(self.fan_in)
 
     def decode(self, encoding: Encoding, weights: Array) -> Array:
         """y of N encoded samples at weights (n,), (N, n_y)."""
@@ -209,13 +209,13 @@ class PerceptronNetwork(Network):
         """y of one encoded sample at weights (p, n), (p, n_y)."""
         out = self.perceptron.forward(encoding.features.astype(points.dtype)[None], points)
         flat = out.astype(float).reshape(len(points), -1)
-        return np.asarray(flat @ encoding.readout.T + encoding.offset)
+        return flat @ encoding.readout.T + encoding.offset
 
     def linearized(self, encoding: Encoding, weights: Array) -> tuple[Array, Array]:
         """y at one encoded sample, (n_y,), and its derivative for weights (n,), (n_y, n)."""
         out, inner = self.perceptron.linearized(encoding.features, weights)
         y = encoding.offset + encoding.readout @ out.ravel()
-        return np.asarray(y), np.asarray(encoding.readout @ inner.reshape(-1, self.size))
+        return np.asarray(y), encoding.readout @ inner.reshape(-1, self.size)
 
 
 def as_perceptron(network: Network) -> PerceptronNetwork:

@@ -76,7 +76,7 @@ class Knots:
             for p in range(level, SEEN):
                 factor = factorial(p) / factorial(p - level) / self.step**level
                 powers[:, level, p] = factor * inside ** (p - level)
-        return np.asarray(powers @ _pieces())
+        return powers @ _pieces()
 
 
 @cache

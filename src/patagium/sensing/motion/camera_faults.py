@@ -111,7 +111,7 @@ def usable_frames(rows: Array) -> Bools:
     finite &= np.linalg.norm(np.where(finite[:, None], rows[:, 3:], 0.0), axis=1) > _NO_TURN
     held = np.zeros(len(rows), bool)
     held[1:] = (rows[1:] == rows[:-1]).all(axis=1)
-    return np.asarray(finite & ~held if held[finite].mean() < 0.5 else finite)
+    return finite & ~held if held[finite].mean() < 0.5 else finite
 
 
 def _filled_frames(time: Array, rows: Array, finite: Bools) -> Bools:

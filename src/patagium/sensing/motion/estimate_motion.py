@@ -382,7 +382,7 @@ def in_coordinates(robot: Robot, found: SmoothedMotion) -> tuple[Array, Array]:
     if base is None:
         return levels, covariance
     turn, n = list(base.turn), robot.dof
-    angles = np.unwrap(np.asarray(found.attitude.as_euler("ZYX"))[:, ::-1], axis=0)
+    angles = np.unwrap(found.attitude.as_euler("ZYX")[:, ::-1], axis=0)
     first, second, slope = (
         np.array(part)
         for part in euler_function().batch(angles, levels[:, 1, turn], levels[:, 2, turn])

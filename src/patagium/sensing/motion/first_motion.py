@@ -239,4 +239,4 @@ class _Spectrum:
     def _shape(self, correlation: float) -> Array:
         """Spectrum of noise with a correlation over that of white noise, (F,)."""
         turned = np.cos(self.turn * self.step)
-        return np.asarray((1 - correlation**2) / (1 + correlation**2 - 2 * correlation * turned))
+        return (1 - correlation**2) / (1 + correlation**2 - 2 * correlation * turned)

@@ -62,7 +62,7 @@ class MotionEstimate:
     @property
     def covariance(self) -> Array:
         """Covariance S S^T of the error-state, (s, s), in products of its units."""
-        return np.asarray(self.root @ self.root.T)
+        return self.root @ self.root.T
 
     @cached_property
     def row(self) -> Array:

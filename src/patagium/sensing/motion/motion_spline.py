@@ -174,4 +174,4 @@ def _turning(weights: Array, parts: Array) -> tuple[Array, Array, Array, Array]:
 
 def skew(vector: Array) -> Array:
     """Matrices of the cross product with vectors, (..., 3, 3), in the unit of the vectors."""
-    return np.asarray(np.cross(np.eye(3), vector[..., None, :]))
+    return np.cross(np.eye(3), vector[..., None, :])

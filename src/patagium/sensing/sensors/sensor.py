@@ -139,7 +139,7 @@ class Sensor:
 
         Every sample that enters an estimate passes here, from a log or from a robot in flight.
         """
-        return np.asarray(np.abs(rows) >= self.saturates)
+        return np.abs(rows) >= self.saturates
 
     def in_range(self, rows: Array) -> Array:
         """Samples, (N, k) or (k,), in the units of the sensor; NaN where they are saturated."""

@@ -163,7 +163,7 @@ def _ends(values: Array, span: int) -> Array:
 
 def _velocity(time: Array, place: Array) -> Array:
     """Mean rate of a place between consecutive times, (m, n), in its unit over that of time."""
-    return np.asarray(np.diff(place, axis=0) / np.diff(time)[:, None])
+    return np.diff(place, axis=0) / np.diff(time)[:, None]
 
 
 Piece: TypeAlias = tuple[Array, list[Array]]

@@ -195,7 +195,7 @@ class ValueSurvey:
     @property
     def mean(self) -> Array:
         """Mean of each channel, (n,); NaN where nothing is finite."""
-        return np.asarray(self._sum / np.where(self.count, self.count, np.nan))
+        return self._sum / np.where(self.count, self.count, np.nan)
 
     @property
     def rms(self) -> Array:
