@@ -75,6 +75,16 @@ def usual_step(times: Array) -> float:
     return float(steps[np.abs(steps / np.median(steps) - 1) <= 0.5].mean())
 
 
+def stored(record: Any, name: str, *dims: str) -> Array:
+    """Variable of a Dataset as float64, its dimensions in the order of those named, if any."""
+    return np.asarray((record[name].transpose(*dims) if dims else record[name]).values, float)
+
+
+def median_step(times: Any) -> float:
+    """Median of the steps of times [s]."""
+    return float(np.median(np.diff(times)))
+
+
 def find_gaps(time: Any, factor: float = 3.0) -> Indices:
     """Index of the first sample after each gap, (n_gaps,).
 

@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from patagium.arguments import Progress, checked
-from patagium.arrays import Array, Bools, find_gaps, thin, usual_step
+from patagium.arrays import Array, Bools, find_gaps, median_step, thin, usual_step
 from patagium.errors import LogError, Outcome, ParameterError
 from patagium.learning.default_learner import choices, chosen_every, default_learner, table_every
 from patagium.learning.filters.misfit import unseen
@@ -287,7 +287,7 @@ def compare(
         "every": every,
         "frozen": True,
         "updates": 0,
-        "median_step": float(np.median(np.diff(time))),
+        "median_step": median_step(time),
         "gaps": len(np.asarray(gaps)),
         "outcome": Outcome.COMPLETED.name,
         "message": "",

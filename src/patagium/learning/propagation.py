@@ -23,7 +23,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from patagium.arrays import Array
+from patagium.arrays import Array, stored
 from patagium.dynamics.kinematics import coordinate_rates
 from patagium.errors import PatagiumError
 from patagium.learning.forecast import FrozenModel, Motion, Repetition
@@ -223,6 +223,6 @@ def robot_motion(
     except PatagiumError:
         return None
     q, v, a = (air_force.recorded(flight, name, robot) for name in ("q", "v", "a"))
-    time = np.asarray(flight["time"].values, float)
+    time = stored(flight, "time")
     change = wind_change(flight, network)
     return RobotMotion(form, network, time, (q, v, a), period, change)

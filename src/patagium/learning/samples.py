@@ -11,7 +11,7 @@ import xarray as xr
 
 from patagium.aerodynamics import Air
 from patagium.aerodynamics.wind_shear import sheared
-from patagium.arrays import Array
+from patagium.arrays import Array, stored
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
@@ -101,7 +101,7 @@ def samples(
     if balance is not None:
         if isinstance(flight, ForceSamples):
             raise ParameterError("network", "outputs that are coordinates", "sums of strip forces")
-        strips = flight["strip_force"].transpose("time", "strip", "axis").values
+        strips = stored(flight, "strip_force", "time", "strip", "axis")
         return time, x, strips.reshape(len(time), -1) @ balance.T, ["1"] * len(balance)
     names = network.output_names
     if not set(names) <= set(machine.dof_names):

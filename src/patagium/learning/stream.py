@@ -20,7 +20,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from patagium.arguments import Progress, checked
-from patagium.arrays import Array, Indices, real_array, rising, thin
+from patagium.arrays import Array, Indices, median_step, real_array, rising, thin
 from patagium.errors import FilterDiverged, LogError, Outcome, ParameterError, ShapeError
 from patagium.learning.forecast import Forecaster, ForecastSums, Horizons, Motion, named_horizons
 from patagium.learning.learners.filter_learner import FilterLearner
@@ -483,7 +483,7 @@ def stream(
         "samples_predicted": run.reached,
         "every": every,
         "updates": run.updates,
-        "median_step": float(np.median(np.diff(samples.time))),
+        "median_step": median_step(samples.time),
         "gaps": len(samples.gaps),
         **scorer.scores(),
         **forecast_scores(sums),

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.arguments import checked
-from patagium.arrays import Array
+from patagium.arrays import Array, stored
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, ParameterError
 from patagium.robot import Robot
@@ -65,7 +65,7 @@ def cycle_statistics(
     if not (0 <= skip <= 1_000_000 and 2 <= phases <= 10_000):
         expected = "0 to a million wingbeats, 2 to ten thousand points"
         raise ParameterError("skip, phases", expected, (skip, phases))
-    robot, time = robot_of(flight), np.asarray(flight["time"].values, float)
+    robot, time = robot_of(flight), stored(flight, "time")
     steered = flight[WINGBEATS].to_numpy() if period is None and WINGBEATS in flight else None
     ends = _ends(time, beat, skip, steered)
     count, phase = len(ends) - 1, np.arange(phases) / phases
@@ -159,7 +159,7 @@ def _signals(flight: xr.Dataset, robot: Robot, time: Array, forward: Array) -> d
     air = air_force(flight, robot, time)
     signals = {"lift": air[:, 2], "thrust": air @ forward}
     if flight.attrs.get("mount") == "fixed":
-        cell = -flight["mount_wrench"].transpose("time", "component").values[:, :3]
+        cell = -stored(flight, "mount_wrench", "time", "component")[:, :3]
         cell[:, 2] += float(robot.gravity) * flying_mass(flight, robot)
         signals |= {"mount_lift": cell[:, 2], "mount_thrust": cell @ forward}
     joints = (flight["u1"] * flight["v"]).transpose("time", "dof").values
@@ -171,15 +171,15 @@ def air_force(flight: xr.Dataset, robot: Robot, time: Array) -> Array:
 
     A robot that cannot float has no coordinate for it: it is what moves it, less all else.
     """
-    force = flight["strip_force"].transpose("time", "strip", "axis").values.sum(axis=1)
-    added = flight["added_mass_force"].transpose("time", "dof").values
+    force = stored(flight, "strip_force", "time", "strip", "axis").sum(axis=1)
+    added = stored(flight, "added_mass_force", "time", "dof")
     if robot.floating:
         bases = [body.floating_dofs for body in robot.bodies if body.floating_dofs is not None]
         return np.asarray(force + sum(added[:, list(base[:3])] for base in bases), float)
     if not added.any():
         return np.asarray(force, float)
-    momentum = flight["momentum"].transpose("time", "axis").values
-    mount = flight["mount_wrench"].transpose("time", "component").values[:, :3]
+    momentum = stored(flight, "momentum", "time", "axis")
+    mount = stored(flight, "mount_wrench", "time", "component")[:, :3]
     force = np.gradient(momentum, time, axis=0) - mount
     force[:, 2] += float(robot.gravity) * flying_mass(flight, robot)
     return np.asarray(force, float)
@@ -187,8 +187,8 @@ def air_force(flight: xr.Dataset, robot: Robot, time: Array) -> Array:
 
 def air_velocity(flight: xr.Dataset, robot: Robot) -> Array:
     """Velocity of the center of mass through the air, (N, 3) [m/s]."""
-    momentum = flight["momentum"].transpose("time", "axis").values
-    wind = flight["wind"].transpose("time", "axis").values
+    momentum = stored(flight, "momentum", "time", "axis")
+    wind = stored(flight, "wind", "time", "axis")
     mass = flying_mass(flight, robot)[:, None]
     moved = np.divide(momentum, mass, out=np.zeros_like(momentum), where=mass > 0)
     return np.asarray(moved - wind, float)

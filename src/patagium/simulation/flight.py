@@ -25,7 +25,7 @@ from patagium.aerodynamics.added_mass import added_mass_from_description
 from patagium.aerodynamics.air import air_from_description
 from patagium.aerodynamics.description import aero_from_description
 from patagium.arguments import checked, of_kind
-from patagium.arrays import Array, rising
+from patagium.arrays import Array, rising, stored
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, LogError, Outcome, ParameterError, positive
 from patagium.netcdf_file import kind_of, loaded_dataset, netcdf_content, write_netcdf
@@ -514,10 +514,10 @@ def carrier_of(flight: xr.Dataset) -> Carrier | None:
         words = told["arm"]
         arm = robot_of_text(words["source"], words["name"])
         tool = Tool(arm, words["at"], tuple(words["position"]), tuple(words["orientation"]))
-        time = np.asarray(flight["time"].values, float)
+        time = stored(flight, "time")
         start = np.array(words["start"], float)
         robot = robot_of(flight)
-        position, rotation = poses_at(robot, np.asarray(flight["q"].values, float))
+        position, rotation = poses_at(robot, stored(flight, "q"))
         held = next(iter(robot.floating_bodies))
         placed = position[:, held], rotation[:, held]
         q = track_tool(tool, time, placed, start, _KNOTS)

@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import xarray as xr
 
-from patagium.arrays import Array, Indices, thin
+from patagium.arrays import Array, Indices, stored, thin
 from patagium.errors import LogError, ShapeError
 from patagium.learning.model_file import Model
 from patagium.learning.models.linear_strip import LinearStripNetwork, strip_forces
@@ -94,7 +94,7 @@ def _check_forces(flight: xr.Dataset, robot: Robot, result: Identification) -> N
     if {*result.scores.get("parameter_value", ())} & {*robot.parameter_names}:
         return  # the forces are those by other numbers of the robot
     columns = [robot.dof_names.index(name) for name in names]
-    measured = record["measurement"].transpose("time", "output").values
+    measured = stored(record, "measurement", "time", "output")
     most = 1e-3 * np.linalg.norm(np.nan_to_num(measured)) + 1e-9  # N, N m: rounding
     own = (training_data(flight, robot, with_added_mass=carried)[2] for carried in (False, True))
     errors = (np.linalg.norm(np.nan_to_num(measured - one[:, columns])) for one in own)
@@ -107,17 +107,17 @@ def _from_identification(
 ) -> Prediction:
     """Prediction that an identification made before it used each sample."""
     record = result.prediction
-    time = np.asarray(flight["time"].values, float)
-    found = np.asarray(record["time"].values, float)
+    time = stored(flight, "time")
+    found = stored(record, "time")
     if found.shape != time.shape or not np.allclose(found, time, rtol=0, atol=1e-9):
         span = f"{time.size} samples over {time[-1] - time[0]:g} s"
         other = f"{found.size} samples over {found[-1] - found[0]:g} s"
         raise LogError(f"predictions: expected those of this flight ({span}), found {other}")
     _check_forces(flight, robot, result)
     names = tuple(str(name) for name in record["output"].values)
-    values = np.asarray(record["prediction"].transpose("time", "output").values, float)[frames]
-    checks = np.asarray(record["check_time"].values, float)
-    kept = np.asarray(record["predicted_std"].transpose("check_time", "output").values, float)
+    values = stored(record, "prediction", "time", "output")[frames]
+    checks = stored(record, "check_time")
+    kept = stored(record, "predicted_std", "check_time", "output")
     std = _interpolate(checks, kept, time[frames])
     return Prediction(names, values, None, "before the sample was used", std)
 

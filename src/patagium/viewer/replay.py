@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
 from patagium.arguments import checked
-from patagium.arrays import Array, Indices, find_gaps
+from patagium.arrays import Array, Indices, find_gaps, stored
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, ParameterError
 from patagium.report.figures import events_of, off_reference
@@ -243,7 +243,7 @@ def replay_content(
     """Content of a page or a picture of a flight; see `replay` for arguments and errors."""
     robot = robot_of(flight)
     flight = _with_force(flight, robot)
-    time = np.asarray(flight["time"].values, float)
+    time = stored(flight, "time")
     period = gait_period(flight)
     span = _span(time, start, end)
     carrier, main = carrier_of(flight), carried_body(robot)
@@ -252,7 +252,7 @@ def replay_content(
     prediction = None if predicted is None else predict_flight(flight, robot, predicted, frames)
     shown = flight.isel(time=frames)
     arm = carrying_arm(robot, carrier, frames)
-    q = np.asarray(flight["q"].values, float)[span]
+    q = stored(flight, "q")[span]
     position, rotation = poses_at(robot, q)
     origin, inside = position[:, main], frames - span[0]
     speed = np.linalg.norm(np.gradient(origin, time[span], axis=0), axis=1)
@@ -303,7 +303,7 @@ def _with_force(flight: xr.Dataset, robot: Robot) -> xr.Dataset:
     if "aero_force" in flight or not {"force", "u1"} & {*flight.data_vars}:
         return flight
     measured = "force" in flight
-    q = np.asarray(flight["q"].values, float)
+    q = stored(flight, "q")
     flight = flight.isel(time=np.isfinite(q).all(axis=1))
     force = flight["force"].values if measured else training_data(flight, robot)[2]
     known = np.isfinite(force)
@@ -361,8 +361,8 @@ def _arrows(
     position, rotation = poses
     center = center_of_mass(robot, position, rotation)
     held = (floating_body(robot) or (0, None))[0]
-    known = np.asarray(shown["q"].values, float), rotation[:, held], center - position[:, held]
-    air = np.asarray(shown["aero_force"].transpose("time", "dof").values, float)
+    known = stored(shown, "q"), rotation[:, held], center - position[:, held]
+    air = stored(shown, "aero_force", "time", "dof")
     whole = total_force(robot, robot.dof_names, air, *known)
     force = point = guess = None
     strips = bool(robot.strips) and "strip_force" in shown  # of a log only the total is known
@@ -400,8 +400,8 @@ def center_of_mass(robot: Robot, position: Array, rotation: Array) -> Array:
 
 def _series(shown: xr.Dataset, robot: Robot, prediction: Prediction | None) -> list[Series]:
     """Forces and coordinates over time, those of the robot's motion in degrees."""
-    force = np.asarray(shown["aero_force"].transpose("time", "dof").values, float)
-    q = np.asarray(shown["q"].values, float)
+    force = stored(shown, "aero_force", "time", "dof")
+    q = stored(shown, "q")
     chosen = _chosen(robot, np.nan_to_num(force))
     found = []
     for k, (name, unit) in enumerate(zip(robot.dof_names, robot.force_units, strict=True)):

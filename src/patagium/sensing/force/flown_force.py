@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from patagium.arrays import Array
+from patagium.arrays import Array, median_step
 from patagium.errors import LogError
 from patagium.netcdf_file import write_netcdf
 from patagium.robot import Robot
@@ -212,7 +212,7 @@ def _late_notes(time: Array, whole: Array, cell: Array) -> list[str]:
     """
     if len(time) < 20 * _WINDOWS:
         return []
-    step = float(np.median(np.diff(time)))
+    step = median_step(time)
     power = (np.abs(np.fft.rfft(whole - whole.mean(axis=0), axis=0)) ** 2).sum(axis=1)
     frequency = float(np.fft.rfftfreq(len(time), step)[int(np.argmax(power))])
     for _ in range(2):  # the first time finds the frequency

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from patagium.aerodynamics import AddedMass, Air
 from patagium.arguments import checked, of_kind
-from patagium.arrays import Array, Bools, brief, real_array, selected
+from patagium.arrays import Array, Bools, brief, real_array, selected, stored
 from patagium.dynamics.kinematics import body_poses, generalized_force
 from patagium.errors import FlightError, ParameterError
 from patagium.native import NativeFunction, load_functions, named_function
@@ -378,8 +378,8 @@ def _at(
 
     The noise is that of the spectrum of the output where the sensor states zero.
     """
-    stamps = np.asarray(reading["time"].values, float) - shift
-    times = np.asarray(motion["time"].values, float)
+    stamps = stored(reading, "time") - shift
+    times = stored(motion, "time")
     width = values.shape[1]
     told = np.isfinite(values).sum(axis=0) > _ORDER
     values, spread = values[:, told], np.full((2, len(times), width), np.nan)

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from patagium.aerodynamics import RecordedGust
 from patagium.arguments import checked
-from patagium.arrays import Array
+from patagium.arrays import Array, median_step, stored
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot, load_robot
 from patagium.sensing.force.air_force import PARTS, packet_columns, recorded, recorded_wind_change
@@ -86,7 +86,7 @@ def sensor_log(
             held = ", ".join(map(str, table.data_vars))
             raise ParameterError("bodies", f"quantities among {held}", name)
         machine.body_index(body)
-    found = _Found(machine, table, np.asarray(table["time"].values, float))
+    found = _Found(machine, table, stored(table, "time"))
     units = {column.name: column.unit for column in packet_columns(machine)[1:]}
     for name in map(str, table.data_vars):
         unit = str(table[name].attrs.get("units", ""))
@@ -143,7 +143,7 @@ class _Found:
 
     def sensors(self) -> tuple[dict[str, xr.Dataset], dict[str, Sensor]]:
         """Readings and sensors by name."""
-        step = float(np.median(np.diff(self.time)))
+        step = median_step(self.time)
         readings: dict[str, xr.Dataset] = {}
         sensors: dict[str, Sensor] = {}
 

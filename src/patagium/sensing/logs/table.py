@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arrays import Array, Indices, brief, selected
+from patagium.arrays import Array, Indices, brief, median_step, selected
 
 
 @dataclass(frozen=True)
@@ -59,13 +59,13 @@ class LogTable:
         """
         chosen = selected(kept, len(self.time))
         time = self.time[chosen]
-        step = float(np.median(np.diff(self.time)))
+        step = median_step(self.time)
         gaps = np.flatnonzero(np.diff(time) > self.gap * step) + 1
         return replace(self, time=time, x=self.x[chosen], y=self.y[chosen], gaps=gaps)
 
     def describe_gaps(self) -> str:
         """Description of the gaps in one sentence."""
-        step = float(np.median(np.diff(self.time)))
+        step = median_step(self.time)
         if not len(self.gaps):
             return f"no gap longer than {self.gap:g} times the median step of {step:.4g} s"
         lengths = self.time[self.gaps] - self.time[self.gaps - 1]

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.spatial.transform import Rotation
 
-from patagium.arrays import Array, Bools, Indices
+from patagium.arrays import Array, Bools, Indices, median_step
 from patagium.robot.attitude import without_flips
 from patagium.sensing.motion.sensor_streams import Stream
 from patagium.sensing.sensors import from_quaternion
@@ -91,7 +91,7 @@ class _Steps:
 
     def wander(self, span: float) -> Array:
         """Largest errors of predicting steady motion over a span without jumps, (2,) [rad, m]."""
-        ahead = max(1, round(span / float(np.median(np.diff(self.time)))))
+        ahead = max(1, round(span / median_step(self.time)))
         if ahead not in self.known:
             jumps = np.concatenate([[0], np.cumsum(self.jumps)])
             begin = np.flatnonzero(jumps[ahead:] == jumps[:-ahead])
@@ -258,7 +258,7 @@ def _longest_chain(steps: _Steps, first: Array, last: Array) -> set[int]:
     score = (last - first + 1).astype(float)
     score[score < _FEWEST] = -np.inf
     best, before, ahead = score.copy(), np.full(count, -1), score.copy()
-    step = float(np.median(np.diff(steps.time)))
+    step = median_step(steps.time)
     for i in range(count - 2, -1, -1):
         for j in range(i + 1, min(count, i + _BACK)):
             if score[i] + ahead[j] > ahead[i] and _continues(steps, last[i], first[j], long=False):

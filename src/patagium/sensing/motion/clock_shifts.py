@@ -19,7 +19,7 @@ from scipy.optimize import minimize, minimize_scalar
 from scipy.spatial.transform import Rotation, Slerp
 
 from patagium.arguments import checked
-from patagium.arrays import Array
+from patagium.arrays import Array, median_step
 from patagium.errors import LogError, ParameterError, positive
 from patagium.robot import Robot
 from patagium.robot.attitude import without_flips
@@ -234,7 +234,7 @@ def _track(robot: Robot, stream: Stream) -> _Track | None:
     """
     model, base = stream.model, floating_base(robot)
     begin, end = stream.time[0], stream.time[-1]
-    median = float(np.median(np.diff(stream.time)))
+    median = median_step(stream.time)
     if end - begin > _SPARSE * median * len(stream.time):
         raise LogError(
             f"{stream.name}: expected samples without long gaps, found {end - begin:g} s"

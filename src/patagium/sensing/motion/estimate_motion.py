@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from patagium.arguments import checked
-from patagium.arrays import Array, Bools, real_array
+from patagium.arrays import Array, Bools, median_step, real_array
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot
 from patagium.robot.files import robot_attributes
@@ -237,7 +237,7 @@ def _extent(samples: Sequence[Samples], wanted: Array) -> tuple[float, float]:
         for one in samples
     ]
     first, last = min(float(t[0]) for t in times), max(float(t[-1]) for t in times)
-    step = max(float(np.median(np.diff(t))) for t in times)
+    step = max(median_step(t) for t in times)
     begin = first if wanted[0] >= first else max(float(wanted[0]), first - 2 * step)
     return begin, last if wanted[-1] <= last else min(float(wanted[-1]), last + 2 * step)
 

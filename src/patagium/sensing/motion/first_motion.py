@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 from scipy.special import softmax
 
-from patagium.arrays import Array, Indices
+from patagium.arrays import Array, Indices, median_step
 from patagium.robot import Robot
 from patagium.sensing.motion.frame_model import floating_base
 from patagium.sensing.motion.sensor_streams import (
@@ -191,7 +191,7 @@ class _Spectrum:
 
         Values are brought to equal steps by a cubic spline, noise as if it had them.
         """
-        step = float(np.median(np.diff(time)))
+        step = median_step(time)
         ends = np.flatnonzero(np.diff(time) > 2.5 * step) + 1
         wholes = []
         for a, b in zip([0, *ends.tolist()], [*ends.tolist(), len(time)], strict=True):

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from patagium.arrays import Array, Bools, count_noise
+from patagium.arrays import Array, Bools, count_noise, median_step
 from patagium.robot import Robot
 from patagium.robot.attitude import without_flips
 from patagium.sensing.motion.banded import SEEN, Information, Knots
@@ -186,7 +186,7 @@ def _learn_part(
         right[0] += _PRIOR_COUNT * float(np.mean(stated / base))
     factor, jitter = right[0] / normal[0, 0], 0.0
     determinant = normal[0, 0] * normal[1, 1] - normal[0, 1] ** 2
-    step = float(np.median(np.diff(one.stream.time)))
+    step = median_step(one.stream.time)
     moves = step**2 * rate[valid].mean() > _STILL**2 * base.mean()
     if moves and determinant > 0.05 * normal[0, 0] * normal[1, 1]:
         both = np.array([normal[1, 1], -normal[0, 1]]) @ right / determinant
@@ -248,7 +248,7 @@ class MotionFit:
 
     def run(self, guess: FirstMotion) -> None:
         """Fit the motion."""
-        shortest = min(float(np.median(np.diff(s.stream.time))) for s in self.samples)
+        shortest = min(median_step(s.stream.time) for s in self.samples)
         self.density = guess.density(self.columns, self.order)
         first = shortest if self.biases else _FIRST_STEP * shortest
         self._place(lambda times: guess.at(times, self.columns), first)

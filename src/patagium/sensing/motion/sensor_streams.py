@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 from scipy.spatial.transform import Rotation
 
-from patagium.arrays import Array, Bools, Indices
+from patagium.arrays import Array, Bools, Indices, median_step, stored
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot
 from patagium.sensing.motion.frame_model import FrameModel
@@ -276,7 +276,7 @@ def streams_of(log: SensorLog, robot: Robot, shifts: Mapping[str, float]) -> lis
     found = []
     for name, model in measurement_models(log.sensors, robot).items():
         reading = log[name]
-        stamps = np.asarray(reading["time"].values, float)
+        stamps = stored(reading, "time")
         kept = _advancing(stamps)
         if len(kept) < max(2, 0.5 * len(stamps)):
             raise LogError(f"{name}: expected stamps that advance, found {len(kept)} that do")
@@ -293,7 +293,7 @@ def streams_of(log: SensorLog, robot: Robot, shifts: Mapping[str, float]) -> lis
 
 def _check_rate(name: str, stamps: Array, rate: float) -> None:
     """Refuse stamps whose steps are far from those of the sensor, as another unit makes them."""
-    step = float(np.median(np.diff(stamps)))
+    step = median_step(stamps)
     if 0.1 < step * rate < 10.0:
         return
     units = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
@@ -318,7 +318,7 @@ def common_times(streams: Sequence[Stream]) -> Array:
     """
     begin = max(s.time[0] for s in streams)
     end = min(s.time[-1] for s in streams)
-    fastest = min(streams, key=lambda s: float(np.median(np.diff(s.time))))
+    fastest = min(streams, key=lambda s: median_step(s.time))
     chosen = fastest.time[(fastest.time >= begin - 1e-9) & (fastest.time <= end + 1e-9)]
     if len(chosen) < 2:
         raise LogError(f"log: expected sensors with time in common, found {begin:g} to {end:g} s")

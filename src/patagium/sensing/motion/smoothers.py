@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arrays import Array, Indices, real_array, rising
+from patagium.arrays import Array, Indices, median_step, real_array, rising
 from patagium.errors import LogError, ParameterError, ShapeError
 
 MOTION_ORDERS = (3, 4, 5)
@@ -77,7 +77,7 @@ def smooth_chain(time: Array, values: Array, std: Array, density: Array, order: 
         order: Number m of levels.
     """
     measured = time[np.isfinite(values).any(axis=1)]
-    unit = float(np.median(np.diff(measured)))  # time in steps: entries of like size
+    unit = median_step(measured)  # time in steps: entries of like size
     run = _Pass(time / unit, values, std**2, density * unit ** (2 * order - 1), order)
     run.forwards()
     state, covariance = run.backwards()
@@ -100,7 +100,7 @@ def likely_density(time: Array, values: Array, std: Array, order: int) -> Array:
         Density of each coordinate, (B,) [unit^2/s^(2m-1)].
     """
     noise, count = std**2, values.shape[1]
-    unit = float(np.median(np.diff(time)))
+    unit = median_step(time)
     best = np.log10(noise.mean(axis=0)) - (2 * order - 1) * np.log10(unit)
     for reach in _REACHES:
         exponents = best + np.linspace(*reach)[:, None]

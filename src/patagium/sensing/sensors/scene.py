@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicHermiteSpline, make_interp_spline
 
-from patagium.arrays import Array
+from patagium.arrays import Array, median_step, stored
 from patagium.dynamics.kinematics import body_poses
 from patagium.dynamics.rnea import body_accelerations
 from patagium.errors import FlightError
@@ -53,7 +53,7 @@ class Scene:
 
     def __init__(self, flight: xr.Dataset, robot: Robot | None = None) -> None:
         self.flight, self.robot = flight, robot or robot_of(flight)
-        self.time = np.asarray(flight["time"].values, float)
+        self.time = stored(flight, "time")
         if len(self.time) < 4:
             raise FlightError(f"flight: expected at least 4 samples, found {len(self.time)}")
         q, v, a = (self.values(name) for name in ("q", "v", "a"))
@@ -155,7 +155,7 @@ def low_pass(time: Array, values: Array, bandwidth: float) -> Array:
     """
     from scipy.signal import lfilter  # slow to load and rarely needed
 
-    step = float(np.median(np.diff(time)))
+    step = median_step(time)
     reach = 2 * np.pi * bandwidth * step
     kept = np.exp(-reach)
     share = (1 - kept) / reach

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
-from patagium.arrays import Array
+from patagium.arrays import Array, median_step
 from patagium.sensing.logs.importing.findings import GRAVITY, Finding
 from patagium.sensing.sensors import from_quaternion
 
@@ -143,7 +143,7 @@ def _off_plane(vectors: Array, ahead: Array) -> tuple[float, float]:
 
 def _wingbeat(time: Array, turns: Rotation) -> Array:
     """Angular velocity in body axes less its mean over a quarter of a second, (k, 3) [rad/s]."""
-    fine = max(1, round(_FINE / float(np.median(np.diff(time)))))
+    fine = max(1, round(_FINE / median_step(time)))
     ends, at = turns[::fine], time[::fine]
     rate = (ends[:-1].inv() * ends[1:]).as_rotvec() / np.diff(at)[:, None]
     whole = rate[: len(rate) // _BEAT * _BEAT].reshape(-1, _BEAT, 3)

@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from patagium.arrays import Array
+from patagium.arrays import Array, median_step
 from patagium.robot import Robot
 from patagium.sensing.logs.axes import continuous, slerp, turning_rate
 from patagium.sensing.logs.importing.attitude_order import OTHER_ORDER, order_findings
@@ -350,7 +350,7 @@ def _seen_by(camera: Stream, unit: Stream) -> list[Finding]:
     attitude = slerp(frames, continuous(seen), time)
     force, rate = rows[:, :3] @ own.mount.T, rows[:, 3:] @ own.mount.T
     names = f"{camera.name} and {unit.name}"
-    span = max(1, round(_SPAN / float(np.median(np.diff(time)))))
+    span = max(1, round(_SPAN / median_step(time)))
     mean = from_quaternion(attitude).apply(force).mean(axis=0)
     carried = _LEAST * GRAVITY < np.linalg.norm(mean) < GRAVITY / _LEAST
     found = _agreement(names, [(time, [attitude, rate])], span, turning=True)
