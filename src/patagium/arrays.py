@@ -65,7 +65,7 @@ def rising(times: Any) -> Array:
     stamps = real_array("time", times).ravel()
     for k in np.flatnonzero(~((np.diff(stamps) > 0) & np.isfinite(stamps[1:]))):
         found = f"{stamps[k + 1]:.9g} s after {stamps[k]:.9g} s at sample {k + 1}"
-        raise LogError(f"time: expected to advance, found {found}")
+        raise LogError("time", "to advance", found)
     return stamps
 
 

@@ -11,7 +11,7 @@ import errno
 import os
 import shlex
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from difflib import get_close_matches
 from enum import IntEnum
 from math import isfinite
@@ -42,7 +42,17 @@ __all__ = [
 
 
 class PatagiumError(Exception):
-    """Root of everything patagium raises on purpose."""
+    """Root of everything patagium raises on purpose.
+
+    Args:
+        name: What is wrong; the whole message where nothing else is given.
+        expected: What it may be, in words.
+        found: What it is.
+    """
+
+    def __init__(self, name: object = "", expected: object = None, found: object = "") -> None:
+        told = "" if expected is None else f": expected {expected}, found {found}"
+        super().__init__(f"{name}{told}")
 
     def __reduce__(self) -> Any:
         """Words and evidence for `pickle`, by which pools of processes send what was raised."""
@@ -60,7 +70,7 @@ class ShapeError(PatagiumError, ValueError):
 
     def __init__(self, name: str, expected: object, found: object) -> None:
         word = "" if str(expected)[0].isalpha() else "shape "
-        super().__init__(f"{name}: expected {word}{expected}, found {found}")
+        super().__init__(name, f"{word}{expected}", found)
         self.name, self.expected, self.found = name, expected, found
 
 
@@ -76,7 +86,7 @@ class ParameterError(PatagiumError, ValueError):
 
     def __init__(self, name: str, expected: str, found: object, known: Iterable[str] = ()) -> None:
         seen = "nothing" if found is None else shown(plain(found), 400) + similar(found, known)
-        super().__init__(f"{name}: expected {expected}, found {seen}")
+        super().__init__(name, expected, seen)
         self.name, self.expected, self.found = name, expected, found
 
 
@@ -244,10 +254,9 @@ class Unreadable(LogError):
         found: What it is.
     """
 
-    def __init__(self, file: str, where: str, expected: str, found: str) -> None:
-        place = f"{file}: {where}" if where else file
-        super().__init__(f"{place}: expected {expected}, found {found}")
-        self.file, self.where, self.expected, self.found = file, where, expected, found
+    def __init__(self, file: object, where: str, expected: str, found: str) -> None:
+        super().__init__(f"{file}: {where}" if where else file, expected, found)
+        self.file, self.where, self.expected, self.found = str(file), where, expected, found
 
 
 class FlightError(PatagiumError, ValueError):
@@ -392,6 +401,30 @@ def not_negative(record: object, *names: str) -> None:
     for name in names:
         if not getattr(record, name) >= 0:
             raise ParameterError(name, "zero or more", getattr(record, name))
+
+
+def check_names(
+    what: str,
+    given: Iterable[Any],
+    known: Collection[str],
+    words: str = "one of",
+    near: bool = False,
+) -> None:
+    """Refuse names of which one is not known.
+
+    Args:
+        what: The argument.
+        given: Names.
+        known: Names that are.
+        words: Words before these in the message.
+        near: Whether a similar one is suggested.
+
+    Raises:
+        ParameterError: If there is such a name.
+    """
+    for name in given:
+        if name not in known:
+            raise ParameterError(what, f"{words} {', '.join(known)}", name, [*known] * near)
 
 
 suggest_names(__name__)

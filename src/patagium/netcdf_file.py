@@ -238,10 +238,10 @@ def loaded_dataset(
             most = min(_GROWTH * file.stat().st_size + _SPARE, free_memory() // 2)
             if opened.nbytes > most:
                 found = f"{in_bytes(opened.nbytes)}; cut it, as with ncks -d time,0,1000000"
-                raise Unreadable(str(path), "", f"at most {in_bytes(most)}", found)
+                raise Unreadable(path, "", f"at most {in_bytes(most)}", found)
             for name, one in opened.variables.items():
                 if one.dtype.kind in "cMmV":
-                    raise Unreadable(str(path), str(name), "real numbers or names", f"{one.dtype}")
+                    raise Unreadable(path, str(name), "real numbers or names", f"{one.dtype}")
             dataset = opened.load()
     names = _texts(dataset)
     dataset = dataset.assign({name: one.astype(str) for name, one in names.items()})
@@ -284,7 +284,7 @@ def _compare_checksum(file: Path, inode: int, size: int, changed: int) -> None:
         stream.seek(0)
         if kept.startswith(_MARK) and kept != _checksum_line(stream, content):
             found = "others: it is damaged, so take it from a copy or make it anew"
-            raise Unreadable(str(file), "", "the bytes that were written", found)
+            raise Unreadable(file, "", "the bytes that were written", found)
 
 
 def _checksum_line(stream: BinaryIO, size: int) -> bytes:

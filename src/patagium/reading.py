@@ -53,13 +53,13 @@ def regular_file(path: str | Path, most: int | None = None) -> Path:
                 alike = {one.stem: one.name for one in near_by if one.suffix == file.suffix}
                 near = similar(file.stem, alike)
             reason = f"no such file{near}"
-        raise Unreadable(str(path), "", "a file that can be read", reason) from None
+        raise Unreadable(path, "", "a file that can be read", reason) from None
     if not stat.S_ISREG(found.st_mode):
         kind = "a folder" if stat.S_ISDIR(found.st_mode) else "a pipe or device"
-        raise Unreadable(str(path), "", "a regular file", f"{kind}; write it to a file first")
+        raise Unreadable(path, "", "a regular file", f"{kind}; write it to a file first")
     if most is not None and found.st_size > most:
         size = f"{found.st_size} bytes"
-        raise Unreadable(str(path), "", f"at most {most} bytes", size)
+        raise Unreadable(path, "", f"at most {most} bytes", size)
     return file
 
 
@@ -78,7 +78,7 @@ def check_room(path: Path, size: int, what: str = "") -> None:
     if size > most:
         expected = f"at most {in_bytes(most)} at once, a quarter of the free memory"
         remedy = "save it in parts, or as CSV or Parquet, which are read block by block"
-        raise Unreadable(str(path), what, expected, f"{in_bytes(size)}; {remedy}")
+        raise Unreadable(path, what, expected, f"{in_bytes(size)}; {remedy}")
 
 
 def expanded(path: Path, stream: Any, content: bytes | memoryview, before: int = 0) -> bytes:
@@ -99,7 +99,7 @@ def expanded(path: Path, stream: Any, content: bytes | memoryview, before: int =
         parts.append(stream.decompress(rest, _PIECE))
         rest = getattr(stream, "unconsumed_tail", b"")
         if not parts[-1] and not stream.eof:
-            raise Unreadable(str(path), "", "a compressed part with its end", "one that is cut off")
+            raise Unreadable(path, "", "a compressed part with its end", "one that is cut off")
         size += len(parts[-1])
         check_room(path, size, "compressed parts")
     return b"".join(parts)
@@ -118,7 +118,7 @@ def bytes_of(path: str | Path, most: int) -> bytes:
     try:
         return regular_file(path, most).read_bytes()
     except OSError as problem:
-        raise Unreadable(str(path), "", "a file that can be read", str(problem.strerror)) from None
+        raise Unreadable(path, "", "a file that can be read", str(problem.strerror)) from None
 
 
 def text_of(path: str | Path, most: int) -> str:
@@ -135,7 +135,7 @@ def text_of(path: str | Path, most: int) -> str:
         return bytes_of(path, most).decode("utf-8-sig")
     except UnicodeDecodeError as problem:
         where = f"byte {problem.start}"
-        raise Unreadable(str(path), where, "text in UTF-8", "other bytes") from None
+        raise Unreadable(path, where, "text in UTF-8", "other bytes") from None
 
 
 def parsed_json(text: str | bytes, name: str) -> Any:

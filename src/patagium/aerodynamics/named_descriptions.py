@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, check_names
 
 _Kind = TypeVar("_Kind")
 
@@ -67,6 +67,5 @@ def from_named_description(
     by_name = {kind.name: kind for kind in kinds}
     values = dict(description)
     name = values.pop("name", None)
-    if name not in by_name:
-        raise ParameterError(what, f"one of {', '.join(by_name)}", name)
+    check_names(what, [name], by_name)
     return from_field_values(f"{what} {name}", by_name[name], values)

@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 
 from patagium.aerodynamics.polars import Polar
 from patagium.aerodynamics.sections import StripSection
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, check_names
 from patagium.robot.model import Robot
 
 _Kind = TypeVar("_Kind", Polar, StripSection)
@@ -77,9 +77,7 @@ def wings_of(name: str, given: Mapping[str, Any], robot: Robot) -> dict[str, str
     wings = robot.wing_names
     originals = {image: wing for wing, image in robot.mirrored_wings}
     found = {wing: wing if wing in given else originals.get(wing, wing) for wing in wings}
-    for wing in given:
-        if wing not in wings:
-            raise ParameterError(f"{name} by wing", f"names of {', '.join(wings)}", wing, wings)
+    check_names(f"{name} by wing", given, wings, "names of", near=True)
     for wing, own in found.items():
         if own not in given:
             expected = "one: where wings have their own, each needs one, mirror images aside"

@@ -73,13 +73,13 @@ def read_polar(path: str | Path) -> PolarTable:
     firsts = [k for k, names in enumerate(headers) if {*_COLUMNS[:3]} <= {*names}]
     if len(firsts) != 1:
         expected = "one header that names the columns alpha, CL and CD"
-        raise Unreadable(str(path), "", expected, str(len(firsts) or "none"))
+        raise Unreadable(path, "", expected, str(len(firsts) or "none"))
     first, header, names = firsts[0], lines[firsts[0]], headers[firsts[0]]
     most, unit = len(_cells(header, header)) if {*";,"} & {*header} else None, names["alpha"][1]
     wanted = [names[name][0] for name in _COLUMNS if name in names]
     flow = [names[name][0] for name in names if name == "re" or name.startswith("reynolds")]
     if unit[:3] not in ("", "deg", "rad", "°"):
-        raise Unreadable(str(path), "alpha", "angles in [deg] or [rad]", unit)
+        raise Unreadable(path, "alpha", "angles in [deg] or [rad]", unit)
     rows, flows = [], list[float]()
     for number, line in enumerate(lines[first + 1 :], first + 2):
         cells = _cells(line, header)
@@ -88,23 +88,23 @@ def read_polar(path: str | Path) -> PolarTable:
             continue  # rules below a header, remarks, and points that were not found
         if most and any(cells[most:]):
             found = f"{len(cells)}; apart by semicolons, or in quotes, numbers may have commas"
-            raise Unreadable(str(path), f"line {number}", f"{most} cells", found)
+            raise Unreadable(path, f"line {number}", f"{most} cells", found)
         rows.append(numbers)
         flows += [_number(cells, place) for place in flow]
     known = np.unique(np.array(flows)[np.isfinite(flows)])
     if known.size and np.ptp(known) > 1e-6 * known.max():
         remedy = f"{', '.join(f'{one:g}' for one in known)}; keep the rows of one"
-        raise Unreadable(str(path), "Re", "one Reynolds number", remedy)
+        raise Unreadable(path, "Re", "one Reynolds number", remedy)
     table = np.array(rows).reshape(len(rows), len(wanted))
     _, kept = np.unique(table[:, 0], return_index=True)
     if len(kept) < 2:
-        raise Unreadable(str(path), "", "two or more rows of numbers", f"{len(kept)}")
+        raise Unreadable(path, "", "two or more rows of numbers", f"{len(kept)}")
     angle, lift, drag, *moment = table[kept].T
     with np.errstate(over="ignore"):  # the polar refuses what is too large
         rise, span = np.ptp(lift), np.ptp(angle)
     if not unit and rise > _STEEP * span:
         rises = f"C_L {rise:.3g} higher in {span:.3g} degrees"
-        raise Unreadable(str(path), "alpha", "degrees, or a column alpha [rad]", rises)
+        raise Unreadable(path, "alpha", "degrees, or a column alpha [rad]", rises)
     table = table[kept]
     table[:, 0] = angle if unit[:3] == "rad" else np.radians(angle)
     angle, lift, drag, *moment = _within(table, str(path)).T

@@ -20,7 +20,7 @@ from patagium.aerodynamics.description import aero_from_description, innermost
 from patagium.aerodynamics.gusts import Gust, triple
 from patagium.arguments import check_fields, checked
 from patagium.arrays import Array
-from patagium.errors import ParameterError, finite, positive
+from patagium.errors import ParameterError, check_names, finite, positive
 from patagium.robot import Robot
 from patagium.robot.model import Body, Strip
 from patagium.robot.review import mass_beside_strips
@@ -209,9 +209,8 @@ class PolarEvent(Event):
         described = aero.describe()
         inner = innermost(described)
         known = _numbers_of(inner.get("polar") or inner.get("section") or inner)
+        check_names("factors", self.factors, known, near=True)
         for name, factor in self.factors.items():
-            if name not in known:
-                raise ParameterError("factors", f"one of {', '.join(known)}", name, [*known])
             part, key = known[name]
             part[key] *= factor
         return robot, aero_from_description(robot, described)
@@ -303,8 +302,7 @@ def without_tip(robot: Robot, wing: str, share: float) -> Robot:
         ParameterError: If there is no such wing, or the share is not within its range.
     """
     wings = robot.wing_names
-    if wing not in wings:
-        raise ParameterError("wing", f"one of {', '.join(wings)}", wing, wings)
+    check_names("wing", [wing], wings, near=True)
     if not 0 < finite("share", share) <= 1:
         raise ParameterError("share", "above 0, up to 1", share)
     strips = [strip for strip in robot.strips if strip.wing == wing]

@@ -33,7 +33,7 @@ from patagium.control.gait_family import fourier_series, gait_family
 from patagium.control.orbit import check_attitude
 from patagium.control.quadratic_program import ProgramStatus, QuadraticProgram
 from patagium.control.wingbeat import FlightMap, PrescribedRows
-from patagium.errors import ParameterError, ShapeError, positive
+from patagium.errors import ParameterError, ShapeError, check_names, positive
 from patagium.robot import Robot
 from patagium.simulation.gait_models import Gait
 from patagium.simulation.mounts import Mount
@@ -715,8 +715,7 @@ class OrbitController:
 
     def _state(self, name: str) -> int:
         names = [self.model.names[k] for k in self.model.kept]
-        if name not in names:
-            raise ParameterError("state", f"one of {', '.join(names)}", name)
+        check_names("state", [name], names)
         return names.index(name)
 
     def _weights(self, tolerable: Mapping[str, float]) -> Array:

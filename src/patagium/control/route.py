@@ -10,7 +10,7 @@ import numpy as np
 from patagium.arguments import checked
 from patagium.control.orbit import Orbit
 from patagium.control.predictive import OrbitController, OuterController, begins
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, check_names
 from patagium.robot import Robot
 from patagium.simulation.gait_models import Gait
 from patagium.simulation.mounts import Mount
@@ -59,9 +59,7 @@ class Route(OuterController):
         if not model.flies(orbit.family.base):
             expected = "an orbit found with the gait of the first one (trim(gait=orbit.gait))"
             raise ParameterError(name, expected, orbit)
-        for free in orbit.parameters:
-            if free not in model.commands:
-                raise ParameterError(f"{name}: free", f"of {', '.join(model.commands)}", free)
+        check_names(f"{name}: free", orbit.parameters, model.commands, "of")
         return orbit.parameters
 
     def restart(self) -> None:

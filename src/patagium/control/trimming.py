@@ -32,7 +32,7 @@ from patagium.control.gait_family import (
 from patagium.control.orbit import Frame, NoOrbit, Orbit, check_attitude
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.dynamics.equations import mass_matrix
-from patagium.errors import ParameterError, positive
+from patagium.errors import ParameterError, check_names, positive
 from patagium.robot import Robot
 from patagium.robot.model import COMMANDS, FLOATING_COORDINATES
 from patagium.robot.units import as_read
@@ -163,8 +163,7 @@ class OrbitSearch:
             self._commands += [(name, actuator, kind, place) for place in places]
         sizes = dict(zip(names, state_sizes(names) if tolerable else self._scale, strict=True))
         for name, value in tolerable.items():
-            if name not in sizes:
-                raise ParameterError("tolerable", f"one of {', '.join(sizes)}", name, tuple(sizes))
+            check_names("tolerable", [name], sizes, near=True)
             sizes[name] = positive(f"tolerable: {name}", value)
         self._size = np.array([sizes[name] for name in self.frame.names])
         self._pitch = [k for k, name in enumerate(names) if name == "pitch"]

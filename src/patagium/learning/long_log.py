@@ -156,7 +156,7 @@ class _LongRun:
             LogError: If the log holds no samples.
         """
         if self.final is None:
-            raise LogError(f"{self.record.path}: expected samples to learn from, found none")
+            raise LogError(self.record.path, "samples to learn from", "none")
         run, record = self.final
         scores = {
             "samples": self.record.count,

@@ -257,12 +257,12 @@ def load_model(path: str | Path) -> Model:
     kind = kind_of(file)
     if kind and not kind.startswith("a learned model"):
         expected = "a model (.json) such as patagium identify writes"
-        raise LogError(f"{file}: expected {expected}, found {kind}")
+        raise LogError(file, expected, kind)
     words = json_object(text_of(file, free_memory() // 8), str(file))
     found = words.get("format")
     if found != FORMAT:
         found = shown(found)
-        raise LogError(f"{file}: expected a file of format {FORMAT!r}, found {found}")
+        raise LogError(file, f"a file of format {FORMAT!r}", found)
     with made_again(f"{file}: the model"):
         return _model(words)
 

@@ -91,7 +91,7 @@ def samples(
         time, state, force = training_data(flight, machine, with_added_mass=terms.added_mass)
         acceleration = recorded(flight, "a", machine) if terms.acceleration else None
     if len(time) < 2:
-        raise LogError(f"flight: expected two samples at least, found {len(time)}; fly longer")
+        raise LogError("flight", "two samples at least", f"{len(time)}; fly longer")
     x = state if inputs is None else state[:, state_columns(machine, inputs)]
     change = wind_change(flight, network)
     x = x if change is None else relative_to_wind(x, change, machine, inputs)

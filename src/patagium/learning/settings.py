@@ -14,7 +14,7 @@ from math import inf, isfinite
 from textwrap import fill
 from typing import Any, Literal, NamedTuple, TypeAlias
 
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import ParameterError, ShapeError, check_names
 
 FILTERS = ("cubature", "extended")
 """Learners whose weights a filter moves."""
@@ -461,11 +461,7 @@ class FilterSettings(_Checked):
             ParameterError: If a name is unknown or a value out of range.
         """
         known = {one.name: one for one in fields(cls)}
-        for name in description:
-            if name not in known:
-                raise ParameterError(
-                    "settings", f"names among {', '.join(known)}", name, list(known)
-                )
+        check_names("settings", description, known, "names among", near=True)
         made = {name: _made(known[name], value) for name, value in description.items()}
         return cls(**made)
 
@@ -526,11 +522,7 @@ def chosen_settings(
         ParameterError: If a name is unknown to the learner or a value out of range.
     """
     known = [one.name for one in settings_of(learner)]
-    for name in given:
-        if name not in known:
-            raise ParameterError(
-                f"{learner} learner", f"settings among {', '.join(known)}", name, list(known)
-            )
+    check_names(f"{learner} learner", given, known, "settings among", near=True)
     own = FilterSettings() if settings is None else settings
     if type(own) is not FilterSettings:
         raise ParameterError("settings", "FilterSettings(...) or None", own)

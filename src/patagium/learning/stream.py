@@ -550,8 +550,7 @@ def checked_samples(
     bad = np.argwhere(~np.isfinite(inputs))
     if len(bad):
         raise LogError(
-            f"x: expected finite numbers, found {len(bad)} that are not, the "
-            f"first in sample {int(bad[0][0])}"
+            "x", "finite numbers", f"{len(bad)} that are not, the first in sample {int(bad[0][0])}"
         )
     rising(stamps)
     known = {(len(stamps), n) for n in (measured_inputs(network), network.inputs)}

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from patagium.arguments import checked
 from patagium.arrays import Array, Bools, real_array
 from patagium.control.lqr import LinearRegulator
-from patagium.errors import CompilerError, LogError, ParameterError
+from patagium.errors import CompilerError, LogError, ParameterError, check_names
 from patagium.live.pipeline import Pipeline, Records
 from patagium.native import load_kernel
 from patagium.native.structs import AUTOPILOT, MOTION_TRACK, REGULATOR
@@ -269,8 +269,7 @@ class Autopilot:
         row[0], row[1:] = time, np.nan
         given = dict(samples) if forces is None else {**samples, "forces": forces}
         for name, values in given.items():
-            if name not in self.places:
-                raise ParameterError("samples", f"those of {', '.join(self.places)}", name)
+            check_names("samples", [name], self.places, "those of")
             place = self.places[name]
             part = real_array(name, values, row[place].shape)
             row[place] = part
@@ -307,7 +306,7 @@ def _check(
 ) -> None:
     """Refuse parts that do not go together."""
     if not tracker.started:
-        raise LogError("tracker: expected samples pushed to it until it starts, found too few")
+        raise LogError("tracker", "samples pushed to it until it starts", "too few")
     if every < 1:
         raise ParameterError("every", "a number of ticks, 1 or more", every)
     robots = [one.robot for one in (tracker, regulator.model, pipeline) if one is not None]

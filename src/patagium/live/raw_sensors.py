@@ -166,7 +166,7 @@ class MotionPackets:
         kinds = Encoder, Imu, MotionCapture
         self._seeing = [n for n, s in self._sensors.items() if isinstance(s, kinds)]
         if not self._seeing:
-            raise LogError("sensors: expected encoders, inertial units or cameras, found none")
+            raise LogError("sensors", "encoders, inertial units or cameras", "none")
         self._fastest = max(self._seeing, key=lambda name: self._sensors[name].rate)
         said = [f"{n} ({type(s).__name__}, {s.rate:g} Hz)" for n, s in self._sensors.items()]
         self.notes = [f"Raw sensors: {', '.join(said)}"]
@@ -335,7 +335,7 @@ class MotionPackets:
         for label in self._seeing:
             samples = [(stamp, row) for stamp, name, row in self._waiting if name == label]
             if len(samples) < 2:
-                raise LogError(f"{label}: expected samples in the first second, found none")
+                raise LogError(label, "samples in the first second", "none")
             parts = channels(self._robot, self._sensors[label])
             cuts = np.cumsum([len(one) for one in parts.values()])[:-1]
             blocks = np.split(np.array([row for _, row in samples]), cuts, axis=1)

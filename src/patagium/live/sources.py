@@ -83,11 +83,11 @@ class PacketQueue:
         """
         if self.motion is None:
             if self._robot is None or self.intake.received:
-                raise LogError("sensors: expected raw rows from the first, found other packets")
+                raise LogError("sensors", "raw rows from the first", "other packets")
             self.motion = MotionPackets(self._robot, text)
             self.intake.raw = self.motion.counts
         if text != self.motion.text:
-            raise LogError("sensors: expected those described at first, found others")
+            raise LogError("sensors", "those described at first", "others")
         return self.motion.columns
 
     @property
@@ -386,7 +386,7 @@ def source_of(
         return TextSource(columns)
     path = Path(words)
     if path.is_fifo():
-        raise LogError(f"{path}: expected a file, found a pipe; give - and pipe it to the program")
+        raise LogError(path, "a file", "a pipe; give - and pipe it to the program")
     regular_file(path)
     if is_log(path):
         with LogRecord(path) as record:
@@ -409,7 +409,7 @@ def refuse_other_kinds(path: Path) -> None:
         expected = "text of packets, an imported log or a sensor log"
         remedy = f"a flight is sent: patagium send {path} udp://127.0.0.1:9000, to patagium stream "
         remedy += "udp://127.0.0.1:9000 --robot ROBOT"
-        raise LogError(f"{path}: expected {expected}, found {other}; {remedy}")
+        raise LogError(path, expected, f"{other}; {remedy}")
 
 
 def address_of(words: str) -> tuple[str, int]:

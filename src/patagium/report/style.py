@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.arrays import Array, find_gaps
-from patagium.errors import ParameterError, ShapeError
+from patagium.errors import ShapeError, check_names
 from patagium.report.page import SMALLEST_LETTERS
 
 if TYPE_CHECKING:
@@ -85,8 +85,7 @@ def figures_for(where: str) -> Iterator[None]:
     Raises:
         ParameterError: If it is none.
     """
-    if where not in LOOKS:
-        raise ParameterError("look", f"one of {', '.join(LOOKS)}", where)
+    check_names("look", [where], LOOKS)
     before = _look.set(LOOKS[where])
     try:
         yield

@@ -330,7 +330,7 @@ def robot_of(flight: xr.Dataset, name: str = "flight", late: bool = False) -> Ro
             return robot
     except (LogError, ParameterError) as problem:
         raise FlightError(f"{name}: time does not rise: {problem}") from None
-    raise FlightError(f"{name}: expected samples, found none")
+    raise FlightError(name, "samples", "none")
 
 
 def check_labels(flight: xr.Dataset, robot: Robot, name: str = "flight") -> None:
@@ -562,7 +562,7 @@ def load_flight(path: str | Path) -> xr.Dataset:
     flight = loaded_dataset(path, FlightError, "a flight such as patagium simulate writes")
     found = kind_of(path)
     if found and not found.startswith("a flight"):
-        raise FlightError(f"{path}: expected a simulated flight, found {found}")
+        raise FlightError(path, "a simulated flight", found)
     with netcdf_content(path, FlightError, "a whole flight"):
         for name in SINGLE:
             if name in flight and flight[name].dtype == np.float32:
@@ -607,4 +607,4 @@ def _check_contents(flight: xr.Dataset, name: str, robot: Robot) -> None:
             (np.dtype(float), variable.dtype),
         ):
             if found != expected:
-                raise FlightError(f"{name}: {quantity}: expected {expected}, found {found}")
+                raise FlightError(f"{name}: {quantity}", expected, found)

@@ -325,7 +325,7 @@ def read_gait_table(
         fastest = max(np.abs(x).max() for x in positions.values()) / np.diff(time).min() ** 2
         extreme = max(fastest, time[-1] - time[0])
     if not extreme < LARGEST:
-        raise LogError(f"{path.name}: expected numbers below {LARGEST:g}, found {extreme:g}")
+        raise LogError(path.name, f"numbers below {LARGEST:g}", f"{extreme:g}")
     return time, {name: np.append(x[:-1], x[0]) for name, x in positions.items()}
 
 
@@ -362,7 +362,7 @@ def read_columns(path: Path, unit_of: Callable[[str], str]) -> tuple[Array, dict
     table: dict[str, Array] = {}
     for (name, unit), column in zip(header, np.array(rows).T, strict=True):
         if name in table:
-            raise LogError(f"{path.name}: expected column {name!r} once, found it twice")
+            raise LogError(path.name, f"column {name!r} once", "it twice")
         si = "s" if name == "time" else unit_of(name)
         if not unit:
             expected = f"expected its unit, as in '{name} [{si}]', found none"
@@ -373,7 +373,7 @@ def read_columns(path: Path, unit_of: Callable[[str], str]) -> tuple[Array, dict
             raise LogError(f"{path.name}: column {name!r}: {error}") from None
     if "time" not in table or len(table) < 2:
         found = ", ".join(table)
-        raise LogError(f"{path.name}: expected columns of time and what moves, found {found}")
+        raise LogError(path.name, "columns of time and what moves", found)
     return table.pop("time"), table
 
 
@@ -383,7 +383,7 @@ def _number(path: Path, row: int, cell: str) -> float:
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise LogError(f"{path.name}: row {row}: expected a finite number, found {cell!r}")
+        raise LogError(f"{path.name}: row {row}", "a finite number", f"{cell!r}")
     return value
 
 

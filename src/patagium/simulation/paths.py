@@ -260,7 +260,7 @@ def from_csv(path: str | File, *, closed: bool = False) -> SplinePath:
     def unit_of(name: str) -> str:
         if name not in FLOATING_COORDINATES:
             known = ", ".join(("time", *FLOATING_COORDINATES))
-            raise LogError(f"{file.name}: expected columns among {known}, found {name!r}")
+            raise LogError(file.name, f"columns among {known}", f"{name!r}")
         return "m" if name in "xyz" else "rad"
 
     time, table = read_columns(file, unit_of)

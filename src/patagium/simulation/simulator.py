@@ -22,7 +22,7 @@ from patagium.aerodynamics import AddedMass, Aerodynamics, Air, QuasiSteady
 from patagium.arguments import Progress, checked, of_kind
 from patagium.arrays import Array, brief, real_array
 from patagium.dynamics.dynamics import Dynamics
-from patagium.errors import Outcome, ParameterError, SimulationFailed, positive
+from patagium.errors import Outcome, ParameterError, SimulationFailed, check_names, positive
 from patagium.limits import MOST_STEPS
 from patagium.native import load_functions
 from patagium.robot import Robot
@@ -219,8 +219,7 @@ class FlightState:
 
 
 def _place(what: str, name: str, names: Sequence[str]) -> int:
-    if name not in names:
-        raise ParameterError(what, f"one of {', '.join(names)}", name)
+    check_names(what, [name], names)
     return names.index(name)
 
 

@@ -61,7 +61,7 @@ def topics_of(record: xr.Dataset) -> list[Topic]:
         if values.shape[1]:
             found.append(Topic(str(name), _units(record, variable, labels, known), labels, values))
     if not found:
-        raise LogError("file: expected quantities over time, found none")
+        raise LogError("file", "quantities over time", "none")
     return found
 
 
@@ -122,7 +122,7 @@ def export(record: xr.Dataset, path: str | Path) -> Path:
         expected = f"{name}: pip install 'patagium[{extra}]'"
         raise ParameterError("export", expected, None) from None
     if not record.sizes.get("time"):
-        raise LogError("file: expected samples, found none")
+        raise LogError("file", "samples", "none")
     record = record.transpose("time", ...)
     topics = topics_of(record)
     _check_clock(record["time"].to_numpy())
@@ -134,7 +134,7 @@ def export(record: xr.Dataset, path: str | Path) -> Path:
 def _check_clock(time: Array) -> None:
     """Refuse a record whose times are not finite, or whose clock was reset and mixes two parts."""
     if not np.isfinite(time).all():
-        raise LogError(f"file: expected times, found {time[~np.isfinite(time)][0]}")
+        raise LogError("file", "times", time[~np.isfinite(time)][0])
     back = np.maximum.accumulate(time) - time
     if back.max(initial=0.0) > _LATE:
         row = int((back > _LATE).argmax())

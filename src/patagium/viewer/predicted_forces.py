@@ -90,7 +90,7 @@ def _check_forces(flight: xr.Dataset, robot: Robot, result: Identification) -> N
     names = [str(name) for name in record["output"].values]
     if other := [name for name in names if name not in known]:
         expected = f"forces of coordinates of {robot.name}"
-        raise LogError(f"predictions: expected {expected}, found {', '.join(other)}")
+        raise LogError("predictions", expected, ", ".join(other))
     if {*result.scores.get("parameter_value", ())} & {*robot.parameter_names}:
         return  # the forces are those by other numbers of the robot
     columns = [robot.dof_names.index(name) for name in names]
@@ -99,7 +99,7 @@ def _check_forces(flight: xr.Dataset, robot: Robot, result: Identification) -> N
     own = (training_data(flight, robot, with_added_mass=carried)[2] for carried in (False, True))
     errors = (np.linalg.norm(np.nan_to_num(measured - one[:, columns])) for one in own)
     if all(error > most for error in errors):
-        raise LogError("predictions: expected those of this flight, found other measured forces")
+        raise LogError("predictions", "those of this flight", "other measured forces")
 
 
 def _from_identification(
@@ -112,7 +112,7 @@ def _from_identification(
     if found.shape != time.shape or not np.allclose(found, time, rtol=0, atol=1e-9):
         span = f"{time.size} samples over {time[-1] - time[0]:g} s"
         other = f"{found.size} samples over {found[-1] - found[0]:g} s"
-        raise LogError(f"predictions: expected those of this flight ({span}), found {other}")
+        raise LogError("predictions", f"those of this flight ({span})", other)
     _check_forces(flight, robot, result)
     names = tuple(str(name) for name in record["output"].values)
     values = stored(record, "prediction", "time", "output")[frames]

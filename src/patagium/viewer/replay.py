@@ -309,7 +309,7 @@ def _with_force(flight: xr.Dataset, robot: Robot) -> xr.Dataset:
     known = np.isfinite(force)
     whole = known[:, known.any(axis=0)].all(axis=1)
     if whole.sum() < 2:
-        raise FlightError("flight: expected two samples with motion and force, found fewer")
+        raise FlightError("flight", "two samples with motion and force", "fewer")
     return flight.assign(aero_force=(("time", "dof"), force)).isel(time=whole)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from patagium.arguments import checked
-from patagium.errors import LogError, ParameterError
+from patagium.errors import LogError, check_names
 from patagium.learning.learners.cubature import CubatureLearner
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.filter_learner import FilterLearner
@@ -114,8 +114,7 @@ def _of_kind(kind: str) -> type[FilterLearner]:
     Raises:
         ParameterError: If it is unknown.
     """
-    if kind not in LEARNERS:
-        raise ParameterError("learner", f"of kind {', '.join(LEARNERS)}", kind)
+    check_names("learner", [kind], LEARNERS, "of kind")
     return LEARNERS[kind]
 
 

@@ -78,7 +78,7 @@ def _sound(file: Path, content: bytes) -> bytes:
     if first != FORMAT.encode():
         other = "" if first.startswith(b"patagium learner") else kind_of(file)
         found = other or repr(first[:40].decode("ascii", errors="replace"))
-        raise LogError(f"{file}: expected a file of format {FORMAT!r}, found {found}")
+        raise LogError(file, f"a file of format {FORMAT!r}", found)
     digest, _, rest = content.partition(b"\n")
     if digest != hashlib.sha256(rest).hexdigest().encode():
         raise LogError(

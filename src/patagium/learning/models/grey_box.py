@@ -28,7 +28,7 @@ from patagium.aerodynamics.model import Aerodynamics, checked_air
 from patagium.arguments import checked
 from patagium.arrays import Array, Indices
 from patagium.dynamics.equations import inverse, kirchhoff_force
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, check_names
 from patagium.learning.models.dense import described
 from patagium.learning.models.linear_strip import strip_squares
 from patagium.learning.models.memory import LagEquations, MemoryState, memory_in, row_size
@@ -239,10 +239,7 @@ class GreyBox(Network):
         Raises:
             ParameterError: If a name is not learned.
         """
-        names = [parameter.name for parameter in self.parameters]
-        for name in wandering:
-            if name not in names:
-                raise ParameterError("wandering", f"one of {', '.join(names)}", name)
+        check_names("wandering", wandering, [one.name for one in self.parameters])
         return np.array([wandering.get(one.name, 0.0) / one.std for one in self.parameters])
 
     def air_at(self, weights: Array) -> tuple[Aerodynamics, AddedMass | None]:

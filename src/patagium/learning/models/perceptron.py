@@ -19,7 +19,7 @@ import numpy as np
 
 from patagium.arguments import checked
 from patagium.arrays import Array, Indices
-from patagium.errors import ParameterError, plain
+from patagium.errors import ParameterError, check_names, plain
 from patagium.learning.models.network import Encoding, Network
 from patagium.limits import WIDEST
 
@@ -62,8 +62,7 @@ class Perceptron:
         if len(widths) < 2 or any(not isinstance(w, int) or not 0 < w <= WIDEST for w in widths):
             expected = f"two or more positive integers of at most {WIDEST}"
             raise ParameterError("widths", expected, self.widths)
-        if self.activation not in ACTIVATIONS:
-            raise ParameterError("activation", f"one of {', '.join(ACTIVATIONS)}", self.activation)
+        check_names("activation", [self.activation], ACTIVATIONS)
         object.__setattr__(self, "widths", widths)
 
     @property

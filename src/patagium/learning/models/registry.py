@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from patagium.aerodynamics import Air
 from patagium.arguments import checked
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, check_names
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.models.grey_box import GreyBox
 from patagium.learning.models.linear_strip import LinearStripNetwork
@@ -43,8 +43,7 @@ def network_options(kind: str) -> tuple[str, ...]:
     Raises:
         ParameterError: If the kind is unknown.
     """
-    if kind not in _KINDS:
-        raise ParameterError("kind", f"one of {', '.join(_KINDS)}", kind)
+    check_names("kind", [kind], _KINDS)
     return tuple(getattr(_KINDS[kind], "options", ()))
 
 

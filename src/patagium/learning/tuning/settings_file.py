@@ -14,7 +14,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, StrictInt, ValidationError, model_validator
 
 from patagium.arguments import checked
-from patagium.errors import ParameterError
+from patagium.errors import check_names
 from patagium.learning.learners.registry import make_learner
 from patagium.learning.models.network import Network
 from patagium.learning.models.registry import network_options
@@ -63,8 +63,7 @@ class NetworkSettings(BaseModel):
     def _known(self) -> NetworkSettings:
         known = network_options(self.kind)
         for name in self.options:
-            if name not in known:
-                raise ParameterError(name, f"one of {', '.join(known)}", name, known)
+            check_names(name, [name], known, near=True)
         return self
 
 
@@ -85,8 +84,7 @@ class LearnerSettings(BaseModel):
     def _known(self) -> LearnerSettings:
         known = {one.name: one.metadata["meaning"] for one in settings_of(self.kind)}
         for name in self.values:
-            if name not in known:
-                raise ParameterError(name, f"one of {', '.join(known)}", name, list(known))
+            check_names(name, [name], known, near=True)
         settings_from(self.kind, self.values)
         return self
 

@@ -22,7 +22,7 @@ import xarray as xr
 
 from patagium.arguments import Progress, checked
 from patagium.arrays import brief, find_gaps
-from patagium.errors import LogError, ParameterError, ShapeError
+from patagium.errors import LogError, ParameterError, ShapeError, check_names
 from patagium.learning.learners.registry import LEARNERS, make_learner
 from patagium.learning.models.memory import measured_inputs
 from patagium.learning.models.network import Network
@@ -191,7 +191,7 @@ def _refuse_other_air(flights: Sequence[Flight]) -> None:
     for k, air in enumerate(airs):
         if (air.wind, air.density) != (airs[0].wind, airs[0].density):
             known, found = (f"{one.wind} m/s at {one.density:.4g} kg/m^3" for one in (airs[0], air))
-            raise LogError(f"flight {k + 1}: expected wind as in the first, {known}, found {found}")
+            raise LogError(f"flight {k + 1}", f"wind as in the first, {known}", found)
 
 
 def _several(name: str, given: Any) -> tuple[Any, ...]:
@@ -294,9 +294,9 @@ class _Problem:
         flown, rule = self.exams[best.hidden]
         if not np.isfinite(best.prediction.score):
             raise LogError(
-                f"{flown.name}: expected a trial that predicts what was left out "
-                f"({rule.text}), found that all {len(tried)} were refused; the first one: "
-                f"{best.prediction.reason}"
+                flown.name,
+                f"a trial that predicts what was left out ({rule.text})",
+                f"that all {len(tried)} were refused; the first one: {best.prediction.reason}",
             )
         if rule.rule == "second half":
             best = min(_as_good_as(best, tried), key=lambda trial: trial.prediction.moved)
@@ -344,8 +344,7 @@ def _problem(
     by_hidden = {one.hidden: one for one in networks}
     if len(by_hidden) != len(networks):
         raise ParameterError("network", "networks with different hidden layers", list(by_hidden))
-    if kind not in LEARNERS:
-        raise ParameterError("learner", f"one of {', '.join(LEARNERS)}", kind)
+    check_names("learner", [kind], LEARNERS)
     if max(one.size for one in networks) > MOST_WEIGHTS:
         settings.setdefault("covariance", Alternatives(("node",)))
     if any(hasattr(one, "own_misfit") for one in networks):  # which excludes the noise's search

@@ -21,7 +21,7 @@ from patagium.aerodynamics import AddedMass
 from patagium.arguments import checked
 from patagium.arrays import Array, real_array, rising
 from patagium.dynamics import equations
-from patagium.errors import FlightError, LogError, ParameterError
+from patagium.errors import FlightError, LogError, ParameterError, check_names
 from patagium.native import NativeFunction, load_functions
 from patagium.robot import Robot
 from patagium.simulation import quantities, robot_of
@@ -227,9 +227,7 @@ def state_columns(robot: Robot, inputs: Sequence[str]) -> list[int]:
         ParameterError: If there is no such name.
     """
     names = state_names(robot)
-    for name in inputs:
-        if name not in names:
-            raise ParameterError("inputs", f"names among {', '.join(names)}", name)
+    check_names("inputs", inputs, names, "names among")
     return [names.index(name) for name in inputs]
 
 
@@ -280,12 +278,12 @@ def recorded_wind_change(flight: xr.Dataset) -> Array | None:
     wind = flight["wind"]
     unit = wind.attrs.get("units", "m/s")
     if {*wind.dims} != {"time", "axis"} or unit != "m/s":
-        raise FlightError(f"wind: expected (time, axis) in m/s, found {wind.dims} in {unit}")
+        raise FlightError("wind", "(time, axis) in m/s", f"{wind.dims} in {unit}")
     change = real_array("wind", wind.transpose("time", "axis").values, ("N", 3))
     change = change - air_of(flight).wind
     if not np.isfinite(change).all():
         at = float(flight["time"][int(np.argmin(np.isfinite(change).all(axis=1)))])
-        raise LogError(f"wind: expected finite numbers, found one that is not at t = {at:.6g} s")
+        raise LogError("wind", "finite numbers", f"one that is not at t = {at:.6g} s")
     return change if change.any() else None
 
 
@@ -329,7 +327,7 @@ def recorded(flight: xr.Dataset, name: str, robot: Robot) -> Array:
                 f"flight: expected the quantity `{part}` over (time, {dim}), but it holds {held}"
             )
     if {*flight[name].dims} != {"time", dim}:
-        raise FlightError(f"{name}: expected (time, {dim}), found {flight[name].dims}")
+        raise FlightError(name, f"(time, {dim})", flight[name].dims)
     check_labels(flight, robot)
     values = real_array(name, flight[name].transpose("time", dim).values, ("N", len(names)))
     missing = np.isnan(values) if name in (PARTS[3], *OPTIONAL_PARTS) else False

@@ -99,7 +99,7 @@ def motion_and_force(
             continue
         elif isinstance(sensor, LoadCell) and log.robot.floating:
             if mount is not None:
-                raise LogError(f"load cells: expected one that holds the robot, found {name!r} too")
+                raise LogError("load cells", "one that holds the robot", f"{name!r} too")
             mount = cell_wrench(log, motion, name, shift=late.get(name, 0.0))
             noise = np.sqrt((mount.measured.noise.reshape(2, 3) ** 2).mean(axis=1))
             white = zip(("force", "moment"), ("N", "N m"), noise.tolist(), strict=True)
@@ -135,7 +135,7 @@ def _joined(joints: Measured | None, force: Measured, name: str) -> Measured:
         return force
     known = np.isfinite(joints.values)
     if (known & np.isfinite(force.values)).any():
-        raise LogError(f"motor currents: expected one for each joint, found {name!r} too")
+        raise LogError("motor currents", "one for each joint", f"{name!r} too")
     values = np.where(known, joints.values, force.values)
     return Measured(values, joints.variance + force.variance)
 

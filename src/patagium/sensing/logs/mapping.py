@@ -306,7 +306,7 @@ def conversion(unit: str, target: str | None, where: str) -> tuple[float, str]:
             f"found {unit!r}, which is of {_dimension(problem.dim1)}"
         ) from problem
     if zero.magnitude != 0.0:
-        raise LogError(f"{where}: expected a unit that only scales, found {unit!r}")
+        raise LogError(where, "a unit that only scales", f"{unit!r}")
     return float(size or 1) * float(one.magnitude), _written(f"{one.units:~}")
 
 

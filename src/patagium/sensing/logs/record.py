@@ -98,9 +98,7 @@ class LogRecord(AbstractContextManager["LogRecord"]):
         """Read all but the numbers."""
         if getattr(self._file, "format", "") != FORMAT:
             other = kind_of(self.path) or "another file"
-            raise LogError(
-                f"{self.path}: expected a log that `patagium import` wrote, found {other}"
-            )
+            raise LogError(self.path, "a log that `patagium import` wrote", other)
         self._file.set_auto_mask(False)
         self._columns = {
             str(variable.long_name): variable
@@ -215,7 +213,7 @@ class LogRecord(AbstractContextManager["LogRecord"]):
         """
         robot = self.robot
         if robot is None:
-            raise FlightError(f"{self.path}: expected a mapping with `robot`, found none")
+            raise FlightError(self.path, "a mapping with `robot`", "none")
         missing = self._missing(robot)
         if missing:
             raise FlightError(

@@ -79,7 +79,7 @@ def sensor_log(
     machine = _machine(table, robot)
     table = _by_coordinate(table, machine)
     if "time" not in table:
-        raise LogError("log: expected a variable `time` [s], found none")
+        raise LogError("log", "a variable `time` [s]", "none")
     given = dict(bodies or {})
     for name, body in given.items():
         if name not in table:
@@ -91,7 +91,7 @@ def sensor_log(
     for name in map(str, table.data_vars):
         unit = str(table[name].attrs.get("units", ""))
         if unit != units.get(name, unit):
-            raise LogError(f"{name}: expected a quantity in {units[name]}, found one in {unit!r}")
+            raise LogError(name, f"a quantity in {units[name]}", f"one in {unit!r}")
         _place(found, name, table[name], given.get(name))
     readings, sensors = found.sensors()
     if not readings:

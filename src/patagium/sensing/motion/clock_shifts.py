@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from patagium.arguments import checked
 from patagium.arrays import Array, median_step
-from patagium.errors import LogError, ParameterError, positive
+from patagium.errors import LogError, check_names, positive
 from patagium.robot import Robot
 from patagium.robot.attitude import without_flips
 from patagium.sensing.motion.first_motion import spectral_noise
@@ -119,14 +119,13 @@ def estimate_shifts(
     streams = streams_of(log, machine, {})
     units = [s for s in streams if isinstance(s.model, ImuModel)]
     if not units:
-        raise LogError(f"log: expected an inertial unit, found {', '.join(log.readings)}")
+        raise LogError("log", "an inertial unit", ", ".join(log.readings))
     search = _Search(machine, streams, units, largest)
     if not search.units:
         raise LogError("log: expected an inertial unit on a body that encoders or cameras see")
     groups = search.run()
     linked = [name for late, _ in groups for name in late]
-    if reference is not None and reference not in linked:
-        raise ParameterError("reference", f"one of {', '.join(linked)}", reference)
+    check_names("reference", {reference} - {None}, linked)
     seconds: dict[str, float] = {}
     stds: dict[str, float] = {}
     for late, std in groups:
@@ -236,9 +235,7 @@ def _track(robot: Robot, stream: Stream) -> _Track | None:
     begin, end = stream.time[0], stream.time[-1]
     median = median_step(stream.time)
     if end - begin > _SPARSE * median * len(stream.time):
-        raise LogError(
-            f"{stream.name}: expected samples without long gaps, found {end - begin:g} s"
-        )
+        raise LogError(stream.name, "samples without long gaps", f"{end - begin:g} s")
     step = min(median, 1e-3)
     times = np.linspace(begin, end, 1 + round((end - begin) / step))
     if isinstance(model, EncoderModel):

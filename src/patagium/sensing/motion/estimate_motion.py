@@ -297,7 +297,7 @@ def coupled(robot: Robot, streams: Sequence[Stream]) -> list[int]:
     if unseen:
         silent = ", ".join(robot.dof_names[i] for i in sorted(unseen))
         remedy = "an encoder, or in a mapping angles named after these joints, would"
-        raise LogError(f"log: expected sensors that see {silent}, found none; {remedy}")
+        raise LogError("log", f"sensors that see {silent}", f"none; {remedy}")
     return sorted(set(range(robot.dof)) - alone)
 
 

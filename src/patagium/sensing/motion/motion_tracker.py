@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from patagium.arguments import checked
 from patagium.arrays import Array, brief, real_array, rising
-from patagium.errors import LogError, ParameterError, positive
+from patagium.errors import LogError, ParameterError, check_names, positive
 from patagium.robot import Robot
 from patagium.sensing.motion.estimate_motion import (
     SmoothedMotion,
@@ -130,11 +130,9 @@ class MotionTracker:
         self.memory = positive("memory", memory)
         models = measurement_models(sensors, self.robot)
         if not models:
-            raise LogError("sensors: expected encoders, inertial units or cameras, found none")
+            raise LogError("sensors", "encoders, inertial units or cameras", "none")
         for word, given, known in (("shifts", shifts, sensors), ("variances", variances, models)):
-            for name in given or {}:
-                if name not in known:
-                    raise ParameterError(word, f"those of {', '.join(known)}", name, known)
+            check_names(word, given or {}, known, "those of", near=True)
         for name, values in (variances or {}).items():
             models[name].variances = real_array("variances", values, models[name].variances.shape)
         self.sensors = {name: sensors[name] for name in models}
@@ -186,8 +184,7 @@ class MotionTracker:
             ShapeError: If the sample has another size.
             FilterDiverged: If the estimate is no longer finite.
         """
-        if name not in self.sensors:
-            raise ParameterError("name", f"one of {', '.join(self.sensors)}", name)
+        check_names("name", [name], self.sensors)
         row = self.sensors[name].in_range(real_array("values", values, (self.widths[name],)))
         time = stamp - self.shifts.get(name, 0.0)
         for part in self.parts:
@@ -209,7 +206,7 @@ class MotionTracker:
         latest = max(part.events[-1].time for part in self.parts)
         moment = latest if time is None else time
         if moment < latest:
-            raise LogError(f"time: expected {latest:.6g} s or later, found {moment:.6g} s")
+            raise LogError("time", f"{latest:.6g} s or later", f"{moment:.6g} s")
         n = self.robot.dof
         levels, covariance = np.zeros((1, 3, n)), np.zeros((1, 3 * n, 3 * n))
         attitude = np.eye(3)
@@ -222,7 +219,7 @@ class MotionTracker:
             covariance[0][np.ix_(place, place)] = estimate.covariance[: len(place), : len(place)]
             attitude = attitude @ estimate.motion.attitude  # the identity but for one part
         if not np.isfinite(covariance).all():
-            raise LogError(f"time: expected soon after {latest:.6g} s, found {moment:.6g} s")
+            raise LogError("time", f"soon after {latest:.6g} s", f"{moment:.6g} s")
         found = SmoothedMotion(levels, Rotation.from_matrix(attitude[None]), covariance)
         levels, covariance = in_coordinates(self.robot, found)
         q, v, a = levels[0]
@@ -243,7 +240,7 @@ class MotionTracker:
         self._require_started()
         moments, n = rising(real_array("times", times, ("N",))), self.robot.dof
         if not (len(moments) and np.isfinite(moments[0])):
-            raise LogError(f"times: expected one at least, found {moments.tolist()}")
+            raise LogError("times", "one at least", moments.tolist())
         levels = np.zeros((len(moments), 3, n))
         attitude = np.tile(np.eye(3), (len(moments), 1, 1))
         for part in self.parts:
@@ -314,7 +311,7 @@ class _Part:
         places = [self._after(moment + 1e-9) - 1 for moment in times.tolist()]
         if places[0] < 0 or times[-1] > end + 1e-9:
             expected = f"times from {begin:.6g} to {end:.6g} s"
-            raise LogError(f"times: expected {expected}, found {times[0]:.6g} to {times[-1]:.6g} s")
+            raise LogError("times", expected, f"{times[0]:.6g} to {times[-1]:.6g} s")
         wanted, changes = set(places), {}
         adjoint = np.zeros(self.filter.size)
         for k in range(len(self.events) - 1, places[0] - 1, -1):

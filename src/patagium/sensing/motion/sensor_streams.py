@@ -16,7 +16,7 @@ import xarray as xr
 from scipy.spatial.transform import Rotation
 
 from patagium.arrays import Array, Bools, Indices, median_step, stored
-from patagium.errors import LogError, ParameterError
+from patagium.errors import LogError, check_names
 from patagium.robot import Robot
 from patagium.sensing.motion.frame_model import FrameModel
 from patagium.sensing.sensors import Encoder, Imu, MotionCapture, SensorLog, from_quaternion
@@ -232,7 +232,7 @@ def values_of(reading: xr.Dataset, name: str, size: int) -> Array:
         raise LogError(f"reading: expected {name} (time, {size}), but it holds {held}")
     values = np.asarray(reading[name].transpose("time", ...).values, float)
     if values.shape[1:] != (size,):
-        raise LogError(f"{name}: expected shape (time, {size}), found {values.shape}")
+        raise LogError(name, f"shape (time, {size})", values.shape)
     return values
 
 
@@ -270,16 +270,14 @@ def streams_of(log: SensorLog, robot: Robot, shifts: Mapping[str, float]) -> lis
         ParameterError: If a shift is that of no sensor of the log.
         LogError: If stamps do not advance or are not seconds, or no sensor sees motion.
     """
-    for name in shifts:
-        if name not in log.readings:
-            raise ParameterError("shifts", f"sensors among {', '.join(log.readings)}", name)
+    check_names("shifts", shifts, log.readings, "sensors among")
     found = []
     for name, model in measurement_models(log.sensors, robot).items():
         reading = log[name]
         stamps = stored(reading, "time")
         kept = _advancing(stamps)
         if len(kept) < max(2, 0.5 * len(stamps)):
-            raise LogError(f"{name}: expected stamps that advance, found {len(kept)} that do")
+            raise LogError(name, "stamps that advance", f"{len(kept)} that do")
         stamps = stamps[kept]
         _check_rate(name, stamps, log.sensors[name].rate)
         rows = log.sensors[name].in_range(model.rows(reading)[kept])
@@ -287,7 +285,7 @@ def streams_of(log: SensorLog, robot: Robot, shifts: Mapping[str, float]) -> lis
         found.append(Stream(name, model, stamps - shifts.get(name, 0.0), rows, rounding))
     if not found:
         held = ", ".join(log.readings) or "none"
-        raise LogError(f"log: expected encoders, inertial units or cameras, found {held}")
+        raise LogError("log", "encoders, inertial units or cameras", held)
     return found
 
 
@@ -321,7 +319,7 @@ def common_times(streams: Sequence[Stream]) -> Array:
     fastest = min(streams, key=lambda s: median_step(s.time))
     chosen = fastest.time[(fastest.time >= begin - 1e-9) & (fastest.time <= end + 1e-9)]
     if len(chosen) < 2:
-        raise LogError(f"log: expected sensors with time in common, found {begin:g} to {end:g} s")
+        raise LogError("log", "sensors with time in common", f"{begin:g} to {end:g} s")
     return np.asarray(chosen)
 
 

@@ -124,9 +124,7 @@ class LoadCell(FramedSensor):
                 raise ParameterError("at", f"a load cell of the flight, {known}", self.at)
             world = world[:, known.index(self.at)]
         if world.shape[1:] != (6,):
-            raise FlightError(
-                f"{self.wrench}: expected (time, 6) for a load cell, found {world.shape}"
-            )
+            raise FlightError(self.wrench, "(time, 6) for a load cell", world.shape)
         if self.at is not None:
             return world
         rotation, origin = np.asarray(self.orientation), np.asarray(self.position)

@@ -55,7 +55,7 @@ class Scene:
         self.flight, self.robot = flight, robot or robot_of(flight)
         self.time = stored(flight, "time")
         if len(self.time) < 4:
-            raise FlightError(f"flight: expected at least 4 samples, found {len(self.time)}")
+            raise FlightError("flight", "at least 4 samples", len(self.time))
         q, v, a = (self.values(name) for name in ("q", "v", "a"))
         alike = q.shape == v.shape  # but for a quaternion, whose rates are no velocities
         self._q = CubicHermiteSpline(self.time, q, v) if alike else make_interp_spline(self.time, q)

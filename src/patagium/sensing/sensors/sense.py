@@ -15,7 +15,7 @@ import xarray as xr
 from patagium.aerodynamics import Air
 from patagium.arguments import checked
 from patagium.arrays import Array, brief
-from patagium.errors import FlightError, LogError, ParameterError
+from patagium.errors import FlightError, LogError, ParameterError, check_names
 from patagium.netcdf_file import loaded_dataset, open_netcdf, write_netcdf
 from patagium.reading import json_object, made_again
 from patagium.robot import Robot
@@ -241,9 +241,7 @@ def sensor_from(text: str, name: str = "sensor") -> Sensor:
     if kind is None:
         raise ParameterError(f"{name}: kind", f"one of {', '.join(_KINDS)}", word, _KINDS)
     accepted = [entry.name for entry in fields(kind)]
-    for key in known:
-        if key not in accepted:
-            raise ParameterError(name, f"keys of {word}: {', '.join(accepted)}", key, accepted)
+    check_names(name, known, accepted, f"keys of {word}:", near=True)
     for entry in fields(kind):
         if entry.default is MISSING and entry.name not in known:
             raise ParameterError(name, f"the key {entry.name}", None)

@@ -69,9 +69,7 @@ def open_log(paths: str | Path | Sequence[str | Path], *, skip_rows: int | None 
     parts = [part for one in given for part in _parts(Path(one))]
     kinds = {_kind(part) for part in parts}
     if len(kinds) > 1:
-        raise LogError(
-            f"{given[0]}: expected parts of one format, found {', '.join(sorted(kinds))}"
-        )
+        raise LogError(given[0], "parts of one format", ", ".join(sorted(kinds)))
     kind = kinds.pop()
     if skip_rows is not None:
         if kind != ".csv" or len(parts) > 1:
@@ -83,9 +81,9 @@ def open_log(paths: str | Path | Sequence[str | Path], *, skip_rows: int | None 
     if kind in _PARTED:
         return _PARTED[kind](parts)
     if kind == ".h5" and (own := kind_of(parts[0])):
-        raise LogError(f"{parts[0]}: expected {_SUMMED_UP}, found {own}")
+        raise LogError(parts[0], _SUMMED_UP, own)
     if len(parts) > 1:
-        raise LogError(f"{parts[0]}: expected one file, found {len(parts)}: only bags have parts")
+        raise LogError(parts[0], "one file", f"{len(parts)}: only bags have parts")
     if kind in _AT_ONCE:
         check_room(parts[0], parts[0].stat().st_size)
     return _SINGLE[kind](parts[0])
@@ -134,7 +132,7 @@ def _kind(path: Path) -> str:
     except OSError as problem:
         raise LogError(f"{path}: cannot be read: {problem.strerror}") from problem
     if not head:
-        raise LogError(f"{path}: expected {_SUMMED_UP}, found an empty file")
+        raise LogError(path, _SUMMED_UP, "an empty file")
     for magic, ending in _MAGIC.items():
         if head.startswith(magic):
             return ending
@@ -148,6 +146,4 @@ def _kind(path: Path) -> str:
             f"{path}: expected {_SUMMED_UP}, found ArduPilot's log as text; convert it: "
             f"mavlogdump.py --format mat --mat_file log.mat {path.name}"
         )
-    raise LogError(
-        f"{path}: expected {_SUMMED_UP}, found a name that ends in {ending or 'nothing'!r}"
-    )
+    raise LogError(path, _SUMMED_UP, f"a name that ends in {ending or 'nothing'!r}")

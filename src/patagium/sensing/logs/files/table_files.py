@@ -512,7 +512,7 @@ class CsvFile(_RowsFile):
         head = header_place(lines) if skip_rows is None else skip_rows
         if head >= len(lines):
             where = f" after {head} line(s) (skip_rows)" if head else ""
-            raise LogError(f"{path}: cannot be read as CSV: expected names{where}, found no line")
+            raise LogError(f"{path}: cannot be read as CSV", f"names{where}", "no line")
         if head and skip_rows is None:
             self.notes.append(
                 f"{head} line(s) before the names are skipped; `skip_rows` in the mapping says "
@@ -644,7 +644,7 @@ class CsvFile(_RowsFile):
         with reading(self.path, "CSV"):
             frames = list(self._frames(io.StringIO(look), None))
         if not frames or not len(frames[0]):
-            raise LogError(f"{self.path}: expected samples below the line of names, found none")
+            raise LogError(self.path, "samples below the line of names", "none")
         types, unplaced, stated = {}, {}, dict(units)
         commas = [name for name in self._names if _has_decimal_commas(frames[0][name])]
         self._commas += commas

@@ -166,7 +166,7 @@ def inspect_log(
             found.append(Finding("warning", str(log.path), "breaks off", broken))
         if not damaged and not any(topic.rows or topic.unplaced for topic in facts):
             reason = f": {broken}" if broken else ""
-            raise LogError(f"{log.path}: expected samples, found none in {log.format}{reason}")
+            raise LogError(log.path, "samples", f"none in {log.format}{reason}")
         guesses = [part.topic.guess for part in readable if part.topic.guess]
         notes = tuple(dict.fromkeys([*log.notes, *guesses]))
         return Inspection(str(log.path), log.format, tuple(facts), tuple(found), notes)

@@ -296,9 +296,7 @@ def _restamp_rates(
         return (given,)
     unknown = [key for key in given if key not in names]
     if unknown:
-        raise LogError(
-            f"{where}: expected names of streams ({', '.join(names)}), found {unknown[0]!r}"
-        )
+        raise LogError(where, f"names of streams ({', '.join(names)})", f"{unknown[0]!r}")
     return tuple(given.get(name) for name in names)
 
 
@@ -316,7 +314,7 @@ def _take_names(column: ValueColumn, taken: set[str], where: str) -> None:
     for label in column.labels:
         name = variable_name(label)
         if name in taken:
-            raise LogError(f"{where}.name: expected a name of its own, found {label!r} twice")
+            raise LogError(f"{where}.name", "a name of its own", f"{label!r} twice")
         if not _SOUND.fullmatch(name) or len(name.encode()) > LONGEST_NAME:
             raise LogError(
                 f"{where}.name: expected at most {LONGEST_NAME} bytes, the first a letter, a digit "

@@ -181,7 +181,7 @@ def time_base(spool: Spool) -> TimeBase:
             f"{(e - min(begins)) / SECOND:.6g} s"
             for k, b, e in zip(used, begins, ends, strict=True)
         )
-        raise LogError(f"{source}: expected streams that overlap in time, found {described}")
+        raise LogError(source, "streams that overlap in time", described)
     origin = begin
     begin = origin + round((time.start or 0.0) * SECOND)
     if time.end is not None:
