@@ -9,7 +9,7 @@ import typer
 
 from patagium.cli.options import FlightArgument, JsonOption, option_in, output_file
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import FLIGHT, answer, flight_file, say_next
+from patagium.cli.words import FLIGHT, flight_file, say_next
 from patagium.errors import command
 
 EXAMPLES = (
@@ -45,18 +45,14 @@ def cycles(
         load_flight(flight_file(flight)), period=period, skip=skip, phases=phases
     )
     outputs, facts = Outputs(), {str(name): value for name, value in statistics.attrs.items()}
-    if figure is not None:
-        from patagium.report.figures import save_figure, wingbeat
-
-        outputs.attempt("figure", lambda: save_figure(wingbeat(statistics), figure))
+    outputs.draw(figure, lambda drawn: drawn.wingbeat(statistics))
     if table is not None:
         from patagium.whole_file import write_whole
 
         rows = statistics.drop_dims("cycle").to_dataframe().reset_index()
         outputs.attempt("table", lambda: write_whole(table, rows.to_csv(index=False).encode()))
     shown = facts if as_json else {_LABELS.get(name, name): facts[name] for name in facts}
-    title = "Over a wingbeat"
-    outputs.attempt("means on stdout", lambda: answer(shown, as_json=as_json, title=title))
+    outputs.answer("means", shown, as_json, "Over a wingbeat")
     outputs.check()
     if not as_json:
         say_next(command("patagium figures {}", flight))

@@ -7,12 +7,12 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TypeAlias, get_args
 
 import typer
 
-from patagium.cli.words import named_quantities
-from patagium.errors import ParameterError, similar
+from patagium.cli.words import named_quantities, say_json, tell
+from patagium.errors import ParameterError, PatagiumError, similar
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -157,7 +157,7 @@ def _model(flight: xr.Dataset, aero: GreyModel | None) -> Aerodynamics:
         return own
     if aero is None:
         aero = "quasi-steady"
-        typer.echo(f"Model of the air: {aero}; --aero takes another.", err=True)
+        tell(f"Model of the air: {aero}; --aero takes another.")
     return air_class(aero)(robot_of(flight), air_of(flight))  # type: ignore[no-any-return]
 
 
@@ -211,7 +211,7 @@ def chosen_air(
     told = f"Air of {word}, learned from {model.source or 'a log'}: {air.density:.4g} kg/m^3"
     told += f", wind {air.wind} m/s" * any((*air.wind, *learned.air.wind))
     other = f"; the log's wind was {learned.air.wind} m/s" * (air.wind != learned.air.wind)
-    typer.echo(told + other, err=True)
+    tell(told + other)
     return *model.air(machine, air), model
 
 
@@ -229,12 +229,23 @@ def orbit_air(
 
     found = chosen_air(word, machine, polars, inflow, density=density)
     if hovers and not inflow and found[2] is None:
-        typer.echo(f"patagium: {NO_INFLOW}", err=True)
+        tell(f"patagium: {NO_INFLOW}")
     if word == "quasi-steady" and (turned := hinged_strips(machine)):
-        typer.echo(f"patagium: {HINGED.format(machine.strips[turned[0]].wing)}", err=True)
+        tell(f"patagium: {HINGED.format(machine.strips[turned[0]].wing)}")
     if machine.gravity and found[0].air.density > LIQUID:
-        typer.echo(f"patagium: {BUOYANT}", err=True)
+        tell(f"patagium: {BUOYANT}")
     return found
+
+
+def refuse_missing(found: Any, as_json: bool) -> NoReturn:
+    """Say why no orbit or gait was found; its `summary` goes to stdout for a program.
+
+    Raises:
+        PatagiumError: Always, with what it tells of itself.
+    """
+    if as_json:
+        say_json(found.summary())
+    raise PatagiumError(repr(found))
 
 
 def tell_unseen(learned: Model | None, orbit: Orbit) -> None:
@@ -249,7 +260,7 @@ def tell_unseen(learned: Model | None, orbit: Orbit) -> None:
         text = f"{100 * share:.0f} % of this flow was not learned"
         if share > UNSEEN:
             text += ": there the learned air is a guess"
-        typer.echo(f"{text}.", err=True)
+        tell(f"{text}.")
 
 
 def left_open(
@@ -283,14 +294,14 @@ def left_open(
                 apart.append([found.parameters[name] - x for name, x in orbit.parameters.items()])
     lost = f"{DRAWS - len(apart)} of {DRAWS} have no such orbit"
     if not apart:
-        typer.echo(f"The log leaves open whether this orbit exists: {lost}.", err=True)
+        tell(f"The log leaves open whether this orbit exists: {lost}.")
         return {}
     sizes = np.sqrt(np.mean(np.square(apart), axis=0)).tolist()
     units = dict(zip(orbit.family.names, orbit.family.units, strict=True))
     named = zip(orbit.parameters, sizes, strict=True)
     told = [f"{name} {size:.2g} {units[name].removesuffix('1')}".strip() for name, size in named]
     text = f"The log leaves open, by trims with {DRAWS} draws of the weights: {', '.join(told)}"
-    typer.echo(text + f"; {lost}" * (len(apart) < DRAWS) + ".", err=True)
+    tell(text + f"; {lost}" * (len(apart) < DRAWS) + ".")
     return dict(zip(orbit.parameters, sizes, strict=True))
 
 

@@ -9,7 +9,7 @@ import typer
 
 from patagium.cli.options import LogArgument, MappingOption, ReportOption, ScoresOption
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import existing
+from patagium.cli.words import existing, tell
 
 EXAMPLES = (
     "patagium evaluate model.json another-flight.nc --report report.html",
@@ -42,6 +42,6 @@ def evaluate(
     result = evaluate_model(flight if table is None else table, learned, every=every)
     outputs, title = Outputs(), f"{model.name} against {file.name}"
     if report is not None and outputs.attempt("report", lambda: result.report(report, title)):
-        typer.echo(f"The report is in {report}", err=True)
+        tell(f"The report is in {report}")
     outputs.attempt("scores on stdout", lambda: show_scores(result.scores, as_json=as_json))
     outputs.check()

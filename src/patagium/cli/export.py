@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from patagium.cli.options import OUTPUT, PredictedOption, output_file
-from patagium.cli.words import existing, model_for
+from patagium.cli.words import existing, model_for, tell
 from patagium.errors import LogError
 
 EXAMPLES = (
@@ -43,4 +43,4 @@ def export(
             record[name] = (("time", "output"), values, {"units": "N or N m"})
         record = record.assign_coords(output=names)
     target = write(record, out)
-    typer.echo(f"{len(record['time'])} samples are in {target}", err=True)
+    tell(f"{len(record['time'])} samples are in {target}")

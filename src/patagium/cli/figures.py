@@ -10,7 +10,7 @@ import typer
 
 from patagium.cli.options import OUTPUT, FlightArgument, JsonOption, PredictedOption
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import FLIGHT, answer, existing, flight_file, progress_bar, say_next
+from patagium.cli.words import FLIGHT, existing, flight_file, progress_bar, say_next
 from patagium.errors import command
 
 EXAMPLES = (
@@ -55,8 +55,7 @@ def figures(
             if outputs.attempt(file.name, partial(save_figure, figure, file)):
                 files[name] = str(file)
             progress(done, len(drawn))
-    title = f"Figures for {look}"
-    outputs.attempt("names on stdout", lambda: answer(files, as_json=as_json, title=title))
+    outputs.answer("names", files, as_json, f"Figures for {look}")
     outputs.check()
     if not as_json:
         say_next(command("patagium view {}", flight), "patagium robots --new my_robot")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from patagium.cli.options import DrawingOption, DurationOption, FlightOutput, JsonOption
-from patagium.cli.words import progress_bar
+from patagium.cli.words import progress_bar, tell
 
 EXAMPLES = (
     "patagium fly ornithopter",
@@ -46,9 +46,9 @@ def fly(
     ready = prepared(load_plan(plan).model_copy(update=changed))
     if not as_json:
         for sentence in ready.words:
-            typer.echo(sentence, err=True)
+            tell(sentence)
     with progress_bar("Flying") as bar, interruptible(bar) as progress:
         flight = ready.fly(progress)
     if not as_json:
-        typer.echo(str(flight.attrs["controller"]), err=True)
+        tell(str(flight.attrs["controller"]))
     keep(flight, output, figure, as_json)

@@ -12,7 +12,7 @@ import typer
 from patagium.cli import estimates, learner_options
 from patagium.cli.options import LogArgument, MappingOption, ReportOption, ScoresOption, output_file
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import FLIGHT, progress_bar, say_json, say_next, show_table
+from patagium.cli.words import FLIGHT, progress_bar, say_json, say_next, show_table, tell
 from patagium.errors import Interrupted, Outcome, ParameterError, command
 
 if TYPE_CHECKING:
@@ -37,7 +37,6 @@ PANELS = {
     "Logs and forecasts": "mapping horizon",
     "State, settings, predictions": "state settings predictions",
 }
-"""Options of each panel of the help; the usual ones come before, in none."""
 _MOMENT = "The force of the air, the predicted one as a halo; a click plays the flight."
 _START = 1 << 18  # samples of a long log that a network is made from
 
@@ -130,17 +129,17 @@ def identify(
             outputs.attempt("state", lambda: keep_state(made, state, of_course=long))
     result.scores["chosen"] |= learner_choices(made, given=bool(estimate) or not choice.default)
     if table is not None:
-        typer.echo(f"{file}: {result.scores['gaps_found']}", err=True)
+        tell(f"{file}: {result.scores['gaps_found']}")
     model = model or file.with_name("model.json")
     outputs.attempt("model", lambda: keep_model(model, result.learner, result.inputs, file.name))
     if predictions is not None and outputs.attempt("predictions", lambda: result.save(predictions)):
-        typer.echo(f"The predictions are in {predictions}", err=True)
+        tell(f"The predictions are in {predictions}")
     flown = None if flight is None or "air" in flight.attrs else flight  # not of a log
     if report is not None:
         _report(result, file, flown, report, outputs)
     outputs.attempt("scores on stdout", lambda: show_scores(result.scores, as_json=as_json))
     if result.outcome is not Outcome.COMPLETED:
-        typer.echo(f"patagium: {result.message}", err=True)
+        tell(f"patagium: {result.message}")
         raise typer.Exit(2)
     outputs.check()
     if not as_json:
@@ -179,9 +178,9 @@ def _learned(
                 return identify_log(learned, learner, progress=progress, **options)
         except Interrupted:
             if isinstance(learned, LogRecord) and resume is not None and resume.exists():
-                typer.echo(f"The same command goes on from {resume}", err=True)
+                tell(f"The same command goes on from {resume}")
             elif state is not None:
-                typer.echo(f"{state} is as it was; the same command begins anew", err=True)
+                tell(f"{state} is as it was; the same command begins anew")
             raise typer.Exit(130) from None
 
 
@@ -220,7 +219,7 @@ def flight_network(flight: Any, choice: learner_options.LearnerChoice) -> Any:
         time, x, y = training_data(flight)
     first = first_motion(robot_of(flight), time, x, gait_period(flight))
     begin, end = time[first][[0, -1]]
-    typer.echo(f"Inputs and outputs are scaled by {begin:.4g} to {end:.4g} s.", err=True)
+    tell(f"Inputs and outputs are scaled by {begin:.4g} to {end:.4g} s.")
     return learner_options.scaled_network(choice, names, x[first], y[first])
 
 
@@ -268,4 +267,4 @@ def _report(
     title = f"Identification of {file.name}"
     if outputs.attempt("report", lambda: result.report(report, title, moving)):
         where = "" if moving is None else f"; the flight in three dimensions is in {moving.address}"
-        typer.echo(f"The report is in {report}{where}", err=True)
+        tell(f"The report is in {report}{where}")

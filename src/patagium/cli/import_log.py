@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from patagium.cli.options import OUTPUT, FilesArgument, ResultOption, output_file
-from patagium.cli.words import existing, progress_bar, say_json, say_next
+from patagium.cli.words import existing, progress_bar, say_json, say_next, tell
 from patagium.errors import PatagiumError, command
 
 NAME = "import"
@@ -49,10 +49,7 @@ def import_log(
                 tell=lambda findings: show_findings(findings, err=True),
             )
     except KeyboardInterrupt:
-        typer.echo(
-            f"patagium: interrupted; {target} is as it was before; repeat the command to import",
-            err=True,
-        )
+        tell(f"patagium: interrupted; {target} is as it was before; repeat the command to import")
         raise typer.Exit(130) from None
     if as_json:
         say_json({**asdict(found), "path": str(found.path)})
@@ -97,6 +94,6 @@ def _verbs(path: Path) -> list[str]:
         try:
             coupled(robot, streams_of(sensor_log(path), robot, {}))
         except PatagiumError as error:
-            typer.echo(f"patagium motion cannot take it yet: {error}", err=True)
+            tell(f"patagium motion cannot take it yet: {error}")
             moves = False
     return ["identify"] * learns + ["motion" + " --robot ROBOT" * (robot is None)] * moves

@@ -11,6 +11,7 @@ import typer
 
 from patagium.cli.interruption import interrupted
 from patagium.cli.learner_options import LearnerChoice, NetworkKind, winged_network
+from patagium.cli.words import tell
 from patagium.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -148,7 +149,7 @@ def opened(subject: Subject, address: str | None) -> Iterator[LiveView]:
         reach = "loopback: this machine alone"
         if not view.loopback:
             reach = f"listens at {view.host}, not encrypted: whoever has it can watch and steer"
-        typer.echo(f"The live view is at {view.address} ({reach})", err=True)
+        tell(f"The live view is at {view.address} ({reach})")
         yield view
 
 
@@ -156,7 +157,7 @@ def tell_if_ended(view: LiveView, otherwise: str) -> None:
     """Message on stderr, once, that the page is gone."""
     reason = view.problem()
     if reason is not None:
-        typer.echo(f"patagium: the live view ended ({reason}); {otherwise}", err=True)
+        tell(f"patagium: the live view ended ({reason}); {otherwise}")
 
 
 def served(live: bool, address: str | None) -> bool:

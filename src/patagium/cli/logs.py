@@ -7,9 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
-from patagium.cli.words import MEANING, existing, flight_file, no_robot
+from patagium.cli.words import MEANING, existing, flight_file, no_robot, tell
 from patagium.errors import ParameterError, command
 from patagium.netcdf_file import kind_of
 
@@ -39,9 +37,9 @@ def tell_warnings(file: Path, findings: Sequence[Mapping[str, Any]]) -> None:
     """Warnings among the findings of an import, on stderr."""
     warnings = [one for one in findings if one["level"] == "warning"]
     if warnings:
-        typer.echo(f"{file}: {len(warnings)} finding(s) when it was imported:", err=True)
+        tell(f"{file}: {len(warnings)} finding(s) when it was imported:")
     for one in warnings:
-        typer.echo(f"  {one['where']}: {one['kind']}: {one['text']}", err=True)
+        tell(f"  {one['where']}: {one['kind']}: {one['text']}")
 
 
 def flight_or_table(file: Path, mapping: Path | None, *, blocks: bool = False) -> tuple[Any, Any]:

@@ -62,7 +62,10 @@ def _epilog(verb: ModuleType, further: Sequence[str] = ()) -> str:
 
 
 def _command(verb: ModuleType) -> type[TyperCommand]:
-    """Command whose help describes the usual options and names the others, panel by panel."""
+    """Command whose help describes the usual options and names the others, panel by panel.
+
+    PANELS of a verb has the options of each panel; the usual ones come before, in none.
+    """
     places = {
         name: panel
         for panel, names in getattr(verb, "PANELS", {}).items()

@@ -50,7 +50,6 @@ def motion(
     Noise, clocks and swapped markers are found from the log. Stretches in which the sensors do not
     tell the motion are named, and have no forces.
     """
-    from patagium.report.figures import save_figure
     from patagium.sensing.force.flown_force import motion_and_force, write_motion
     from patagium.sensing.motion.clock_shifts import found_shifts
     from patagium.viewer.flight_figures import motion_figure
@@ -61,8 +60,7 @@ def motion(
     target = out if out is not None else Path(f"{log.name.partition('.')[0]}-motion.nc")
     outputs = Outputs()
     kept = outputs.attempt("motion", lambda: write_motion(found, forces, target))
-    if plot is not None:
-        outputs.attempt("figure", lambda: save_figure(motion_figure(found, forces), plot))
+    outputs.draw(plot, lambda _: motion_figure(found, forces))
     facts = json.loads(found.attrs["findings"]) | ({"file": str(target)} if kept else {})
     summary = _summary(found, forces) | {"clock_shifts": shifts, **facts}
     told = partial(_say, measured, forces, summary, note)

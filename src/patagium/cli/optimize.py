@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from patagium.cli import options
-from patagium.cli.estimates import AirOption, orbit_air, tell_unseen
+from patagium.cli.estimates import AirOption, orbit_air, refuse_missing, tell_unseen
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import Numbers, answer, numbers, progress_bar, say_json, show_table
+from patagium.cli.words import Numbers, numbers, progress_bar, say_json, show_table, tell
 from patagium.errors import ParameterError, PatagiumError
 
 if TYPE_CHECKING:
@@ -93,33 +93,26 @@ def optimize(
         return
     asked |= {"speed": speed, "goal": goal} | ({"free": free} if free else {})
     if not as_json:
-        typer.echo(
-            "Searching a trimmed flight, then its best gait; many joints take minutes.", err=True
-        )
+        tell("Searching a trimmed flight, then its best gait; many joints take minutes.")
     with progress_bar("Iterations, of 200 at most") as progress:
         found = control.optimize(machine, model, progress=progress, **asked)
     if not isinstance(found, control.OptimalGait):
-        if as_json:
-            answer(found.summary(), as_json=True)
-        raise PatagiumError(repr(found))
+        refuse_missing(found, as_json)
     tell_unseen(learned, found.orbit)
     outputs, best = Outputs(), found.orbit
     if output is not None:
         outputs.attempt(str(output), lambda: save_flight(best.flight(beats), output))
     if gait is not None:
         outputs.attempt(str(gait), lambda: gaits.to_csv(machine, best.gait, gait))
-    facts = found.summary()
-    title = f"Optimal gait of {machine.name}"
-    outputs.attempt("gait on stdout", lambda: answer(facts, as_json=as_json, title=title))
+    outputs.answer("gait", found.summary(), as_json, f"Optimal gait of {machine.name}")
     outputs.check()
     if not as_json:
         again = "the same with -o best.nc --gait best.csv, a flight and its gait"
-        typer.echo(f"Next: {f'patagium view {output}' if output else again}", err=True)
+        tell(f"Next: {f'patagium view {output}' if output else again}")
 
 
 def _front(found: list[tuple[float, Any]], figure: Path | None, as_json: bool) -> None:
     """Table and picture of a front."""
-    from patagium.report.figures import save_figure
     from patagium.report.page import Table
     from patagium.report.style import styled
 
@@ -131,15 +124,14 @@ def _front(found: list[tuple[float, Any]], figure: Path | None, as_json: bool) -
         for speed, one in gaits
     ]  # fmt: skip
     outputs = Outputs()
-    if figure is not None and gaits:
-        outputs.attempt("figure", lambda: save_figure(styled(_picture)(gaits), figure))
+    outputs.draw(figure if gaits else None, lambda _: styled(_picture)(gaits))
     if as_json:
         say_json([dict(zip(heads, row, strict=True)) for row in rows])
     else:
         show_table(Table(heads, rows, "Least mean power over speed"))
     for speed, one in found:
         if not one.found:
-            typer.echo(f"{speed:g} m/s: {one!r}", err=True)
+            tell(f"{speed:g} m/s: {one!r}")
     if not gaits:
         raise PatagiumError("no gait was found at any of these speeds")
     outputs.check()

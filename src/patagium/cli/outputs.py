@@ -6,14 +6,17 @@ import os
 from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import typer
 from typer.utils import get_params_from_function
 
 from patagium.cli.interruption import stop_repeating
+from patagium.cli.words import answer, tell
 from patagium.errors import ParameterError, PatagiumError
 from patagium.whole_file import placed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def check_files(verb: Callable[..., object], given: Mapping[str, Any]) -> None:
@@ -90,8 +93,20 @@ class Outputs:
             return True
         self.failures[name] += 1
         if self.failures[name] == 1:
-            typer.echo(f"patagium: {name}: {reason}", err=True)
+            tell(f"patagium: {name}: {reason}")
         return False
+
+    def draw(self, file: Path | None, make: Callable[[Any], Figure], name: str = "figure") -> bool:
+        """Whether a figure, made with `patagium.report.figures`, was drawn into a file, if any."""
+        if file is None:
+            return False
+        from patagium.report import figures
+
+        return self.attempt(name, lambda: figures.save_figure(make(figures), file))
+
+    def answer(self, name: str, facts: dict[str, Any], as_json: bool, title: str = "") -> None:
+        """Write facts on stdout, a table for a person or one JSON object."""
+        self.attempt(f"{name} on stdout", lambda: answer(facts, as_json=as_json, title=title))
 
     def check(self) -> None:
         """End the verb with what was not saved, if there is such a thing.

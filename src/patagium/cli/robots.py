@@ -10,7 +10,7 @@ import typer
 from patagium.cli.check import robot_facts
 from patagium.cli.options import JsonOption, output_file
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import answer, say_json, say_next, show_table
+from patagium.cli.words import say_json, say_next, show_table, tell
 from patagium.errors import ParameterError, command
 
 EXAMPLES = (
@@ -52,13 +52,11 @@ def robots(
     if robot is not None:
         machine, outputs = load_robot(robot), Outputs()
         if draw is not None:
-            from patagium.report.figures import save_figure
             from patagium.robot.drawing import draw_robot
 
-            if outputs.attempt("drawing", lambda: save_figure(draw_robot(machine), draw)):
-                typer.echo(f"Drawn in {draw}", err=True)
-        facts = robot_facts(machine)
-        outputs.attempt("facts on stdout", lambda: answer(facts, as_json=as_json))
+            if outputs.draw(draw, lambda _: draw_robot(machine), "drawing"):
+                tell(f"Drawn in {draw}")
+        outputs.answer("facts", robot_facts(machine), as_json)
         outputs.check()
         return
     if draw is not None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from patagium.cli.words import existing, progress_bar
+from patagium.cli.words import existing, progress_bar, tell
 from patagium.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -53,11 +53,11 @@ def send(
         if any(air.wind):
             told = f"wind {air.wind} m/s and no {told}"
             given += f' --wind "{",".join(f"{one:.6g}" for one in air.wind)}"'
-        typer.echo(f"Warning: packets hold no {told}: give them to the stream, {given}", err=True)
+        tell(f"Warning: packets hold no {told}: give them to the stream, {given}")
     with progress_bar(f"Sending {file.name}") as progress:
         try:
             sent = send_packets(recorded, address, rate=rate, rows=rows, key=key, progress=progress)
         except gaierror:
             raise ParameterError("target", "a host that is known", target) from None
     kind = "rows of raw samples" if isinstance(recorded, SensorLog) else "packets"
-    typer.echo(f"{sent} {kind} sent to {target}", err=True)
+    tell(f"{sent} {kind} sent to {target}")

@@ -18,12 +18,12 @@ from patagium.cli.outputs import Outputs
 from patagium.cli.words import (
     Numbers,
     Vector,
-    answer,
     existing,
     named_quantities,
     progress_bar,
     quantity,
     say_next,
+    tell,
     vector,
 )
 from patagium.errors import ParameterError, command
@@ -62,7 +62,6 @@ PANELS = {
     "path_across path_attitude path_amplitude",
     "Live view": "live_address settings",
 }
-"""Options of each panel of the help; the usual ones come before, in none."""
 
 
 @with_learner_options(file="Settings of a learner for --live, which patagium tune wrote")
@@ -274,7 +273,7 @@ def _tell_choice(
     if time_step is None:
         parts.append(f"time step {flight.attrs['time_step']:g} s")
     if parts:
-        typer.echo(f"Chosen for {machine.name}: {'; '.join(parts)}", err=True)
+        tell(f"Chosen for {machine.name}: {'; '.join(parts)}")
 
 
 def flight_facts(flight: Any) -> dict[str, Any]:
@@ -426,19 +425,15 @@ def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
     outputs = Outputs()
     where = f"{output}{', in place of an earlier one' * output.exists()}"
     kept = outputs.attempt("flight", lambda: save_flight(flight, output))
-    if figure is not None:
-        from patagium.report.figures import flight_overview, save_figure
-
-        outputs.attempt("figure", lambda: save_figure(flight_overview(flight), figure))
+    outputs.draw(figure, lambda drawn: drawn.flight_overview(flight))
     facts = flight_facts(flight) | ({"file": str(output)} if kept else {})
-    shown = facts if as_json else flight_table(facts)
-    outputs.attempt("facts on stdout", lambda: answer(shown, as_json=as_json, title="Flight"))
+    outputs.answer("facts", facts if as_json else flight_table(facts), as_json, "Flight")
     for warning in facts["warnings"]:
         if not broken or warning == BUOYANT:  # the others are of what broke it
-            typer.echo(f"patagium: {warning}", err=True)
+            tell(f"patagium: {warning}")
     outputs.check()
     if broken:
-        typer.echo(f"patagium: {flight.attrs['message']}; the flight is kept in {where}", err=True)
+        tell(f"patagium: {flight.attrs['message']}; the flight is kept in {where}")
         raise typer.Exit(130 if flight.attrs["outcome"] == "INTERRUPTED" else 2)
     if not as_json:
         say_next(*(command(f"patagium {verb} {{}}", output) for verb in ("view", "identify")))

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import typer
+from patagium.cli.words import tell
 
 
 def sole_user(state: Path | None) -> AbstractContextManager[None]:
@@ -37,7 +37,7 @@ def resumed(learner: Any, state: Path | None) -> Any:
 
     found = load_learner(state, like=learner)
     found.restart_clock()
-    typer.echo(f"Going on from {state}: {found.count} samples learned before.", err=True)
+    tell(f"Going on from {state}: {found.count} samples learned before.")
     return found
 
 
@@ -54,7 +54,7 @@ def keep_state(learner: Any, state: Path | None, *, of_course: bool = False) -> 
             from patagium.learning.long_log import remove_course
 
             remove_course(course_of(state))
-        typer.echo(f"The state after {learner.count} samples is in {state}", err=True)
+        tell(f"The state after {learner.count} samples is in {state}")
 
 
 def keep_model(
@@ -75,4 +75,4 @@ def keep_model(
         replaced = path.is_file()
         save_model(path, replace(model, source=source))
         before = ", in place of the one before" if replaced else ""
-        typer.echo(f"The model is in {path}{before}", err=True)
+        tell(f"The model is in {path}{before}")

@@ -26,7 +26,7 @@ from patagium.cli.learner_options import (
 from patagium.cli.live import LiveAddressOption, LiveOption, Shown, live_stream
 from patagium.cli.options import RobotOption, WindOption, option_in, output_file
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import answer
+from patagium.cli.words import tell
 from patagium.errors import FilterDiverged, ParameterError, PatagiumError
 
 if TYPE_CHECKING:
@@ -53,7 +53,6 @@ PANELS = {
     "Learner": "settings scale_by memory autosave",
     "Live view": "live_address",
 }
-"""Options of each panel of the help; the usual ones come before, in none."""
 _LINE_PERIOD = 0.2  # s
 _NOW_AND_THEN = 5.0  # s
 
@@ -161,8 +160,7 @@ def stream(
             facts["chosen"] = learner_choices(student, given=not choice.default)
             outputs.attempt("model", lambda: keep_model(model, student, pipeline.inputs, source))
             _tell(facts["chosen"], intake)
-            summed = facts if as_json else _flat(facts)
-            outputs.attempt("summary on stdout", lambda: answer(summed, as_json=as_json))
+            outputs.answer("summary", facts if as_json else _flat(facts), as_json)
     if problem is not None:
         raise problem
     outputs.check()
@@ -199,16 +197,16 @@ def _opened(source: str, columns: list[str], idle: float | None, key_file: Path 
 
     packets = source_of(source, columns, idle=idle, key_file=key_file)
     if not isinstance(packets, DatagramSource):
-        typer.echo(f"Reading {'standard input' if source == '-' else source}", err=True)
+        tell(f"Reading {'standard input' if source == '-' else source}")
         return packets
     if packets.warning:
-        typer.echo(f"patagium: {packets.warning}", err=True)
+        tell(f"patagium: {packets.warning}")
     key = "" if key_file is None else f" --key-file {key_file}"
     send = f"patagium send flight.nc {packets.address}{key}"
     words = "for motion and joint forces, or raw samples of sensors"
-    typer.echo(f"Listening at {packets.address} {words}", err=True)
-    typer.echo("To send a recorded flight or sensor log:", err=True)
-    typer.echo(f"  {send}", err=True)
+    tell(f"Listening at {packets.address} {words}")
+    tell("To send a recorded flight or sensor log:")
+    tell(f"  {send}")
     return packets
 
 
@@ -219,17 +217,17 @@ def _noting(queue: PacketQueue, air: Air) -> Rhythm:
 
     told: list[str] = []
 
-    def tell() -> None:
+    def note_changes() -> None:
         stated, queue.intake.air = stated_air(queue.intake.air) or air, b""
         if stated != air:
             words = f"wind {stated.wind} m/s and density {stated.density:.4g} kg/m^3"
             given = "another is learned in (--density, --wind)"
-            typer.echo(f"Warning: the text states {words}: {given}", err=True)
+            tell(f"Warning: the text states {words}: {given}")
         for note in queue.notes[len(told) :]:
             told.append(note)
-            typer.echo(note + "." * (note[-1] not in ".?"), err=True)
+            tell(note + "." * (note[-1] not in ".?"))
 
-    return Rhythm(_LINE_PERIOD, tell)
+    return Rhythm(_LINE_PERIOD, note_changes)
 
 
 def _is_worth_keeping(problem: Exception | None, status: Status) -> bool:
@@ -241,9 +239,9 @@ def _is_worth_keeping(problem: Exception | None, status: Status) -> bool:
 def _tell(chosen: Mapping[str, str], intake: Intake) -> None:
     """Print what was chosen for the learner, and examples of what was not used."""
     for name, text in chosen.items():
-        typer.echo(f"{name}: {text}", err=True)
+        tell(f"{name}: {text}")
     for reason in intake.examples:
-        typer.echo(f"patagium: not used: {reason}", err=True)
+        tell(f"patagium: not used: {reason}")
 
 
 def _answers(
@@ -328,7 +326,7 @@ class _Recording(AbstractContextManager["_Recording"]):
         """Put what was recorded in its place, if it is whole."""
         file = self._file
         if file.sound and self._outputs.attempt("recording", lambda: file.close(facts)):
-            typer.echo(f"The record of {file.written} samples is in {file.path}", err=True)
+            tell(f"The record of {file.written} samples is in {file.path}")
 
 
 def _network(robot: Robot, air: Air, choice: LearnerChoice, scale_by: Path | None) -> Any:
@@ -358,7 +356,7 @@ def _line(status: Status, pipeline: Pipeline, intake: Intake) -> Iterator[Any]:
             sys.stderr.flush()
         elif status.counters.samples and now - last > _NOW_AND_THEN:
             last = now
-            typer.echo(live_line(status, intake, pipeline), err=True)
+            tell(live_line(status, intake, pipeline))
 
     try:
         yield show

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from patagium.cli import options
-from patagium.cli.estimates import AirOption, left_open, orbit_air, tell_unseen
+from patagium.cli.estimates import AirOption, left_open, orbit_air, refuse_missing, tell_unseen
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import (
-    answer,
     for_person,
     heading,
     named_quantities,
@@ -20,8 +19,9 @@ from patagium.cli.words import (
     progress_bar,
     say_json,
     show_table,
+    tell,
 )
-from patagium.errors import ParameterError, PatagiumError
+from patagium.errors import ParameterError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -102,7 +102,7 @@ def trim(
     if not as_json:
         kind = "Wingbeat" if gait.period else "Glide"
         air = ", ".join([f"{aero} air", *(f"polar {k}" for k in polar or ()), *["inflow"] * inflow])
-        typer.echo(f"{kind} of the file's cruise, {air}; free: {', '.join(chosen)}", err=True)
+        tell(f"{kind} of the file's cruise, {air}; free: {', '.join(chosen)}")
     model, added, learned = orbit_air(
         aero, machine, polar, inflow, density, hovers=speed == 0 and gait.period is not None
     )
@@ -112,9 +112,7 @@ def trim(
     with progress_bar("Beats of the search, of 250 at most") as progress:
         orbit = search(model, added_mass=added, progress=progress)
     if not isinstance(orbit, control.Orbit):
-        if as_json:
-            answer(orbit.summary(), as_json=True)
-        raise PatagiumError(repr(orbit))
+        refuse_missing(orbit, as_json)
     tell_unseen(learned, orbit)
     unknown = left_open(learned, orbit, search)
     if along is not None:
@@ -129,12 +127,11 @@ def trim(
     outputs, facts, found = Outputs(), orbit.summary(), orbit
     if output is not None:
         outputs.attempt(str(output), lambda: save_flight(found.flight(beats), output))
-    title = f"Periodic flight of {machine.name}"
     modes = control.floquet(found).summary()
     if as_json:
         facts["modes"] = modes
         facts |= {"left_open": unknown} if unknown else {}
-    outputs.attempt("orbit on stdout", lambda: answer(facts, as_json=as_json, title=title))
+    outputs.answer("orbit", facts, as_json, f"Periodic flight of {machine.name}")
     if not as_json:
         heads = [heading(name) for name in modes[0]]
         rows = [["–" if cell is None else cell for cell in mode.values()] for mode in modes]
@@ -142,7 +139,7 @@ def trim(
     outputs.check()
     if not as_json:
         told = f"patagium view {output}" if output else "the same with -o trimmed.nc, a flight"
-        typer.echo(f"Next: {told}", err=True)
+        tell(f"Next: {told}")
 
 
 def _range(words: str, units: Mapping[str, str]) -> tuple[str, tuple[float, float]]:
@@ -158,13 +155,11 @@ def _range(words: str, units: Mapping[str, str]) -> tuple[str, tuple[float, floa
 
 def _branch(found: Branch, figure: Path | None, as_json: bool) -> None:
     """Table and picture of a branch."""
-    from patagium.report.figures import save_figure
     from patagium.report.page import Table
     from patagium.report.style import styled
 
     outputs, rows = Outputs(), found.summary()
-    if figure is not None:
-        outputs.attempt("figure", lambda: save_figure(styled(_picture)(found), figure))
+    outputs.draw(figure, lambda _: styled(_picture)(found))
     if as_json:
         points = [
             {"kind": one.kind, "value": one.value, "multiplier": abs(one.multiplier)}

@@ -13,7 +13,7 @@ import typer
 from patagium.cli.learner_options import LearnerChoice, NetworkKind, nested, with_learner_options
 from patagium.cli.options import OUTPUT, MappingOption, output_file
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import progress_bar, say_json, say_next, show_table
+from patagium.cli.words import progress_bar, say_json, say_next, show_table, tell
 from patagium.errors import LogError, command
 from patagium.limits import LEAST_TRIALS
 
@@ -32,7 +32,6 @@ EXAMPLES = (
     "patagium identify flight.nc --settings settings.yaml",
 )
 PANELS = {"Trials": "horizon jobs mapping"}
-"""Options of each panel of the help; the usual ones come before, in none."""
 
 
 @with_learner_options(several=True)
@@ -97,7 +96,7 @@ def tune(
             settings[name] = given[0]
     journal = out.with_suffix(".trials.jsonl")
     if journal.exists():
-        typer.echo(f"Going on from the trials in {journal}", err=True)
+        tell(f"Going on from the trials in {journal}")
     with progress_bar(f"Tuning on {', '.join(names)}") as progress:
         found = tune_learner(
             logs[: len(files)],
@@ -116,7 +115,7 @@ def tune(
         )
     outputs = Outputs()
     if outputs.attempt("settings", lambda: found.save(out)):
-        typer.echo(f"The settings are in {out}", err=True)
+        tell(f"The settings are in {out}")
     best = found.best.model_dump(mode="json")
     told = partial(say_json, best) if as_json else partial(_show, found)
     outputs.attempt("trials on stdout", told)
@@ -154,8 +153,7 @@ def _check_alike(files: Sequence[Path], logs: Sequence[Any]) -> None:
         pairs = zip(("kind", "robot", "wind", "density"), kind(one), first, strict=False)
         for name in (name for name, found, expected in pairs if found != expected):
             raise LogError(
-                f"{file}: expected the {name} of {files[0].name}, which the network is made for, "
-                "found another"
+                file, f"the {name} of {files[0].name}, which the network is made for", "another"
             )
 
 

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from patagium.cli.options import OUTPUT, PredictedOption, option_in, output_file
-from patagium.cli.words import FLIGHT, existing, flight_file, model_for, progress_bar, say_next
+from patagium.cli.words import (
+    FLIGHT,
+    existing,
+    flight_file,
+    model_for,
+    progress_bar,
+    say_next,
+    tell,
+)
 from patagium.errors import LogError, ParameterError, command
 
 if TYPE_CHECKING:
@@ -25,7 +33,6 @@ EXAMPLES = (
     'patagium view flight.nc --film flight.gif --start "1.8 s" --end "2 s"',
 )
 PANELS = {"A picture or a film instead of a page": "still at film"}
-"""Options of each panel of the help; the usual ones come before, in none."""
 
 
 def view(
@@ -95,17 +102,17 @@ def view(
     if still is not None:
         with progress_bar("Drawing"):
             save_figure(draw_still(shown, at, predicted=predicted), still)
-        typer.echo(f"The picture is in {still}", err=True)
+        tell(f"The picture is in {still}")
     elif film is not None:
         with progress_bar("Filming") as progress:
             write_film(shown, film, predicted=predicted, start=start, end=end, progress=progress)
-        typer.echo(f"The film is in {film}", err=True)
+        tell(f"The film is in {film}")
     else:
         with progress_bar(f"Drawing {flight.name}"):
             beside = {other.stem: _flight(other) for other in others}
             options: dict[str, Any] = {"title": title, "start": start, "end": end, "beside": beside}
             replay(shown, page, predicted=predicted, **options)
-        typer.echo(f"The page is in {page}", err=True)
+        tell(f"The page is in {page}")
         cycles = () if "air" in shown.attrs else (command("patagium cycles {}", flight),)  # of logs
         say_next(f"open {page} in a browser", *cycles)
 
@@ -127,7 +134,7 @@ def _flight(file: Path) -> xr.Dataset:
     elif not is_sensor_log(file):
         return (load_log if kind_of(file).startswith(LOADED) else load_flight)(file)
     motion = command("patagium motion {} --robot ROBOT", file)
-    raise LogError(f"{file}: expected a motion, which `{motion}` finds, found sensors alone")
+    raise LogError(file, f"a motion, which `{motion}` finds", "sensors alone")
 
 
 def _predicted(

@@ -178,14 +178,14 @@ def _progress_lines(label: str) -> Progress:
     """Progress as lines on stderr, one in `BETWEEN_LINES` seconds at most."""
     started = told = monotonic()
 
-    def tell(done: int, total: int) -> None:
+    def show(done: int, total: int) -> None:
         nonlocal told
         now = monotonic()
         if now - told >= BETWEEN_LINES:
-            typer.echo(f"{label}: {done / max(total, 1):.0%} after {now - started:.0f} s", err=True)
+            tell(f"{label}: {done / max(total, 1):.0%} after {now - started:.0f} s")
             told = now
 
-    return tell
+    return show
 
 
 def answer(facts: dict[str, Any], *, as_json: bool, title: str = "") -> None:
@@ -218,6 +218,11 @@ def heading(name: str) -> str:
 def say_next(*commands: str) -> None:
     """Line on stdout with the commands that come next."""
     typer.echo(f"Next: {', or '.join(commands)}")
+
+
+def tell(words: str) -> None:
+    """Line on stderr."""
+    typer.echo(words, err=True)
 
 
 def say_json(value: Any) -> None:
@@ -260,7 +265,7 @@ def model_for(path: Path, flight: xr.Dataset) -> Model:
 
     model = load_model(existing(path))
     for words in in_flight(model, flight)[1]:
-        typer.echo(words, err=True)
+        tell(words)
     return model
 
 
@@ -283,11 +288,11 @@ def no_robot(path: Path) -> Path:
     from patagium.robot import preset_names
 
     if path == FLIGHT and not path.exists():
-        raise LogError(f"{path}: expected a flight, found none; make it: patagium simulate aerobat")
+        raise LogError(path, "a flight", "none; make it: patagium simulate aerobat")
     kind = f"a robot; fly it first: patagium simulate {path}"
     kind = kind if str(path) in preset_names() else kind_of(path)
     if kind.startswith(("a robot", "a mapping", "a learne", "predictions")):
-        raise LogError(f"{path}: expected a flight or log, found {kind}")
+        raise LogError(path, "a flight or log", kind)
     return path
 
 
