@@ -25,7 +25,7 @@ from patagium.native.compiler import (
     compiler_command,
     machine_identity,
 )
-from patagium.native.emit import calls_kernels, emit, emit_batch
+from patagium.native.emit import emit, emit_batch, runs_kernels
 from patagium.native.function import NativeFunction, Signature
 
 SPARED = (
@@ -161,7 +161,8 @@ def _code(
         stem = f"{name}_batch" if many else name
         texts = emit_batch(function) if many else emit(function)
         own = {f"{stem}{k or ''}.c": text for k, text in enumerate(texts)}
-        if flag and many and not calls_kernels(function):  # which are loops
-            flags |= dict.fromkeys(own, flag)
+        if flag and many and not any("fwd1_" in text for text in texts):  # trims take these often
+            straight = [file for file, text in own.items() if not runs_kernels(text)]
+            flags |= dict.fromkeys(straight, flag)  # kernels are loops
         units |= own
     return units, [astuple(_signature(function)) for function in functions.values()], flags

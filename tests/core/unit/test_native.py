@@ -401,18 +401,23 @@ def test_texts_for_many_states_alone_are_compiled_briefly_but_for_kernels():
         ca.Function(n, [x], [y]) for n, y in (("plain", x * x), ("calling", kernel(x)))
     )
     functions = {one.name(): one for one in (plain, calling)}
-    made = []
+    made, texts = [], {"plain": ["text"], "calling": ["text", "table_lanes(", "text"]}
 
     def build(compiler, sources, flags, label, own):
-        made.append((set(sources), own))
+        made.append(own)
         raise KeyboardInterrupt
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(library, "build", build)
-        patch.setattr(library, "emit_batch", lambda function: ["text"])
-        with pytest.raises(KeyboardInterrupt):
+    def asked():
+        with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr(library, "build", build)
+            patch.setattr(library, "emit_batch", lambda function: texts[function.name()])
             load_functions("brief", lambda: functions.values(), label="t", many_only=[*functions])
-    assert made == [({"plain_batch.c", "calling_batch.c"}, {"plain_batch.c": "-Og"})]
+        return {*made.pop()}
+
+    assert "table_lanes(" in emit_module.emit_batch(calling)[0]
+    assert asked() == {"plain_batch.c", "calling_batch.c", "calling_batch2.c"}
+    texts["calling"][1] = "fwd1_table_lanes("  # of a derivative, in a loop of a trim
+    assert asked() == {"plain_batch.c"}
 
 
 def test_what_was_interpreted_without_a_compiler_is_compiled_with_one(
