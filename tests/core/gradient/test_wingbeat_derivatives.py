@@ -209,6 +209,7 @@ def test_what_the_map_refuses(case, tmp_path):
             gait_family(case.robot, case.gait, (wrong,))
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_beat_that_begins_at_another_heading_ends_there_too(tmp_path):
     """States that are vectors in the world turn along: to rounding, with induced velocities too."""
     file = tmp_path / "flapper.yaml"

@@ -108,6 +108,7 @@ def test_air_at_weights_with_its_added_mass_is_the_force_of_the_network(
     weights[-4:] = 0.0  # stand for nothing
     lags = draw.standard_normal(network.inputs - network.measured_inputs)
     expected = network(np.concatenate([q, v, a, lags]), weights)
+    request.getfixturevalue("interpreted")
     air, added = network.air_at(weights)
     air = aero_from_description(robot, json.loads(json.dumps(air.describe())))
     found = air.generalized_force(q, v, lags[: air.state_size])
@@ -376,6 +377,7 @@ def test_network_is_made_again_from_its_description(
         np.testing.assert_array_equal(again(x, weights), network(x, weights))
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_outputs_are_those_asked_for(network: LinearStripNetwork) -> None:
     x, weights = np.concatenate(sample(network.robot, 2)), network.initial(0)
     chosen = LinearStripNetwork(network.robot, measured=("z", "left_plunge"))

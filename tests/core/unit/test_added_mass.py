@@ -68,6 +68,7 @@ def test_training_data_leave_known_inertia_out_unless_asked(heavy):
     np.testing.assert_allclose(whole, total, atol=1e-11 * scale)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_the_inertia_is_in_the_reaction_of_a_fixed_mount(robot):
     """The mount holds against the air that the wings throw about."""
     air = pt.Air(wind=(-4.0, 0.0, 0.0))
@@ -101,6 +102,7 @@ def test_description_makes_it_again(robot):
     assert len(model.parameter_names) == len(model.parameters)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_factors_by_wing(robot):
     rng = np.random.default_rng(0)
     q, (v, a) = 0.2 * rng.standard_normal(14), rng.standard_normal((2, 14))

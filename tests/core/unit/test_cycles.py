@@ -160,6 +160,7 @@ def test_lift_scales_with_the_density_and_thrust_turns_with_the_way(held: xr.Dat
     )
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_wing_without_a_floating_body_has_its_added_mass_counted() -> None:
     robot = pt.load_robot("yeo-wing")
     air = pt.Air(wind=(-2.9, 0.0, 0.0))
@@ -169,7 +170,7 @@ def test_a_wing_without_a_floating_body_has_its_added_mass_counted() -> None:
         pt.LiftingLine(robot, air),
         gait,
         duration=0.7,
-        time_step=5e-4,
+        time_step=1e-3,
         added_mass=pt.AddedMass(robot, air),
     )
     with_it = pt.cycle_statistics(flight)

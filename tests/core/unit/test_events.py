@@ -21,6 +21,7 @@ from patagium.control import (
 from patagium.control.events import with_gusts, without_tip
 from patagium.errors import ParameterError
 from patagium.robot import load_robot_text
+from patagium.robot.files import preset_text
 from patagium.robot.planform import poses
 
 PRESETS = ("aerobat", "ornithopter", "dragonfly", "hawk")
@@ -151,9 +152,10 @@ def test_a_lamina_whose_moments_are_estimates_can_be_cut():
     assert 0 < moments[2] <= (1 + 1e-9) * (moments[0] + moments[1])
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_what_is_lost_of_a_wing_lies_side_by_side():
     """In one place the vortices of two lost strips of a body made every force not a number."""
-    robot = pt.load_robot("ornithopter")
+    robot = load_robot_text(re.sub(r"strips: \d", "strips: 4", preset_text("ornithopter")))
     q, v = robot.coordinates(pitch=-0.1), robot.velocities(x=6.0)
     lift = []
     for share in (0.2, 0.3, 0.5, 1.0):

@@ -44,6 +44,7 @@ def robot():
     return pt.load_robot("aerobat")
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_lag_states_start_at_zero_are_integrated_and_recorded(robot):
     flight = pt.simulate(
         robot, LaggedAir(robot), pt.gaits.sinusoidal(robot, frequency=5.0, plunge=0.3),
@@ -74,6 +75,7 @@ def test_a_joint_without_actuator_swings_by_itself(robot):
     assert flight.attrs["momentum_audit"] < 1e-7
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_wing_of_one_strip_keeps_its_axis(robot):
     single = replace(robot, strips=robot.strips[:1], source="")
     flight = pt.simulate(

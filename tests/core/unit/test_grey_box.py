@@ -125,6 +125,7 @@ def test_numbers_are_found_and_kept_in_files(learner, grey, robot, tmp_path):
     assert np.array_equal(twin.weights, student.weights)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_numbers_of_the_robot_and_added_mass_are_found_in_a_flight(robot):
     """What y is, and that x then has accelerations: a flight with another mass and chord."""
     true = robot.with_parameters({"wing.mass": 0.005, "wing[1].chord": 0.1})
@@ -175,6 +176,7 @@ def test_models_on_models_are_made_again_with_their_numbers(robot, wrapped, name
     assert grey.estimates(np.zeros(1))[0].unit == unit
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_viscosity_of_a_polar_is_found_in_a_flight(robot):
     """Slow air, Reynolds numbers of some 2000; the viscosity is twice that of air."""
     gait = pt.gaits.sinusoidal(robot, frequency=1.0, plunge=0.6, feather=0.5)
@@ -192,6 +194,7 @@ def test_viscosity_of_a_polar_is_found_in_a_flight(robot):
     assert value == pytest.approx(3e-5, rel=0.02) and std < 1e-6
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_added_mass_is_part_of_y_or_not(robot):
     gait = pt.gaits.sinusoidal(robot, frequency=4.0, plunge=0.6, feather=0.2)
     carried = pt.AddedMass(robot, AIR, factor=0.9)
@@ -346,6 +349,7 @@ def test_numbers_of_a_robot_are_found_from_a_flight_of_another_robot(robot, monk
     np.testing.assert_allclose(pt.refine(learner, log, every=2).weights, model.weights, rtol=1e-3)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_the_force_is_that_by_the_numbers_of_the_robot_that_is_learned(one_wing):
     """The flown robot's dampers, and its inertia in measured forces, hid what was to be learned."""
     robot = one_wing("name: plunge, axis: x, damping: 1e-3", "name: feather, axis: -y")

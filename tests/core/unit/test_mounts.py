@@ -54,6 +54,7 @@ def test_a_cell_under_the_body_reads_the_mounts_force(carried):
     np.testing.assert_allclose(inside, shown, atol=1e-9)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_cell_in_a_flight_tells_the_force_of_the_air(carried):
     """Inverse dynamics of the true motion less the cell's wrench is the force of the air."""
     time, n = carried["time"].values, carried.sizes["dof"]

@@ -111,6 +111,7 @@ def test_derivatives_of_the_program_are_those_of_differences(ornithopter):
     np.testing.assert_allclose(found[free], expected[free], atol=2e-4 * size)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_joint_without_limits_stays_within_a_right_angle_of_its_own_mean():
     """The bounds were about zero, and a hover whose wings feather about 90 deg began beyond."""
     robot = load_robot_text(FLAPPER.replace(", limits: [-60 deg, 60 deg]", ""))

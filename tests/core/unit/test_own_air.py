@@ -65,6 +65,7 @@ def test_names_of_states_are_as_many_as_states(monkeypatch: pytest.MonkeyPatch) 
         fly(Own(ROBOT))
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_numbers_of_numpy_are_recorded() -> None:
     """A flight whose air has NumPy scalars was lost at its end: JSON cannot hold them."""
 

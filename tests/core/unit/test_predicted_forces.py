@@ -57,6 +57,7 @@ def test_predictions_of_another_robot_are_refused(robot, tmp_path):
         predict_flight(fly(robot), robot, renamed, FRAMES)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_forces_by_other_numbers_of_the_robot_are_shown(robot, tmp_path):
     """Numbers of the robot that are learned change what the force is: it is not compared."""
     flight = fly(robot)

@@ -304,6 +304,7 @@ def test_a_flight_is_replayed(flight, pair, tmp_path):
     np.testing.assert_allclose(rotation[:, 0], expected, atol=1e-15)  # rounding
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_cycles_of_a_hover_look_where_the_nose_points(pair):
     lifts = []
     for robot in pair:
@@ -347,6 +348,7 @@ def test_training_data_names_what_it_lacks(flight, pair):
         pt.training_data(flight, pair[0])
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_the_command_line_flies_straight_up(pair, tmp_path, capsys):
     file, path = tmp_path / "glider.yaml", tmp_path / "up.nc"
     file.write_text(pair[0].source)

@@ -278,6 +278,7 @@ def test_shapes_bodies_and_names_are_checked(flight: xr.Dataset) -> None:
         pt.sense(flight, [S.Encoder(rate=100.0)])["imu"]
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_robot_by_quaternion_shows_the_same() -> None:
     robot = pt.load_robot("aerobat")
     shown = []
@@ -294,6 +295,7 @@ def test_a_robot_by_quaternion_shows_the_same() -> None:
         np.testing.assert_allclose(one, other, atol=1e-5 * (1 + np.abs(one).max()))
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_no_encoder_shows_a_part_of_a_quaternion() -> None:
     """An encoder of pitch showed the y component of the quaternion as an angle."""
     robot = pt.load_robot("hawk").with_attitude("quaternion")

@@ -28,6 +28,7 @@ PASSIVE = FLAPPER.replace(
 )
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_sprung_pendulum_swings_as_in_closed_form():
     robot = load_robot_text(PENDULUM)
     inertia = pt.Dynamics(robot).mass_matrix(np.zeros(1))[0, 0]
@@ -44,6 +45,7 @@ def test_a_sprung_pendulum_swings_as_in_closed_form():
     assert errors[0] / errors[1] == pytest.approx(16, rel=0.2)  # fourth order
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_gravity_and_springs_are_the_gradient_of_the_potential():
     robot = load_robot_text(PASSIVE)
     dynamics, rng = pt.Dynamics(robot), np.random.default_rng(0)

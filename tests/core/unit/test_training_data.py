@@ -114,6 +114,7 @@ def test_the_whole_state_is_seen_unless_told(flight: xr.Dataset) -> None:
     assert result.scores["updates"] == 6
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_networks_that_do_not_fit_the_flight_are_refused(flight: xr.Dataset) -> None:
     with pytest.raises(
         ShapeError, match="inputs: expected as many as the network sees, 3, found 28"

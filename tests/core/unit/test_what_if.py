@@ -197,7 +197,8 @@ def test_measured_forces_are_asked_within_their_noise(rng: np.random.Generator) 
 
 def test_one_side_that_is_measured_is_asked_too(flight: xr.Dataset) -> None:
     network = LinearStripNetwork(ROBOT, pt.Air(), ("left_plunge",))
-    (told,) = asked(turned("left_plunge", "u1")(flight), network)
+    log = flight.isel(time=slice(None, None, 6))  # of one output all samples count
+    (told,) = asked(turned("left_plunge", "u1")(log), network)
     assert "the force of left_plunge had the other sign" in told, told
 
 
