@@ -129,10 +129,10 @@ def test_compiled_and_python_filters_refuse_the_same_stuck_encoders(structure: s
         WeightFilter(numbers, structure_and_kernel(numbers, one), network().initial(0))
         for one in (True, False)
     ]
-    x, y = flapping(1500)
+    x, y = flapping(900)
     x[200:260, 1], x[300:350] = x[200, 1], x[300]
     x[500:, 0] = np.maximum(x[500:, 0], -0.5)
-    for k in range(1500):
+    for k in range(900):
         ends = []
         for each in screens:
             each.screen.numbers[0] = STEP * k
