@@ -34,7 +34,8 @@ settings.load_profile("repeatable")
 
 SLOW = (
     *("test_documentation.py", "test_validation.py", "test_reproduce.py", "test_attack.py"),
-    *("test_live_browser.py", "test_rig.py", "test_command_line.py", "test_optimal_gait.py"),
+    *("test_live_browser.py", "test_rig.py", "test_optimal_gait.py", "test_what_if.py"),
+    *("test_monarch.py", "test_course.py", "test_command_line.py", "test_damage_study.py"),
     *("test_adaptive_controller.py", "test_robot_parameters.py", "test_stall_delay_invariants.py"),
     *("test_bounds.py", "test_quaternion_base.py", "test_tuned_settings.py", "test_stress.py"),
     *("test_feedback_study.py", "test_crazyflie_log.py", "test_live_stream.py"),
