@@ -200,11 +200,6 @@ def calls_kernels(function: ca.Function) -> bool:
     return any(kernel_of(one.name())[0] in KERNELS for one in function.find_functions())
 
 
-def runs_kernels(text: str) -> bool:
-    """Whether a C text of many states has a call of a kernel."""
-    return any(f"{kernel}_lanes(" in text for kernel in KERNELS.values())
-
-
 def dense_graph(function: ca.Function, calls: bool) -> _Graph:
     """Nodes of a function all of whose results are written, zeros too.
 

@@ -25,7 +25,7 @@ from patagium.native.compiler import (
     compiler_command,
     machine_identity,
 )
-from patagium.native.emit import emit, emit_batch, runs_kernels
+from patagium.native.emit import emit, emit_batch
 from patagium.native.function import NativeFunction, Signature
 
 SPARED = (
@@ -155,14 +155,14 @@ def _signature(function: ca.Function) -> Signature:
 def _code(
     functions: dict[str, ca.Function], many_only: Collection[str], flag: str | None = None
 ) -> Code:
+    """Code; calls of kernels (`int[]`), and all with derivatives (`fwd1_`), without the flag."""
     units, flags = dict[str, str](), dict[str, str]()
     for name, function in functions.items():
         many = name in many_only
         stem = f"{name}_batch" if many else name
         texts = emit_batch(function) if many else emit(function)
         own = {f"{stem}{k or ''}.c": text for k, text in enumerate(texts)}
-        if flag and many and not any("fwd1_" in text for text in texts):  # trims take these often
-            straight = [file for file, text in own.items() if not runs_kernels(text)]
-            flags |= dict.fromkeys(straight, flag)  # kernels are loops
+        if flag and many and "fwd1_" not in str(own):
+            flags |= {k: flag for k in own if "int[]" not in own[k]}
         units |= own
     return units, [astuple(_signature(function)) for function in functions.values()], flags

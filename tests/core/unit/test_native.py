@@ -401,7 +401,7 @@ def test_texts_for_many_states_alone_are_compiled_briefly_but_for_kernels():
         ca.Function(n, [x], [y]) for n, y in (("plain", x * x), ("calling", kernel(x)))
     )
     functions = {one.name(): one for one in (plain, calling)}
-    made, texts = [], {"plain": ["text"], "calling": ["text", "table_lanes(", "text"]}
+    made, texts = [], {"plain": ["text"], "calling": ["text", "(const int[])", "text"]}
 
     def build(compiler, sources, flags, label, own):
         made.append(own)
@@ -414,9 +414,10 @@ def test_texts_for_many_states_alone_are_compiled_briefly_but_for_kernels():
             load_functions("brief", lambda: functions.values(), label="t", many_only=[*functions])
         return {*made.pop()}
 
-    assert "table_lanes(" in emit_module.emit_batch(calling)[0]
+    assert "(const int[])" in emit_module.emit_batch(calling)[0]
+    assert "(const int[])" not in emit_module.emit_batch(plain)[0]
     assert asked() == {"plain_batch.c", "calling_batch.c", "calling_batch2.c"}
-    texts["calling"][1] = "fwd1_table_lanes("  # of a derivative, in a loop of a trim
+    texts["calling"][1] += "fwd1_"  # of a derivative, in a loop of a trim
     assert asked() == {"plain_batch.c"}
 
 
