@@ -187,7 +187,9 @@ SCREENING = struct(
     double *lagged: m: mean product of an innovation and of what the sample before left
     double *power: m: mean square of what the sample before left
     double *center: m: mean of the measurements
-    double *levers: m x m: square that strips give an output, over that of another output
+    int32_t strips: number of strips whose forces the outputs tell
+    double *spread: m x strips: square of an output by that of a strip's force
+    double *told: m x strips: square of a strip's force by that of an output
     double *sampled: m: mean variance that came with the samples of late
     double *level: m: variance of the measurements
     double *change: m: mean square of their changes from sample to sample

@@ -81,6 +81,7 @@ def screening_memory(screen: Screen) -> tuple[Any, Any]:
     whole = SCREENING.type(
         channels=len(arrays["noise"]),
         stuck_samples=screen.stuck_samples,
+        strips=screen.misfit.strips,
         window=screen.monitor.window,
         reference=screen.monitor.reference,
         limit=screen.limit,

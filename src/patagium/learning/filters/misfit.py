@@ -12,7 +12,7 @@ c = s / rms(change of y from sample to sample) samples, for a sine 1 / (2 pi f) 
 of the samples. The mean of y is no part of s, and a model that errs by more than s for long is
 worse than a constant. The measurement's own noise, where it is known, is added. No output is
 believed to a three-thousandth of what the strips' forces would make of it if they did not cancel,
-nor, where samples leave something, to a hundredth of it: the side force of a symmetric flight is
+nor, where samples leave something, to a thirtieth of it: the side force of a symmetric flight is
 what noise of the angles makes of it, and an exact fit of it would draw the weights that it shares
 with other outputs to zero; and where it begins at rounding and grows a billion times, what it said
 when it was small would outweigh all that comes.
@@ -72,8 +72,9 @@ class Misfit:
         sample: Variances that came with the sample in hand, (n_y,) [y^2]; whoever gives it
             changes it from sample to sample.
         offset: Value of y that counts as one sample before the first, (n_y,) or () [y].
-        levers: Mean square that strips give an output where their forces do not cancel, over
-            that of another output, (n_y, n_y) or () [y^2/y^2]; 0: unknown.
+        levers: Squares of the outputs by that of each strip's force, and of each strip's force by
+            those of the outputs, of which the largest holds, (n_y, strips) each [y^2/N^2, N^2/y^2];
+            None: unknown.
         scale: Scale of each output, in which outputs are compared, (n_y,) or () [y].
 
     Attributes:
@@ -91,15 +92,16 @@ class Misfit:
         known: Array,
         sample: Array,
         offset: ArrayLike = 0.0,
-        levers: ArrayLike = 0.0,
+        levers: tuple[Array, Array] | None = None,
         scale: ArrayLike = 1.0,
     ) -> None:
         self.floor, self._known, self._sample = floor, known, sample
         self._unit = np.square(np.broadcast_to(scale, len(known)))
         self.parts = {name: np.zeros(len(known)) for name in PARTS}
         self.parts["center"][:] = offset
-        self.parts["levers"] = np.zeros(len(known) ** 2)
-        self.parts["levers"][:] = np.ravel(levers)
+        none = np.zeros((len(known), 0))
+        self.parts["spread"], self.parts["told"] = (none, none) if levers is None else levers
+        self.strips = self.parts["told"].shape[1]
         self.clock = np.array([np.nan, 0.0])
         self.heard = np.zeros(len(known), np.int64)
         self.span = _C.UNSEEN
@@ -197,7 +199,8 @@ class Misfit:
         own = _C.LEAST * np.where(load > 0, load, 1.0)
         least = self.least if largest > 0 else own
         residual = self.parts["residual"]
-        apart = self.parts["levers"].reshape(len(level), -1) @ level
+        forces = (self.parts["told"] * level[:, None]).max(axis=0, initial=0.0)
+        apart = self.parts["spread"] @ forces
         coarse = np.minimum(_C.COARSE * apart, _C.MUCH * residual)
         least = np.maximum(np.maximum(least, _C.SLIGHT * apart), coarse)
         left = np.minimum(_C.LEFT * residual, level)

@@ -154,7 +154,7 @@ class Screen:
         network: Network,
         settings: FilterSettings | None = None,
         offset: ArrayLike = 0.0,
-        levers: ArrayLike = 0.0,
+        levers: tuple[Array, Array] | None = None,
     ) -> None:
         chosen, channels = settings or FilterSettings(), len(noise)
         screening, noise_estimation = chosen.screening, chosen.noise_estimation
@@ -459,8 +459,9 @@ class Screen:
 
 def new_screen(numbers: FilterNumbers) -> Screen:
     """Screening of a filter, before any sample."""
-    known = [getattr(numbers.network, name, 0.0) for name in ("offset", "levers")]
-    return Screen(numbers.noise, numbers.network, numbers.settings, *known)
+    network = numbers.network
+    known = getattr(network, "offset", 0.0), getattr(network, "levers", None)
+    return Screen(numbers.noise, network, numbers.settings, *known)
 
 
 def _limit(detection: ChangeDetection, channels: int) -> float:

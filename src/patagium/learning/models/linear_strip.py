@@ -77,9 +77,9 @@ class LinearStripNetwork(WingNetwork):
             each axis, joints at rest, (n_y,) [1, m].
         output_scale: The same with one newton a quarter chord behind besides, 1 where it is 0:
             outputs of unlike units are compared in it.
-        levers: Mean square of an output over that of another one, (n_y, n_y), were the forces of
-            strips not to cancel: each strip's force is told by the joint that it turns most, or
-            else by the upward force.
+        levers: Square of each output over that of each strip's force, (n_y, strips) [1, m^2], and
+            of each strip's force over that of each joint that it moves, or else of the upward
+            force, (n_y, strips) [1, 1/m^2].
         scaled_prior: True: a stated `prior_std` is a factor on `own_prior`.
 
     Raises:
@@ -347,15 +347,13 @@ def strip_squares(robot: Robot) -> Array:
     return np.asarray(squares.reshape(len(squares), -1, 4))
 
 
-def _levers(robot: Robot, rows: Sequence[int], squares: Array) -> Array:
+def _levers(robot: Robot, rows: Sequence[int], squares: Array) -> tuple[Array, Array]:
     """What `levers` says, from the squares of the measured rows, (n_y, strips)."""
-    found = np.zeros((len(rows), len(rows)))
-    turned = np.where(np.isin(rows, robot.floating_dofs)[:, None], 0.0, squares)
-    upward = [k for k, row in enumerate(rows) if robot.dof_names[row] == "z"]
-    for strip, joints in enumerate(turned.T):
-        for place in [joints.argmax()] if joints.any() else upward:
-            found[:, place] += squares[:, strip] / squares[place].sum()
-    return found
+    moves = (squares > 0) & ~np.isin(rows, robot.floating_dofs)[:, None]
+    upward = np.array([robot.dof_names[row] == "z" for row in rows], bool)
+    moves |= upward[:, None] & ~moves.any(axis=0)
+    whole = squares.sum(axis=1, keepdims=True)
+    return squares, np.divide(moves, whole, out=np.zeros_like(squares), where=moves)
 
 
 def _slots(terms: int) -> int:

@@ -17,7 +17,7 @@
 #define STILL 1e-6      /* variance of a channel that does not move, over the largest */
 #define LEAST 1e-12     /* variance, at least, over the largest of a channel */
 #define SLIGHT 1e-7     /* and over that which the forces of the strips would make of it, */
-#define COARSE 1e-4     /* which it is said to err by where samples leave much of it: */
+#define COARSE 1e-3     /* which it is said to err by where samples leave much of it: */
 #define MUCH 1e5        /* so many times what they leave, at most */
 #define START 0.02      /* of the variance of a channel: what is left, to begin with */
 #define LEFT 3.0        /* variance over the mean square of what a sample leaves */
@@ -92,14 +92,21 @@ static double span_of(const screening *s, double largest) {
 /* Variances that the filter assumes; load: of the channels, where nothing was measured yet. */
 static void assume(screening *s) {
   double largest = 0; /* mean square of a scaled channel */
-  for (int k = 0; k < s->channels; k++) largest = fmax(largest, s->level[k] / unit_of(s, k));
+  for (int k = 0; k < s->channels; k++) {
+    largest = fmax(largest, s->level[k] / unit_of(s, k));
+    s->noise[k] = 0; /* at first the mean square, were forces of strips not to cancel */
+  }
+  for (int i = 0; i < s->strips; i++) {
+    double force = 0;
+    for (int j = 0; j < s->channels; j++) force = fmax(force, s->told[j * s->strips + i] * s->level[j]);
+    for (int k = 0; k < s->channels; k++) s->noise[k] += s->spread[k * s->strips + i] * force;
+  }
   s->span = span_of(s, largest);
   s->least = LEAST * largest;
   for (int k = 0; k < s->channels; k++) {
     const double load = LEAST * (s->load[k] > 0 ? s->load[k] : 1);
     const double own = largest > 0 ? s->least * unit_of(s, k) : load;
-    double apart = 0; /* mean square, were forces of strips not to cancel */
-    for (int j = 0; j < s->channels; j++) apart += s->levers[k * s->channels + j] * s->level[j];
+    const double apart = s->noise[k];
     const double least = fmax(own, fmax(SLIGHT * apart, fmin(COARSE * apart, MUCH * s->residual[k])));
     const double left = fmin(LEFT * s->residual[k], s->level[k]);
     const double misfit = fmax(s->floor * s->floor * s->level[k], left);
