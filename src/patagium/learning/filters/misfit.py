@@ -101,7 +101,7 @@ class Misfit:
         self.parts["center"][:] = offset
         none = np.zeros((len(known), 0))
         self.parts["spread"], self.parts["told"] = (none, none) if levers is None else levers
-        self.strips = self.parts["told"].shape[1]
+        self.strips = len(self.parts["told"].T)
         self.clock = np.array([np.nan, 0.0])
         self.heard = np.zeros(len(known), np.int64)
         self.span = _C.UNSEEN
