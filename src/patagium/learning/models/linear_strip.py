@@ -348,7 +348,7 @@ def strip_squares(robot: Robot) -> Array:
 
 
 def _levers(robot: Robot, rows: Sequence[int], squares: Array) -> tuple[Array, Array]:
-    """What `levers` says, from the squares of the measured rows, (n_y, strips)."""
+    """Levers as `levers` tells them, of squares of the measured rows, (n_y, strips)."""
     moves = (squares > 0) & ~np.isin(rows, robot.floating_dofs)[:, None]
     upward = np.array([robot.dof_names[row] == "z" for row in rows], bool)
     moves |= upward[:, None] & ~moves.any(axis=0)
