@@ -53,38 +53,30 @@ class ProgramStatus(IntEnum):
 
 def _fields(n: int, nx: int, nu: int) -> list[tuple[str, Any, tuple[int, ...]]]:
     """Fields of the kernel's structure, in its order."""
-    real = np.float64
-    stage, ranges, states = (n, nx), (n, nu), (n + 1, nx)
+    ranges, states = (n, nu), (n + 1, nx)
     shapes: dict[str, tuple[int, ...]] = {
         "A": (n, nx, nx),
         "B": (n, nx, nu),
-        "c": stage,
+        "c": (n, nx),
         "Q": (n + 1, nx, nx),
         "S": (n, nu, nx),
         "R": (n, nu, nu),
         "q": states,
-        "r": ranges,
-        "lower": ranges,
-        "fall": ranges,
+        "r lower fall": ranges,
         "least": states,
-        "upper": ranges,
-        "rise": ranges,
-        "most": states,
-        "weight": states,
+        "upper rise": ranges,
+        "most weight": states,
         "start": (nx,),
         "before": (nu,),
         "u": ranges,
         "x": states,
-        "range_force": ranges,
-        "change_force": ranges,
+        "range_force change_force": ranges,
         "penalty": (nu,),
-        "cost": (),
-        "gradient": (),
-        "violation": (),
+        "cost gradient violation": (),
     }
-    fields: list[tuple[str, Any, tuple[int, ...]]] = [(k, real, s) for k, s in shapes.items()]
+    reals = [(k, np.float64, shape) for names, shape in shapes.items() for k in names.split()]
     counts = ("status", "factorizations", "sweeps", "inverse", "held")
-    return fields + [(k, np.int64, ()) for k in counts]
+    return [*reals, *((k, np.int64, ()) for k in counts)]
 
 
 class QuadraticProgram:
