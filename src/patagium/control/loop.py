@@ -30,7 +30,6 @@ from patagium.limits import MOST_STEPS
 from patagium.reading import json_ready
 from patagium.robot import Robot
 from patagium.simulation.simulator import FlightState, Simulator, check_robots, period_of
-from patagium.simulation.steered_gait import SteeredGait
 
 TIME_STEP = 1e-4
 """Longest time step of the truth where none is given [s]."""
@@ -116,10 +115,9 @@ def fly(
     start = orbit.start() | {k: one for k, one in (("q", q), ("v", v)) if one is not None}
     given = tuple(events), start, added_mass
     loop = _Loop(robot, aero, controller, orbit, *given, duration, time_step)
-    known = NoisyState() if sensors is None else sensors
-    own = controller if isinstance(controller, Learner) else None
-    learner = learner or own
-    loop.run(estimator or known.estimator(orbit, loop.duration, seed), learner, progress)
+    learner = learner or (controller if isinstance(controller, Learner) else None)
+    known = estimator or (sensors or NoisyState()).estimator(orbit, loop.duration, seed)
+    loop.run(known, learner, progress)
     flight = loop.flight()
     flight.attrs |= {"seed": seed, "sensors": repr(sensors), "learner": repr(learner)}
     outcome = loop.simulator.outcome
@@ -134,8 +132,7 @@ class _Loop:
 
     Attributes:
         start: Where the flight begins: `q`, `v` and `aero_state`.
-        gait: The gait as it is steered.
-        simulator: The truth.
+        simulator: The truth, which steers the gait.
         called: Times at which the controller was called [s].
         due: Events that have not happened, by their step, with the machine where they change it.
         estimates: Estimate at each period, (n_q + n,); nan where there was none.
@@ -151,7 +148,6 @@ class _Loop:
     added_mass: AddedMass | None
     duration: float
     time_step: float
-    gait: SteeredGait = field(init=False)
     simulator: Simulator = field(init=False)
     due: list[tuple[int, Event, Machine | None]] = field(init=False)
     called: list[float] = field(default_factory=list)
@@ -174,14 +170,14 @@ class _Loop:
             aero_state=lags if len(lags) == aero.state_size else None,
             added_mass=None if added is None else replace(added, air=aero.air),
         )  # fmt: skip
-        self.gait, self.due, machine = self.simulator.steered, [], self.robot
+        self.due, machine = [], self.robot
         for event in sorted(self.events, key=lambda one: one.time):
             with event.named():
                 if event.time > self.duration:
                     expected = f"within the flight of {self.duration:g} s"
                     raise ParameterError("time", expected, event.time)
                 if isinstance(event, StuckEvent):
-                    self.gait.places(event.command)
+                    self.simulator.steered.places(event.command)
                 after = event.changed(machine, aero)
             same = after[0] is machine and after[1] is aero
             machine, aero = after
@@ -212,11 +208,12 @@ class _Loop:
     def _happen(self, event: Event, machine: Machine | None) -> None:
         """Change the truth as an event says."""
         if isinstance(event, StuckEvent):
-            places = self.gait.places(event.command)
-            self.gait.stuck.difference_update(places)
+            gait = self.simulator.steered
+            places = gait.places(event.command)
+            gait.stuck.difference_update(places)
             if event.value is not None:
                 self.simulator.command({event.command: event.value})
-            self.gait.stuck.update(places)
+            gait.stuck.update(places)
         if machine is not None:
             self.simulator.change(*machine)
 
@@ -236,8 +233,7 @@ class _Loop:
 
     def _control(self, estimate: Estimate | None) -> None:
         """Have the controller answer an estimate."""
-        size = self.robot.state_size
-        known = np.full(size, np.nan)
+        known = np.full(self.robot.state_size, np.nan)
         if estimate is not None:
             known = np.concatenate([estimate.state.q, estimate.state.v])
         self.estimates.append(known)
@@ -247,10 +243,10 @@ class _Loop:
         if isinstance(model := getattr(self.controller, "model", None), OrbitModel):
             along = model.course.along(model.number(time))
             self.followed.append(dict(zip(model.names, map(float, along), strict=True)))
-        given, stuck, places = (commands or {}).items(), self.gait.stuck, self.gait.places
-        taken = {name: value for name, value in given if not stuck.issuperset(places(name))}
-        if taken:
-            self.simulator.command(taken)
+        given, gait = (commands or {}).items(), self.simulator.steered
+        free = {k: value for k, value in given if not gait.stuck.issuperset(gait.places(k))}
+        if free:
+            self.simulator.command(free)
 
     def flight(self) -> xr.Dataset:
         """The flight so far, with what was known and wanted."""
