@@ -326,18 +326,11 @@ class GaitProgram:
         work = float(flown.ends[:, -1].sum())
         self.power_before = work * family.base.frequency
         parts = (nodes.ravel(), [work], family.neutral, motion.max(axis=0), motion.min(axis=0))
-        sizes = (
-            np.tile(self._sizes, self.parts + 1),
-            abs(work),
-            parameter_sizes(family),
-            self._swings.sizes,
-            self._swings.sizes,
-        )
-        self.scale = np.r_[sizes]
+        swung = np.tile(self._swings.sizes, 2)
+        states = np.tile(self._sizes, self.parts + 1)
+        self.scale = np.r_[states, abs(work), parameter_sizes(family), swung]
         at = np.cumsum([0, *map(len, parts)])
-        places = map(slice, at, at[1:])
-        self._nodes, self._work, self._values, *ends = places
-        self._top, self._bottom = ends
+        self._nodes, self._work, self._values, self._top, self._bottom = map(slice, at, at[1:])
         n = len(self.names)
         self._outer = np.r_[np.arange(n), np.arange(at[1] - n, at[3])]
         self.begin = np.concatenate(parts) / self.scale
@@ -607,27 +600,22 @@ class GaitProgram:
         rows = self._row_scale
         return low / self.scale, high / self.scale, least / rows, most / rows
 
-    def _patterns(self) -> tuple[ca.Sparsity, ca.Sparsity]:
-        """Places that may not be zero of the Jacobian, and of the Hessian's upper triangle."""
-        n, values = len(self.names), np.arange(len(self.scale))[self._values]
-        bends = np.zeros((len(self.scale), len(self.scale)))
-        for places in (self._outer, *np.arange(self.parts * n).reshape(-1, n)):
-            every = np.r_[places, values]
-            bends[np.ix_(every, every)] = 1.0
-        every = self.slopes(None), np.triu(bends)
-        found = [ca.sparsify(ca.DM(part)) for part in every]
-        return found[0].sparsity(), found[1].sparsity()
-
     def _solver(self, warm: bool) -> tuple[ca.Function, list[_Callback]]:
         """IPOPT for this program, and functions that it calls and that must outlive it."""
-        slopes, bends = self._patterns()
+        n, size = len(self.names), len(self.scale)
+        values, bent = np.arange(size)[self._values], np.zeros((size, size))
+        for places in (self._outer, *np.arange(self.parts * n).reshape(-1, n)):
+            every = np.r_[places, values]
+            bent[np.ix_(every, every)] = 1.0
+        filled = self.slopes(None), np.triu(bent)  # where they may not be zero
+        slopes, bends = (ca.sparsify(ca.DM(part)).sparsity() for part in filled)
         of_slopes, of_bends = slopes.get_triplet(), bends.get_triplet()
-        own = ca.Sparsity.dense(len(self.scale))
+        own = ca.Sparsity.dense(size)
         rows = ca.Sparsity.dense(len(self._row_scale))
         none, one = ca.Sparsity.dense(0, 1), ca.Sparsity.dense(1)
         done = self.iterations
 
-        def values(z: Array, _: Array | None = None) -> list[Any]:
+        def both(z: Array, _: Array | None = None) -> list[Any]:
             return [self.cost(z), self.constraints(z)]
 
         def gradient(z: Array, _: Array) -> list[Any]:
@@ -644,7 +632,7 @@ class GaitProgram:
             found = self.bends(z, float(weight[0]), multipliers)
             return [ca.DM(bends, found[of_bends])]
 
-        cost = _Callback("values", values, [own], [one, rows])
+        cost = _Callback("values", both, [own], [one, rows])
         given = {
             "grad_f": _Callback("gradient", gradient, [own, none], [one, own]),
             "jac_g": _Callback("slopes", jacobian, [own, none], [rows, slopes]),
