@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any, ClassVar
 
 import numpy as np
@@ -165,10 +165,7 @@ class Orbit:
     @property
     def monodromy(self) -> Array:
         """Derivative of the state after a beat by that before it, in the world, (n, n) [SI]."""
-        found = np.eye(len(self.names))
-        for slope in self.segments.by_state:
-            found = slope @ found
-        return found
+        return reduce(lambda found, slope: slope @ found, self.segments.by_state)
 
     @property
     def return_slope(self) -> Array:
