@@ -130,14 +130,7 @@ def _path_twist(motion: PrescribedMotion) -> tuple[Array, Array]:
 
 def rotation_vector(matrix: Array) -> Array:
     """Axis times angle, (N, 3) [rad], of rotations, (N, 3, 3); of a half turn one of two axes."""
-    skew = np.stack(
-        [
-            matrix[:, 2, 1] - matrix[:, 1, 2],
-            matrix[:, 0, 2] - matrix[:, 2, 0],
-            matrix[:, 1, 0] - matrix[:, 0, 1],
-        ],
-        axis=1,
-    )
+    skew = matrix[:, [2, 0, 1], [1, 2, 0]] - matrix[:, [1, 2, 0], [2, 0, 1]]
     sine = np.linalg.norm(skew, axis=1) / 2
     cosine = (np.trace(matrix, axis1=1, axis2=2) - 1) / 2
     angle = np.arctan2(sine, cosine)
@@ -151,11 +144,14 @@ CLOSED = 1e-10
 """How far the tool may be from the path [m, rad]."""
 
 
-def _check_branch(arm: Robot, tool: Tool, time: Array, target: PrescribedMotion, q: Array) -> float:
+def _check_branch(
+    arm: Robot, tool: Tool, time: Array, target: PrescribedMotion, q: Array, period: float | None
+) -> float:
     """Least singular value of the Jacobian, lengths in reaches of the arm, along a branch.
 
     A `PathError` says when it cannot follow the branch q, (K, n) [rad, m], first; q is not
-    finite from where there is none.
+    finite from where there is none. A periodic path must bring every joint back: a turn too
+    many cannot go on for ever.
     """
     sound = np.isfinite(q).all(axis=1)
     count = len(time) if sound.all() else int(np.argmin(sound))
@@ -171,6 +167,11 @@ def _check_branch(arm: Robot, tool: Tool, time: Array, target: PrescribedMotion,
         raise PathError(time[count], "", "distance of the tool from the path", np.inf, CLOSED, "m")
     part = PrescribedMotion(*(k[:count] for k in target))
     _check_limits(arm, tool, time, tool.follow(q[:count], part))
+    gone = np.abs(q[-1] - q[0])
+    joint = int(np.argmax(gone))
+    if period and gone[joint] > 1e-6:
+        name, unit = arm.dof_names[joint], arm.dof_units[joint]
+        raise PathError(period, name, "gain a period", gone[joint], 0.0, unit)
     return float(clearance.min())
 
 
@@ -198,17 +199,6 @@ def _check_limits(arm: Robot, tool: Tool, time: Array, motion: PrescribedMotion)
             unit = units[0] if arm.dof_units[joint] == "rad" else units[1]
             value, limit = sign * values[k, joint], sign * most[joint]
             raise PathError(time[k], arm.dof_names[joint], name, value, limit, unit)
-
-
-def _check_period(arm: Robot, path: Path, q: Array) -> None:
-    """A periodic path must bring every joint back: a turn too many cannot go on for ever."""
-    if not path.period:
-        return
-    gone = np.abs(q[-1] - q[0])
-    joint = int(np.argmax(gone))
-    if gone[joint] > 1e-6:
-        name, unit = arm.dof_names[joint], arm.dof_units[joint]
-        raise PathError(path.period, name, "gain a period", gone[joint], 0.0, unit)
 
 
 AXES = 6
@@ -337,8 +327,7 @@ def plan_arm(
     refused: PathError | None = None
     for branch in _branches(arm, tool, time, target, start):
         try:
-            clearance = _check_branch(arm, tool, time, target, branch)
-            _check_period(arm, path, branch)
+            clearance = _check_branch(arm, tool, time, target, branch, path.period)
         except PathError as error:
             if refused is None or error.time > refused.time:
                 refused = error
@@ -490,7 +479,8 @@ def _branches(
         aim = np.broadcast_to(turned[k], (len(q), 3, 3))
         for _ in range(6):
             error, jacobian = _error(tool, np.nan_to_num(q), place, aim)
-            step = _solve_regular(jacobian, error)
+            step, sound = np.zeros_like(error), np.abs(np.linalg.det(jacobian)) > 1e-12
+            step[sound] = solve_each(jacobian[sound], error[sound])
             q = q + step
             if np.nanmax(np.abs(step), initial=0.0) < 1e-12:
                 break
@@ -499,14 +489,6 @@ def _branches(
         q[lost] = np.nan  # it jumped to another branch, or cannot reach
         knots[k] = q
     yield from np.swapaxes(knots, 0, 1)
-
-
-def _solve_regular(jacobian: Array, error: Array) -> Array:
-    sound = np.abs(np.linalg.det(jacobian)) > 1e-12
-    step = np.zeros_like(error)
-    if sound.any():
-        step[sound] = solve_each(jacobian[sound], error[sound])
-    return step
 
 
 def _starts(arm: Robot, tool: Tool, target: PrescribedMotion, start: ArrayLike | None) -> Array:
