@@ -131,8 +131,11 @@ def circle(
     """
     radius = positive("radius", radius)
     rate = _frequency(speed, frequency, radius)
-    first, second = _plane(normal)
-    return _harmonic(center, attitude, rate, [radius * first], [radius * second])
+    out = _direction("normal", normal)
+    ahead = np.eye(3)[0 if abs(out[0]) < 0.9 else 1]  # x where it can be
+    first = ahead - out * (out @ ahead)
+    first /= np.linalg.norm(first)
+    return _harmonic(center, attitude, rate, [radius * first], [radius * np.cross(out, first)])
 
 
 def figure_of_eight(
@@ -333,15 +336,6 @@ def _frequency(speed: float | None, frequency: float | None, speed_per_rate: flo
     if speed is not None:
         return positive("speed", speed) / (2 * np.pi * speed_per_rate)
     return positive("frequency", float(frequency or 0.0))
-
-
-def _plane(normal: Triple) -> tuple[Array, Array]:
-    """Two unit vectors that turn counterclockwise about a normal; x first where it can be."""
-    out = _direction("normal", normal)
-    ahead = np.array([1.0, 0.0, 0.0]) if abs(out[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    first = ahead - out * (out @ ahead)
-    first /= np.linalg.norm(first)
-    return first, np.cross(out, first)
 
 
 def _direction(name: str, vector: Triple) -> Array:
