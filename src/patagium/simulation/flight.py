@@ -587,17 +587,7 @@ def check_flight(flight: xr.Dataset, name: str) -> None:
     if missing:
         raise FlightError(f"{name}: no {', '.join(missing)}: not a whole flight")
     _require(flight, ATTRIBUTES, name)
-    _check_contents(flight, name, robot_of(flight, name))
-    time = flight["time"].to_numpy()
-    for state in ("q", "v"):
-        values = flight[state].to_numpy()
-        if not np.isfinite(values).all():
-            first = time[~np.isfinite(values).all(axis=1)][0]
-            raise FlightError(f"{name}: {state} is not finite at t = {first:g} s")
-
-
-def _check_contents(flight: xr.Dataset, name: str, robot: Robot) -> None:
-    for quantity, kind in (quantities(robot) | OPTIONAL).items():
+    for quantity, kind in (quantities(robot_of(flight, name)) | OPTIONAL).items():
         if quantity not in flight:
             continue  # only what is optional may be missing here
         variable = flight[quantity]
@@ -608,3 +598,9 @@ def _check_contents(flight: xr.Dataset, name: str, robot: Robot) -> None:
         ):
             if found != expected:
                 raise FlightError(f"{name}: {quantity}", expected, found)
+    time = flight["time"].to_numpy()
+    for state in ("q", "v"):
+        values = flight[state].to_numpy()
+        if not np.isfinite(values).all():
+            first = time[~np.isfinite(values).all(axis=1)][0]
+            raise FlightError(f"{name}: {state} is not finite at t = {first:g} s")
