@@ -256,7 +256,15 @@ class Integration:
         rows = table[flown]
         if field is not None and pieces is not None:
             rows = field.with_gust(states, rows, times[flown], pieces)
-        _record(self._equations, states, rows, self._samples, self.done)
+        record = self._equations.record
+        results = record.batch(states, rows, *self._equations.constants)
+        for samples, result, (_, columns) in zip(
+            self._samples.values(), results, record.size_out, strict=True
+        ):
+            place = samples[self.done : self.done + len(states)]
+            shown = result if columns == 1 else result.transpose(0, 2, 1)
+            place[...] = shown.reshape(place.shape)
+            release(place)
         self.done += taken
         self._recorded = True
 
@@ -297,18 +305,6 @@ Advance: TypeAlias = Callable[
 ]
 """Loop over N steps, of times [s] and rows every half step, (2 N + 1, ...), the gust that can be
 met, the state, and room for states, (N + 1, size); gives outcome, steps taken and what broke."""
-
-
-def _record(
-    equations: Equations, states: Array, rows: Array, samples: dict[str, Array], start: int
-) -> None:
-    results = equations.record.batch(states, rows, *equations.constants)
-    for (name, result), (_, columns) in zip(
-        zip(equations.recorded, results, strict=True), equations.record.size_out, strict=True
-    ):
-        place = samples[name][start : start + len(states)]
-        place[...] = (result if columns == 1 else result.transpose(0, 2, 1)).reshape(place.shape)
-        release(place)
 
 
 def _compiled(equations: Equations, time_step: float) -> Advance | None:
@@ -382,19 +378,11 @@ def _in_python(
             if step == count:
                 break
             state[:] = one_step(rate, state, 2 * step, time_step)
-            outcome, which = _judged(equations, state)
-            if outcome is not Outcome.COMPLETED:
-                return outcome, step, which
+            beyond = (state < equations.lower) | (state > equations.upper)
+            broken = {Outcome.NOT_FINITE: ~np.isfinite(state), Outcome.LIMIT_REACHED: beyond}
+            for outcome, places in broken.items():
+                if places.any():
+                    return outcome, step, int(np.argmax(places))
         return Outcome.COMPLETED, count, -1
 
     return advance
-
-
-def _judged(equations: Equations, state: Array) -> tuple[Outcome, int]:
-    broken = ~np.isfinite(state)
-    if broken.any():
-        return Outcome.NOT_FINITE, int(np.argmax(broken))
-    beyond = (state < equations.lower) | (state > equations.upper)
-    if beyond.any():
-        return Outcome.LIMIT_REACHED, int(np.argmax(beyond))
-    return Outcome.COMPLETED, -1
