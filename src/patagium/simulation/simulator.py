@@ -254,9 +254,6 @@ class Simulator:
         ShapeError: If q is not (n_q,) or v not (n,).
     """
 
-    _own_commands: dict[str, float]
-    _changes: list[tuple[int, float, Array, float]]
-
     def __repr__(self) -> str:
         return f"<Simulator of {self._robot.name}, time step {self.time_step:g} s>"
 
@@ -294,28 +291,26 @@ class Simulator:
         _check_joints(robot, gait, place, speed)
         base = _base_motion(robot, layout, held, place, speed)
         self._robot, self._aero, self._gait, self._layout = robot, aero, gait, layout
-        rows = partial(self._row_table, base)
+        self._rows = partial(self._row_table, base)
         lags = _finite("aero_state", aero_state, aero.state_names)
         state = layout.initial_state(place, speed, lags)
         self._equations = _equations(robot, aero, added_mass, held, cells, layout, state)
         self._singular = singular_places(layout.machine, layout.passive_coordinates)
         check_start(self._equations, layout.state_names, state, self._singular)
-        self._rows = rows
         if time_step is None:
-            at_start = self._equations, state, rows, gait.period, duration
-            part = (
-                duration if control_period is None else positive("control_period", control_period)
-            )
+            at_start = self._equations, state, self._rows, gait.period, duration
+            part = positive("control_period", control_period or duration)  # 0 is refused below
             time_step = chosen_step(*at_start, part, bool(robot.stiffness))
             duration = max(1, round(duration / time_step)) * time_step
         self.steps, self.time_step = whole_steps(duration, time_step), time_step
         self._control_steps = _control_steps(gait, control_period, time_step)
         self._implicit = self._stiff(0.0, state)
         self._integration = Integration(
-            self._equations, state, rows, self.steps, time_step, implicit=self._implicit
+            self._equations, state, self._rows, self.steps, time_step, implicit=self._implicit
         )
         self._cause: StepTooLong | None = None
-        self._own_commands, self._changes = {}, []
+        self._own_commands: dict[str, float] = {}
+        self._changes: list[tuple[int, float, Array, float]] = []
         self._held, self._control_period = held, control_period
         self._origin = FlightOrigin(
             robot, aero, described_gait(gait), held.kind, time_step, _STEPPING[self._implicit],
