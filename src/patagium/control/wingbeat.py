@@ -168,11 +168,10 @@ class FlightMap:
         slopes[:, given + np.arange(own), joints + np.arange(own)] = 1.0
         steps = np.r_[rows.step_slopes, np.zeros(own)]
         task = PrescribedRows(np.ascontiguousarray(rows.table), slopes, rows.time_step, steps)
-        library = self._library
         with np.errstate(all="ignore"):  # a flight that breaks is not finite, not a warning
-            if library is None:
+            if self._library is None:
                 return _flown(self._slopes, np.array(states, float), task, self._quaternions)
-            return _flown_compiled(library, self._slopes, states, task, self._quaternions)
+            return _flown_compiled(self._library, self._slopes, states, task, self._quaternions)
 
     def slopes(self, states: Array, rows: Array) -> tuple[Array, Array]:
         """Rates of states and their Jacobians.
@@ -296,11 +295,10 @@ def _flown_compiled(
     work = np.zeros(
         (2 * size + found + 3 * width * size + len(column)) * stride + count * (size + row_size)
     )
-    held = [np.ascontiguousarray(part) for part in (rows.table, rows.step_slopes)]
     rate, step = ctypes.c_void_p(slopes.function.batch_address), ctypes.c_double(rows.time_step)
     library.wingbeat(
-        *as_c(rate, count, stride, rows.steps // count, step, held[1], size, row_size),
-        *as_c(parameters, len(column), held[0], moved, *outer, *slopes.constants),
+        *as_c(rate, count, stride, rows.steps // count, step, rows.step_slopes, size, row_size),
+        *as_c(parameters, len(column), rows.table, moved, *outer, *slopes.constants),
         *as_c(len(slopes.rows), slopes.rows, slopes.columns),
         *as_c(quaternions, len(quaternions), x, slope, work),
     )
