@@ -250,11 +250,10 @@ class _Loop:
 
     def flight(self) -> xr.Dataset:
         """The flight so far, with what was known and wanted."""
-        flight, orbit = self.simulator.flight(), self.orbit
-        names = self.robot.dof_names
+        flight, names = self.simulator.flight(), self.robot.dof_names
         states = [*self.robot.coordinate_names, *(f"velocity of {name}" for name in names)]
         time = np.array(self.called)
-        wanted = orbit.along(time)[:, : len(states)]
+        wanted = self.orbit.along(time)[:, : len(states)]
         for row, followed in zip(wanted, self.followed, strict=False):
             row[:] = [followed.get(name, own) for name, own in zip(states, row, strict=True)]
         dims, units = ("control_time", "state"), {"units": "m, rad, 1 or per s"}

@@ -262,7 +262,6 @@ class Orbit:
         return facts | {"residual_SI": self.residual, "newton_steps": self.iterations}
 
     def __repr__(self) -> str:
-        frame = Frame(self.names)
         pitch = np.degrees(self._pitch)
         size = np.sort(np.abs(np.linalg.eigvals(self.return_slope)))[::-1]
         free = zip(
@@ -279,7 +278,7 @@ class Orbit:
                 for name, value, was, unit in free
             ),
             f"  residual {self.residual:.1e} [SI] after {self.iterations} Newton steps, "
-            f"{len(frame.kept)} states, {self.steps} time steps",
+            f"{len(Frame(self.names).kept)} states, {self.steps} time steps",
             f"  largest multipliers {', '.join(f'{one:.4f}' for one in size[:4])}: "
             + ("stable" if size[0] < 1 else "unstable without feedback"),
         ]
