@@ -79,7 +79,6 @@ def smooth_chain(time: Array, values: Array, std: Array, density: Array, order: 
     measured = time[np.isfinite(values).any(axis=1)]
     unit = median_step(measured)  # time in steps: entries of like size
     run = _Pass(time / unit, values, std**2, density * unit ** (2 * order - 1), order)
-    run.forwards()
     state, covariance = run.backwards()
     scale = unit ** -np.arange(order, dtype=float)
     return Smoothed(state * scale, covariance * np.outer(scale, scale))
@@ -107,14 +106,13 @@ def likely_density(time: Array, values: Array, std: Array, order: int) -> Array:
         tried, drive = len(exponents), 10.0 ** exponents.ravel() * unit ** (2 * order - 1)
         y, variance = np.tile(values, tried), np.tile(noise, tried)
         run = _Pass(time / unit, y, variance, drive, order, keep=False)
-        run.forwards()
         likely = run.log_likelihood.reshape(exponents.shape).argmax(axis=0)
         best = exponents[likely, np.arange(count)]
     return np.asarray(10.0**best)
 
 
 class _Pass:
-    """One pass over the measurements, with time in units of the median step."""
+    """One pass forwards over the measurements, with time in units of the median step."""
 
     def __init__(
         self, time: Array, y: Array, noise: Array, drive: Array, order: int, keep: bool = True
@@ -123,20 +121,16 @@ class _Pass:
         self.drive = drive
         samples, count = y.shape
         self.log_likelihood = np.zeros(count)
-        self._keep = keep
         if keep:
             self.state = np.empty((samples, count, order))
             self.covariance = np.empty((samples, count, order, order))
         self._steps: dict[float, tuple[Array, Array]] = {}
-
-    def forwards(self) -> None:
-        samples, count = self.y.shape
         x, p = self._start()
         for k in range(samples):
             if k:
                 x, p = self._predict(k, x, p)
             x, p = self._update(k, x, p)
-            if self._keep:
+            if keep:
                 self.state[k], self.covariance[k] = x, p
 
     def backwards(self) -> tuple[Array, Array]:
