@@ -379,18 +379,14 @@ def _as_stamp(value: Any, factor: float) -> int:
     return round(number) if math.isfinite(number) else NO_STAMP
 
 
-_BY_TYPE = {
-    "Imu": (
-        ("linear_acceleration_covariance", ""),
-        ("angular_velocity_covariance", ""),
-        ("linear_acceleration", "m/s^2"),
-        ("angular_velocity", "rad/s"),
-    ),
-    "MagneticField": (("magnetic_field.", "T"),),
-    "FluidPressure": (("fluid_pressure", "Pa"),),
-    "Temperature": (("temperature", "degC"),),
-    "Range": (("range", "m"),),
-}
+_BY_TYPE = (
+    ("Imu", "linear_acceleration", "m/s^2"),
+    ("Imu", "angular_velocity", "rad/s"),
+    ("MagneticField", "magnetic_field.", "T"),
+    ("FluidPressure", "fluid_pressure", "Pa"),
+    ("Temperature", "temperature", "degC"),
+    ("Range", "range", "m"),
+)
 _BY_PATH = (
     ("orientation", "1"),
     ("rotation", "1"),
@@ -417,8 +413,8 @@ def unit_in_message(kind: str, path: str) -> str:
     package, _, name = kind.rpartition("/")
     if package.partition("/")[0] not in _SHARED or "covariance" in path:
         return ""
-    for start, unit in _BY_TYPE.get(name, ()):
-        if path.startswith(start):
+    for own, start, unit in _BY_TYPE:
+        if name == own and path.startswith(start):
             return unit
     if name.startswith("Accel"):
         return {"l": "m/s^2", "a": "rad/s^2"}.get(path.rpartition(".")[0][-6:][:1], "")
