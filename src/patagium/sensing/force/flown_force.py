@@ -150,26 +150,23 @@ def _cell_notes(
         return ["no two samples have a force that is known"]
     weight = found.robot.flying.mass * found.robot.scale_gravity
     turned = replace(mount.measured, values=-mount.measured.values)
-    other = inverse_dynamics_force(motion, joints=joints, mount=replace(mount, measured=turned))
+    against = inverse_dynamics_force(motion, joints=joints, mount=replace(mount, measured=turned))
     time, force = found.time[known], found.force[known][:, place]
-    flipped = other.force[known][:, place]
+    flipped = against.force[known][:, place]
     lift, lesser = (float(one[:, 2].mean()) / weight for one in (force, flipped))
     whole, cell = 0.5 * (force + flipped), 0.5 * (flipped - force)
     along, drifts = _drag(time, force, whole), _late_notes(time, whole, cell)
     notes = _arm_notes(mount.measured.values, wing_span(found.robot)) + drifts
     heavy = bool(found.robot.gravity) and lift > _HELD_DOWN
     if heavy or (along > _DRIVEN and not drifts):
-        return [*notes, _sign_note(lift, lesser, along)]
+        first, other = ("drives", "brakes") if along > 0 else ("brakes", "drives")
+        notes.append(
+            f"the air lifts {lift:.2g} times the weight and {first} the motion, or, if the cell "
+            f"shows what the robot does to it, lifts {lesser:.2g} times the weight and {other} it: "
+            "then it lacks `negated: true` in the mapping"
+        )
+        return notes
     return notes + _zero_notes(motion, found, place)
-
-
-def _sign_note(lift: float, lesser: float, along: float) -> str:
-    first, other = ("drives", "brakes") if along > 0 else ("brakes", "drives")
-    return (
-        f"the air lifts {lift:.2g} times the weight and {first} the motion, or, if the cell shows "
-        f"what the robot does to it, lifts {lesser:.2g} times the weight and {other} it: then it "
-        "lacks `negated: true` in the mapping"
-    )
 
 
 def _arm_notes(wrench: Array, span: float) -> list[str]:
