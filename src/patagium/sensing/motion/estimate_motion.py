@@ -259,11 +259,8 @@ def _samples(stream: Stream, group: Sequence[int], order: int) -> Samples | None
         return None
     rows = stream.rows.copy()
     rows[:, others] = np.nan
-    return Samples(replace(stream, rows=rows), (_UNTOLD,) * len(stream.model.parts))
-
-
-_UNTOLD = Noise(float("nan"), 0.0)
-"""Noise of a part whose spectrum is not asked."""
+    untold = Noise(float("nan"), 0.0)  # of a part whose spectrum is not asked
+    return Samples(replace(stream, rows=rows), (untold,) * len(stream.model.parts))
 
 
 def _noise(stream: Stream, order: int) -> tuple[Noise, ...]:
