@@ -7,6 +7,7 @@ errors that depend on the place in the room, swapped markers.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -75,15 +76,12 @@ class MotionCapture(FramedSensor):
         attitude = Rotation.from_matrix(motion.rotation)
         shown = attitude * Rotation.from_rotvec(turned)
         lost = missing[:, None].astype(bool)
+        place, turn = partial(Signal, ("axis",), "m"), partial(Signal, ("part",), "1")
+        seen = np.where(lost, np.nan, motion.position + moved)
+        turned = np.where(lost, np.nan, as_quaternion(shown))
         return Reading(
-            {
-                "position": Signal(("axis",), "m", np.where(lost, np.nan, motion.position + moved)),
-                "quaternion": Signal(("part",), "1", np.where(lost, np.nan, as_quaternion(shown))),
-            },
-            {
-                "position": Signal(("axis",), "m", motion.position),
-                "quaternion": Signal(("part",), "1", as_quaternion(attitude)),
-            },
+            {"position": place(seen), "quaternion": turn(turned)},
+            {"position": place(motion.position), "quaternion": turn(as_quaternion(attitude))},
             {"axis": AXES, "part": QUATERNION},
         )
 
