@@ -191,7 +191,9 @@ def _strip(
     swing = sign * chord * motion.pitch_rate
     uncambered = lagged + camber
     at_edge = section_flow(forward, 0.75 * swing - uncambered)
-    separated = _separated(at_edge.normal / at_edge.speed, p)
+    sine = at_edge.normal / at_edge.speed
+    begins, complete = (ca.sin(p["stall_angle"] + side * p["stall_width"]) ** 2 for side in (-1, 1))
+    separated = smooth_step((sine * sine - begins) / (complete - begins))
     attached = 1.0 - separated
     ahead = (sign - 1.0 - sign * separated) * (chord / 4)
 
@@ -215,9 +217,3 @@ def _strip(
         downwash=wash - lagged,
     )
     return load, rate, wash
-
-
-def _separated(sine: Any, p: dict[str, Any]) -> Any:
-    """Share of separated flow at the sine of the leading edge's incidence."""
-    begins, complete = (ca.sin(p["stall_angle"] + side * p["stall_width"]) ** 2 for side in (-1, 1))
-    return smooth_step((sine * sine - begins) / (complete - begins))

@@ -79,7 +79,10 @@ class Indicial:
         Args:
             reduced_frequency: k = angular frequency x semichord / airspeed, (N,) [-].
         """
-        return np.asarray(1.0 - _basis(reduced_frequency, self.rate) @ np.asarray(self.lift, float))
+        given = real_array("reduced_frequency", reduced_frequency)
+        frequency = 1j * np.atleast_1d(given)[:, None]
+        basis = np.asarray(frequency / (frequency + np.asarray(self.rate, float)))
+        return np.asarray(1.0 - basis @ np.asarray(self.lift, float))
 
     def finite_span(self, aspect_ratio: float) -> Indicial:
         """Lags of the strips of a finite wing, whose shed vortices act over half of its span.
@@ -96,12 +99,6 @@ class Indicial:
         """
         positive("aspect_ratio", aspect_ratio)
         return replace(self, rate=tuple(float(np.hypot(b, 1 / aspect_ratio)) for b in self.rate))
-
-
-def _basis(reduced_frequency: ArrayLike, rate: ArrayLike) -> ComplexArray:
-    given = real_array("reduced_frequency", reduced_frequency)
-    frequency = 1j * np.atleast_1d(given)[:, None]
-    return np.asarray(frequency / (frequency + np.asarray(rate, float)))
 
 
 NO_STATE = Indicial(rate=(), lift=(), circulation=())

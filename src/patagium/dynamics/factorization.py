@@ -27,7 +27,10 @@ def solve(matrix: ca.SX, right: ca.SX, parents: Sequence[int]) -> ca.SX:
         Featherstone (2008), Rigid Body Dynamics Algorithms, section 6.5.
     """
     size = matrix.shape[0]
-    ancestors = [list(_ancestors(k, parents)) for k in range(size)]
+    ancestors: list[list[int]] = [[] for _ in range(size)]
+    for k, above in enumerate(ancestors):
+        while (k := parents[k]) >= 0:
+            above.append(k)
     order = sorted(range(size), key=lambda k: len(ancestors[k]))
     h = ca.SX(matrix)
     inverse_pivot = ca.SX.zeros(size, 1)
@@ -46,12 +49,3 @@ def solve(matrix: ca.SX, right: ca.SX, parents: Sequence[int]) -> ca.SX:
         for i in ancestors[k]:
             x[k, :] = x[k, :] - factor[k, i] * x[i, :]
     return x
-
-
-def _ancestors(k: int, parents: Sequence[int]) -> list[int]:
-    chain = []
-    k = parents[k]
-    while k >= 0:
-        chain.append(k)
-        k = parents[k]
-    return chain
