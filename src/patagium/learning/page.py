@@ -56,10 +56,14 @@ def write_identification(
     address = replay.address if isinstance(replay, Picture) else replay
     moving = [Link("The flight in three dimensions", address)] if address else []
     tables = [score_table(scores), *forecast_tables(scores)]
+    loud = [name for name in record["output"].values if name not in scores["silent"]]
+    told = f"Measured, and {_sample_words(scores)[1]}.{_not_drawn(loud)}"
     sections = [
         PageSection("Scores", [*moving, summary(scores), *tables, *_remarks(scores)]),
         *_parameters(scores, record),
-        PageSection("Predictions", [_prediction_picture(scores, record)]),
+        PageSection(
+            "Predictions", [picture(_compared(record.sel(output=loud[:DRAWN])), told, "png")]
+        ),
     ]
     if record.sizes["update_time"] > 1:
         sections.append(
@@ -259,12 +263,6 @@ def _calibration(scores: Mapping[str, Any]) -> list[Any]:
         f"{np.mean(color):.2f} on average (0 means no structure is left in the errors)."
     )
     return [Note(words), *shown]
-
-
-def _prediction_picture(scores: Mapping[str, Any], record: xr.Dataset) -> Any:
-    loud = [name for name in record["output"].values if name not in scores["silent"]]
-    figure = _compared(record.sel(output=loud[:DRAWN]))
-    return picture(figure, f"Measured, and {_sample_words(scores)[1]}.{_not_drawn(loud)}", "png")
 
 
 def _not_drawn(outputs: Sized) -> str:

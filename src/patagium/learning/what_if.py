@@ -199,7 +199,11 @@ def what_if(
         return []
     if attached := network.attached:  # has a memory, so that samples may not be taken anywhere
         network = LinearStripNetwork(robot, network.air, network.measured)
-    reach = _LONGEST * (_strongest_period(time, x) if period is None else period)
+    if period is None:
+        v = np.split(x, 3, axis=1)[1]  # of x = [q, v, a]
+        power = np.abs(np.fft.rfft(v - v.mean(axis=0), axis=0)).sum(axis=1)[1:]
+        period = 1.0 / float(np.fft.rfftfreq(len(time), usual_step(time))[1:][np.argmax(power)])
+    reach = _LONGEST * period
     record = _Log(network, (time, x, y, np.zeros_like(y) if std is None else std), reach, attached)
     own, ones = np.arange(robot.dof), np.ones(robot.dof)
     if len(record.rows) < _SAMPLES[0] or not len(record.outputs):
@@ -250,13 +254,6 @@ def _best_numbers(numbers: Sequence[_Number]) -> dict[float, str]:
             value = one.nearer(value, fraction * one.reach)
         found[one.error(value)] = one.words.format(abs(one.scale * value), one.more[value > 0])
     return found
-
-
-def _strongest_period(time: Array, x: Array) -> float:
-    """Strongest period of the rates in x = [q, v, a] [s]."""
-    v = np.split(x, 3, axis=1)[1]
-    power = np.abs(np.fft.rfft(v - v.mean(axis=0), axis=0)).sum(axis=1)[1:]
-    return 1.0 / float(np.fft.rfftfreq(len(time), usual_step(time))[1:][np.argmax(power)])
 
 
 def _changes(robot: Robot) -> Iterator[_Change]:

@@ -277,7 +277,10 @@ class ModelMemory:
         time = self._next.time
         if self.last is not None:
             self.resets += not self._follows(time)
-            self.clock[1] = self._usual_after(time - float(self.clock[0]))
+            step, usual = time - float(self.clock[0]), float(self.clock[1])
+            if step > 0:  # steps back in time say nothing
+                counted = usual + _SHARE * (min(step, USUAL_STEPS * usual) - usual)
+                self.clock[1] = step if isnan(usual) else counted
         self.clock[0], self.last = time, self._next
         self.corrected(change)
 
@@ -361,13 +364,6 @@ class ModelMemory:
         last, usual = self.clock.tolist()
         longest = inf if isnan(usual) else max(LONGEST_STEP, USUAL_STEPS * usual)
         return self.last is not None and 0 < time - last <= longest
-
-    def _usual_after(self, step: float) -> float:
-        """The usual step [s] after another one; steps back in time say nothing."""
-        usual = float(self.clock[1])
-        if step <= 0 or isnan(usual):
-            return step if step > 0 else usual
-        return usual + _SHARE * (min(step, USUAL_STEPS * usual) - usual)
 
 
 def _advanced(

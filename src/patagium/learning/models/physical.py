@@ -249,15 +249,11 @@ def _check_name(name: str, numbers: Mapping[str, float], robot: Robot) -> None:
         return
     of_air = [known for known in numbers if known not in robot.parameter_names]
     near = get_close_matches(name, list(numbers), 1, 0.0)
-    own = f"or a number of robot {robot.name!r} such as {_examples(robot)}"
-    expected = f"one of {', '.join(of_air)}, {own} (closest: {near[0]})"
-    raise ParameterError("estimate", expected, name)
-
-
-def _examples(robot: Robot) -> str:
     names = robot.parameter_names
     chosen = [next((n for n in names if _last(n) == kind), None) for kind in ("mass", "chord")]
-    return ", ".join(filter(None, chosen))
+    own = f"or a number of robot {robot.name!r} such as {', '.join(filter(None, chosen))}"
+    expected = f"one of {', '.join(of_air)}, {own} (closest: {near[0]})"
+    raise ParameterError("estimate", expected, name)
 
 
 def _last(name: str) -> str:

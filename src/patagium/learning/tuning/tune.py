@@ -177,21 +177,17 @@ def tune(
         chosen["covariance"] = Alternatives(tuple(covariance))
     ahead = None if horizon is None else duration("horizon", horizon)
     others = hold_out.items() if isinstance(hold_out, Mapping) else [("", one) for one in hold_out]
-    _refuse_other_air([*flights, *(one for _, one in others)])
+    every_flight = [*flights, *(one for _, one in others)]
+    airs = [air_of(one) for one in every_flight if isinstance(one, xr.Dataset)]
+    for k, air in enumerate(airs):  # a network knows one
+        if (air.wind, air.density) != (airs[0].wind, airs[0].density):
+            known, found = (f"{one.wind} m/s at {one.density:.4g} kg/m^3" for one in (airs[0], air))
+            raise LogError(f"flight {k + 1}", f"wind as in the first, {known}", found)
     exams = tuple(_exam(flights, one, every, (tuple(others), ahead, source)) for one in networks)
     problem = _problem(exams, networks, learner, chosen, seed, every)
     with nullcontext() if journal is None else locked(journal):
         workers, book = partial(pool, jobs), TrialJournal(problem.question(), journal)
         return problem.tuned(_scored_trials(problem, trials, workers, book, progress))
-
-
-def _refuse_other_air(flights: Sequence[Flight]) -> None:
-    """Refuse flights in several winds or densities, of which a network knows one."""
-    airs = [air_of(one) for one in flights if isinstance(one, xr.Dataset)]
-    for k, air in enumerate(airs):
-        if (air.wind, air.density) != (airs[0].wind, airs[0].density):
-            known, found = (f"{one.wind} m/s at {one.density:.4g} kg/m^3" for one in (airs[0], air))
-            raise LogError(f"flight {k + 1}", f"wind as in the first, {known}", found)
 
 
 def _several(name: str, given: Any) -> tuple[Any, ...]:
