@@ -147,9 +147,7 @@ def _compression(one: xr.Variable) -> dict[str, Any]:
     """
     rows, *columns = one.shape
     apart = one.dims[1:] == ("dof",) and rows > _PIECE and bool(one.values.any())
-    pieces = (min(_PIECE, rows), *columns)
-    if apart:
-        pieces = (min(_COLUMN, rows), 1)
+    pieces = (min(_COLUMN, rows), 1) if apart else (min(_PIECE, rows), *columns)
     return {"zlib": True, "complevel": 1, "shuffle": True, "chunksizes": pieces}
 
 

@@ -129,20 +129,16 @@ class PacketQueue:
         """
         rows = self._oldest(most, patience)
         if self.motion is None:
-            if rows is not None and self._look <= _FIRST:
-                self._look_at(rows)
+            if rows is not None and self._look <= _FIRST:  # compared every `_APART` packets
+                self._first = np.concatenate([self._first, rows])[:_FIRST]
+                if self._robot is not None and len(self._first) >= self._look:
+                    found = packet_doubts(self._robot, self._first)
+                    self._doubts = [f"Warning: {one}" for one in found]
+                    self._look = _FIRST + 1 if found else len(self._first) + _APART
             return rows
         packets = self.motion.take(rows, most)
         self.spent = self.motion.spent
         return packets
-
-    def _look_at(self, rows: Array) -> None:
-        """Compare the first packets with limits and stamps, all of them every `_APART` packets."""
-        self._first = np.concatenate([self._first, rows])[:_FIRST]
-        if self._robot is not None and len(self._first) >= self._look:
-            found = packet_doubts(self._robot, self._first)
-            self._doubts = [f"Warning: {one}" for one in found]
-            self._look = _FIRST + 1 if found else len(self._first) + _APART
 
     def _oldest(self, most: int, patience: float) -> Array | None:
         """Oldest packets or raw rows, as `take`."""

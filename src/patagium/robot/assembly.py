@@ -85,7 +85,11 @@ def assemble(file: RobotFile, source: str) -> Robot:
     Raises:
         AssemblyError: If the parts contradict each other.
     """
-    _check_piece_names(file.bodies)
+    for name, body in file.bodies.items():
+        for piece in pieces_of(name, body).names[1:] if body.flexible else ():
+            if piece in file.bodies:
+                expected = f"another name, as {piece} is a piece of the flexible body {name}"
+                raise AssemblyError((f"bodies.{piece}", expected, piece))
     parts = flexed(file.bodies)
     drafts = _in_tree_order(_mirrored(file, [_draft(n, b, parts) for n, b in parts.items()]))
     _check_masses(drafts)
@@ -125,15 +129,6 @@ def assemble(file: RobotFile, source: str) -> Robot:
     _check_actuators(robot, actuators)
     robot = replace(robot, actuators=actuators)
     return replace(with_file_parameters(robot, file.parameters), source=source)
-
-
-def _check_piece_names(bodies: Mapping[str, BodyPart]) -> None:
-    """Refuse a body that has the name of a piece of a flexible one."""
-    for name, body in bodies.items():
-        for piece in pieces_of(name, body).names[1:] if body.flexible else ():
-            if piece in bodies:
-                expected = f"another name, as {piece} is a piece of the flexible body {name}"
-                raise AssemblyError((f"bodies.{piece}", expected, piece))
 
 
 def _joined(file: RobotFile, robot: Robot) -> Robot:
@@ -336,11 +331,10 @@ def _in_tree_order(drafts: list[_Draft]) -> list[_Draft]:
     placed: set[str | None] = {None}
     waiting = drafts
     while waiting:
-        ready = [draft for draft in waiting if draft.parent in placed]
-        if not ready:
+        first = next((draft for draft in waiting if draft.parent in placed), None)
+        if first is None:
             loop = ", ".join(draft.name for draft in waiting)
             raise AssemblyError(("bodies", "a tree that starts at the world", f"a loop: {loop}"))
-        first = ready[0]
         ordered.append(first)
         placed.add(first.name)
         waiting = [draft for draft in waiting if draft is not first]

@@ -132,7 +132,11 @@ def _interpolate(known: Array, values: Array, time: Array) -> Array | None:
 def _from_model(flight: xr.Dataset, robot: Robot, model: Trained, frames: Frames) -> Prediction:
     """Prediction by a learner or a model with the weights that it has."""
     if isinstance(model.network, _WINGED):
-        _check_strips(model.network, robot)
+        names, expected = ([s.name for s in one.strips] for one in (model.network.robot, robot))
+        if names != expected:
+            other = next((one for one in names if one not in expected), "fewer")
+            found = f"{len(names)} of another robot, such as {other}"
+            raise ShapeError("strips of the model", f"the {len(expected)} of the flight", found)
     model, notes = in_flight(model, flight)
     network = model.network
     inputs = model.inputs if isinstance(model, Model) else None
@@ -159,14 +163,6 @@ def _model_std(model: Trained, network: Network, seen: Array, time: Array) -> Ar
     with np.errstate(invalid="ignore"):
         found = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
     return _interpolate(time[asked], found, time)
-
-
-def _check_strips(network: Any, robot: Robot) -> None:
-    names, expected = ([s.name for s in one.strips] for one in (network.robot, robot))
-    if names != expected:
-        other = next((one for one in names if one not in expected), "fewer")
-        found = f"{len(names)} of another robot, such as {other}"
-        raise ShapeError("strips of the model", f"the {len(expected)} of the flight", found)
 
 
 def _with_measurements(network: Network, measured: Any) -> StripNetwork:

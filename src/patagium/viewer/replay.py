@@ -266,9 +266,12 @@ def replay_content(
         bodies += arm.names
         placed = np.concatenate([placed, arm.position], axis=1)
         turned = np.concatenate([turned, arm.rotation], axis=1)
+    beat = [] if period is None else [f"{1 / period:.3g} wingbeats a second"]
+    air = aero_words(flight)
+    model = [str(air["model"]).replace("_", " ")] if "model" in air else []
     return Replay(
         title=(title or f"Flight of {robot.name}").encode("utf-8", "replace").decode(),
-        subtitle=_subtitle(flight, robot, time[span], period),
+        subtitle=" · ".join([robot.name, *beat, f"{time[span[-1]] - time[span[0]]:.4g} s", *model]),
         time=time[frames],
         period=period,
         bodies=bodies,
@@ -429,13 +432,6 @@ def _chosen(robot: Robot, force: Array) -> list[str]:
     order = [*("x", "z", "pitch"), *own, *robot.dof_names]
     names = [n for n in dict.fromkeys(order) if n in robot.dof_names and loud[robot.index(n)]]
     return [n for n in names if n not in _SIDEWAYS and robot.split_side(n)[0] >= 0][:_PLOTTED]
-
-
-def _subtitle(flight: xr.Dataset, robot: Robot, time: Array, period: float | None) -> str:
-    air = aero_words(flight)
-    beat = [] if period is None else [f"{1 / period:.3g} wingbeats a second"]
-    model = [str(air["model"]).replace("_", " ")] if "model" in air else []
-    return " · ".join([robot.name, *beat, f"{time[-1] - time[0]:.4g} s", *model])
 
 
 def _axes(arrows: Arrows | None) -> list[str]:
