@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -80,7 +80,7 @@ def _path(kind: str | None, words: Mapping[str, Any]) -> Any:
     for name in words:
         if name not in used.split():
             raise ParameterError(f"--path-{name}", f"nothing of the kind with {kind}", "one")
-    return paths.from_csv(existing(Path(kind))) if make is None else make(**words)
+    return paths.from_csv(existing(Path(kind))) if make is None else make(paths, **words)
 
 
 _ZERO = (0.0, 0.0, 0.0)
@@ -93,11 +93,9 @@ def _sized(size: Numbers | None, count: int, what: str) -> Numbers:
 
 
 def _line(
-    center: Any = _ZERO, size: Numbers | None = None, speed: float | None = None, **attitude: Any
+    paths: Any, center: Any = _ZERO, size: Any = None, speed: float | None = None, **attitude: Any
 ) -> Any:
     """Line from its start; the greatest speed of a motion of least jerk is 15/8 of the mean."""
-    from patagium.simulation import paths
-
     way = _sized(size, 3, "how far a line goes, such as '0.3,0,0.1 m'")
     if speed is None:
         raise ParameterError("--path-speed", "the greatest speed of a line, in m/s", None)
@@ -109,26 +107,20 @@ def _line(
 
 
 def _circle(
-    center: Any = _ZERO, size: Numbers | None = None, along: Any = (0.0, 0.0, 1.0), **pace: Any
+    paths: Any, center: Any = _ZERO, size: Any = None, along: Any = (0.0, 0.0, 1.0), **pace: Any
 ) -> Any:
-    from patagium.simulation import paths
-
     (radius,) = _sized(size, 1, "a circle's radius, such as '20 cm'")
     return paths.circle(center, radius, normal=along, **pace)
 
 
-def _figure_of_eight(center: Any = _ZERO, size: Numbers | None = None, **others: Any) -> Any:
-    from patagium.simulation import paths
-
+def _figure_of_eight(paths: Any, center: Any = _ZERO, size: Any = None, **others: Any) -> Any:
     length, width = _sized(size, 2, "length and width, such as '0.9,0.3 m'")
     return paths.figure_of_eight(center, length, width, **others)
 
 
 def _sinusoid(
-    center: Any = _ZERO, frequency: float | None = None, amplitude: Sequence[str] = (), **turn: Any
+    paths: Any, center: Any = _ZERO, frequency: Any = None, amplitude: Any = (), **turn: Any
 ) -> Any:
-    from patagium.simulation import paths
-
     if frequency is None:
         raise ParameterError("--path-frequency", "the cycles a second of a sinusoid, in Hz", None)
     size: dict[str, Any] = named_quantities(
