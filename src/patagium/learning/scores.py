@@ -90,18 +90,12 @@ class ErrorSums:
         self.sums = np.array([old + count, past + apart * count / total, *squares])
 
     @property
-    def mean_square(self) -> Array:
-        """Mean of y^2, (n_y,); 0 where nothing was measured."""
-        count, mean, square = self.sums[:3]
-        return np.asarray(square / np.where(count > 0, count, 1.0) + mean**2)
-
-    @property
     def silent(self) -> Bools:
         """Outputs that never move: std_i / scale_i <= 1e-9 max_j rms_j / scale_j, (n_y,)."""
-        count, _, square = self.sums[:3]
-        std = np.sqrt(square / np.where(count > 0, count, 1.0))
-        largest = np.sqrt((self.mean_square / self._scale**2).max(initial=0.0))
-        return np.asarray(std / self._scale <= SILENT_RATIO * largest)
+        count, mean, square = self.sums[:3]
+        variance = square / np.where(count > 0, count, 1.0)
+        largest = np.sqrt(((variance + mean**2) / self._scale**2).max(initial=0.0))
+        return np.asarray(np.sqrt(variance) / self._scale <= SILENT_RATIO * largest)
 
     @property
     def nmse(self) -> Array:

@@ -300,7 +300,10 @@ class BlockRun:
                 if progress is not None and (number % often == 0 or hold.end == total):
                     progress(hold.end, total)
         except FilterDiverged as problem:
-            self._stop(problem)
+            k = self._hold.end - 1
+            when = f"t = {self.samples.time[k]:.6g} s (sample {k} of {total})"
+            self.outcome = problem.outcome
+            self.message = f"the learner diverged at {when}: {problem}"
 
     def before(self, hold: Hold, memory: ModelMemory) -> None:
         """Let the observers look at the learner before an interval.
@@ -403,14 +406,6 @@ class BlockRun:
             updated["largest_variance"][k] = variances.max()
         self.paths.append(estimates_of(self.learner))
         self.updates += 1
-
-    def _stop(self, problem: FilterDiverged) -> None:
-        k, count = self._hold.end - 1, len(self.samples.time)
-        self.outcome = problem.outcome
-        self.message = (
-            f"the learner diverged at t = {self.samples.time[k]:.6g} s (sample {k} of {count}): "
-            f"{problem}"
-        )
 
 
 @checked

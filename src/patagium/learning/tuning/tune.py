@@ -283,6 +283,10 @@ class _Problem:
 
         Raises:
             LogError: If all were refused.
+
+        References:
+            Breiman et al. (1984), Classification and regression trees: the rule of one standard
+            error.
         """
         found = [Trial(*self.space.values(one.parameters), score) for one, score in scored]
         tried = sorted(found, key=lambda trial: -trial.prediction.score)
@@ -295,7 +299,10 @@ class _Problem:
                 f"that all {len(tried)} were refused; the first one: {best.prediction.reason}",
             )
         if rule.rule == "second half":
-            best = min(_as_good_as(best, tried), key=lambda trial: trial.prediction.moved)
+            one = best.prediction
+            most = one.crps + (one.left_out_error if np.isfinite(one.left_out_error) else 0.0)
+            as_good = (trial for trial in tried if trial.prediction.crps <= most)
+            best = min(as_good, key=lambda trial: trial.prediction.moved)
             tried = [best, *(trial for trial in tried if trial is not best)]
         network, (flown, _) = self.networks[best.hidden], self.exams[best.hidden]
         outputs = np.array(network.output_names)
@@ -315,17 +322,6 @@ class _Problem:
             trials=[trial.describe() for trial in tried[:SHOWN]],
         )
         return Tuned(settings, tuple(tried), network, rule.text)
-
-
-def _as_good_as(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
-    """Trials within one standard error of the best.
-
-    References:
-        Breiman et al. (1984), Classification and regression trees: the rule of one standard error.
-    """
-    one = best.prediction
-    most = one.crps + (one.left_out_error if np.isfinite(one.left_out_error) else 0.0)
-    return [trial for trial in trials if trial.prediction.crps <= most]
 
 
 def _problem(
