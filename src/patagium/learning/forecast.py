@@ -470,9 +470,8 @@ class Forecaster:
             self._sums.lost += last in self._counted
             x, motion = self._inputs.path(last, ahead, model), self._inputs
         self._sums.rule = motion.rule()
-        beat = held
-        if period is not None:
-            beat = self._outputs.beat_before(last, self._horizon, period)
+        outputs = self._outputs
+        beat = held if period is None else outputs.beat_before(last, self._horizon, period)
         guess, miss = model.predict(self._time[last] + ahead, x), self._miss(last, period)
         ways = [guess, guess + miss, held, self._mean[last], beat, squares]
         if self._motion is not self._inputs:

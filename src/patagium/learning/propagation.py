@@ -123,12 +123,11 @@ class RobotMotion:
     def _repeated(self, last: int, times: Array) -> list[Array]:
         """q (N, n_q), v and a (N, n) that repeat the last wingbeat; held before there is one."""
         period = self._all.period(last)
-        if period is not None:
-            whole = self._all.repeated(last, times, period)
-            return [np.array(part) for part in np.split(whole, self._sizes, axis=1)]
-        whole = self._all.path(last, times)
+        known = (last, times)
+        whole = self._all.path(*known) if period is None else self._all.repeated(*known, period)
         q, v, a = (np.array(part) for part in np.split(whole, self._sizes, axis=1))
-        v[1:, list(self._robot.actuated)], a[1:] = 0.0, 0.0
+        if period is None:
+            v[1:, list(self._robot.actuated)], a[1:] = 0.0, 0.0
         return [q, v, a]
 
     def _rates(self, q: Array, v: Array) -> Array:
