@@ -178,7 +178,7 @@ def test_a_wing_that_is_still_answers_its_amplitude(case):
 
 
 def test_a_gust_has_no_derivative_by_frequency(case):
-    """The wind was left out of it: the steps of another frequency meet another part of a gust."""
+    """The derivative by frequency left out that another part of a gust is met."""
     air = pt.Air(gust=pt.air.OneMinusCosineGust((0.0, 0.0, 1.5), 0.02, 0.03))
     with pytest.raises(ParameterError, match="air without a gust"):
         case.family.rows(case.family.neutral, STEPS, air)

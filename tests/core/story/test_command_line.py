@@ -159,7 +159,7 @@ bodies:
 def test_the_amplitude_and_mean_of_a_joint_that_slides_are_lengths(
     tmp_path: Path, speak: Speak
 ) -> None:
-    """Lengths were refused, and 5 deg of a sliding joint was 87 mm without a word."""
+    """The amplitude of a sliding joint was an angle: 5 cm was refused, and 5 deg flew 87 mm."""
     robot, file = tmp_path / "foil.yaml", tmp_path / "f.nc"
     robot.write_text(SLIDING)
     fly = ("simulate", robot, *FLY, "-o", file)

@@ -145,7 +145,7 @@ def killed(*_: object, **__: object) -> None:
 def test_a_long_run_killed_near_its_end_is_not_lost(
     place: str, identify: Speak, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its course was removed before its state was written, and a table had none at all."""
+    """A long run's progress was removed before its state was written, a table's never kept."""
     state, straight = tmp_path / "learner.state", tmp_path / "straight.state"
     assert identify(*LEARN, "--state", straight).code == 0
 

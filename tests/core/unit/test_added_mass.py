@@ -125,7 +125,7 @@ def test_factors_by_wing(robot):
 
 @pytest.mark.parametrize("again", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
 def test_added_mass_that_was_used_goes_to_another_process(robot, again):
-    """Its compiled functions went along, which cannot be pickled."""
+    """Added mass that was evaluated could not be pickled: its compiled functions went along."""
     used, q = pt.AddedMass(robot), robot.coordinates(pitch=0.1)
     matrix = used.mass_matrix(q)
     np.testing.assert_array_equal(again(used).mass_matrix(q), matrix)

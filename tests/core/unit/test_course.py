@@ -219,7 +219,7 @@ def test_a_leg_of_another_frequency_is_flown_at_its_own(ornithopter_orbit):
 def test_a_late_sample_is_taken_to_the_present_along_its_leg(
     aerobat, straight, ornithopter_orbit, change
 ):
-    """It was taken there along the first orbit, whatever the beat and the heading of the leg."""
+    """A late sample was brought up along the first orbit, whatever the leg's beat and heading."""
     first, commands = straight, ("frequency", *STEERING)
     if "speed" in change:
         first = ornithopter_orbit
@@ -287,7 +287,7 @@ def test_an_autopilot_flies_a_turn_as_the_regulator_does(turn):
 
 
 def test_a_slow_turn_of_a_fast_beat_is_a_turn():
-    """By less than 1e-4 rad a beat it was none, and refused for the sideways velocity it gains."""
+    """A turn of less than 1e-4 rad a beat was refused, as motion that is not periodic."""
     names = ("x", "y", "z", "yaw", "velocity of x", "velocity of y")
     for turn in (7e-5, 2e-6):
         angles = turn * np.linspace(0.0, 1.0, 5)

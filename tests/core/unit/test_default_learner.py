@@ -75,7 +75,7 @@ def test_intervals_hold_errors_that_vanish(flight: xr.Dataset) -> None:
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_noise_of_angles_spoils_no_force_of_a_symmetric_flight(seed: int) -> None:
-    """With 2 mrad of it, final weights left .85 of the lift, which physics alone knows to .08.
+    """With 2 mrad of noise the final weights left .85 of the lift, and physics alone .08.
 
     Side force, roll and yaw were noise times the weights: fitting them drew weights to zero.
     """

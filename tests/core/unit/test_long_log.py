@@ -144,7 +144,7 @@ def test_learning_goes_on_where_it_was_interrupted(record: LogRecord, tmp_path: 
 
 
 def test_a_course_is_removed_by_its_own_name(tmp_path: Path) -> None:
-    """The name was taken as a pattern: the kept learner of another run was removed instead."""
+    """A state's name was taken as a pattern: the kept learner of another run was removed."""
     own = {"run[1].course", "run[1].course.250.state", "run[1].course.500.state"}
     others = {"run1.course", "run1.course.250.state", "run[1].course.copy.state"}
     for name in own | others:

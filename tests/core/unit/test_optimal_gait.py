@@ -192,7 +192,7 @@ def test_a_phase_keeps_the_range_of_its_actuator():
 
 
 def test_an_amplitude_does_not_turn_over():
-    """Only the swing kept the actuator's range from zero on: amplitudes of -3.96 came out."""
+    """Amplitudes became negative, -3.96 of the gait's own: only the swing was held in its range."""
     aerobat = pt.load_robot("aerobat")
     actuators = {"feather_amplitude": Actuator("rad", (0.0, 1.2), 5.0, 0.1, 1.0)}
     robot, names = replace(aerobat, actuators=actuators), ("feather_amplitude", "feather_offset")

@@ -385,7 +385,7 @@ def test_starts_that_cannot_be_are_refused(pair):
 
 
 def test_a_quaternion_of_zeros_is_refused_by_equations_points_and_air(pair):
-    """Every number was NaN, in silence; those of the added mass were the last."""
+    """A quaternion of zeros gave forces of NaN; those of the added mass were the last to do so."""
     robot = pair[1]
     dyn, aero = pt.Dynamics(robot), pt.QuasiSteady(robot)
     q, v = np.zeros(robot.coordinate_count), np.zeros(robot.dof)

@@ -550,7 +550,7 @@ def test_no_actuator_gives_an_amplitude_below_zero():
 
 
 def test_a_robot_without_fin_whose_sides_differ_is_told_so():
-    """The remedy named an orbit nearby, which no robot without yaw stability has there."""
+    """The remedy of a trim was an orbit nearby, which a robot without fin does not have."""
     heavy = "mass: 206 g\n    center_of_mass: [0, 0.000001 m, 0]"
     odd = load_robot_text(pt.load_robot("hawk").source.replace("mass: 206 g", heavy))
     failed = pt.trim(odd, climb=None, free=("elevation_offset",))

@@ -126,7 +126,7 @@ def test_a_folder_that_is_not_there_is_not_made(tmp_path: Path) -> None:
 
 
 def test_the_folder_behind_a_link_is_the_one_to_make(tmp_path: Path) -> None:
-    """The folder of the link itself, which was there, was to be made."""
+    """A link to nowhere was answered by: make the link's own folder, which was there."""
     link = tmp_path / "link"
     link.symlink_to(tmp_path / "far" / "file")
     with pytest.raises(OutputError, match=r"mkdir -p .*/far$"):
