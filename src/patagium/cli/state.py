@@ -42,7 +42,7 @@ def resumed(learner: Any, state: Path | None) -> Any:
 
 
 def course_of(state: Path) -> Path:
-    """File of a long run's progress, beside that of its state."""
+    """File that keeps how far a long log was learned, next to the file of the learner's state."""
     return state.with_name(f"{state.name}.course")
 
 

@@ -221,7 +221,7 @@ def say_next(*commands: str) -> None:
 
 
 def tell(words: str) -> None:
-    """Line on stderr."""
+    """Line of text on standard error, where messages go that are no result."""
     typer.echo(words, err=True)
 
 

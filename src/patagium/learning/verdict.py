@@ -98,11 +98,11 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
 
 
 def _frozen_words(scores: Mapping[str, Any]) -> list[str]:
-    """Warning of final weights that predict the log far worse than the online prediction did."""
+    """Warning if the last weights, kept fixed, predict the log far worse than while learning."""
     frozen, held = (scores.get(k, {}) for k in ("frozen_second_half", "persistence_second_half"))
     error, names = scores["nmse_second_half"], []
-    physics = "physics_second_half" in scores  # its carried error may rightly do more
-    other = scores["physics_second_half"] if physics else held
+    physics = scores.get("physics_second_half")  # its carried error may rightly do more
+    other = held if physics is None else physics
     for name, value in error.items():
         late = frozen.get(name, 0.0)
         far = late > max(10 * value, other.get(name, np.inf), _SMALL)
@@ -113,7 +113,7 @@ def _frozen_words(scores: Mapping[str, Any]) -> list[str]:
     text = f"with the last weights, the NMSE of {worst} would be {frozen[worst]:.2g}"
     text += ": the weights follow this log, and are no model of it"
     remedy = ". If the machine does not change, try `--prior-share 0 --noise-memory 1000`"
-    return [f"Warning: {text}{remedy * (not physics)}."]
+    return [f"Warning: {text}{remedy * (physics is None)}."]
 
 
 def _nis_words(scores: Mapping[str, Any]) -> list[str]:

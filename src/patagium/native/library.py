@@ -155,14 +155,15 @@ def _signature(function: ca.Function) -> Signature:
 def _code(
     functions: dict[str, ca.Function], many_only: Collection[str], flag: str | None = None
 ) -> Code:
-    """Code; calls of kernels (`int[]`), and all with derivatives (`fwd1_`), without the flag."""
+    """C files, signatures of the functions, and the compiler's flag of files that may take one."""
     units, flags = dict[str, str](), dict[str, str]()
     for name, function in functions.items():
         many = name in many_only
         stem = f"{name}_batch" if many else name
         texts = emit_batch(function) if many else emit(function)
         own = {f"{stem}{k or ''}.c": text for k, text in enumerate(texts)}
-        if flag and many and "fwd1_" not in str(own):
+        # files with loops take none: a kernel is called (int[]), or its derivatives are (fwd1_)
+        if flag and many and not any("fwd1_" in text for text in own.values()):
             flags |= {k: flag for k in own if "int[]" not in own[k]}
         units |= own
     return units, [astuple(_signature(function)) for function in functions.values()], flags

@@ -188,8 +188,8 @@ SCREENING = struct(
     double *power: m: mean square of what the sample before left
     double *center: m: mean of the measurements
     int32_t strips: number of strips whose forces the outputs tell
-    double *spread: m x strips: square of an output by that of a strip's force
-    double *told: m x strips: square of a strip's force by that of an output
+    double *spread: m x strips: from the square of a strip's force to that of an output
+    double *told: m x strips: from the square of an output to that of a strip's force
     double *sampled: m: mean variance that came with the samples of late
     double *level: m: variance of the measurements
     double *change: m: mean square of their changes from sample to sample

@@ -134,11 +134,8 @@ def robot_attributes(robot: Robot) -> dict[str, str]:
         ParameterError: If its source describes another robot.
     """
     if robot.source and robot_of_text(robot.source, robot.name) != robot:
-        expected = (
-            "the robot that its source describes: change it by `with_parameters`, or in its file; "
-            'with source="" its records cannot be read again'
-        )
-        raise ParameterError("robot", expected, f"{robot.name}, changed otherwise")
+        expected = "the robot that its source describes; change it by `with_parameters`"
+        raise ParameterError("robot", expected, f"another {robot.name}")
     return {"robot": robot.source, "robot_name": robot.name}
 
 

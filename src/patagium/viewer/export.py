@@ -68,7 +68,7 @@ def topics_of(record: xr.Dataset) -> list[Topic]:
 def _units(
     record: xr.Dataset, variable: xr.DataArray, labels: Sequence[str], known: Mapping[str, str]
 ) -> tuple[str, ...]:
-    """Unit of each number of a variable; `known`: units by name of what has several."""
+    """Units of a variable's numbers, by label; `known` has those of variables with several."""
     unit = str(variable.attrs.get("units", ""))
     if variable.dims[1:] == ("output",) and "unit" in record:
         return tuple(map(str, record["unit"].values))

@@ -69,7 +69,7 @@ def test_compiled_and_numpy_learners_agree(covariance: object, std: float | None
 
 
 def test_units_of_outputs_change_nothing() -> None:
-    """Outputs of small unit had intervals far too wide beside an output of large numbers."""
+    """Intervals of a strain were far too wide beside a pressure, whose numbers are far larger."""
     units, names = np.array([2.0**-26, 2.0**10]), ("strain", "pressure")
     plain = pair(DenseNetwork(3, (5,), names))
     scaled = pair(DenseNetwork(3, (5,), names, output_scale=units))

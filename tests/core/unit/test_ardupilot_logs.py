@@ -64,7 +64,7 @@ def test_inspect_lists_types_units_and_text(
 
 
 def test_a_heading_goes_by_north(pymavlink: Any, recordings: Any, tmp_path: Path) -> None:
-    """The unit degheading was not known: from 359 to 0 degrees yaw was interpolated through 180."""
+    """Yaw was interpolated as a plain number: between 359 and 0 degrees it passed through 180."""
     log = recordings.dataflash(tmp_path / "log.BIN")
     topics = {one.name: one for one in inspect_log(log).topics}
     unit = next(one.unit for one in topics["ATT"].channels if one.name == "Yaw")

@@ -88,7 +88,7 @@ def test_noise_of_angles_spoils_no_force_of_a_symmetric_flight(seed: int) -> Non
         values[:, joints] += std * draw.standard_normal((len(values), len(joints)))
     scores = pt.identify(log).scores
     for name in ("x", "z", "left_plunge"):
-        # 5e-5 here; with the lateral forces left out 5e-6
+        # 4e-5 at most here; with the lateral forces left out 5e-6
         assert scores["frozen_second_half"][name] < 1e-3
         assert scores["nmse_second_half"][name] < 1e-3
 

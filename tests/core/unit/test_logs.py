@@ -76,7 +76,7 @@ def test_a_column_without_a_range_is_scaled_by_samples_that_are_not_predicted() 
 
 
 def test_a_column_far_beyond_what_scales_it_is_told() -> None:
-    """A fan speed that is constant in the first second was scaled by -1 to 1 without a warning."""
+    """A fan that stands still in the first second left its input unscaled, without a warning."""
     rng, time = np.random.default_rng(6), np.arange(0.0, 10.0, 0.01)
     fan = np.where(time < 2.0, 0.0, 600.0) + (time >= 2.0) * rng.normal(0.0, 5.0, 1000)
     angle = 0.5 * np.sin(6 * np.pi * time)

@@ -67,7 +67,7 @@ def test_names_of_states_are_as_many_as_states(monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.mark.usefixtures("interpreted")
 def test_numbers_of_numpy_are_recorded() -> None:
-    """A flight whose air has NumPy scalars was lost at its end: JSON cannot hold them."""
+    """A flight in air with a parameter of type np.float64 failed when its record was written."""
 
     @pt.air.register_polar
     @dataclass(frozen=True)

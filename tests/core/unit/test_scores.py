@@ -52,7 +52,7 @@ def test_a_quiet_output_is_not_silent(rng: np.random.Generator) -> None:
 
 
 def test_outputs_are_compared_in_their_scales(rng: np.random.Generator) -> None:
-    """A varying strain was scored as a constant output beside an absolute pressure in Pa."""
+    """A strain that varies was taken for constant and not scored beside a pressure of 1e5 Pa."""
     y = rng.normal(size=(50, 2)) * [1.5e-5, 300.0] + [0.0, 1.01325e5]
     for scale, silent in ((1.0, ["strain"]), (np.array([3e-5, 600.0]), [])):
         scorer = Scorer(("strain", "pressure"), scale)

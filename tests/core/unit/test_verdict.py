@@ -15,7 +15,7 @@ from patagium.learning.identify import _noise_words, compare
 from patagium.learning.model_file import Model, load_model, model_of, save_model
 from patagium.learning.models.dense import DenseNetwork
 from patagium.learning.stream import stream
-from patagium.learning.verdict import with_verdict
+from patagium.learning.verdict import _frozen_words, with_verdict
 
 
 def said(std: float) -> dict[str, Any]:
@@ -196,6 +196,15 @@ def test_warning_of_weights_that_follow_a_log_and_are_no_model_of_it() -> None:
         assert scores["frozen_second_half"]["y"] == pytest.approx(own, rel=1e-9, abs=1e-20)
         told = [text for text in scores["verdict"] if "no model of it" in text]
         assert bool(told) == follows == (scores["nmse_second_half"]["y"] < 1 < own)
+
+
+@pytest.mark.parametrize(("last", "warned"), [(0.85, True), (0.15, False), (0.07, False)])
+def test_last_weights_that_are_worse_than_physics_alone_are_told(last: float, warned: bool) -> None:
+    """Last weights that lost the lift gave no warning, since a network with physics never did."""
+    names = ("frozen", "persistence", "physics", "nmse")
+    errors = zip(names, (last, 1.0, 0.08, 0.02), strict=True)
+    scores = {f"{name}_second_half": {"z": error} for name, error in errors}
+    assert bool(_frozen_words(scores)) == warned
 
 
 def test_errors_far_beyond_the_noise_of_measured_forces_are_told(rng: np.random.Generator) -> None:

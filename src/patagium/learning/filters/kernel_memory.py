@@ -69,7 +69,9 @@ def screening_memory(screen: Screen) -> tuple[Any, Any]:
     Args:
         screen: Screening, whose arrays are shared by address; it must outlive the memory.
     """
-    bounds, arrays = screen.bounds, {**screen.arrays, "stated": screen.stated}
+    bounds, misfit = screen.bounds, screen.misfit
+    arrays = {**screen.arrays, "stated": screen.stated}
+    arrays["spread"], arrays["told"] = misfit.levers
     shared = {name.removeprefix("bound_"): arrays.pop(name) for name in MEMORY}
     limits = BOUNDS.type(
         inputs=bounds.inputs,
@@ -81,14 +83,14 @@ def screening_memory(screen: Screen) -> tuple[Any, Any]:
     whole = SCREENING.type(
         channels=len(arrays["noise"]),
         stuck_samples=screen.stuck_samples,
-        strips=screen.misfit.strips,
+        strips=misfit.levers[0].shape[1],
         window=screen.monitor.window,
         reference=screen.monitor.reference,
         limit=screen.limit,
         share=screen.share,
         ratio=screen.monitor.ratio,
         relative=screen.relative,
-        floor=screen.misfit.floor,
+        floor=misfit.floor,
         bounds=ctypes.addressof(limits),
         **addresses(arrays),
     )

@@ -10,12 +10,13 @@ s the standard deviation of y_k so far, its network's offset counted as one samp
 what a sample leaves after it was learned, averaged over 100 spans of correlation; a span has
 c = s / rms(change of y from sample to sample) samples, for a sine 1 / (2 pi f) s whatever the rate
 of the samples. The mean of y is no part of s, and a model that errs by more than s for long is
-worse than a constant. The measurement's own noise, where it is known, is added. No output is
-believed to a three-thousandth of what the strips' forces would make of it if they did not cancel,
-nor, where samples leave something, to a thirtieth of it: the side force of a symmetric flight is
-what noise of the angles makes of it, and an exact fit of it would draw the weights that it shares
-with other outputs to zero; and where it begins at rounding and grows a billion times, what it said
-when it was small would outweigh all that comes.
+worse than a constant. The measurement's own noise, where it is known, is added. In an
+output where the strips' forces cancel, such as the side force of a symmetric flight, noise of the
+angles is all that is left, and a close fit of it would draw the weights that it shares with other
+outputs to zero. So the standard deviation of each output's noise is at least a thirtieth of what
+these forces would give if they did not cancel, though at most three hundred times what samples
+leave, and a three-thousandth in any case: side forces that begin at rounding may grow a billion
+times, and what they said when they were small would outweigh all that comes.
 
 What a sample leaves is still there a moment later: the next sample is predicted with rho r on
 top, rho = <e_k r_(k-1)> / <r_(k-1)^2> over 20 spans, at most .99, to the power of the time since
@@ -72,9 +73,9 @@ class Misfit:
         sample: Variances that came with the sample in hand, (n_y,) [y^2]; whoever gives it
             changes it from sample to sample.
         offset: Value of y that counts as one sample before the first, (n_y,) or () [y].
-        levers: Squares of the outputs by that of each strip's force, and of each strip's force by
-            those of the outputs, of which the largest holds, (n_y, strips) each [y^2/N^2, N^2/y^2];
-            None: unknown.
+        levers: Factors from the square of each strip's force to those of the outputs, and from the
+            square of each output to those of the strips' forces, of which the largest holds,
+            (n_y, strips) each [y^2/N^2, N^2/y^2]; None: unknown.
         scale: Scale of each output, in which outputs are compared, (n_y,) or () [y].
 
     Attributes:
@@ -99,9 +100,7 @@ class Misfit:
         self._unit = np.square(np.broadcast_to(scale, len(known)))
         self.parts = {name: np.zeros(len(known)) for name in PARTS}
         self.parts["center"][:] = offset
-        none = np.zeros((len(known), 0))
-        self.parts["spread"], self.parts["told"] = (none, none) if levers is None else levers
-        self.strips = len(self.parts["told"].T)
+        self.levers = levers or (np.zeros((len(known), 0)),) * 2
         self.clock = np.array([np.nan, 0.0])
         self.heard = np.zeros(len(known), np.int64)
         self.span = _C.UNSEEN
@@ -199,8 +198,8 @@ class Misfit:
         own = _C.LEAST * np.where(load > 0, load, 1.0)
         least = self.least if largest > 0 else own
         residual = self.parts["residual"]
-        forces = (self.parts["told"] * level[:, None]).max(axis=0, initial=0.0)
-        apart = self.parts["spread"] @ forces
+        spread, told = self.levers
+        apart = spread @ (told * level[:, None]).max(axis=0, initial=0.0)
         coarse = np.minimum(_C.COARSE * apart, _C.MUCH * residual)
         least = np.maximum(np.maximum(least, _C.SLIGHT * apart), coarse)
         left = np.minimum(_C.LEFT * residual, level)

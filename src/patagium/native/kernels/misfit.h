@@ -16,9 +16,9 @@
 #define MOST 1e3        /* samples in a span of correlation, at most */
 #define STILL 1e-6      /* variance of a channel that does not move, over the largest */
 #define LEAST 1e-12     /* variance, at least, over the largest of a channel */
-#define SLIGHT 1e-7     /* and over that which the forces of the strips would make of it, */
-#define COARSE 1e-3     /* which it is said to err by where samples leave much of it: */
-#define MUCH 1e5        /* so many times what they leave, at most */
+#define SLIGHT 1e-7     /* and over the one it would have if forces of strips did not cancel; */
+#define COARSE 1e-3     /* this share of it, but at most, */
+#define MUCH 1e5        /* over the mean square of what samples leave */
 #define START 0.02      /* of the variance of a channel: what is left, to begin with */
 #define LEFT 3.0        /* variance over the mean square of what a sample leaves */
 #define LONG 100.0      /* spans over which what is left is averaged, */
@@ -94,7 +94,7 @@ static void assume(screening *s) {
   double largest = 0; /* mean square of a scaled channel */
   for (int k = 0; k < s->channels; k++) {
     largest = fmax(largest, s->level[k] / unit_of(s, k));
-    s->noise[k] = 0; /* at first the mean square, were forces of strips not to cancel */
+    s->noise[k] = 0; /* until the last loop: variance if forces of strips did not cancel */
   }
   for (int i = 0; i < s->strips; i++) {
     double force = 0;

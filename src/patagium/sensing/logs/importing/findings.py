@@ -137,9 +137,10 @@ class StampSurvey:
 
     @property
     def rate(self) -> float:
-        """Mean rate of the rows from the first to the latest stamp [Hz]; NaN without a duration.
+        """Number of rows a second between the first and the last time stamp [Hz].
 
-        Rows that follow after a clock was set back, until it is ahead again, take no time.
+        NaN if these are the same. Rows that follow after a clock was set back, until it is ahead
+        again, take no time.
         """
         rows = self._last_row - self._last_back * self.set_back
         return rows / self.duration if self.duration > 0 else float("nan")
