@@ -8,12 +8,12 @@ stroke, the wake's swirl and contraction, the part of a wing in another wing's w
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import accumulate, pairwise
+from itertools import accumulate, pairwise, permutations
 from math import pi
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -51,8 +51,9 @@ class Inflow(OnModel):
     with m = mu rho (A/pi)^(3/2), so that at rest u = sqrt(k T / 2 rho A) for a thrust T, in fast
     flight it fades as Glauert's 1/V, and what a lifting line, or the wing on which a polar was
     measured, induces itself is not counted twice. A is the area from which
-    the stroke takes its air: what the wings sweep, 1/2 Phi R^2 each, where the stream goes
-    through the stroke, and the circle on the span where it goes along it. Phi is found on the
+    the stroke takes its air: what the wings sweep, 1/2 Phi R^2 each but once for what wings of
+    one side sweep both, where the stream goes through the stroke, and the circle on the span
+    where it goes along it; R and the span are those of the pose. Phi is found on the
     way from the directions of each wing from root to tip, e, over the angle that it has
     swept, (|de/dt|^2 + |V|^2/R^2)^(1/2) dt: ds = (e - s)/memory of it, |s| = sin(Phi/2) / (Phi/2).
     Wings that sweep less than their own area have no stroke: of F, the part along u - V counts
@@ -164,7 +165,7 @@ class Stroke:
 
     Attributes:
         wings: Wings.
-        sides: 2 where there are wings on the left and on the right, else 1.
+        left: Whether each wing is on the left.
         base: Body in whose axes y points left; "" of the world. Bodies are named, since their
             numbers are others in a machine with load cells.
         hinges: Body at the hinge of each wing that sweeps, and the body that the hinge is fixed to.
@@ -173,7 +174,7 @@ class Stroke:
     """
 
     wings: tuple[Wing, ...]
-    sides: int
+    left: tuple[bool, ...]
     base: str
     hinges: tuple[tuple[str, str], ...] = ()
     ends: tuple[tuple[int, int], ...] = ()
@@ -191,26 +192,36 @@ class Stroke:
 
 def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
     """Strokes of a robot: wings whose hinges, or edges if held, are close along the body."""
-    groups: list[list[_Placed]] = []
     bodies, base = poses(robot), _base(robot)
-    axes = bodies[base][1] if base >= 0 else np.eye(3)
-    for wing, hinge, tip in _wings(robot):
+    origin, axes = bodies[base] if base >= 0 else (np.zeros(3), np.eye(3))
+    found: list[_Placed] = []
+    for wing, hinge, reach in _wings(robot):
         strips = [robot.strips[i] for i in wing]
-        edges = np.vstack([placed(bodies[s.body], strip_corners(s)[:2]) for s in strips]) @ axes
-        root = bodies[hinge][0] @ axes
-        near, far = sorted((edges[:, 1].max() - root[1], root[1] - edges[:, 1].min()))
-        both = near > BOTH_SIDES * far  # on both sides of its hinge
-        held = both or not _turned(robot, wing, bodies)
-        one = wing, hinge, held, edges if held else np.array([root, tip @ axes])
-        joined = [*(k for k, group in enumerate(groups) if _close(group, one)), len(groups)]
+        edges = np.vstack([_edges(bodies, s) for s in strips]) @ axes
+        root, tip = ((x - origin) @ axes for x in (bodies[hinge][0], _edges(bodies, strips[-1])[1]))
+        held = _on_both_sides(robot, strips, hinge) or not _turned(robot, wing)
+        spread = root + [0.0, reach if root[1] + tip[1] > 0 else -reach, 0.0]
+        found.append((wing, hinge, held, edges if held else np.array([root, spread])))
+    return tuple(_stroke(robot, base, group) for group in _gathered(found, _close))
+
+
+_One = TypeVar("_One")
+
+
+def _gathered(found: Iterable[_One], related: Callable[[_One, _One], bool]) -> list[list[_One]]:
+    """Groups of which each member is related to another one."""
+    groups: list[list[_One]] = []
+    for one in found:
+        near = [k for k, group in enumerate(groups) if any(related(one, each) for each in group)]
+        joined = [*near, len(groups)]
         groups.append([one])
         groups[joined[0]] = [each for k in joined for each in groups[k]]
         groups = [group for k, group in enumerate(groups) if k not in joined[1:]]
-    return tuple(_stroke(robot, base, group) for group in groups)
+    return groups
 
 
 _Placed: TypeAlias = tuple[Wing, int, bool, Array]
-"""Wing, body at its hinge, whether it is held, and hinge and tip, or if held all edges [m]."""
+"""Wing, body at its hinge, whether it is held, and hinge and tip if spread, or all edges [m]."""
 
 
 def _base(robot: Robot) -> int:
@@ -221,25 +232,49 @@ def _base(robot: Robot) -> int:
     return next((k for k in (*mirrors, *others) if k is not None), -1)
 
 
-def _turned(robot: Robot, wing: Wing, bodies: Any) -> bool:
-    """Whether a joint turns the span of a wing; no joint turns that of a rudder."""
-    last = robot.strips[wing[-1]]
-    span = bodies[last.body][1] @ np.cross(last.normal, last.forward)
-    joints = [(k, joint) for k in _inwards(robot, wing) for joint in robot.bodies[k].joints]
-    axes = [bodies[k][1] @ joint.axis for k, joint in joints if joint.kind == "revolute"]
-    return any(np.linalg.norm(np.cross(axis, span)) > TANDEM for axis in axes)
+def _span(bodies: Any, strip: Strip) -> Array:
+    """Span axis of a strip in the world, (3,) [1]."""
+    return np.asarray(bodies[strip.body][1] @ np.cross(strip.normal, strip.forward))
 
 
-def _close(group: list[_Placed], one: _Placed) -> bool:
-    """Whether a wing and one of a group are close seen from the side: roots, or if held, edges."""
-    *_, held, points = one
+def _edges(bodies: Any, strip: Strip) -> Array:
+    """Leading corners of a strip in the world, (2, 3) [m]."""
+    return placed(bodies[strip.body], strip_corners(strip)[:2])
+
+
+def _on_both_sides(robot: Robot, strips: Sequence[Strip], hinge: int) -> bool:
+    """Whether what the innermost joint of a wing turns as a whole lies on both sides of it."""
+
+    def jointed(strip: Strip) -> list[int]:
+        return [k for k in inwards(robot, strip.body) if robot.bodies[k].joints]
+
+    bodies = poses(robot)
+    joint = bodies[next(iter(jointed(strips[0])), hinge)][0]
+    rigid = [s for s in strips if jointed(s) == jointed(strips[0])]
+    along = (np.vstack([_edges(bodies, s) for s in rigid]) - joint) @ _span(bodies, strips[0])
+    near, far = sorted((along.max(), -along.min()))
+    return bool(near > BOTH_SIDES * far)
+
+
+def _turned(robot: Robot, wing: Wing) -> bool:
+    """Whether a joint turns the span of a strip of a wing; no joint turns that of a rudder."""
+    bodies, strips = poses(robot), [robot.strips[i] for i in wing]
+    return any(
+        np.linalg.norm(np.cross(bodies[k][1] @ joint.axis, _span(bodies, strip))) > TANDEM
+        for k in _inwards(robot, wing)
+        for joint in robot.bodies[k].joints
+        for strip in strips
+        if joint.kind == "revolute" and k in inwards(robot, strip.body)
+    )
+
+
+def _close(one: _Placed, other: _Placed) -> bool:
+    """Whether two wings are close seen from the side: roots, or if held, edges."""
+    held, points = one[2:]
     cut = slice(None) if held else slice(1)  # left and right are one
-    for *_, other_held, other in group:
-        apart = np.linalg.norm(points[cut, None, ::2] - other[cut, ::2], axis=-1).min()
-        length = min(np.linalg.norm(np.ptp(x, axis=0)) for x in (points, other))
-        if held == other_held and apart < TANDEM * length:
-            return True
-    return False
+    apart = np.linalg.norm(points[cut, None, ::2] - other[3][cut, ::2], axis=-1).min()
+    length = min(np.linalg.norm(np.ptp(x, axis=0)) for x in (points, other[3]))
+    return bool(held == other[2] and apart < TANDEM * length)
 
 
 def _stroke(robot: Robot, base: int, group: list[_Placed]) -> Stroke:
@@ -247,7 +282,7 @@ def _stroke(robot: Robot, base: int, group: list[_Placed]) -> Stroke:
     wings, hinges, (held, *_), points = zip(*group, strict=True)
     names = [*(body.name for body in robot.bodies), ""]  # the last is the world
     fixed = tuple((names[k], names[robot.bodies[k].parent]) for k in hinges if not held)
-    stroke = Stroke(wings, len({k[-1, 1] > k[0, 1] for k in points}), names[base], fixed)
+    stroke = Stroke(wings, tuple(k[-1, 1] > k[0, 1] for k in points), names[base], fixed)
     edges = np.vstack(points)[:, 1:]
     across = edges[:, np.ptp(edges, axis=0).argmax()]  # of a fin upward
     ends = [divmod(int(k), 2) for k in (across.argmin(), across.argmax())]
@@ -255,20 +290,24 @@ def _stroke(robot: Robot, base: int, group: list[_Placed]) -> Stroke:
     return replace(stroke, ends=named)
 
 
-def _wings(robot: Robot) -> Iterator[tuple[Wing, int, Array]]:
-    """Wings, each with the body at its hinge and its tip; parts on one hinge are one wing."""
-    bodies, parts = poses(robot), dict[Any, list[tuple[float, Wing, int, Array]]]()
+def _wings(robot: Robot) -> Iterator[tuple[Wing, int, float]]:
+    """Wings, each with the body at its hinge and its reach spread; parts of one arm are one."""
+    parts = list[tuple[Wing, int, float]]()
     for name in robot.wing_names:
         wing = tuple(i for i, strip in enumerate(robot.strips) if strip.wing == name)
-        last, hinge = robot.strips[wing[-1]], _inwards(robot, wing)[-1]
-        tip = placed(bodies[last.body], np.array(last.quarter_chord))
-        reach = float(np.linalg.norm(tip - bodies[hinge][0]))
-        body = robot.bodies[hinge]
-        key = name if body.parent < 0 or body.mounted else hinge
-        parts.setdefault(key, []).append((reach, wing, hinge, tip))
-    for one in parts.values():
-        outwards = sorted(one, key=lambda part: part[0])
-        yield sum((part for _, part, *_ in outwards), ()), *outwards[-1][2:]
+        *links, hinge = _inwards(robot, wing)
+        offsets = [robot.bodies[k].position for k in links]
+        reach = sum(map(np.linalg.norm, [*offsets, robot.strips[wing[-1]].quarter_chord]))
+        parts.append((wing, hinge, float(reach)))
+
+    def of_one_arm(one: tuple[Wing, int, float], other: tuple[Wing, int, float]) -> bool:
+        hinge, ends = robot.bodies[one[1]], [robot.strips[k[0][-1]].body for k in (one, other)]
+        turned = one[1] == other[1] and hinge.parent >= 0 and not hinge.mounted
+        return turned and any(a in inwards(robot, b) for a, b in (ends, ends[::-1]))
+
+    for group in _gathered(parts, of_one_arm):
+        outwards = sorted(group, key=lambda part: part[2])
+        yield sum((wing for wing, *_ in outwards), ()), *outwards[-1][1:]
 
 
 def _inwards(robot: Robot, wing: Wing) -> list[int]:
@@ -300,7 +339,6 @@ class _Moving:
         self.robot, self.poses, self.ground = robot, [*body_poses(robot, q), world], ground
         self.wind = ca.sum2(wind) / wind.shape[1]
         self._twists = [*body_velocities(robot, q, v), Twist(still, still)]
-        self._at_zero = [*body_poses(robot, ca.SX(ca.DM(robot.coordinates()))), world]
         self._places = {name: k for k, name in enumerate([*(b.name for b in robot.bodies), ""])}
 
     def sizes(self, stroke: Stroke) -> tuple[list[Any], Any]:
@@ -309,21 +347,46 @@ class _Moving:
         if stroke.ends:
             ends = [self._end(self.robot.strips[place], side) for place, side in stroke.ends]
             return [], pi * ca.sumsqr(ends[1] - ends[0]) / 4
-        left = self._at_zero[self._places[stroke.base]].rotation[:, 1]
+        left = self.poses[self._places[stroke.base]].rotation[:, 1]
         for wing, (hinge, _) in zip(stroke.wings, stroke.hinges, strict=True):
             strip = self.robot.strips[wing[-1]]
-            root = self._at_zero[self._places[hinge]].position
+            root = self.poses[self._places[hinge]].position
             roots.append(ca.dot(left, root))
-            away = ca.sqrt(ca.sumsqr(quarter_chord(self._at_zero, strip) - root))
+            away = ca.sqrt(ca.sumsqr(quarter_chord(self.poses, strip) - root))
             lengths.append(away + strip.width / 2)
         longest = ca.mmax(ca.vertcat(*lengths))
         between = ca.mmax(ca.vertcat(*roots)) - ca.mmin(ca.vertcat(*roots))
-        return lengths, pi * ((stroke.sides * longest + between) / 2) ** 2
+        return lengths, pi * ((len({*stroke.left}) * longest + between) / 2) ** 2
+
+    def others(self, stroke: Stroke, means: ca.SX, halves: Sequence[ca.SX]) -> list[ca.SX]:
+        """Number of other wings on its side that sweep the sector of each wing, 0 to all [1].
+
+        Args:
+            stroke: The stroke.
+            means: Mean direction of each wing in the axes that its hinge is fixed to, (3, n) [1].
+            halves: Half of the angle that each wing sweeps [rad].
+        """
+        count = [ca.SX(0)] * len(halves)
+        for j, k in permutations(range(len(halves)), 2):
+            if stroke.left[j] == stroke.left[k]:
+                one, other = (self._fixed(stroke, n) @ means[:, n] for n in (j, k))
+                one, other = (x / smooth_norm(ca.sumsqr(x), _SLIGHT) for x in (one, other))
+                apart = smooth_norm(ca.sumsqr(one - other), _SLIGHT)
+                apart = apart * (1 + apart**2 / 24 + 3 * apart**4 / 640)  # arc over its chord
+                both = halves[j] + halves[k]
+                common = smooth_step((both - apart) * both / (4 * halves[j] * halves[k]))
+                squares = halves[j] ** 2, halves[k] ** 2
+                count[k] += common * 2 * squares[0] / (squares[0] + squares[1])
+        return count
+
+    def _fixed(self, stroke: Stroke, wing: int) -> ca.SX:
+        """Rotation to the world from the axes that the hinge of a wing is fixed to, (3, 3)."""
+        return self.poses[self._places[stroke.hinges[wing][1]]].rotation
 
     def _end(self, strip: Strip, side: int) -> ca.SX:
-        """Quarter chord at one end of a strip at zero coordinates, (3, 1) [m]."""
+        """Quarter chord at one end of a strip, (3, 1) [m]."""
         half = side * strip.width / 2 * ca.cross(vector(strip.normal), vector(strip.forward))
-        return self._at_zero[strip.body].at(vector(strip.quarter_chord) + half)
+        return self.poses[strip.body].at(vector(strip.quarter_chord) + half)
 
     def direction(self, wing: Wing, hinged: tuple[str, str]) -> tuple[ca.SX, ca.SX]:
         """Unit vector from hinge to tip in the axes that the hinge is fixed to, its rate [1/s]."""
@@ -377,13 +440,15 @@ def _relaxation(
     density, factor, apparent_mass, memory = numbers
     induced, means = state[:3], ca.reshape(state[3:], 3, -1)
     lengths, circle = moving.sizes(stroke)
-    tandem = len(stroke.wings) // stroke.sides
     met = moving.wind - moving.velocity(stroke)
-    swept, rates, targets = ca.SX(0), [], []
-    for k, (wing, hinge) in enumerate(zip(stroke.swept, stroke.hinges, strict=True)):
-        swept = swept + _half_angle(ca.sumsqr(means[:, k])) * lengths[k] ** 2 / tandem
+    halves = [_half_angle(ca.sumsqr(means[:, k])) for k in range(len(stroke.swept))]
+    sectors = [half * length**2 for half, length in zip(halves, lengths, strict=True)]
+    others = moving.others(stroke, means, halves)
+    swept = sum((area / (1 + more) for area, more in zip(sectors, others, strict=True)), ca.SX(0))
+    rates, targets = [], []
+    for length, wing, hinge in zip(lengths, stroke.swept, stroke.hinges, strict=False):
         direction, turning = moving.direction(wing, hinge)
-        turned = ca.sumsqr(turning) + ca.sumsqr(met) / lengths[k] ** 2
+        turned = ca.sumsqr(turning) + ca.sumsqr(met) / length**2
         rates.append(ca.repmat(smooth_norm(turned, _SLIGHT) / memory, 3, 1))
         targets.append(direction)
     own, planform = _own_downwash(stroke, moving, air)
@@ -393,7 +458,7 @@ def _relaxation(
     share = along / (smooth_norm(ca.sumsqr(whole), _SLIGHT) * speed) ** 2
     area = circle + (swept - circle) * share if stroke.swept else circle
     force = ca.sum2(air.strip_force[:, list(stroke.strips)])
-    still = 1.0 - smooth_step(swept * tandem / planform)
+    still = 1.0 - smooth_step(sum(sectors, ca.SX(0)) / planform)
     force = force - still * ca.dot(force, through) / speed**2 * through
     flow = 2 * density * area * speed
     thrust = ca.sqrt(ca.sumsqr(force) + (_SLIGHT * flow) ** 2)

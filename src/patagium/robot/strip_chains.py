@@ -1,13 +1,13 @@
 """Chains of strips: wings that one lifting line runs through.
 
 Strips of a wing follow each other where their ends meet. A wing joins its mirror image where
-their roots are near, as a body between them carries lift across; other wings join where the
-robot file says so (`joins`). All distances are those at zero coordinates.
+their roots are near, as a body between them carries lift across; other wings join at their nearest
+ends where the robot file says so (`joins`). All distances are those at zero coordinates.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,7 +49,8 @@ def strip_chains(robot: Robot) -> tuple[StripChain, ...]:
     """Chains of strips that share legs.
 
     Args:
-        robot: The machine, in numbers; its `joined_wings` are joined at their nearest ends.
+        robot: The machine, in numbers; of its `joined_wings` mirror images are joined at their
+            roots, others at their nearest ends.
     """
     places = poses(robot)
     chains: list[StripChain] = []
@@ -61,22 +62,19 @@ def strip_chains(robot: Robot) -> tuple[StripChain, ...]:
         else:
             chains.append(new)
     for pair in robot.joined_wings:
-        ways = list(_ways(robot, chains, pair))
-        if ways:
-            first, second = min(ways, key=lambda way: _gap(robot, places, *way))
+        images = {pair, pair[::-1]} & {*robot.mirrored_wings}
+        if way := _way(robot, chains, pair, None if images else places):
+            first, second = way
             kept = [k for k in chains if not {*k.strips} & {*first.strips, *second.strips}]
             chains = [*kept, first + second]
     return tuple(sorted(chains, key=lambda chain: min(chain.strips)))
 
 
 def joined_images(robot: Robot, images: Iterable[Pair]) -> tuple[Pair, ...]:
-    """Wings and their mirror images whose ends are nearer than half their mean chord."""
+    """Wings and their mirror images whose roots are nearer than half their mean chord."""
     places, chains = poses(robot), strip_chains(robot)
-    return tuple(
-        pair
-        for pair in images
-        if any(_near(robot, places, *way) for way in _ways(robot, chains, pair))
-    )
+    ways = ((pair, _way(robot, chains, pair)) for pair in images)
+    return tuple(pair for pair, way in ways if way and _near(robot, places, *way))
 
 
 def chain_words(robot: Robot) -> str:
@@ -85,15 +83,35 @@ def chain_words(robot: Robot) -> str:
     return "; ".join(" + ".join(wings) for wings in lines)
 
 
-def _ways(
-    robot: Robot, chains: list[StripChain] | tuple[StripChain, ...], pair: Pair
-) -> Iterator[tuple[StripChain, StripChain]]:
-    """Two chains in each order and direction in which an end of one wing faces the other's."""
-    for first in (way for chain in chains for way in (chain, chain.reverse)):
-        for second in (way for chain in chains for way in (chain, chain.reverse)):
-            ends = (robot.strips[first.strips[-1]].wing, robot.strips[second.strips[0]].wing)
-            if ends == pair and not {*first.strips} & {*second.strips}:
-                yield first, second
+def _way(
+    robot: Robot, chains: Sequence[StripChain], pair: Pair, places: list[Pose] | None = None
+) -> tuple[StripChain, StripChain] | None:
+    """Two chains whose ends at the roots of two wings face each other, or their nearest ends.
+
+    Args:
+        robot: The machine.
+        chains: Chains in one direction.
+        pair: Names of the wings.
+        places: Poses in which ends are the nearest; None: roots.
+    """
+    both = [way for chain in chains for way in (chain, chain.reverse)]
+
+    def far(way: tuple[StripChain, StripChain]) -> tuple[float, ...]:
+        if places is not None:
+            return (_gap(robot, places, *way),)
+        ends = (way[0].strips[-1], way[0].right[-1]), (way[1].strips[0], -way[1].right[0])
+        still = [(np.zeros(3), np.eye(3))] * len(robot.bodies)  # each end in axes of its own body
+        away = [float(np.linalg.norm(_end(robot, still, *end))) for end in ends]
+        return sum(index for index, _ in ends), sum(away)
+
+    ways = [
+        (first, second)
+        for first in both
+        for second in both
+        if (robot.strips[first.strips[-1]].wing, robot.strips[second.strips[0]].wing) == pair
+        and not {*first.strips} & {*second.strips}
+    ]
+    return min(ways, key=far, default=None)
 
 
 def _wings(robot: Robot, chain: StripChain) -> set[str]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from math import pi
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 import xarray as xr
@@ -19,6 +20,7 @@ from patagium.errors import ParameterError
 from patagium.robot import Robot, load_robot_text
 from patagium.robot.files import preset_text, write_template
 from patagium.robot.planform import poses
+from patagium.robot.strip_chains import strip_chains
 
 HOVERER = """
 name: hoverer
@@ -284,7 +286,7 @@ def test_still_air_gives_no_mean_power(hoverer: Robot, rng: np.random.Generator)
 def test_wings_in_tandem_share_a_stroke_and_a_tail_does_not() -> None:
     dragonfly, bird = pt.load_robot("dragonfly"), pt.load_robot("ornithopter")
     (stroke,) = strokes_of(dragonfly)
-    assert (len(stroke.wings), stroke.sides) == (4, 2)
+    assert (len(stroke.wings), sum(stroke.left)) == (4, 2)
     names = [{bird.strips[i].wing for i in stroke.strips} for stroke in strokes_of(bird)]
     assert len(names) > 1
     assert all(len(one) <= 2 for one in names)
@@ -394,7 +396,7 @@ def test_a_wing_in_two_parts_is_one_wing_whatever_their_names_and_order():
     for parts in (inner + outer, outer + inner):
         robot = load_robot_text(before + parts + text[end:], "hawk")
         stroke, _ = strokes_of(robot)
-        assert len(stroke.wings) == stroke.sides == 2
+        assert len(stroke.wings) == 2 == len({*stroke.left})
         model = pt.air.Inflow(pt.QuasiSteady(robot))
         flown.append(
             pt.simulate(robot, model, pt.gaits.cruise(robot), duration=0.05)["q"].to_numpy()[-1]
@@ -495,4 +497,134 @@ def test_which_wings_share_a_stroke_does_not_depend_on_their_order(order: str) -
     bodies = "".join(f"  left_{k}_wing:\n{body}" for k, (body, _) in zip(order, parts, strict=True))
     wings = "".join(wing for _, wing in parts)
     (stroke,) = strokes_of(load_robot_text(f"{BEFORE}{bodies}wings:\n{wings}mirror:{MIRROR}"))
-    assert (len(stroke.wings), stroke.sides) == (6, 2)
+    assert (len(stroke.wings), sum(stroke.left)) == (6, 3)
+
+
+SECTORS = """
+name: sectors
+gravity: 9.81
+bodies:
+  body: {{floating: true, mass: 25 g, shape: {{type: ellipsoid, semi_axes: [1 cm, 1 cm, 1 cm]}}}}
+{frame}{wings}wings:
+{segments}mirror:
+  - {{from: left, to: right}}
+"""
+SECTOR = """\
+  left_{name}:
+    parent: {parent}{place}
+    joints: [{{name: left_{name}_sweep, axis: {axis}}}]
+    mass: 0.3 g
+    shape: {{type: plate, axis: y, chord: 4 cm, span: 14 cm, thickness: 1 mm}}
+"""
+SEGMENT = """\
+  - name: left_{name}
+    segments:
+      - body: left_{name}
+        strips: 2
+        stations:
+          - {{span: 0 cm, leading: 1 cm, trailing: -3 cm}}
+          - {{span: 14 cm, leading: 1 cm, trailing: -3 cm}}
+"""
+FRAME = "  left_frame:\n    parent: body\n    at: [0, 1 cm, 0]\n    massless: true\n    {joints}\n"
+
+
+def sectors(*names: str, frame: bool = False) -> Robot:
+    """Wings on one root, those named fore sweep forward and others backward."""
+    place = {"parent": "left_frame", "place": ""}
+    if not frame:
+        place = {"parent": "body", "place": "\n    at: [0, 1 cm, 0]"}
+    wings = [SECTOR.format(name=k, axis="-z" if k == "fore" else "z", **place) for k in names]
+    twisted = FRAME.format(joints="joints: [{name: left_twist, axis: y}]") if frame else ""
+    segments = "".join(SEGMENT.format(name=k) for k in names)
+    text = SECTORS.format(frame=twisted, wings="".join(wings), segments=segments)
+    return load_robot_text(text, "sectors")
+
+
+def induced(robot: Robot, *forward: float, swept: float = 0.8, **angles: float) -> np.ndarray:
+    """Induced velocity to which the wings' forces lead while a stream of 1 m/s sinks, (3,) [m/s].
+
+    Args:
+        robot: Wings on the left and on the right that turn about z.
+        forward: Mean sweep of each wing on the left forward [rad].
+        swept: Angle that each wing has swept [rad].
+        angles: Of pairs of joints [rad].
+    """
+    model = pt.air.Inflow(pt.QuasiSteady(robot, polar=POLAR))
+    (stroke,) = model.strokes
+    short, names = np.sin(swept / 2) / (swept / 2), [robot.strips[k[0]].wing for k in stroke.swept]
+    mean = dict(zip([k for k in names if k.startswith("left")], forward, strict=True))
+    state = [0.0, 0.0, -1.0]
+    for name in names:
+        angle, side = mean[name.replace("right", "left")], 1 if name.startswith("left") else -1
+        state += [short * np.sin(angle), side * short * np.cos(angle), 0.0]
+    q, v = ca.SX.sym("q", robot.coordinate_count), ca.SX.sym("v", robot.dof)
+    numbers = ca.SX(ca.DM(model.parameters))
+    air = model.expressions(robot, q, v, ca.SX(ca.DM(state)), ca.SX.zeros(3, 1), numbers)
+    sweeps = dict.fromkeys((k for k in robot.dof_names if k.endswith("sweep")), 40.0)
+    angles = {f"{side}_{name}": one for name, one in angles.items() for side in ("left", "right")}
+    target = ca.Function("target", [q, v], [air.memory.target])
+    found = target(robot.coordinates(**angles), robot.velocities(**sweeps))
+    return np.asarray(found)[:3, 0]
+
+
+def test_wings_that_sweep_apart_share_no_area() -> None:
+    """Fore and hind wings of an X were given one sector a side, where each sweeps its own."""
+    robot = sectors("fore", "hind")
+    one, apart = induced(robot, 0.0, 0.0), induced(robot, 0.5, -0.5)
+    assert one[2] > 0.1
+    assert one == pytest.approx(2 * apart, rel=1e-4)  # band of the norm at equal directions
+    near = induced(robot, 0.2, -0.2)[2]
+    assert apart[2] < near < one[2]
+
+
+def test_a_held_joint_under_two_wings_of_a_side_changes_no_inflow() -> None:
+    """Two wings on a frame that can turn were taken for the inner and outer part of one."""
+    held, free = sectors("fore", "hind", frame=True), sectors("fore", "hind")
+    assert induced(held, 0.5, -0.5) == pytest.approx(induced(free, 0.5, -0.5), rel=1e-12)
+
+
+FOLDING = """
+name: folding
+gravity: 9.81
+bodies:
+  body: {{floating: true, mass: 30 g, shape: {{type: ellipsoid, semi_axes: [1 cm, 1 cm, 1 cm]}}}}
+  left_arm:
+    parent: body
+    at: [0, 1 cm, 0]
+    joints: [{{name: left_sweep, axis: -z}}]
+    mass: 1 g
+    shape: {{type: plate, axis: y, chord: 8 cm, span: 8 cm, thickness: 1 mm}}
+  left_hand:
+    parent: left_arm
+    at: [0, 8 cm, 0]
+    orientation: [0, 0, {turn}]
+    joints: [{{name: left_elbow, axis: z}}]
+    mass: 1 g
+    shape: {{type: plate, axis: y, chord: 8 cm, span: 9 cm, thickness: 1 mm}}
+wings:
+  - name: left_wing
+    segments:
+      - body: left_arm
+        strips: 2
+        stations:
+          - {{span: 0 cm, leading: 1 cm, trailing: -7 cm}}
+          - {{span: 8 cm, leading: 1 cm, trailing: -7 cm}}
+      - body: left_hand
+        strips: 2
+        stations:
+          - {{span: 0 cm, leading: 1 cm, trailing: -7 cm}}
+          - {{span: 9 cm, leading: 0 cm, trailing: -4 cm}}
+mirror:
+  - {{from: left, to: right}}
+"""
+
+
+@pytest.mark.parametrize("turn", [1.5, 2.6, 3.0])
+def test_air_does_not_depend_on_which_pose_the_file_calls_zero(turn: float) -> None:
+    """A wing whose elbow is written as folded at zero had a short stroke, and joined tip to tip."""
+    spread, folded = (load_robot_text(FOLDING.format(turn=k), "folding") for k in (0.0, turn))
+    assert strip_chains(folded) == strip_chains(spread)
+    assert strokes_of(folded) == strokes_of(spread)
+    for elbow in (0.0, 0.7):
+        found = induced(folded, 0.1, swept=2.5, elbow=elbow - turn)
+        assert found == pytest.approx(induced(spread, 0.1, swept=2.5, elbow=elbow), rel=1e-9)
