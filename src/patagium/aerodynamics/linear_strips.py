@@ -55,7 +55,7 @@ from patagium.dynamics.kinematics import Twist, add_wrench, body_poses, generali
 from patagium.dynamics.rnea import body_accelerations, kirchhoff_force
 from patagium.errors import ParameterError
 from patagium.robot.model import Body, Robot, Strip
-from patagium.robot.planform import side_of
+from patagium.robot.planform import sides_of
 from patagium.robot.strip_chains import strip_chains
 
 
@@ -215,7 +215,7 @@ class LinearStrips(Aerodynamics):
     def structure(self) -> str:
         """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
         chains = strip_chains(self.robot) if self.attached else ""
-        sides = *map(side_of, self.robot.strips), chains
+        sides = *sides_of(self.robot), chains
         return f"{self.name} {surfaces_of(self.robot)} {sides}"
 
     @property
@@ -298,7 +298,7 @@ class StripSums:
     ) -> None:
         self._machine, self._robot, self._surfaces = machine, robot, surfaces_of(machine)
         self._motion, self._wind, self._density = motion, wind, density
-        self._sides = [side_of(strip) for strip in machine.strips]
+        self._sides = sides_of(machine)
         q, v, a = motion
         self._airflows = body_airflows(robot, q, v, wind)
         moving = zip(self._airflows, body_accelerations(robot, q, v, a, ca.SX(0)), strict=True)
@@ -511,7 +511,7 @@ class _Section(NamedTuple):
             `_numbers`, density.
         flow: Velocity [m/s], spin [m/s] and rates [m^2/s^2], in axes of the strip.
         unit: Wrench on the body of unit coefficients, (6, 4) [N, N m].
-        side: See `side_of`.
+        side: See `sides_of`.
     """
 
     inputs: tuple[ca.SX, ca.SX, ca.SX]

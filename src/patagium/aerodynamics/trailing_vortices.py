@@ -186,7 +186,7 @@ def _legs(
 ) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
     """Beginning, direction and squared core radius of a chain's legs."""
     strips = [robot.strips[i] for i in chain.strips]
-    ends = [_end_offsets(strips, chain.right, k) for k in range(len(strips))]
+    ends = [_end_offsets(robot, chain, k) for k in range(len(strips))]
     legs = []
     for k in range(len(strips) + 1):
         # the leg at the end of the strip before it and at the beginning of the strip after it
@@ -221,30 +221,51 @@ def _across(velocity: ca.SX, span: ca.SX) -> ca.SX:
     return across + along * ca.sqrt(square / ca.sqrt(square**2 + ca.dot(along, along) ** 2))
 
 
-def _end_offsets(strips: Sequence[Strip], right: Sequence[int], k: int) -> tuple[ca.SX, ca.SX]:
+def _end_offsets(robot: Robot, chain: StripChain, k: int) -> tuple[ca.SX, ca.SX]:
     """Beginnings of the legs of a strip, body axes, (3, 1) each [m]; inside of a free end."""
-    strip, (before, after) = strips[k], _line(strips, right, k)
+    strip, (before, after) = robot.strips[chain.strips[k]], _line(robot, chain, k)
     center, inset = vector(strip.quarter_chord), 2 * _inset(strip)
     begin = strip.width - (inset if k == 0 else 0.0)
-    end = strip.width - (inset if k == len(strips) - 1 else 0.0)
+    end = strip.width - (inset if k == len(chain.strips) - 1 else 0.0)
     return center - before * begin, center + after * end
 
 
-def _line(strips: Sequence[Strip], right: Sequence[int], k: int) -> tuple[ca.SX, ca.SX]:
+def _line(robot: Robot, chain: StripChain, k: int) -> tuple[ca.SX, ca.SX]:
     """Line through the quarter chords of neighbors on the same body, over a strip's width.
 
-    It goes on beyond the last of them. Half of it before the strip's middle and half after it,
-    body axes, (3, 1) each [-].
+    Pieces of a flexible body, unbent, and bodies that are fixed to each other are one. It goes on
+    beyond the last neighbor. Half of it before the strip's middle and half after it, body axes,
+    (3, 1) each [-].
     """
+    strips = [robot.strips[i] for i in chain.strips]
     strip = strips[k]
+    alone = vector(np.cross(strip.forward, strip.normal) * chain.right[k]) / 2
+    forward, (own, place) = vector(strip.forward), _fixed_to(robot, strip.body)
     slopes: dict[int, ca.SX] = {}
     for side, i in ((-1, k - 1), (1, k + 1)):
-        if 0 <= i < len(strips) and strips[i].body == strip.body:
-            step = (vector(strips[i].quarter_chord) - vector(strip.quarter_chord)) * side
-            slopes[side] = step / (strip.width + strips[i].width)
-    alone = vector(np.cross(strip.forward, strip.normal) * right[k]) / 2
+        if not 0 <= i < len(strips):
+            continue
+        away, (base, pose) = vector(strips[i].quarter_chord), _fixed_to(robot, strips[i].body)
+        step, widths = away - vector(strip.quarter_chord), strip.width + strips[i].width
+        if strips[i].body == strip.body:
+            slopes[side] = step * side / widths
+        elif base == own and strips[i].wing == strip.wing:
+            step = pose.at(away) - place.at(vector(strip.quarter_chord))
+            along = ca.dot(place.rotation @ forward, step)
+            slopes[side] = alone + forward * along * side / widths
     before = slopes.get(-1, slopes.get(1, alone))
     return before, slopes.get(1, slopes.get(-1, alone))
+
+
+def _fixed_to(robot: Robot, body: int) -> tuple[int, Pose]:
+    """Body that a body is fixed to, or of which it is a piece, and its pose there, unbent."""
+    place, axes, one = ca.SX.zeros(3, 1), ca.SX.eye(3), robot.bodies[body]
+    while one.piece or not (one.joints or one.floating_dofs or one.mounted or one.parent < 0):
+        turn = ca.DM(np.array(one.orientation, float))
+        place, axes = vector(one.position) + turn @ place, turn @ axes
+        body = one.parent
+        one = robot.bodies[body]
+    return body, Pose(place, axes)
 
 
 def _slopes(robot: Robot, chains: Sequence[StripChain]) -> ca.SX:
@@ -254,7 +275,7 @@ def _slopes(robot: Robot, chains: Sequence[StripChain]) -> ca.SX:
         strips = [robot.strips[i] for i in chain.strips]
         for k, index in enumerate(chain.strips):
             forward, normal = vector(strips[k].forward), vector(strips[k].normal)
-            line = sum(_line(strips, chain.right, k), ca.SX(0))
+            line = sum(_line(robot, chain, k), ca.SX(0))
             slopes[index] = ca.dot(line, forward) / ca.dot(line, ca.cross(normal, forward))
     return slopes
 

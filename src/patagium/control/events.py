@@ -23,6 +23,7 @@ from patagium.arrays import Array
 from patagium.errors import ParameterError, check_names, finite, positive
 from patagium.robot import Robot
 from patagium.robot.model import Body, Strip
+from patagium.robot.planform import sides_of
 from patagium.robot.review import mass_beside_strips
 
 Machine: TypeAlias = tuple[Robot, Aerodynamics]
@@ -316,7 +317,7 @@ def without_tip(robot: Robot, wing: str, share: float) -> Robot:
         room -= kept
         if kept == width:
             continue
-        out = _outwards(strips, k)
+        out = _outwards(robot, strips, k)
         center = np.array(strip.quarter_chord, float)
         inner = edge.get(strip.body, center - width / 2 * out)
         root, along = _root(robot, strip.body)
@@ -355,14 +356,16 @@ def _shorter(body: Body, cut: float, hinge: Any) -> dict[str, float]:
     return _scaled(body, share, np.array([1.0, share**2, 1.0]), center)
 
 
-def _outwards(strips: Sequence[Strip], place: int) -> Array:
+def _outwards(robot: Robot, strips: Sequence[Strip], place: int) -> Array:
     """Unit vector along the span of a strip to the tip, axes of its body, (3,)."""
     strip = strips[place]
     span = np.cross(strip.normal, strip.forward)
     near = [one for one in strips[max(place - 1, 0) : place + 2] if one.body == strip.body]
-    inner, outer = (np.array(one.quarter_chord, float) for one in (near[0], near[-1]))
-    way = outer - inner if len(near) > 1 else outer
-    return np.asarray(span if span @ way >= 0 else -span)
+    if len(near) > 1:
+        side = float(span @ np.subtract(near[-1].quarter_chord, near[0].quarter_chord))
+    else:
+        side = sides_of(robot)[robot.strips.index(strip)]
+    return np.asarray(span if side >= 0 else -span)
 
 
 def _lighter(less: Robot, robot: Robot, place: int) -> dict[str, float]:

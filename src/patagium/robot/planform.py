@@ -104,14 +104,28 @@ def placed(pose: tuple[Array, Array], points: Array) -> Array:
     return position + points @ rotation.T
 
 
-def side_of(strip: Strip) -> int:
-    """Side of a strip: 1 if normal x forward points outward along the span, -1 if inward, else 0.
+def hinge_of(robot: Robot, body: int) -> int:
+    """Body inwards from one whose joints move both, or that floats; else the root."""
+    chain = inwards(robot, body)
+    moved = (k for k in chain if robot.bodies[k].joints or robot.bodies[k].floating_dofs)
+    return next(moved, chain[-1])
+
+
+def sides_of(robot: Robot) -> tuple[int, ...]:
+    """Side of each strip: 1 if normal x forward points outward along the span, -1 if inward, or 0.
+
+    Outward is away from the joint that moves the strip, whichever frames lie between.
 
     Args:
-        strip: A strip, in numbers; outward is away from the origin of its body.
+        robot: The machine, in numbers.
     """
-    outward = np.dot(np.cross(strip.normal, strip.forward), strip.quarter_chord)
-    return int(np.sign(np.round(outward / strip.width, 9)))
+    places, found = poses(robot), []
+    for strip in robot.strips:
+        position, axes = places[strip.body]
+        away = position + axes @ strip.quarter_chord - places[hinge_of(robot, strip.body)][0]
+        outward = away @ axes @ np.cross(strip.normal, strip.forward)
+        found.append(int(np.sign(np.round(outward / strip.width, 9))))
+    return tuple(found)
 
 
 def wing_span(robot: Robot) -> float:
@@ -133,8 +147,8 @@ def inwards(robot: Robot, body: int) -> list[int]:
 def from_the_root(robot: Robot, strips: Sequence[Strip]) -> list[Strip]:
     """Strips of one wing from the root outward, numbered anew.
 
-    Inner bodies are first; on one, or on several side by side, strips near its origin or that of
-    their parent. Strips of wings that go to both sides of that stay as they are.
+    Inner bodies are first; on one, or on several side by side, strips near its hinge or the origin
+    of their parent. Strips of wings that go to both sides of that stay as they are.
 
     Args:
         robot: The machine, whose own strips do not count.
@@ -145,7 +159,8 @@ def from_the_root(robot: Robot, strips: Sequence[Strip]) -> list[Strip]:
     for depth in {*depths}:
         own = [k for k, one in enumerate(depths) if one == depth]
         bodies = {strips[k].body for k in own}
-        body = bodies.pop() if len(bodies) == 1 else robot.bodies[min(bodies)].parent
+        one = min(bodies)
+        body = hinge_of(robot, one) if len(bodies) == 1 else robot.bodies[one].parent
         origin, axes = places[body] if body >= 0 else (np.zeros(3), np.eye(3))
         middles = [placed(places[strips[k].body], np.array(strips[k].quarter_chord)) for k in own]
         across = ((np.array(middles) - origin) @ axes)[:, 1:]

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 from patagium.arrays import Array
 from patagium.robot.model import Body, Robot, Strip
-from patagium.robot.planform import side_of, wing_span
+from patagium.robot.planform import sides_of, wing_span
 from patagium.robot.schema import Box, Cylinder, Ellipsoid, Plate, PointMass, RobotFile
 
 _BONE = 0.008  # radius of a bone over the span
@@ -127,7 +127,7 @@ def _bones(robot: Robot, index: int, strips: list[Strip], radius: float) -> list
     body = robot.bodies[index]
     ends = [np.array(k.position, float) for k in robot.bodies if k.parent == index]
     if strips and not ends:
-        ends = [outer_end(strips[-1])]
+        ends = [outer_end(robot, strips[-1])]
     if not ends and not strips:
         ends = [2.0 * np.array(body.center_of_mass, float)]
     long = [end for end in ends if np.linalg.norm(end) > radius]
@@ -139,14 +139,14 @@ def _bones(robot: Robot, index: int, strips: list[Strip], radius: float) -> list
     return [tube(index, np.zeros(3), *one) for one in zip(long, stout, strict=True)]
 
 
-def outer_end(strip: Strip) -> Array:
-    """Quarter chord of a strip at its edge away from the body's origin, body axes (3,) [m]."""
+def outer_end(robot: Robot, strip: Strip) -> Array:
+    """Quarter chord of a strip at its edge away from its hinge, body axes (3,) [m]."""
     span = np.cross(np.array(strip.normal), np.array(strip.forward))
     middle = np.array(strip.quarter_chord, float)
-    outward = side_of(strip) or 1
+    outward = sides_of(robot)[robot.strips.index(strip)] or 1
     return middle + outward * float(strip.width) / 2 * span
 
 
 def wing_tips(robot: Robot) -> dict[str, tuple[int, Array]]:
     """Wing -> the body that carries its last strip, and that strip's outer end, (3,) [m]."""
-    return {strip.wing: (strip.body, outer_end(strip)) for strip in robot.strips}
+    return {strip.wing: (strip.body, outer_end(robot, strip)) for strip in robot.strips}

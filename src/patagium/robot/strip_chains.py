@@ -14,7 +14,7 @@ import numpy as np
 
 from patagium.arrays import Array
 from patagium.robot.model import Robot
-from patagium.robot.planform import placed, poses, side_of
+from patagium.robot.planform import placed, poses, sides_of
 
 JOINED = 0.5
 """Gap below which the ends of two strips are one, over their mean chord."""
@@ -125,7 +125,7 @@ def _order(robot: Robot, index: int) -> int:
     if len(same) > 1:
         along = np.subtract(same[-1].quarter_chord, same[0].quarter_chord)
         return 1 if np.dot(np.cross(strip.forward, strip.normal), along) > 0 else -1
-    side = side_of(strip)
+    side = sides_of(robot)[index]
     if not side:
         return 1 if strip.mirrored else -1
     after = [s.body for s in robot.strips[index + 1 : index + 2] if s.wing == strip.wing]
@@ -143,12 +143,12 @@ def _near(robot: Robot, places: list[Pose], first: StripChain, second: StripChai
 def _gap(robot: Robot, places: list[Pose], first: StripChain, second: StripChain) -> float:
     """Distance from the end of a chain to the beginning of another [m].
 
-    On one body without its part along the chord: strips of a swept wing lie behind each other.
+    Of one wing without its part along the chord: strips of a swept wing lie behind each other.
     """
     last, next_ = robot.strips[first.strips[-1]], robot.strips[second.strips[0]]
     end = _end(robot, places, first.strips[-1], first.right[-1])
     apart = end - _end(robot, places, second.strips[0], -second.right[0])
-    if last.body == next_.body:
+    if last.wing == next_.wing:
         forward = places[last.body][1] @ np.asarray(last.forward)
         apart = apart - forward * (forward @ apart)
     return float(np.linalg.norm(apart))

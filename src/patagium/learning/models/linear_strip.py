@@ -40,7 +40,7 @@ from patagium.learning.models.wing import WingNetwork
 from patagium.learning.settings import Misfit
 from patagium.native import load_functions, named_function
 from patagium.robot.model import Robot
-from patagium.robot.planform import side_of
+from patagium.robot.planform import sides_of
 from patagium.robot.strip_chains import strip_chains
 
 STDS, ATTACHED_STDS = (0.03, 0.2), (0.1, 0.05)
@@ -126,7 +126,7 @@ class LinearStripNetwork(WingNetwork):
         self.output_scale[self.output_scale == 0] = 1.0
         self._parameters = np.array([*self.air.wind, self.air.density, *robot.parameters])
         chains = strip_chains(robot) if attached else ""
-        sides = *map(side_of, robot.strips), chains
+        sides = *sides_of(robot), chains
         made = load_functions(
             f"linear strip network {self._names} {self.surfaces} {sides} {robot.structure}",
             lambda: _functions(robot, rows, attached),
