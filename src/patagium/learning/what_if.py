@@ -32,6 +32,8 @@ _MISFIT = 0.1  # of the standard deviation of an output: what the air may be off
 _SLIGHT = 0.1  # of what the largest force of the strips makes of an output: less says little
 _NUMBERS, _SAMPLES = 1000, (60, 300)
 """Forces that are looked at, and the least and largest number of samples that they are of."""
+_ALONE = 2**18
+"""Multiplications up to which BLAS works alone: it would wait for cores that are busy."""
 _LONGEST = 0.1
 """Largest delay that is looked for, as a share of a wingbeat [1]."""
 _OFFSET = 0.35  # rad, the largest offset of a joint that is looked for
@@ -100,6 +102,7 @@ class _Log:
     ) -> None:
         robot = self.robot = network.robot
         self.time, x, y, std = log
+        self.form = SampleForm(robot)
         self.network, self.whole = network, np.array(np.split(x, 3, axis=1))
         self.prior = network.prior((ATTACHED_STDS[0], STDS[1]) if attached else STDS)
         self.joints = [k for k in range(robot.dof) if k not in robot.floating_dofs]
@@ -126,7 +129,7 @@ class _Log:
 
     def _needed(self, motion: Array) -> Array:
         """Force that a motion, (3, N, n), needs besides that of the robot's dampers, (N, n)."""
-        form, (q, v, a) = SampleForm(self.robot), np.ascontiguousarray(motion)
+        form, (q, v, a) = self.form, np.ascontiguousarray(motion)
         _, y = form.function.batch(q, v, a, np.zeros_like(v), form.parameters)
         return np.array(y).reshape(q.shape)
 
@@ -171,12 +174,15 @@ class _Log:
         size = np.maximum(size, _SLIGHT * largest * lever)
         slopes = network.slopes(network.encode(np.hstack([*motion])))[:, self.heard]
         scale, prior = np.hypot(_MISFIT * size, self.std), self.prior
-        missed = (y - slopes @ network.initial(0)) / scale
-        matrix = slopes * prior / scale[:, :, None]
-        across = matrix.transpose(0, 2, 1)  # sample by sample: BLAS would wait for busy cores
-        square = (across @ matrix).sum(axis=0) + np.eye(len(prior))
-        weights = solve(square, (across @ missed[:, :, None]).sum(axis=0)[:, 0], assume_a="pos")
-        apart = missed - matrix @ weights
+        matrix = (slopes / scale[:, :, None]).reshape(-1, len(prior))
+        missed = (y / scale).ravel() - matrix @ network.initial(0)
+        turned, square = np.ascontiguousarray(matrix.T), np.zeros((len(prior), len(prior)))
+        rows = max(1, _ALONE // len(prior) ** 2)
+        for k in range(0, len(matrix), rows):
+            square += turned[:, k : k + rows] @ matrix[k : k + rows]
+        square *= np.outer(prior, prior)
+        weights = solve(square + np.eye(len(prior)), prior * (turned @ missed), assume_a="pos")
+        apart = missed - matrix @ (prior * weights)
         return float(_MISFIT**2 * (np.sum(apart**2) + weights @ weights) / missed.size)
 
 

@@ -167,16 +167,9 @@ class NativeFunction:
         Raises:
             ShapeError: If an argument has the wrong shape, or leading axes differ.
         """
-        self._check_count(arguments)
-        arrays = [
-            array[..., 0] if size == (1, 1) and array.shape[-1:] == (1,) else array
-            for array, size in zip(
-                map(real_array, self.signature.names_in, arguments), self.size_in, strict=True
-            )
-        ]
-        count = self._batch_count(arrays)
         if self._library is None:
-            return self._batch_in_python(arrays, count)
+            return self.each(*arguments)
+        arrays, count = self._many_given(arguments)
         padded = _padded(count)
         blocks = []
         for position, array in enumerate(arrays):
@@ -204,6 +197,36 @@ class NativeFunction:
             for result, buffer in zip(results, self._outputs, strict=True)
         ]
         return shaped[0] if self._single else tuple(shaped)
+
+    def each(self, *arguments: ArrayLike) -> Any:
+        """What `batch` gives, in fresh memory, by the code of one state: nothing is compiled."""
+        arrays, count = self._many_given(arguments)
+        results = [np.empty((count, *buffer.shape)) for buffer in self._outputs]
+        with self._lock:
+            moving = []
+            for buffer, array in zip(self._inputs, arrays, strict=True):
+                if array.ndim > buffer.ndim:
+                    moving.append((buffer, array))
+                else:
+                    buffer[...] = array
+            for k in range(count):
+                for buffer, array in moving:
+                    buffer[...] = array[k]
+                self._run()
+                for result, buffer in zip(results, self._outputs, strict=True):
+                    result[k] = buffer
+        return results[0] if self._single else tuple(results)
+
+    def _many_given(self, arguments: tuple[ArrayLike, ...]) -> tuple[list[Array], int]:
+        """Arguments of many states as arrays, and the number of states."""
+        self._check_count(arguments)
+        arrays = [
+            array[..., 0] if size == (1, 1) and array.shape[-1:] == (1,) else array
+            for array, size in zip(
+                map(real_array, self.signature.names_in, arguments), self.size_in, strict=True
+            )
+        ]
+        return arrays, self._batch_count(arrays)
 
     def _block(self, position: int, shape: tuple[int, int, int]) -> Array:
         """Aligned memory: that of an earlier call where nobody holds a view of it any more.
@@ -245,17 +268,6 @@ class NativeFunction:
         if len(counts) != 1 or 0 in counts:
             raise ShapeError(self.name, "one common leading axis N > 0", sorted(counts))
         return int(counts.pop())
-
-    def _batch_in_python(self, arrays: list[Array], count: int) -> Any:
-        results = [np.empty((count, *buffer.shape)) for buffer in self._outputs]
-        with self._lock:
-            for k in range(count):
-                for buffer, array in zip(self._inputs, arrays, strict=True):
-                    buffer[...] = array if array.ndim == buffer.ndim else array[k]
-                self._run()
-                for result, buffer in zip(results, self._outputs, strict=True):
-                    result[k] = buffer
-        return results[0] if self._single else tuple(results)
 
 
 def _side_by_side(part: Callable[[int, int], None], count: int) -> None:

@@ -231,12 +231,7 @@ class LinearStripNetwork(WingNetwork):
 
         State by state: code of many states at once takes longer to compile than it saves.
         """
-        count, (inputs, outputs) = len(x), self.perceptron.widths
-        features = np.empty((count, self.items, inputs))
-        readout = np.empty((count, self.outputs, self.items * outputs))
-        for k, row in enumerate(np.ascontiguousarray(x)):
-            features[k], readout[k], _ = self.encode_one(row)
-        return Encoding(features, readout, self.offset)
+        return self._encoded(*self._encode.each(x, self._parameters))
 
     def slopes(self, encoding: Encoding) -> Array:
         """Derivative of the outputs of many samples for the weights, the same for all weights.
@@ -247,10 +242,10 @@ class LinearStripNetwork(WingNetwork):
         Returns:
             (N, n_y, n) [unit of y]; times the weights it is the outputs.
         """
-        count, items, _ = encoding.features.shape
-        readout = encoding.readout.reshape(count, self.outputs, items, OUTPUTS)
-        matrix = np.einsum("kyio,kif->kyof", readout, encoding.features, optimize=True)
-        flat = matrix.reshape(count, self.outputs, -1)
+        (count, items, inputs), outputs = encoding.features.shape, self.outputs
+        readout = encoding.readout.reshape(count, outputs, items, OUTPUTS)
+        rows = readout.transpose(0, 1, 3, 2).reshape(count, -1, items)
+        flat = (rows @ encoding.features).reshape(count, outputs, OUTPUTS * inputs)
         return np.concatenate([flat, readout.sum(axis=2)], axis=2)
 
     def _placed(self, corrections: Array, terms: Sequence[float], others: float) -> Array:

@@ -89,10 +89,14 @@ class WingNetwork(PerceptronNetwork):
 
     def encode(self, x: Array) -> Encoding:
         """Inputs of the perceptron, (N, m, n_in), and force of unit coefficients, (N, n_y, r)."""
-        features, readout = self._encode.batch(x, self._parameters)
+        return self._encoded(*self._encode.batch(x, self._parameters))
+
+    def _encoded(self, features: Array, readout: Array) -> Encoding:
+        """Encoding of many states, of results of the compiled function."""
+        count = len(features)
         return Encoding(
-            features.reshape(len(x), self.perceptron.widths[0], -1).transpose(0, 2, 1),
-            readout.reshape(len(x), self.outputs, -1),
+            features.reshape(count, self.perceptron.widths[0], -1).transpose(0, 2, 1),
+            readout.reshape(count, self.outputs, -1),
             self.offset,
         )
 
