@@ -129,7 +129,7 @@ class _Log:
 
     def _needed(self, motion: Array) -> Array:
         """Force that a motion, (3, N, n), needs besides that of the robot's dampers, (N, n)."""
-        form, (q, v, a) = self.form, np.ascontiguousarray(motion)
+        form, (q, v, a) = self.form, motion
         _, y = form.function.batch(q, v, a, np.zeros_like(v), form.parameters)
         return np.array(y).reshape(q.shape)
 
@@ -176,12 +176,9 @@ class _Log:
         scale, prior = np.hypot(_MISFIT * size, self.std), self.prior
         matrix = (slopes / scale[:, :, None]).reshape(-1, len(prior))
         missed = (y / scale).ravel() - matrix @ network.initial(0)
-        turned, square = np.ascontiguousarray(matrix.T), np.zeros((len(prior), len(prior)))
-        rows = max(1, _ALONE // len(prior) ** 2)
-        for k in range(0, len(matrix), rows):
-            square += turned[:, k : k + rows] @ matrix[k : k + rows]
-        square *= np.outer(prior, prior)
-        weights = solve(square + np.eye(len(prior)), prior * (turned @ missed), assume_a="pos")
+        some = np.array_split(matrix, 1 + matrix.size * len(prior) // _ALONE)
+        square = sum(one.T.copy() @ one for one in some) * np.outer(prior, prior)
+        weights = solve(square + np.eye(len(prior)), prior * (missed @ matrix), assume_a="pos")
         apart = missed - matrix @ (prior * weights)
         return float(_MISFIT**2 * (np.sum(apart**2) + weights @ weights) / missed.size)
 

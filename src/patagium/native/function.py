@@ -169,7 +169,7 @@ class NativeFunction:
         """
         if self._library is None:
             return self.each(*arguments)
-        arrays, count = self._many_given(arguments)
+        arrays, count = self._given(arguments)
         padded = _padded(count)
         blocks = []
         for position, array in enumerate(arrays):
@@ -200,24 +200,18 @@ class NativeFunction:
 
     def each(self, *arguments: ArrayLike) -> Any:
         """What `batch` gives, in fresh memory, by the code of one state: nothing is compiled."""
-        arrays, count = self._many_given(arguments)
+        arrays, count = self._given(arguments)
         results = [np.empty((count, *buffer.shape)) for buffer in self._outputs]
         with self._lock:
-            moving = []
-            for buffer, array in zip(self._inputs, arrays, strict=True):
-                if array.ndim > buffer.ndim:
-                    moving.append((buffer, array))
-                else:
-                    buffer[...] = array
             for k in range(count):
-                for buffer, array in moving:
-                    buffer[...] = array[k]
+                for buffer, array in zip(self._inputs, arrays, strict=True):
+                    buffer[...] = array if array.ndim == buffer.ndim else array[k]
                 self._run()
                 for result, buffer in zip(results, self._outputs, strict=True):
                     result[k] = buffer
         return results[0] if self._single else tuple(results)
 
-    def _many_given(self, arguments: tuple[ArrayLike, ...]) -> tuple[list[Array], int]:
+    def _given(self, arguments: tuple[ArrayLike, ...]) -> tuple[list[Array], int]:
         """Arguments of many states as arrays, and the number of states."""
         self._check_count(arguments)
         arrays = [

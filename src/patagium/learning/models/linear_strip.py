@@ -97,6 +97,7 @@ class LinearStripNetwork(WingNetwork):
     shared = ("air",)
     options = ("measured", "attached")
     scaled_prior = True
+    one_by_one = True
 
     @checked
     def __init__(
@@ -226,13 +227,6 @@ class LinearStripNetwork(WingNetwork):
         matrix = ca.reshape(weights[:-OUTPUTS], -1, OUTPUTS).T
         return matrix[:, :_POLYNOMIALS], ca.vec(matrix[:, _POLYNOMIALS:])[: len(self.terms)]
 
-    def encode(self, x: Array) -> Encoding:
-        """Polynomials and slots, (N, m, n_in), and forces of unit outputs, (N, n_y, 4 m).
-
-        State by state: code of many states at once takes longer to compile than it saves.
-        """
-        return self._encoded(*self._encode.each(x, self._parameters))
-
     def slopes(self, encoding: Encoding) -> Array:
         """Derivative of the outputs of many samples for the weights, the same for all weights.
 
@@ -242,10 +236,10 @@ class LinearStripNetwork(WingNetwork):
         Returns:
             (N, n_y, n) [unit of y]; times the weights it is the outputs.
         """
-        (count, items, inputs), outputs = encoding.features.shape, self.outputs
-        readout = encoding.readout.reshape(count, outputs, items, OUTPUTS)
-        rows = readout.transpose(0, 1, 3, 2).reshape(count, -1, items)
-        flat = (rows @ encoding.features).reshape(count, outputs, OUTPUTS * inputs)
+        count, items, _ = encoding.features.shape
+        readout = encoding.readout.reshape(count, self.outputs, items, OUTPUTS)
+        rows = readout.swapaxes(2, 3).reshape(count, -1, items)
+        flat = (rows @ encoding.features).reshape(count, self.outputs, -1)
         return np.concatenate([flat, readout.sum(axis=2)], axis=2)
 
     def _placed(self, corrections: Array, terms: Sequence[float], others: float) -> Array:

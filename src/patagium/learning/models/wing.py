@@ -33,6 +33,7 @@ class WingNetwork(PerceptronNetwork):
         shared: Arguments of the constructor that most networks have, other than the robot.
         options: Other arguments of the constructor.
         readers: Inverse of `describe` of those arguments that are not JSON themselves.
+        one_by_one: Whether code of many states takes longer to compile than it saves.
         robot: The machine.
         air: Density and steady wind.
     """
@@ -41,6 +42,7 @@ class WingNetwork(PerceptronNetwork):
     shared: ClassVar[tuple[str, ...]] = ("hidden", "air", "activation")
     options: ClassVar[tuple[str, ...]]
     readers: ClassVar[dict[str, Callable[[Any], Any]]] = {"air": air_from_description}
+    one_by_one = False
     robot: Robot
     air: Air
     _names: tuple[str, ...]
@@ -89,25 +91,16 @@ class WingNetwork(PerceptronNetwork):
 
     def encode(self, x: Array) -> Encoding:
         """Inputs of the perceptron, (N, m, n_in), and force of unit coefficients, (N, n_y, r)."""
-        return self._encoded(*self._encode.batch(x, self._parameters))
-
-    def _encoded(self, features: Array, readout: Array) -> Encoding:
-        """Encoding of many states, of results of the compiled function."""
-        count = len(features)
-        return Encoding(
-            features.reshape(count, self.perceptron.widths[0], -1).transpose(0, 2, 1),
-            readout.reshape(count, self.outputs, -1),
-            self.offset,
-        )
+        many = self._encode.each if self.one_by_one else self._encode.batch
+        return self._encoded((len(x),), *many(x, self._parameters))
 
     def encode_one(self, x: Array) -> Encoding:
         """Inputs of the perceptron, (m, n_in), and force of unit coefficients, (n_y, r)."""
-        features, readout = self._encode(x, self._parameters)
-        return Encoding(
-            features.reshape(self.perceptron.widths[0], -1).T,
-            readout.reshape(self.outputs, -1),
-            self.offset,
-        )
+        return self._encoded((), *self._encode(x, self._parameters))
+
+    def _encoded(self, count: tuple[int, ...], features: Array, readout: Array) -> Encoding:
+        features = features.reshape(*count, self.perceptron.widths[0], -1).swapaxes(-1, -2)
+        return Encoding(features, readout.reshape(*count, self.outputs, -1), self.offset)
 
     def encoding(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Inputs of the perceptron and force of unit coefficients, as expressions of x (n_x,)."""
