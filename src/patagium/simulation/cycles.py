@@ -36,8 +36,8 @@ def cycle_statistics(
 ) -> xr.Dataset:
     """Forces and power of a flight over one wingbeat, with their spread from beat to beat.
 
-    Lift is the force of the air upward, thrust that along the mean way through the air,
-    level, added mass included; at less than 0.1 m/s along the nose at the start. A load cell
+    Lift is the force of the air upward, thrust that along the way of the wingbeats through the
+    air, level, added mass included; at less than 0.1 m/s along the nose at the start. A load cell
     under a fixed robot reads in addition what it takes to move the wings' mass, which has
     no mean over a cycle: mount_lift, mount_thrust, the robot's weight tared.
 
@@ -52,8 +52,8 @@ def cycle_statistics(
         `<name>` (phase,), mean over cycles [N, W]; `<name>_spread` (phase,), standard
         deviation between cycles; `<name>_by_cycle` (cycle,), mean of each cycle. Attributes:
         cycles; mean_lift, mean_thrust [N] and [gf], mean_power [W], mean_positive_power [W]
-        (nothing is regained from a joint that is driven), airspeed [m/s], cost_of_transport
-        mean_positive_power / (m g airspeed), NaN at rest.
+        (nothing is regained from a joint that is driven), airspeed, the mean of the wingbeats'
+        own [m/s], cost_of_transport mean_positive_power / (m g airspeed), NaN at rest.
 
     Raises:
         ParameterError: If the gait has no period and none is given, or a number is not possible.
@@ -73,19 +73,20 @@ def cycle_statistics(
     stamps = ends[:-1, None] + np.diff(ends)[:, None] * phase
     counted = flight.isel(time=np.flatnonzero((time >= ends[0]) & (time <= ends[-1])))
     through = air_velocity(flight, robot).T
-    velocity = np.concatenate([_cycle_means(each, time, ends[[0, -1]]) for each in through])
-    signals = _signals(flight, robot, time, _forward(flight, robot, velocity))
+    velocity = np.stack([_cycle_means(each, time, ends) for each in through])
+    signals = _signals(flight, robot, time, _forward(flight, robot, time, ends, velocity))
     by_cycle = {name: _cycle_means(signal, time, ends) for name, signal in signals.items()}
     weight = float(robot.gravity * flying_mass(counted, robot).mean())
     weights = np.diff(ends)
-    means = {name: float(np.average(each, weights=weights)) for name, each in by_cycle.items()}
+    averaged = by_cycle | {"airspeed": np.linalg.norm(velocity, axis=0)}
+    means = {name: float(np.average(each, weights=weights)) for name, each in averaged.items()}
     variables: dict[str, tuple[str, Array, dict[str, str]]] = {}
     for name, signal in signals.items():
         variables |= _variables(name, np.interp(stamps, time, signal), by_cycle[name])
     return xr.Dataset(
         variables,
         coords={"phase": ("phase", phase, {"units": "1", "long_name": "share of a wingbeat"})},
-        attrs={"cycles": count, "period": beat, **_attributes(velocity, weight, means)},
+        attrs={"cycles": count, "period": beat, **_attributes(weight, means)},
     )
 
 
@@ -121,10 +122,10 @@ def _cycle_means(signal: Array, time: Array, ends: Array) -> Array:
     return np.add.reduceat(pieces, firsts) / np.diff(ends)
 
 
-def _attributes(velocity: Array, weight: float, means: dict[str, float]) -> dict[str, float]:
-    """Attributes of the statistics, from the mean of each signal over all cycles [N, W]."""
-    speed = float(np.linalg.norm(velocity))
-    driven, moving = means["positive_power"], speed >= _HOVERING
+def _attributes(weight: float, means: dict[str, float]) -> dict[str, float]:
+    """Attributes of the statistics, from the mean of each signal over all cycles [N, W, m/s]."""
+    driven, speed = means["positive_power"], means["airspeed"]
+    moving = speed >= _HOVERING
     lift, thrust = means["lift"], means["thrust"]
     return {
         "mean_lift": lift,
@@ -157,11 +158,11 @@ def _variables(
 def _signals(flight: xr.Dataset, robot: Robot, time: Array, forward: Array) -> dict[str, Array]:
     """Signals to be averaged, (N,) each [N, W]."""
     air = air_force(flight, robot, time)
-    signals = {"lift": air[:, 2], "thrust": air @ forward}
+    signals = {"lift": air[:, 2], "thrust": (air * forward).sum(1)}
     if flight.attrs.get("mount") == "fixed":
         cell = -stored(flight, "mount_wrench", "time", "component")[:, :3]
         cell[:, 2] += float(robot.gravity) * flying_mass(flight, robot)
-        signals |= {"mount_lift": cell[:, 2], "mount_thrust": cell @ forward}
+        signals |= {"mount_lift": cell[:, 2], "mount_thrust": (cell * forward).sum(1)}
     joints = (flight["u1"] * flight["v"]).transpose("time", "dof").values
     return signals | {"power": joints.sum(axis=1), "positive_power": joints.clip(0.0).sum(axis=1)}
 
@@ -194,12 +195,17 @@ def air_velocity(flight: xr.Dataset, robot: Robot) -> Array:
     return np.asarray(moved - wind, float)
 
 
-def _forward(flight: xr.Dataset, robot: Robot, velocity: Array) -> Array:
-    """Level direction of the way through the air, of the nose in hover, (3,)."""
-    level = velocity * np.array([1.0, 1.0, 0.0])
-    if np.linalg.norm(level) >= _HOVERING:
-        return np.asarray(level / np.linalg.norm(level))
+def _forward(flight: xr.Dataset, robot: Robot, time: Array, ends: Array, velocity: Array) -> Array:
+    """Level direction of the way through the air, of the nose in hover, (N, 3).
+
+    The way is that of the wingbeats, with `ends`, (cycles + 1,) [s], and mean velocities
+    `velocity`, (3, cycles) [m/s]; it turns evenly from the middle of one to that of the next.
+    """
     _, rotation = poses_at(robot, flight["q"].values[:1])
     body = rotation[0, next(iter(robot.floating_bodies))] if robot.floating else np.eye(3)
-    yaw = np.arctan2(body[1, 0], body[0, 0])
-    return np.array([np.cos(yaw), np.sin(yaw), 0.0])
+    nose = np.array([body[0, 0], body[1, 0], 0.0])
+    middles = (ends[1:] + ends[:-1]) / 2
+    level = np.stack([np.interp(time, middles, each) for each in [*velocity[:2], 0 * middles]], 1)
+    speed = np.linalg.norm(level, axis=1, keepdims=True)
+    level = np.where(speed >= _HOVERING, level, nose)
+    return np.asarray(level / np.linalg.norm(level, axis=1, keepdims=True))
