@@ -84,7 +84,12 @@ def simulate(
         ),
     ] = None,
     frequency: Annotated[
-        float | None, options.option_in("Hz", "a frequency", "Wing beats a second, in Hz.")
+        float | None,
+        options.option_in(
+            "Hz",
+            "a frequency",
+            "Wing beats a second, in Hz; a table needs it whose last row is not its first.",
+        ),
     ] = None,
     plunge: Annotated[
         float | None, typer.Option(**_ANGLE, help="Amplitude of plunge, in rad.")
@@ -362,7 +367,7 @@ def _gait(
             known = ("sinusoidal", "linkage", "still")
             expected = "sinusoidal, linkage, still or a CSV table of one period"
             raise ParameterError("--gait", expected, kind, known)
-        return gaits.from_csv(machine, existing(Path(kind)))
+        return gaits.from_csv(machine, existing(Path(kind)), period=frequency and 1 / frequency)
     if frequency is None or lacking:
         joints = [machine.dof_names[i] for i in machine.actuated] or ["JOINT"]
         moved = "plunge" if any("plunge" in one for one in joints) else joints[0]
@@ -392,7 +397,7 @@ def _refuse_what_is_unused(kind: str, frequency: float | None, *named: Mapping[s
     sizes, leads, means = named
     table = kind not in ("sinusoidal", "linkage", "still")
     unused = {
-        "--frequency": frequency is not None and (kind == "still" or table),
+        "--frequency": frequency is not None and kind == "still",
         "an amplitude": bool(sizes) and kind != "sinusoidal",
         "--phase": bool(leads) and kind != "sinusoidal",
         "--offset": bool(means)

@@ -10,6 +10,7 @@ changes with time, and coefficients within fast reversals.
 from __future__ import annotations
 
 import re
+from itertools import combinations
 
 import numpy as np
 import xarray as xr
@@ -162,11 +163,14 @@ def _ground(flight: xr.Dataset, ground: float | None) -> list[str]:
 
 
 def _clap(robot: Robot, flight: xr.Dataset) -> list[str]:
-    """Sentence about the two wings that come nearest to each other, half of each at once."""
+    """Sentence about the two wings, or segments of one wing, that come nearest to each other.
+
+    It is half of each wing at once, and half of one of the segments.
+    """
     count = flight.sizes["time"]
     flight = flight.isel(time=np.unique(np.linspace(0, count - 1, min(count, LOOKS)).astype(int)))
     origin, axes = poses_at(robot, flight["q"].to_numpy())
-    bodies, wings = [s.body for s in robot.strips], np.array([s.wing for s in robot.strips])
+    bodies, wings = map(np.array, zip(*((s.body, s.wing) for s in robot.strips), strict=True))
     axes = axes[:, bodies]
     point = origin[:, bodies] + np.einsum(
         "nsij,sj->nsi", axes, [s.quarter_chord for s in robot.strips]
@@ -175,20 +179,24 @@ def _clap(robot: Robot, flight: xr.Dataset) -> list[str]:
     span = np.einsum("nsij,sj->nsi", axes, spans)
     chord, width = np.array([[s.chord, s.width] for s in robot.strips], float).T
     nearest, found = NEAREST, list[str]()
-    names = robot.wing_names
-    for first, second in ((a, b) for k, a in enumerate(names) for b in names[:k]):
-        i, j = np.flatnonzero(wings == first), np.flatnonzero(wings == second)
+    every = {name: np.flatnonzero(wings == name) for name in robot.wing_names}
+    pairs = [(*pair, False) for pair in combinations(every.items(), 2)]
+    for strips in every.values():
+        parts = {robot.bodies[b].name: strips[bodies[strips] == b] for b in set(bodies[strips])}
+        pairs += [(*pair, True) for pair in combinations(parts.items(), 2)]
+    for (first, i), (second, j), folded in pairs:
         away = point[:, i, None] - point[:, None, j]
         near = np.linalg.norm(away, axis=-1) / np.minimum(chord[i, None], chord[j])
         beside = np.abs((away * span[:, i, None]).sum(-1)) > 0.45 * (width[i, None] + width[j])
         across = np.abs((span[:, i, None] * span[:, None, j]).sum(-1)) < 0.7
         near[beside | across] = np.inf
-        apart = np.maximum(np.median(near.min(2), axis=1), np.median(near.min(1), axis=1))
+        halves = [np.median(near.min(k), axis=1) for k in (1, 2)]
+        apart = np.min(halves, axis=0) if folded else np.max(halves, axis=0)
         if apart.min() < nearest:
             nearest = float(apart.min())
             found = [
-                f"{second} and {first} come within {nearest:.2g} chords of each other at "
-                f"{float(flight['time'][int(apart.argmin())]):.3g} s: what wings that clap, or lie "
-                "so near, do to each other is not modeled."
+                f"{first} and {second} come within {nearest:.2g} chords of each other at "
+                f"{float(flight['time'][int(apart.argmin())]):.3g} s: what surfaces that clap or "
+                "cover each other do is not modeled; the air pushes each as if it were alone."
             ]
     return found

@@ -190,7 +190,7 @@ class TableGait:
     Attributes:
         joints: Names of the actuated joints.
         source: Name of the file.
-        time: Times of one period, both ends included, (M,) [s].
+        time: Times of one period from 0, both ends included, (M,) [s].
         position: Joint positions, the last row as the first, (M, n_a) [rad, m].
     """
 
@@ -203,15 +203,14 @@ class TableGait:
     @property
     def period(self) -> float | None:
         """Time after which it repeats [s]."""
-        return float(self.time[-1] - self.time[0])
+        return float(self.time[-1])
 
     def motion(self, time: ArrayLike) -> PrescribedMotion:
         """Joint motion at the times asked for, (N,) [s]."""
         from scipy.interpolate import CubicSpline  # slow to import, rarely needed
 
-        start = self.time[0]
-        spline = CubicSpline(self.time - start, self.position, bc_type="periodic")
-        phase = np.mod(asked_times(time) - start, self.time[-1] - start)
+        spline = CubicSpline(self.time, self.position, bc_type="periodic")
+        phase = np.mod(asked_times(time), self.time[-1])
         return PrescribedMotion(spline(phase), spline(phase, 1), spline(phase, 2))
 
     def describe(self) -> dict[str, Any]:
@@ -282,6 +281,9 @@ FEWEST_ROWS = 4
 CLOSURE = 1e-9
 """Largest distance of the last row from the first that it repeats [rad, m]."""
 
+_WIDEST = 2.0
+"""Longest time behind the last row of an open table, over the longest between two rows [1]."""
+
 _HEADER = re.compile(r"(?P<name>[^\[\]]*)(?:\[(?P<unit>[^\[\]]*)\])?")
 
 
@@ -296,34 +298,38 @@ def read_gait_table(
         period: Time after which it repeats [s]; None if the last row repeats the first.
 
     Returns:
-        Strictly rising time, both ends of the period included, (M,) [s]; positions by joint (or
-        pair), the last as the first, (M,) [rad, m].
+        Strictly rising time from the first row, both ends of the period included, (M,) [s];
+        positions by joint (or pair), the last as the first, (M,) [rad, m].
 
     Raises:
         LogError: If it cannot be used as it stands.
     """
     time, positions = read_columns(path, partial(_joint_unit, robot))
-    steps = np.diff(time)
+    with np.errstate(over="ignore"):
+        steps, time = np.diff(time), time - time[0]
     if not np.all(steps > 0):
         row = int(np.flatnonzero(~(steps > 0))[0]) + 3
         raise LogError(f"{path.name}: row {row}: time does not rise")
-    if period is not None and period > time[-1] - time[0] + CLOSURE:
-        time = np.append(time, time[0] + period)
+    span = time[-1]
+    if period is not None and period > span + CLOSURE:
+        if period - span > _WIDEST * steps.max(initial=0.0):
+            expected = f"a last row nearer to the end of the period of {period:g} s"
+            raise LogError(path.name, expected, f"it at {span:g} s")
+        time = np.append(time, period)
         positions = {name: np.append(x, x[0]) for name, x in positions.items()}
-    elif period is not None and abs(period - (time[-1] - time[0])) > CLOSURE:
-        span = time[-1] - time[0]
+    elif period is not None and abs(period - span) > CLOSURE:
         raise LogError(f"{path.name}: {span:g} s of rows, more than the period of {period:g} s")
     for name, x in positions.items():
         if abs(x[-1] - x[0]) > CLOSURE:
             raise LogError(
                 f"{path.name}: {name}: last row {x[-1]:g}, first {x[0]:g}: not one whole period; "
-                "repeat the first row at its end, or give the period"
+                "repeat the first row at its end, or give its period (--frequency)"
             )
     if len(time) < FEWEST_ROWS:
         raise LogError(f"{path.name}: {len(time)} rows, expected at least {FEWEST_ROWS}")
     with np.errstate(all="ignore"):
         fastest = max(np.abs(x).max() for x in positions.values()) / np.diff(time).min() ** 2
-        extreme = max(fastest, time[-1] - time[0])
+        extreme = max(fastest, time[-1])
     if not extreme < LARGEST:
         raise LogError(path.name, f"numbers below {LARGEST:g}", f"{extreme:g}")
     return time, {name: np.append(x[:-1], x[0]) for name, x in positions.items()}

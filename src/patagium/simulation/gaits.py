@@ -190,7 +190,7 @@ def from_csv(robot: Robot, path: str | Path, *, period: float | None = None) -> 
     """Gait measured or designed elsewhere: one period in a table, repeated for ever.
 
     Splined by a periodic cubic: position and velocity are smooth, the acceleration
-    is continuous. Joints without a column stay at zero.
+    is continuous. Joints without a column stay at zero. Time counts from the first row.
 
     Args:
         robot: The machine.

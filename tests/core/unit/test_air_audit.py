@@ -183,6 +183,31 @@ def test_wings_that_clap_are_told(lowest: float, told: bool) -> None:
         assert "come within 0.1" in claps[0] or "come within 0.09" in claps[0]
 
 
+@pytest.mark.parametrize("angle, told", [(90, False), (170, True)])
+@pytest.mark.usefixtures("interpreted")
+def test_a_wing_that_folds_over_itself_is_told(angle: float, told: bool) -> None:
+    """Only wings were compared, so that a hand over its arm had its own lift without a word."""
+    plate = "{type: plate, chord: 5 cm, span: 8 cm, thickness: 1 mm}"
+    text = "name: x\ngravity: 0 m/s^2\nbodies:\n  body: {mass: 12 g, shape: {type: point}}\n"
+    edges = "leading: 1 cm, trailing: -4 cm}"
+    segments, stations = "", f"stations: [{{span: 0 cm, {edges}, {{span: 8 cm, {edges}]"
+    for name, parent, axis in (("arm", "body", "x"), ("hand", "arm", "z")):
+        text += f"  {name}: {{parent: {parent}, at: [0, {8 * (name == 'hand')} cm, 0], joints: ["
+        text += f"{{name: {name}_joint, axis: {axis}}}], mass: 1 g, center_of_mass: [0, 4 cm, 0], "
+        text += f"shape: {plate}}}\n"
+        segments += f"{{body: {name}, strips: 4, {stations}}}, "
+    text += f"wings: [{{name: wing, segments: [{segments[:-2]}]}}]\n"
+    robot = load_robot_text(text, "x")
+    air = pt.QuasiSteady(robot, pt.Air(wind=(-5.0, 0.0, 0.0)))
+    gait = pt.gaits.sinusoidal(
+        robot, frequency=5.0, hand_joint=np.radians(angle / 2),
+        offset={"hand_joint": -np.radians(angle / 2)},
+    )  # fmt: skip
+    said = [w for w in sentences(pt.simulate(robot, air, gait, duration=0.4)) if "cover" in w]
+    assert len(said) == told
+    assert not told or said[0].startswith("arm and hand come within")
+
+
 @pytest.mark.usefixtures("interpreted")
 def test_a_flight_without_weight_is_not_judged_by_it() -> None:
     robot = pt.load_robot("hawk").with_parameters({"gravity": 0.0})

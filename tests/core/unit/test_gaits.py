@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
+from patagium.cli.simulate import _gait
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.robot import Linkage
 from patagium.simulation import gait_period
@@ -205,6 +206,29 @@ def test_a_table_with_a_period_needs_no_closing_row(robot, tmp_path):
     # as above, for one radian
     np.testing.assert_allclose(position[:, joint(robot, "left_plunge")], expected, atol=1e-5)
     assert not position[:, joint(robot, "right_plunge")].any()
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_flight_begins_with_the_first_row_whatever_the_clock(robot, tmp_path, closed):
+    """A camera's clock counted: a table from 1.25 s on began in the middle of its beat."""
+    rows = [f"{1.25 + k / 8},{k % 4 + 1}" for k in range(4 + closed)]
+    path = written(tmp_path, "\n".join(["time [s],plunge [deg]", *rows]))
+    gait = pt.gaits.from_csv(robot, path, period=None if closed else 0.5)
+    if not closed:
+        words: dict[str, list[str]] = {"amplitude": [], "phase": [], "offset": []}
+        assert _gait(robot, str(path), 2.0, {}, **words).describe() == gait.describe()
+    found = np.degrees(gait.motion(np.array([0.0, 0.25])).position[:, joint(robot, "left_plunge")])
+    np.testing.assert_allclose(found, [1.0, 3.0], rtol=1e-12)  # rounding
+    pt.gaits.to_csv(robot, gait, tmp_path / "again.csv")
+    again = pt.gaits.from_csv(robot, tmp_path / "again.csv").motion(TIME).position
+    # a cubic through 400 of its own points: its third derivative jumps within steps of 1.25 ms
+    np.testing.assert_allclose(again, gait.motion(TIME).position, atol=1e-5)
+
+
+def test_a_period_far_beyond_the_last_row_is_refused(robot, tmp_path):
+    path = written(tmp_path, "time [s],plunge [rad]\n0,0\n1,1\n2,1\n3,0\n")
+    with pytest.raises(LogError, match="nearer to the end"):
+        pt.gaits.from_csv(robot, path, period=5.5)
 
 
 @pytest.mark.parametrize(
