@@ -199,7 +199,7 @@ class NativeFunction:
         return shaped[0] if self._single else tuple(shaped)
 
     def each(self, *arguments: ArrayLike) -> Any:
-        """What `batch` gives, in fresh memory, by the code of one state: nothing is compiled."""
+        """Values as of `batch`, in fresh memory, by the code of one state: nothing is compiled."""
         arrays, count = self._given(arguments)
         results = [np.empty((count, *buffer.shape)) for buffer in self._outputs]
         with self._lock:
