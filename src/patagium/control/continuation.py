@@ -20,7 +20,7 @@ from scipy.linalg import qr
 from patagium.arguments import Progress, checked
 from patagium.arrays import Array
 from patagium.control.gait_family import gait_family
-from patagium.control.orbit import Orbit
+from patagium.control.orbit import STILL, Orbit
 from patagium.control.trimming import TOLERANCE, Conditions, OrbitSearch, orbit_of
 from patagium.control.trimming import Point as SearchPoint
 from patagium.errors import ParameterError
@@ -79,7 +79,7 @@ class Branch:
     @property
     def multipliers(self) -> NDArray[np.complex128]:
         """Multipliers of each orbit, the largest first, (m, n - 4) [1]."""
-        return np.array([multipliers(orbit) for orbit in self.orbits])
+        return np.array([orbit.multipliers for orbit in self.orbits])
 
     def summary(self) -> list[dict[str, Any]]:
         """Orbits as rows of a table, with units in the names."""
@@ -89,7 +89,7 @@ class Branch:
             told = zip(orbit.family.names, orbit.parameter_facts.items(), strict=True)
             row |= dict(fact for name, fact in told if name in self.free)
             size = float(abs(own[0]))
-            rows.append(row | {"largest_multiplier": size, "stable": size < 1.0})
+            rows.append(row | {"largest_multiplier": size, "stable": size < 1.0 - STILL})
         return rows
 
     def __repr__(self) -> str:
@@ -97,18 +97,12 @@ class Branch:
         sizes = np.abs(self.multipliers[:, 0])
         told = [
             f"branch of {len(self.orbits)} orbits along {self.along}, {low:.4g} to {high:.4g} "
-            f"{self.unit}, {np.count_nonzero(sizes < 1)} of them stable",
+            f"{self.unit}, {np.count_nonzero(sizes < 1 - STILL)} of them stable",
             f"  free: {', '.join(self.free)}",
             *(f"  {one.kind} at {one.value:.5g} {self.unit}" for one in self.bifurcations),
             f"  begins: {self.ends[0]}; ends: {self.ends[1]}",
         ]
         return "\n".join(told)
-
-
-def multipliers(orbit: Orbit) -> NDArray[np.complex128]:
-    """Multipliers of an orbit, the largest first, position and heading left out, (n - 4,) [1]."""
-    found = np.linalg.eigvals(orbit.return_slope)
-    return np.asarray(found[np.argsort(-np.abs(found), kind="stable")], complex)
 
 
 @checked
@@ -288,7 +282,7 @@ class _Curve:
         ways = ways[np.count_nonzero(sizes > _ROUNDING * sizes[0]) :]  # several at a branch point
         goes = ways @ (way * slope if before is None else before)[moving]
         tangent[moving] = goes @ ways / max(np.linalg.norm(goes), _ROUNDING)
-        size = multipliers(self.orbit(at))
+        size = self.orbit(at).multipliers
         return _Place(at, self.value(at), tangent, float(slope @ tangent), size)
 
     def next(self, here: _Place, length: float) -> _Place | None:

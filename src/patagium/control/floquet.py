@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from patagium.arguments import checked
 from patagium.arrays import Array
-from patagium.control.orbit import Frame, Orbit
+from patagium.control.orbit import STILL, Frame, Orbit
 from patagium.control.wingbeat import FlightMap
 
 GONE = 1e-12
@@ -33,7 +33,8 @@ class Mode:
     """Mode of a periodic orbit.
 
     Attributes:
-        name: The field's name where the motion is that, else its largest states.
+        name: The field's name where the motion is that, else its largest states. A neutral motion
+            stays; a drift of states by others grows as time does, though its multiplier is 1.
         multiplier: Factor of a beat; of a pair the one with the positive angle [1].
         rate: Growth rate and angular frequency, log(multiplier) / period [1/s].
         shares: Share of each state in the mode at the beginning of the beat, by name, largest
@@ -69,7 +70,8 @@ class Floquet:
         modes: Modes, least stable first.
         neutral: Multipliers of position and heading, (4,) [1].
         period: Time of a beat [s].
-        vectors: Eigenvector of each mode in the coordinates of `states`, (n - 4, modes) [SI].
+        vectors: Eigenvector of each mode in the coordinates of `states`, (n - 4, modes) [SI]; of a
+            drift the states that stay and drive others.
         states: Names of the states, position and heading left out.
     """
 
@@ -100,7 +102,7 @@ class Floquet:
             {
                 "mode": mode.name,
                 "multiplier": abs(mode.multiplier),
-                "doubles_in_s": mode.time if mode.time > 0 else None,
+                "doubles_in_s": mode.time if mode.rate.real > 0 else None,
                 "halves_in_s": -mode.time if mode.time < 0 else None,
                 "period_s": 2 * np.pi / abs(mode.rate.imag) if mode.rate.imag else None,
                 "averaging_fails": mode.fails(mode.averaged),
@@ -123,8 +125,8 @@ class Floquet:
             note = f"; averaging fails ({', '.join(failing)})" if failing else ""
             size = abs(mode.multiplier)
             told = f"{word} in {abs(mode.time):.3g} s{swings}"
-            if mode.name.startswith("neutral"):
-                told, note = "stays", ""
+            if not mode.rate:
+                told = "stays" if mode.name.startswith("neutral") else "grows evenly"
             elif size < GONE:
                 told = "gone within a beat"
             lines.append(f"  {mode.name}: |multiplier| {size:.5g}, {told}{note}")
@@ -143,16 +145,23 @@ def floquet(orbit: Orbit) -> Floquet:
     """
     frame, slope = Frame(orbit.names), orbit.return_slope
     values, vectors = np.linalg.eig(slope)
-    period = orbit.period
+    period, sizes = orbit.period, _sizes(orbit, frame.names)
+    still = np.flatnonzero(np.abs(values - 1.0) < STILL)
+    vectors[:, still], driven = _neutral_motions(slope, sizes, len(still))
+    values[still] = 1.0
     slopes = _beat_slopes(orbit)
     averaged, first = _averaged_rates(orbit, slopes), _first_order_rates(orbit, slopes)
     order = np.argsort(-np.abs(values), kind="stable")
     kept = [k for k in order if values[k].imag >= 0]
     rates = np.emath.log(np.where(values == 0, 1e-300, values)[kept]) / period  # of 0: rounding
+    averaged, first = (np.where(np.abs(x) * period < STILL, 0.0, x) for x in (averaged, first))
     near, nearer = _matched(rates, averaged), _matched(rates, first)
-    sizes = _sizes(orbit, frame.names)
     shares = [_shares(frame.names, vectors[:, k], sizes) for k in kept]
     names = _names(shares, rates, orbit)
+    for k, vector in zip(still, driven.T, strict=True):
+        if vector.any():
+            place, moved = kept.index(k), _shares(frame.names, vector, sizes)
+            names[place] = f"drift of {_of(moved)} by {_of(shares[place])}"
     modes = tuple(
         Mode(name, complex(values[k]), complex(rate), part, one, other)
         for name, k, rate, part, one, other in zip(
@@ -160,6 +169,18 @@ def floquet(orbit: Orbit) -> Floquet:
         )
     )
     return Floquet(modes, _neutral(orbit), period, vectors[:, kept], frame.names)
+
+
+def _neutral_motions(slope: Array, sizes: Array, count: int) -> tuple[Array, Array]:
+    """Motions of a multiplier 1 that occurs `count` times, and what a beat adds to each, else 0.
+
+    Fewer eigenvectors than that are there where some of these states drive others.
+    """
+    change = slope * sizes / sizes[:, None] - np.eye(len(slope))
+    kernel = np.linalg.svd(np.linalg.matrix_power(change, count))[2][len(slope) - count :].T
+    added, size, motions = np.linalg.svd(kernel.T @ change @ kernel)
+    added = added * np.where(size < STILL, 0.0, size)
+    return sizes[:, None] * (kernel @ motions.T), sizes[:, None] * (kernel @ added)
 
 
 def _neutral(orbit: Orbit) -> NDArray[np.complex128]:
@@ -262,10 +283,10 @@ def _names(shares: list[dict[str, float]], rates: Array, orbit: Orbit) -> list[s
     oscillations in the plane of symmetry the slower is the phugoid, and spiral and roll subsidence
     are the slowest and the fastest of the lateral motions that do not oscillate.
     """
-    found = [_largest(part, rate, orbit.period) for part, rate in zip(shares, rates, strict=True)]
+    found = [_largest(part, rate) for part, rate in zip(shares, rates, strict=True)]
     if orbit.speed < _sizes(orbit, ("velocity of x",))[0]:
         return found
-    order = [k for k in np.argsort(np.abs(rates)) if abs(rates[k]) * orbit.period >= _STILL]
+    order = [k for k in np.argsort(np.abs(rates)) if rates[k]]
     along = [k for k in order if _part(shares[k], _LONGITUDINAL) and rates[k].imag]
     across = [k for k in order if _part(shares[k], _LATERAL)]
     straight = [k for k in across if not rates[k].imag]
@@ -288,16 +309,16 @@ def _part(shares: dict[str, float], names: tuple[str, ...], most: float = 0.95) 
     return sum(shares.get(name, 0.0) for name in names) > most
 
 
-def _largest(shares: dict[str, float], rate: complex, period: float) -> str:
+def _largest(shares: dict[str, float], rate: complex) -> str:
     """Name of a mode by its largest states."""
     kind = "divergence" if rate.real > 0 else "subsidence"
-    if abs(rate) * period < _STILL:
+    if not rate:
         kind = "neutral motion"
     elif rate.imag:
         kind = "oscillation"
-    told = [name for name in shares if shares[name] > 0.15][:3] or [*shares][:1]
-    return f"{kind} of {', '.join(told)}"
+    return f"{kind} of {_of(shares)}"
 
 
-_STILL = 1e-6
-"""Change of a mode in a beat that rounding makes of a double multiplier 1."""
+def _of(shares: dict[str, float]) -> str:
+    """Largest states of a motion."""
+    return ", ".join([name for name in shares if shares[name] > 0.15][:3] or [*shares][:1])

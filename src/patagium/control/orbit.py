@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.arguments import checked
@@ -26,7 +27,8 @@ from patagium.simulation.simulator import simulate
 
 NEUTRAL = ("x", "y", "z", "yaw")
 """Coordinates that nothing depends on."""
-
+STILL = 1e-6
+"""Distance from 1 that rounding makes of a double multiplier 1, and more."""
 
 _ALONG = "velocity of x"
 """In the name of a state: of a horizontal vector in the world, whose y follows in its place."""
@@ -175,6 +177,12 @@ class Orbit:
         return (slope @ self.monodromy)[np.ix_(frame.kept, frame.kept)]
 
     @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Multipliers, largest first, position and heading left out, (n - 4,) [1]."""
+        found = np.linalg.eigvals(self.return_slope)
+        return np.asarray(found[np.argsort(-np.abs(found), kind="stable")], complex)
+
+    @property
     def _pitch(self) -> Array:
         """Pitch over the beat, of the state or prescribed, (m,) [rad]."""
         if "pitch" in self.names:
@@ -257,13 +265,14 @@ class Orbit:
             "pitch_most_rad": float(pitch.max()),
         }
         facts = {k: v if abs(v) > 1e-10 else 0.0 for k, v in (facts | self.parameter_facts).items()}
-        size = float(np.abs(np.linalg.eigvals(self.return_slope)).max())
-        facts |= {"largest_multiplier": size, "stable": size < 1}
+        size = float(np.abs(self.multipliers[0]))
+        facts |= {"largest_multiplier": size, "stable": size < 1 - STILL}
         return facts | {"residual_SI": self.residual, "newton_steps": self.iterations}
 
     def __repr__(self) -> str:
         pitch = np.degrees(self._pitch)
-        size = np.sort(np.abs(np.linalg.eigvals(self.return_slope)))[::-1]
+        size = np.abs(self.multipliers)
+        word = "unstable" if size[0] > 1 + STILL else "neutral at best"
         free = zip(
             self.family.names, self.values, self.family.neutral, self.family.units, strict=True
         )
@@ -280,7 +289,7 @@ class Orbit:
             f"  residual {self.residual:.1e} [SI] after {self.iterations} Newton steps, "
             f"{len(Frame(self.names).kept)} states, {self.steps} time steps",
             f"  largest multipliers {', '.join(f'{one:.4f}' for one in size[:4])}: "
-            + ("stable" if size[0] < 1 else "unstable without feedback"),
+            + ("stable" if size[0] < 1 - STILL else f"{word} without feedback"),
         ]
         return "\n".join(lines)
 

@@ -74,6 +74,11 @@ def hill_rates(orbit, harmonics):
     return rates[np.argsort(center)[: 3 * n]]  # those that the cut of the series hardly touches
 
 
+@pytest.fixture(scope="module")
+def glide():
+    return pt.trim(pt.load_robot("hawk"), climb=None, free=("elevation_offset",))
+
+
 def test_position_and_heading_are_neutral(orbit, smooth):
     turn = pt.trim(
         orbit.robot,
@@ -129,12 +134,34 @@ def test_robots_that_are_alike_have_the_same_names_and_shares():
         assert slow.shares == pytest.approx(fast.shares, abs=1e-5)
 
 
-def test_averaging_holds_for_a_glide_and_is_told_where_it_fails(orbit):
-    glide = floquet(pt.trim(pt.load_robot("hawk"), climb=None, free=("elevation_offset",)))
-    for mode in glide.modes:
-        if not mode.name.startswith("neutral"):  # an equilibrium is its own mean
-            assert mode.averaged == pytest.approx(mode.rate, rel=1e-5)
-            assert mode.first_order == pytest.approx(mode.rate, rel=1e-5)
+def test_what_stays_and_drives_a_neutral_motion_is_told_to_grow(glide):
+    """A double multiplier 1 with one eigenvector was taken for two motions that stay."""
+    found = floquet(glide)
+    assert not found.stable and "neutral" in repr(glide).splitlines()[-1]
+    drift, still = found.modes[:2]
+    assert (drift.name, still.name) == (
+        "drift of velocity of y by roll",
+        "neutral motion of velocity of y",
+    )
+    assert "grows evenly" in repr(found).splitlines()[1]
+    assert "stays" in repr(found).splitlines()[2]
+    for row in found.summary()[:2]:
+        assert row["multiplier"] == 1.0 and row["doubles_in_s"] is row["halves_in_s"] is None
+        assert not row["averaging_fails"] and not row["first_order_fails"]
+    side, bank = found.states.index("velocity of y"), 1e-3
+    change = found.vectors[:, 0].real * bank / found.vectors[found.states.index("roll"), 0].real
+    robot, q = glide.robot, glide.start()["q"]
+    q[robot.index("roll")] += bank
+    flown = glide.flight(beats=20, q=q).v.sel(dof="y").values[-1]
+    beat = ((glide.return_slope - np.eye(len(change))) @ change)[side]
+    assert flown == pytest.approx(20 * beat, rel=1e-3)  # terms of second order in the bank
+    assert flown == pytest.approx(-20 * glide.period * 9.81 * bank, rel=0.1)  # side force is small
+
+
+def test_averaging_holds_for_a_glide_and_is_told_where_it_fails(orbit, glide):
+    for mode in floquet(glide).modes:  # an equilibrium is its own mean
+        assert mode.averaged == pytest.approx(mode.rate, rel=1e-5)  # rounding
+        assert mode.first_order == pytest.approx(mode.rate, rel=1e-5)
     assert any(mode.fails(mode.first_order) for mode in floquet(orbit).modes)
     rows = floquet(orbit).summary()
     assert {"mode", "multiplier", "halves_in_s", "averaging_fails"} <= rows[0].keys()
