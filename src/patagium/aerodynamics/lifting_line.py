@@ -148,6 +148,12 @@ class LiftingLine(Aerodynamics):
         return len(self.robot.strips) * (self.lags.size + (STATES if self.stall_delay else 0))
 
     @property
+    def state_units(self) -> tuple[str, ...]:
+        """Units of the states, in the order of `state_size`."""
+        washes = len(self.robot.strips) * (self.lags.size + 1)
+        return tuple("m/s" if k < washes else "1" for k in range(self.state_size))
+
+    @property
     def structure(self) -> str:
         """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
         delay = " stall_delay" if self.stall_delay else ""
@@ -357,8 +363,12 @@ class _Numbers:
 
 def _normalwash(motion: StripMotion, p: _Numbers) -> ca.SX:
     """Air through the strip at three quarters of its chord, camber included [m/s]."""
-    camber = p.of(motion).numbers["zero_lift_angle"] * motion.forward * smooth_sign(motion.forward)
-    return normalwash(motion) - camber
+    return normalwash(motion) - _camber(motion, p)
+
+
+def _camber(motion: StripMotion, p: _Numbers) -> Any:
+    """Normalwash that camber takes away: with it, alone, there is no lift [m/s]."""
+    return p.of(motion).numbers["zero_lift_angle"] * motion.forward * smooth_sign(motion.forward)
 
 
 def _pressure(motion: StripMotion, p: _Numbers) -> Any:
@@ -379,8 +389,7 @@ def _load(
     motion, net = vortices.motions[i], vortices.lattice
     strip, forward, section = motion.strip, motion.forward, p.of(motion)
     sign, lagged = smooth_sign(forward), wash.lagged[i]
-    effective = section_flow(forward, -lagged)
-    sine_square = lagged * lagged / (effective.speed * effective.speed)
+    sine_square = lagged * lagged / smooth_norm(forward * forward + lagged * lagged) ** 2
     separated, attached = stall.share, 1.0 - stall.share
     shift = sign * section.kind.center_of_pressure_shift * sine_square * separated
     ahead = (sign - 1.0) * (strip.chord / 4) - shift * strip.chord
@@ -399,7 +408,9 @@ def _load(
         forward=attached * lift[0] + stalled[0] - friction * forward,
         normal=attached * lift[1] + stalled[1] - friction * normal,
         ahead=ahead,
-        effective_angle_of_attack=effective.angle_of_attack,
+        effective_angle_of_attack=section_flow(
+            forward, -lagged - _camber(motion, p)
+        ).angle_of_attack,
         spanwise=attached * lift[2] - friction * spanwise,
         circulation=gain * wash.circulation[i],
         downwash=-gain * ca.dot(net.normals[:, i], wash.induced[:, i]),

@@ -31,8 +31,8 @@ class AeroExpressions:
         strip_point: Where it acts, world axes, (3, n_strips) [m].
         angle_of_attack: Geometric incidence at that point: of its motion relative to the
             undisturbed air, (n_strips, 1) [rad].
-        effective_angle_of_attack: Incidence that the load answers to: with the wake's lag and
-            the velocity that the wings induce, where a model has them, (n_strips, 1) [rad].
+        effective_angle_of_attack: Incidence of the chord that the load answers to: with the wake's
+            lag and the velocity that the wings induce, where a model has them, (n_strips, 1) [rad].
         strip_airspeed: Speed of that point across the span, relative to the air,
             (n_strips, 1) [m/s]; its derivative is NaN where it is zero.
         power: Sum of force times velocity of its point relative to the air and of moment times

@@ -91,3 +91,25 @@ def test_an_airspeed_that_is_smoothed_over_is_told_with_its_similar_flow() -> No
         slow = pt.air.section_history(thin, time, pitch=pitch, airspeed=0.05, chord=0.15)
     np.testing.assert_allclose(similar["lift"], fast["lift"], rtol=1e-4)
     assert abs(slow["lift"][-1] / fast["lift"][-1] - 1).item() > 0.01
+
+
+@pytest.mark.parametrize("kind", [pt.LiftingLine, pt.DeLaurier])
+def test_the_effective_incidence_of_a_cambered_section_is_that_of_its_chord(kind: type) -> None:
+    """The lifting line's counted from the incidence of no lift, 4 degrees more."""
+    camber = np.radians(-4.0)
+    if kind is pt.LiftingLine:
+        given = {"section": pt.air.Section(zero_lift_angle=camber)}
+    else:
+        given = {"zero_lift_angle": camber}
+    history = pt.air.section_history(
+        lambda robot, air: kind(robot, air, **given),
+        np.linspace(0, 4.0, 21),
+        pitch=0.02,
+        airspeed=SPEED,
+        chord=CHORD,
+        added_mass=False,
+    )
+    last = history.isel(time=-1)
+    assert last["angle_of_attack"] == pytest.approx(0.02)
+    expected = pytest.approx(0.02, abs=1e-6)  # what is left of the lag after 160 chords
+    assert last["effective_angle_of_attack"] == expected
