@@ -108,6 +108,12 @@ class Inflow(OnModel):
         return tuple(found)
 
     @property
+    def state_units(self) -> tuple[str, ...]:
+        """Units of the model's own states, and of those of each stroke."""
+        own = [("m/s",) * 3 + ("1",) * 3 * len(stroke.swept) for stroke in self.strokes]
+        return sum(own, self.model.state_units)
+
+    @property
     def _places(self) -> list[int]:
         """Place of the first state of each stroke, then the number of states."""
         sizes = [3 + 3 * len(stroke.swept) for stroke in self.strokes]

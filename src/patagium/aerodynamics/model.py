@@ -72,6 +72,11 @@ class Aerodynamics(Protocol):
         """Names of the model's own states, (n_z,); "velocity of x" and y: a vector in the world."""
         return tuple(f"lag state {k}" for k in range(self.state_size))
 
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        """Units of the model's own states, (n_z,): "m/s" for lagged normalwashes, or "1"."""
+        return ("m/s",) * self.state_size
+
     def describe(self) -> dict[str, Any]:
         """Description that makes the model again for a robot, as JSON-able values."""
         values = field_values(self)

@@ -55,6 +55,11 @@ class OnModel(Aerodynamics):
         return self.model.state_names
 
     @property
+    def state_units(self) -> tuple[str, ...]:
+        """Units of the states of the model, then of its own."""
+        return self.model.state_units
+
+    @property
     def structure(self) -> str:
         """Text of what shapes the equations, numbers aside: part of a compiled function's key."""
         return f"{self.name} on {self.model.key}"

@@ -51,7 +51,8 @@ class Quantity:
 
     Attributes:
         dims: Dimensions after time.
-        units: SI units; of coordinates that turn after those of coordinates that slide.
+        units: SI units; of coordinates that turn after those of coordinates that slide. Empty
+            where the model of the air decides.
         meaning: Description.
     """
 
@@ -105,7 +106,7 @@ QUANTITIES: dict[str, Quantity] = {
     "momentum_residual": Quantity(
         ("axis",), "kg m/s", "change of momentum less the impulse of external forces"
     ),
-    "aero_state": Quantity(("lag",), "1", "states of the aerodynamic model"),
+    "aero_state": Quantity(("lag",), "", "states of the aerodynamic model"),
 }
 """Every variable of a flight, where q and v have the same names."""
 COMMAND = "command"
@@ -119,7 +120,9 @@ MASS = "mass"
 OPTIONAL: dict[str, Quantity] = {
     MASS: Quantity((), "kg", "mass that flies: a payload or a loss changed it"),
     "effective_angle_of_attack": Quantity(
-        ("strip",), "rad", "incidence that the load answers to, with lag and downwash if modeled"
+        ("strip",),
+        "rad",
+        "incidence of the chord with the lag and the downwash of the wake, if modeled",
     ),
     COMMAND: Quantity(
         ("command_name",), "Hz, rad, m or 1", "what was commanded of the gait, held between"
@@ -226,7 +229,8 @@ def flight_record(
         dims = ("time", *kind.dims)
         shape = [sizes[dim] for dim in dims]
         shaped = values[name].reshape(shape) if name in values else np.zeros(shape)
-        attributes = {"units": kind.units, "long_name": kind.meaning}
+        units = kind.units or " or ".join(dict.fromkeys(origin.aero.state_units)) or "m/s"
+        attributes = {"units": units, "long_name": kind.meaning}
         return dims, np.ascontiguousarray(shaped), attributes
 
     flight = xr.Dataset(
@@ -443,6 +447,7 @@ def _require(flight: xr.Dataset, names: Sequence[str], name: str = "the flight")
 
 def _coordinates(origin: FlightOrigin, time: Array) -> dict[str, Any]:
     robot, cells = origin.robot, [cell.at for cell in origin.load_cells]
+    lags, lag_units = list(origin.aero.state_names), list(origin.aero.state_units)
     longer = {
         "coordinate": ("coordinate", list(robot.coordinate_names)),
         "coordinate_unit": ("coordinate", list(robot.coordinate_units)),
@@ -455,6 +460,7 @@ def _coordinates(origin: FlightOrigin, time: Array) -> dict[str, Any]:
         "strip": ("strip", [strip.name for strip in robot.strips]),
         "axis": ("axis", list(AXES)),
         "component": ("component", list(WRENCH)),
+        **({"lag": ("lag", lags), "lag_unit": ("lag", lag_units)} if lags else {}),
         **({"load_cell": ("load_cell", cells)} if cells else {}),
         **({"command_name": ("command_name", list(origin.commands))} if origin.commands else {}),
     }
@@ -593,7 +599,7 @@ def check_flight(flight: xr.Dataset, name: str) -> None:
         variable = flight[quantity]
         for expected, found in (
             (("time", *kind.dims), variable.dims),
-            (f"[{kind.units}]", f"[{variable.attrs.get('units')}]"),
+            *[(f"[{kind.units}]", f"[{variable.attrs.get('units')}]")] * bool(kind.units),
             (np.dtype(float), variable.dtype),
         ):
             if found != expected:

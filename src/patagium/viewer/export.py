@@ -70,8 +70,9 @@ def _units(
 ) -> tuple[str, ...]:
     """Units of a variable's numbers, by label; `known` has those of variables with several."""
     unit = str(variable.attrs.get("units", ""))
-    if variable.dims[1:] == ("output",) and "unit" in record:
-        return tuple(map(str, record["unit"].values))
+    for dim, units in (("output", "unit"), ("lag", "lag_unit")):
+        if variable.dims[1:] == (dim,) and units in record:
+            return tuple(map(str, record[units].values))
     if "component" in variable.dims:  # of a wrench
         return tuple("N m" if "moment_" in label else "N" for label in labels)
     own = known if " or " in unit else {}

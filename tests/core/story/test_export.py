@@ -16,7 +16,7 @@ from patagium.cli.main import run
 from patagium.errors import LogError, ParameterError
 from patagium.sensing.logs.files.message_files import getter
 from patagium.sensing.logs.importing.inspection import inspect_log
-from patagium.viewer.export import body_frames, export
+from patagium.viewer.export import body_frames, export, topics_of
 
 
 @pytest.fixture(scope="module")
@@ -150,6 +150,21 @@ def test_what_is_exported_is_read_with_all_its_rows(flight: xr.Dataset, tmp_path
         get({"data": {"q.x/q.y": 1.0}})
     topics = {one.name: one.rows for one in inspect_log(export(pairs, path)).topics}
     assert topics["/covariance"] == len(flight["time"])
+
+
+def test_states_of_the_air_have_their_names_and_units() -> None:
+    """All were said to have the unit 1."""
+    robot = pt.load_robot("aerobat")
+    for aero, units in (
+        (pt.DeLaurier(robot), "m/s"),
+        (pt.air.Inflow(pt.DeLaurier(robot)), "m/s or 1"),
+        (pt.LiftingLine(robot, stall_delay=pt.air.StallDelay()), "m/s or 1"),
+    ):
+        flight = pt.simulate(robot, aero, duration=0.002, time_step=1e-3)
+        assert flight["aero_state"].attrs["units"] == units
+        topic = next(one for one in topics_of(flight) if one.name == "aero_state")
+        assert topic.labels == aero.state_names and topic.units == aero.state_units
+    assert topic.units[-20:] == ("1",) * 20 and topic.units[-21] == "m/s"  # ten strips
 
 
 def test_rerun_is_given_every_number_with_its_name(
