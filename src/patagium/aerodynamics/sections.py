@@ -258,7 +258,7 @@ _LINEAR = (radians(2.0) - 1e-9, radians(10.0) + 1e-9)
 """Distance from the incidence of no lift where the lift slope is read off a polar [rad]."""
 _NEAREST = radians(0.5)
 """Distance from the incidence of no lift within which lift over incidence tells no share [rad]."""
-_ATTACHED = radians(6.0)
+_ATTACHED = radians(6.0) - 1e-9
 """Distance from the incidence of no lift that each side of a polar reaches, at least: sections do
 not stall before [rad]."""
 _SYMMETRIC = 0.01
@@ -359,6 +359,9 @@ def measured_section(
     Kirchhoff's flow separated over the share s of the chord,
 
         C_L = a0 x (1 + sqrt(1 - s))^2 / 4 = (1 - s) a0 x + s C_L,separated.
+
+    It holds at the points but for rounded corners; between points both factors are lines. Points 1
+    degree apart keep C_L within .01, points 6 degrees apart within .08 (one polar with stall).
 
     A polar that ends before 90 degrees goes on from its last point as a plate does:
 

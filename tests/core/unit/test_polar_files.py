@@ -96,6 +96,15 @@ def test_a_side_that_ends_before_its_stall_is_refused() -> None:
         pt.air.measured_section(np.radians(degrees), lift, 0.01 + 0 * lift)
 
 
+@pytest.mark.parametrize("zero", range(-4, 5))
+def test_a_polar_that_reaches_just_six_degrees_is_taken(zero: int) -> None:
+    """It was refused where rounding had it below."""
+    angle = np.radians(np.arange(zero - 6, zero + 7))
+    lift = 2 * np.pi * (angle - np.radians(zero))
+    section = pt.air.measured_section(angle, lift, 0.01 + 0.01 * lift**2)
+    assert section.zero_lift_angle == pytest.approx(np.radians(zero), abs=1e-12)  # rounding
+
+
 def test_columns_are_found_by_name_and_a_moment_may_be_missing(tmp_path: Path) -> None:
     file = tmp_path / "polar.csv"
     file.write_text('"analysis_confidence","CD","alpha","CL"\n0.9,0.01,5,0.5\n0.9,0.02,-5,-0.4\n')
