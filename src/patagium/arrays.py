@@ -142,14 +142,21 @@ def real_array(name: str, values: Any, shape: tuple[int | str, ...] | None = Non
             found = found if kind else found.astype(np.float64)
         except (ValueError, TypeError, OverflowError, RuntimeError) as problem:  # 33 dimensions too
             kind = str(problem)[:200] or type(problem).__name__
+            kind = f"a {type(values).__name__}" if isinstance(values, Mapping) else kind
     if kind:
-        named = ", such as robot.coordinates(x=3.0) gives" * isinstance(values, dict)
+        named = _REMEDIES.get(type(values).__name__, "")
         raise ParameterError(name, f"real numbers{named}", kind)
     if shape is not None:
         first = int(shape[:1] == ("N",) and found.ndim > 0)
         if found.shape[first:] != shape[first:]:
             raise ShapeError(name, shape, found.shape)
     return np.asarray(found)
+
+
+_REMEDIES = {
+    "dict": ", such as robot.coordinates(x=3.0) gives",
+    "Dataset": ", such as those of one variable (pt.evaluate(flight, model) takes a flight)",
+}
 
 
 def _holds_flag(values: Any) -> bool:

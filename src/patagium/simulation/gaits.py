@@ -266,7 +266,8 @@ def cruise(robot: Robot, frequency: float | None = None) -> FourierGait:
     """
     own = robot.cruise
     if own is None:
-        expected = "a robot whose file has a section cruise, as patagium robots --new writes it"
+        kind = "a robot" if robot.strips else "a robot with wings"
+        expected = f"{kind} whose file has a section cruise, as patagium robots --new writes it"
         raise ParameterError("robot", expected, robot.name)
     frequency = own.frequency if frequency is None else frequency
     if frequency is None:

@@ -5,6 +5,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+import xarray as xr
 from tests.mutations import mutated_attributes, mutated_bytes, mutated_json, mutated_text
 
 import patagium as pt
@@ -139,6 +140,12 @@ def test_only_real_numbers_are_learned(learner, values):
         learner.update(values, np.zeros(2))
     with pytest.raises(ParameterError, match="y: expected real numbers"):
         learner.update(np.zeros(2), values)
+
+
+def test_a_flight_in_place_of_samples_is_told_where_it_is_taken(learner):
+    """xarray's own advice on its conversion stood there as what was found."""
+    with pytest.raises(ParameterError, match="pt.evaluate.*found 'a Dataset'$"):
+        learner.predict(xr.Dataset({"q": ("time", [1.0])}))
 
 
 def test_deviations_of_another_length_are_refused_when_the_model_is_read(learner, tmp_path):

@@ -303,8 +303,10 @@ def test_what_is_given_takes_the_place_of_the_cruise(tmp_path):
     assert not still["v"][0].any()  # the start of the cruise belongs to its gait
     held = pt.simulate(robot, mount=pt.mounts.fixed(), duration=0.01)
     assert float(held["wind"][0, 0]) == -robot.cruise.speed
-    with pytest.raises(ParameterError, match="whose file has a section cruise"):
+    with pytest.raises(ParameterError, match="a robot whose file has a section cruise"):
         pt.simulate(replace(robot, cruise=None))
+    with pytest.raises(ParameterError, match="a robot with wings whose file"):
+        pt.gaits.cruise(pt.load_robot("ur5e"))
 
 
 def test_on_a_stand_the_air_meets_the_robot_as_in_the_cruise(tmp_path, capsys):
