@@ -1,4 +1,4 @@
-"""`patagium send`: a recorded flight or sensor log as datagrams, in its own time."""
+"""`patagium send`: a flight, a record of a stream or a log as datagrams, in its own time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ EXAMPLES = (
 
 
 def send(
-    file: Annotated[Path, typer.Argument(help="Flight, sensor log or imported log (.nc).")],
+    file: Annotated[Path, typer.Argument(help="Flight, record of a stream or log (.nc).")],
     target: Annotated[str, typer.Argument(help="udp://ADDRESS:PORT.")],
     rate: Annotated[
         float | None, typer.Option(min=1e-3, help="Packets a second; the record's own by default.")
@@ -34,7 +34,9 @@ def send(
     from patagium.cli.logs import record_of
     from patagium.live.packets import read_key, send_packets
     from patagium.live.sources import address_of
-    from patagium.sensing import SensorLog, load_sensor_log, sensor_log
+    from patagium.netcdf_file import kind_of
+    from patagium.sensing import SensorLog, load_log, load_sensor_log, sensor_log
+    from patagium.sensing.logs.record import LOADED
     from patagium.sensing.sensors.sense import is_sensor_log
     from patagium.simulation import air_of, load_flight
 
@@ -44,8 +46,11 @@ def send(
     if record is not None:
         with record:
             recorded = record.flight() if record.is_flight else sensor_log(file)
+    elif is_sensor_log(file):
+        recorded = load_sensor_log(file)
     else:
-        recorded = load_sensor_log(file) if is_sensor_log(file) else load_flight(file)
+        streamed = kind_of(file).startswith(LOADED[0])
+        recorded = load_log(file) if streamed else load_flight(file)
     address = address_of(target)
     if not isinstance(recorded, SensorLog) and (air := air_of(recorded)) != Air():
         told = f"density {air.density:.4g} kg/m^3"
@@ -57,7 +62,10 @@ def send(
     with progress_bar(f"Sending {file.name}") as progress:
         try:
             sent = send_packets(recorded, address, rate=rate, rows=rows, key=key, progress=progress)
-        except gaierror:
-            raise ParameterError("target", "a host that is known", target) from None
+        except OSError as problem:
+            expected = "an address of one machine that is in reach, and a port of 1 to 65535"
+            expected = "a host that is known" if isinstance(problem, gaierror) else expected
+            found = f"{target} ({problem.strerror or problem})"
+            raise ParameterError("target", expected, found) from None
     kind = "rows of raw samples" if isinstance(recorded, SensorLog) else "packets"
     tell(f"{sent} {kind} sent to {target}")

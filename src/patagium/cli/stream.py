@@ -27,7 +27,7 @@ from patagium.cli.live import LiveAddressOption, LiveOption, Shown, live_stream
 from patagium.cli.options import RobotOption, WindOption, option_in, output_file
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import tell
-from patagium.errors import FilterDiverged, ParameterError, PatagiumError
+from patagium.errors import FilterDiverged, LogError, ParameterError, PatagiumError
 
 if TYPE_CHECKING:
     from patagium.aerodynamics import Air
@@ -111,7 +111,8 @@ def stream(
     coordinate, or the raw samples of sensors: inertial units, encoders, cameras, motor currents.
     Each sample is predicted before it is learned. What is lost, dropped, malformed or refused
     is counted and shown. Ctrl-C, SIGTERM and SIGHUP end the stream, and its files are written. An
-    output that fails is told and costs no other; the exit code is then 2.
+    output that fails is told and costs no other; the exit code is then 2, as it is where raw
+    samples come and nothing is learned for a second.
     """
     from patagium.cli.state import keep_model, keep_state, resumed, sole_user
     from patagium.learning.default_learner import learner_choices
@@ -164,6 +165,8 @@ def stream(
     if problem is not None:
         raise problem
     outputs.check()
+    if times := intake.raw.get("silences"):
+        raise LogError("raw samples", "motion in each second of them", f"none {times} time(s)")
 
 
 def _robot_and_air(source: str, robot: str | None) -> tuple[Robot, Air]:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from patagium.arrays import Array
 from patagium.errors import Outcome
@@ -121,7 +122,7 @@ class Status:
         flown: Time that the stamps of packets in order span [s]; jumps count as ten usual steps.
         busy: Time spent in calls [s].
         rate: Packets a second since the last status [1/s].
-        gaps: Steps of the stamps that are longer than 1.5 usual ones (the median of the last 50).
+        gaps: Steps of the stamps longer than 1.5 usual ones: the median of the 50 up to it.
     """
 
     counters: Counters
@@ -134,7 +135,7 @@ class Status:
     _seen: float = 0.0
     _counted: int = 0
     _last_stamp: float = float("nan")
-    _recent: Array = field(default_factory=lambda: np.empty(0))
+    _recent: Array = field(default_factory=lambda: np.full(_RECENT, np.nan))
 
     def start(self) -> None:
         """Begin to count, at the first packet."""
@@ -150,8 +151,12 @@ class Status:
         stamps = np.concatenate([[self._last_stamp], stamps[np.isfinite(stamps)]])
         steps = np.diff(stamps)
         ahead = steps[steps > 0]
-        self._recent = np.concatenate([self._recent, ahead])[-_RECENT:]
-        usual = float(np.median(self._recent)) if len(self._recent) >= _USUAL else np.inf
+        steps = np.concatenate([self._recent, ahead])
+        self._recent = steps[-_RECENT:]
+        lately = np.sort(sliding_window_view(steps, _RECENT)[1:], axis=1)  # NaN before the first
+        rows, known = np.arange(len(ahead)), np.isfinite(lately).sum(axis=1)
+        usual = (lately[rows, (known - 1) // 2] + lately[rows, known // 2]) / 2
+        usual[known < _USUAL] = np.inf
         self.flown += float(np.minimum(ahead, _JUMP * usual).sum())
         self.gaps += int((ahead > 1.5 * usual).sum())
         self._last_stamp = float(stamps[-1])

@@ -62,6 +62,7 @@ _SHOWN = 3
 _SENSORS = b"# sensors "
 _DESCRIBES = struct.pack("<d", -1.0)
 _DESCRIBED = 1.0  # s between two descriptions
+_PAUSE = 1.0  # s: longest wait of a sender, whatever the clock of a record did
 
 
 @dataclass
@@ -398,7 +399,8 @@ def send_packets(
     Args:
         recorded: Record with q, v, a, u1, or a log of sensors, whose description goes ahead.
         target: Address and port.
-        rate: Packets a second; None: as fast as the record's time goes.
+        rate: Packets a second; None: as fast as the record's time goes, a step of which takes a
+            second at most.
         rows: Packets a datagram.
         key: Key that datagrams are signed with; None: they are not signed.
         progress: Called now and then with packets sent and packets in all.
@@ -418,7 +420,8 @@ def send_packets(
             packets[:, -held.shape[1] :] += held
     if rows > most_rows(packets.shape[1]):
         raise ParameterError("rows", f"at most {most_rows(packets.shape[1])}", rows)
-    due = packets[:, 0] - packets[0, 0] if rate is None else np.arange(len(packets)) / rate
+    steps = np.diff(packets[:, 0], prepend=packets[0, 0]) if rate is None else 1 / rate
+    due = np.cumsum(np.clip(np.broadcast_to(steps, len(packets)), 0.0, _PAUSE))
     family = socket.AF_INET6 if ":" in target[0] else socket.AF_INET
     session = new_session()
     described = -inf

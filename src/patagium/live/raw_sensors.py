@@ -3,16 +3,18 @@
 A raw row is a stamp and the values of all sensors, NaN where one has no sample at that stamp. The
 first second of rows tells clocks, noise and how lively the motion is, as `patagium motion` finds
 them from a log. From then on the motion tracker takes each sample, and gives q, v and a a little
-behind it; motor currents give u1. Neglected: load cells, and drift of clocks after that second.
+behind it; motor currents give u1. The clock of one sensor that is set is found anew from the next
+second. Neglected: load cells, drift of clocks after that second, and jumps that `_PATIENCE` hides.
 """
 
 from __future__ import annotations
 
 import json
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -49,7 +51,11 @@ _QUIET = 1e-3
 _LEAST = 1.0
 """Least driving noise, which follows motion of 2 Hz [unit^2/s^7]."""
 _RESTARTED = 10
-"""Samples in a row before the newest one, each later than the last, that tell a new clock."""
+"""Samples in a row out of their time, each later than the last, that tell a new clock."""
+_SAMPLES = 3.0
+"""Fewest steps of a sensor that its clock jumps ahead by, if it does."""
+_SILENCE = 1.0
+"""Time of raw rows without a packet after which nothing is said to be learned [s]."""
 _FARTHEST, _QUICKEST, _SPUN = 1e4, 340.0, 1e5
 """Size of a coordinate [m], its rate [m/s] and turning [rad/s] beyond which a track is lost."""
 _FEWEST, _ALIKE = 50, 0.6
@@ -124,6 +130,18 @@ def packet_doubts(robot: Robot, packets: Array) -> list[str]:
     return found[:1]
 
 
+class _Run(NamedTuple):
+    """Stamps of a sensor out of their time, each later than the last [s], and their number.
+
+    The newest time of the other sensors is that when the run began.
+    """
+
+    first: float
+    last: float
+    length: int
+    others: float
+
+
 class MotionPackets:
     """Packets of time, q, v, a and u1, as made from raw rows.
 
@@ -136,9 +154,10 @@ class MotionPackets:
         columns: Names of the numbers of a raw row, such as `as5600.position.left_plunge`.
         notes: Findings and chosen settings, in sentences.
         spent: Time that the last packets took each [s].
-        counts: Rows with `late` samples, `clock_resets` (sensors' clocks that went back, which
-            is believed after ten late samples in a row), samples with values `out_of_range`, and
-            `lost_tracks` (times that the tracker began anew, because the motion ran away).
+        counts: Rows with `late` samples (out of their time, and not used), `clock_resets`
+            (clocks that were set, which is believed after ten late samples in a row), samples
+            with values `out_of_range`, `lost_tracks` (times that the tracker began anew, because
+            the motion ran away), and `silences` (times that no packet was made for a second).
 
     Raises:
         LogError: If the description cannot be read.
@@ -173,15 +192,21 @@ class MotionPackets:
         self.spent = 0.0
         self._took = 0.0
         self._waiting: list[tuple[float, str, Array]] = []
-        self.counts = dict.fromkeys(("late", "clock_resets", "out_of_range", "lost_tracks"), 0)
+        counted = "late", "clock_resets", "out_of_range", "lost_tracks", "silences"
+        self.counts = dict.fromkeys(counted, 0)
         self._newest: dict[str, float] = {}
         self._first: dict[str, float] = {}
-        self._late: dict[str, tuple[float, int]] = {}
+        self._late: dict[str, _Run] = {}
+        self._leads: dict[str, float] = {}
+        self._set: dict[str, float] = {}
+        self._unheard: Counter[str] = Counter()
+        self._last, self._silent = -np.inf, False
         self._samples = {name: [0, 0] for name in self._sensors}
         self._told: set[str] = set()
         self._shifts: dict[str, float] = {}
+        self._settings: tuple[Array, dict[str, Array]] = np.empty(0), {}
         self._due: deque[float] = deque()
-        self._torque = _Torque(robot, self._sensors, self._mount)
+        self._torque = _Torque(robot, self._sensors, self._mount, self._shifts)
         self._tracker: MotionTracker | None = None
         self._made = np.empty((0, len(packet_columns(robot))))
         self._turn = np.zeros(3)
@@ -214,22 +239,43 @@ class MotionPackets:
             made = self._follow(ended=rows is None)
             self._took += perf_counter() - began
             if made:
-                self._made = np.concatenate([self._made, *made])
-                count = sum(map(len, made))
-                self.spent = self._took / count
+                self.spent = self._took / sum(map(len, made))
                 self._took = 0.0
+            self._keep(made)
+        self._tell_silence()
         ready = self._made[:most]
         self._made = self._made[most:]
         return None if rows is None and not len(ready) else ready
 
+    def _keep(self, made: list[Array]) -> None:
+        """Keep packets until they are taken."""
+        if made:
+            self._made = np.concatenate([self._made, *made])
+            self._last, self._silent = float(made[-1][-1, 0]), False
+            self._unheard.clear()
+
+    def _tell_silence(self) -> None:
+        """Say once that samples have come for long of which no packet was made."""
+        longest = _SILENCE + (0.0 if self._tracker else 3 * _SETTLING)
+        silent = [n for n, k in self._unheard.items() if k > longest * self._sensors[n].rate]
+        if silent and not self._silent:
+            self._silent = True
+            self.counts["silences"] += 1
+            self.notes.append(
+                f"Warning: no motion was found for {longest:g} s, since t = {self._last:.4g} s, "
+                f"and nothing is learned, though samples come of {', '.join(silent)}"
+            )
+
     def _sort(self, row: Array) -> None:
         """Put the values of a row with their sensors; stamps of a sensor must advance."""
-        stamp, late = float(row[0]), False
+        late = False
         for name, place in self._places.items():
             values = row[place]
             if not np.isfinite(values).any():
                 continue
-            if not self._advances(name, stamp):
+            self._unheard[name] += 1
+            stamp = self._believed(name, float(row[0]))
+            if stamp is None:
                 late = True
                 continue
             saturated = bool(self._sensors[name].saturated(values).any())
@@ -243,48 +289,94 @@ class MotionPackets:
                 self._torque.add(name, stamp, values)
         self.counts["late"] += late
 
-    def _advances(self, name: str, stamp: float) -> bool:
-        """Whether a stamp is later than all of its sensor, or that of a clock that went back."""
-        if stamp <= self._newest.get(name, -np.inf):
-            last, run = self._late.get(name, (np.inf, 0))
-            self._late[name] = stamp, run + 1 if stamp > last else 1
-            if self._late[name][1] < _RESTARTED:
-                return False
-            self.counts["clock_resets"] += 1
-            if self._tracker is not None:  # what waits is learned, however rows come in blocks
-                self._made = np.concatenate([self._made, *self._follow(ended=True)])
-            for held in (self._newest, self._first, self._late, self._waiting, self._due):
-                held.clear()
-            self._torque.clear()
-            self._tracker = None if self._tracker is None else self._started()
-        self._newest[name] = stamp
+    def _believed(self, name: str, stamp: float) -> float | None:
+        """Stamp by the sensor's first clock [s]; None where it is out of its time.
+
+        A clock was set where stamps go back, or ahead while those of the others do not.
+        """
+        stamp -= self._set.get(name, 0.0)
+        moments = [self._moment(one, n) for n, one in self._newest.items() if n != name]
+        others, moment = max(moments, default=-np.inf), self._moment(stamp, name)
+        lead = moment - others if moments else 0.0
+        jump, forward = lead - self._leads.get(name, lead), stamp > self._newest.get(name, -np.inf)
+        if not forward or jump > max(_PATIENCE, _SAMPLES / self._sensors[name].rate):
+            run = self._late.get(name)
+            if run is None or stamp <= run.last:
+                run = _Run(stamp, stamp, 0, others)
+            run = self._late[name] = run._replace(last=stamp, length=run.length + 1)
+            alone = others > run.others
+            together = self._newest.keys() <= self._late.keys() or stamp - run.first > _PATIENCE
+            if not (alone or together) or (run.length < _RESTARTED and (alone or not forward)):
+                return None
+            if alone and abs(lead) > _PATIENCE:
+                self._set_clock(name, jump, others)
+                stamp, lead = stamp - jump, lead - jump
+            elif not (alone or forward):
+                self._restart()
+        self._newest[name], self._leads[name] = stamp, lead
         self._late.pop(name, None)
-        return True
+        return stamp
+
+    def _set_clock(self, name: str, by: float, at: float) -> None:
+        """Go on after the clock of one sensor was set by a time, at a time of the others [s]."""
+        way = "went back" if by < 0 else "jumped ahead"
+        words = f"Warning: the clock of {name} {way} by {abs(by):.4g} s at {at:.4g} s"
+        self.notes.append(f"{words}: its shift is found anew from the next second")
+        self._set[name] = self._set.get(name, 0.0) + by
+        self._end_track()
+        self._tracker = None
+
+    def _restart(self) -> None:
+        """Go on after all clocks were set."""
+        self._end_track()
+        self._newest.clear()
+        self._late.clear()
+        self._torque.clear()
+        self._tracker = None if self._tracker is None else self._started()
+
+    def _end_track(self) -> None:
+        """Make packets of what waits, however rows come in blocks; none follow in its time."""
+        self.counts["clock_resets"] += 1
+        if self._tracker is not None:
+            self._keep(self._follow(ended=True))
+        for held in (self._first, self._waiting, self._due):
+            held.clear()
 
     def _settled(self) -> bool:
         """Whether the samples of all sensors span the time to settle, or those of one three."""
-        spans = [self._newest.get(name, 0.0) - self._first.get(name, 0.0) for name in self._seeing]
+        first = self._first
+        spans = [self._newest[n] - first[n] if n in first else 0.0 for n in self._seeing]
         return min(spans) >= _SETTLING or max(spans) >= 3 * _SETTLING
 
     def _begin(self) -> None:
-        """Find clocks, noise and driving noise from the first samples, and start the tracker."""
+        """Start the tracker with clocks and noise of the first samples, else with those known."""
+        try:
+            self._fit()
+        except (LogError, FilterDiverged) as problem:
+            if not self._settings[1]:
+                raise
+            self.notes.append(f"Clocks and noise are taken as before: {problem}")
+        self._tracker = self._started()
+
+    def _fit(self) -> None:
+        """Find clocks, noise and driving noise from the first samples."""
         log = self._first_log()
-        self._shifts, note = found_shifts(log)
+        told, note = found_shifts(log)
+        self._shifts |= told
         streams = streams_of(log, self._robot, self._shifts)
         doubts = self._doubts(log, streams)
         self.notes += [f"Warning: {doubt}" for doubt in doubts]
         try:
-            fitted = fit_motion(self._robot, streams, 4, common_times(streams))
+            times = common_times(streams)
+            fitted = fit_motion(self._robot, streams, 4, times)
         except (LogError, FilterDiverged) as problem:
             if not doubts:
                 raise
             raise LogError(f"sensors: {'; '.join(doubts)} ({problem})") from problem
-        self._torque.shifts = self._shifts
         self._settings = self._driven(fitted.density()), fitted.variances()
-        self._tracker = self._started()
         self.notes += [note, *fitted.notes]
         self.notes.append(
-            f"Noise and driving noise are those of the first {_SETTLING:g} s; "
+            f"Noise and driving noise are those of {times[0]:.4g} to {times[-1]:.4g} s; "
             f"the motion is learned {1e3 * LAG:g} ms behind its last sample"
         )
         names = self._robot.dof_names
@@ -404,13 +496,20 @@ class MotionPackets:
 class _Torque:
     """Forces of the joints u1 from the currents of their motors.
 
+    Args:
+        robot: The machine.
+        sensors: Sensors by name.
+        mount: What holds the robot.
+        shifts: Shift of late stamps by name of the sensor [s], as known by now.
+
     Attributes:
-        shifts: Shift of late stamps by name of the sensor [s].
         unknown: Whether the force that drives a coordinate is not measured, (n,).
     """
 
-    def __init__(self, robot: Robot, sensors: Mapping[str, Sensor], mount: str) -> None:
-        self.shifts: dict[str, float] = {}
+    def __init__(
+        self, robot: Robot, sensors: Mapping[str, Sensor], mount: str, shifts: Mapping[str, float]
+    ) -> None:
+        self._shifts = shifts
         self._motors = {n: s for n, s in sensors.items() if isinstance(s, MotorCurrent)}
         self._columns = {
             name: [robot.index(joint) for joint in joint_names(motor.joints, robot)]
@@ -443,7 +542,7 @@ class _Torque:
         found[:, self.unknown] = np.nan
         for name, motor in self._motors.items():
             kept, longest = self._samples[name], _GAP / motor.rate
-            moments = times + self.shifts.get(name, 0.0) + motor.lag
+            moments = times + self._shifts.get(name, 0.0) + motor.lag
             while len(kept) > 2 and kept[1][0] < moments[0]:
                 kept.popleft()
             found[:, self._columns[name]] = np.nan

@@ -195,7 +195,8 @@ class TextSource:
         columns: Names of the numbers of a packet.
         path: The file; None for a pipe.
         pipe: File descriptor of a pipe, such as 0 for standard input.
-        idle: Longest wait for more at the end of a file [s]; None: until it is stopped.
+        idle: Longest wait for more at the end of a file, or of a pipe after a first piece [s];
+            None: until it is stopped.
     """
 
     def __init__(
@@ -224,19 +225,19 @@ class TextSource:
     def _follow(
         self, descriptor: int, packets: TextPackets, queue: PacketQueue, stop: threading.Event
     ) -> None:
-        fed = time.monotonic()
+        pipe = self._path is None
+        fed = None if pipe else time.monotonic()
         while not stop.is_set():
-            if self._path is None and not select.select([descriptor], [], [], _LOOK)[0]:
-                continue
-            piece = os.read(descriptor, _PIECE)
+            told = not pipe or bool(select.select([descriptor], [], [], _LOOK)[0])
+            piece = os.read(descriptor, _PIECE) if told else b""
             if piece:
                 queue.put(packets.take(piece), waits=True)
                 fed = time.monotonic()
-            elif self._path is None:
+            elif pipe and told:
                 break
-            elif self._idle is not None and time.monotonic() - fed > self._idle:
+            elif self._idle is not None and fed and time.monotonic() - fed > self._idle:
                 break
-            else:
+            elif not pipe:
                 stop.wait(_LOOK / 2)
         packets.end()
 
@@ -379,7 +380,7 @@ def source_of(
     if key_file is not None:
         raise ParameterError("--key-file", "datagrams, udp://ADDRESS:PORT, to go with it", words)
     if words == "-":
-        return TextSource(columns)
+        return TextSource(columns, idle=idle)
     path = Path(words)
     if path.is_fifo():
         raise LogError(path, "a file", "a pipe; give - and pipe it to the program")
@@ -402,10 +403,10 @@ def refuse_other_kinds(path: Path) -> None:
         LogError: If it is one.
     """
     if other := kind_of(path):
-        expected = "text of packets, an imported log or a sensor log"
-        remedy = f"a flight is sent: patagium send {path} udp://127.0.0.1:9000, to patagium stream "
-        remedy += "udp://127.0.0.1:9000 --robot ROBOT"
-        raise LogError(path, expected, f"{other}; {remedy}")
+        if other.startswith(("a flight", "a record")):
+            other += f"; it is sent: patagium send {path} udp://127.0.0.1:9000, to patagium stream "
+            other += "udp://127.0.0.1:9000 --robot ROBOT"
+        raise LogError(path, "text of packets, an imported log or a sensor log", other)
 
 
 def address_of(words: str) -> tuple[str, int]:

@@ -25,7 +25,7 @@ from patagium.learning.tuning.settings_file import LearnerSettings, NetworkSetti
 from patagium.live import loop, record, sources
 from patagium.live.loop import Counters, Rhythm, Status, follow, summary
 from patagium.live.packets import DatagramPackets, Intake, datagrams, flight_packets, send_packets
-from patagium.live.pipeline import Pipeline
+from patagium.live.pipeline import Pipeline, Records
 from patagium.live.record import StreamFile
 from patagium.live.sources import (
     DatagramSource,
@@ -219,6 +219,17 @@ def test_a_pipe_is_learned_to_its_end(packets, pipeline):
     assert (facts["samples"], facts["bad_rows"], facts["dropped"]) == (COUNT - 1, 1, 0)
     expected = weights_after(np.delete(packets, 49, axis=0))
     np.testing.assert_array_equal(pipeline.learner.weights, expected)
+
+
+def test_a_pipe_that_falls_silent_ends(packets, pipeline):
+    """`--idle` was ignored, so that a hung writer held the stream for ever."""
+    out, into = os.pipe()
+    os.write(into, text_of(packets[:50]))
+    source = TextSource(names_of(pipeline), pipe=out, idle=0.2)
+    assert learned_from(source, pipeline)["samples"] == 50
+    os.close(into)
+    os.close(out)
+    assert sources.source_of("-", names_of(pipeline), idle=0.2)._idle == 0.2
 
 
 def test_a_file_that_grows_is_followed(packets, pipeline, tmp_path):
@@ -452,6 +463,48 @@ def test_time_flown_is_that_of_packets_in_order(packets, pipeline, block):
     step = packets[1, 0] - packets[0, 0]
     assert status.flown == pytest.approx(299 * step, abs=12 * step)
     assert status.gaps == 1
+
+
+@pytest.mark.parametrize("block", [1, 20, 512])
+def test_gaps_do_not_depend_on_the_size_of_the_calls(block):
+    """One median judged a whole block: 25 gaps one by one, none in blocks of 100."""
+    stamps = np.r_[np.arange(800) * 2e-4, 0.16 + np.arange(200) * 2e-3]  # 5 kHz, then 500 Hz
+    status, rows = Status(Counters(14, 500.0)), np.zeros((len(stamps), 3 * 14 + 4))
+    for begin in range(0, len(stamps), block):
+        part = slice(begin, begin + block)
+        status.count(stamps[part, None], Records(rows[part]))
+    assert status.gaps == 25  # half of the 50 steps of the median
+    assert status.flown == pytest.approx(stamps[-1])  # rounding; ten usual steps are no less
+
+
+def test_a_record_of_a_stream_is_sent_and_clocks_that_jump_do_not_stop_it(
+    packets, pipeline, tmp_path, capsys, monkeypatch
+):
+    sent, file = packets[:60].copy(), tmp_path / "stream.nc"
+    sent[40:, 0] += 1e9
+    sink = StreamFile(file, pipeline)
+    sink.append(sent, pipeline.run(sent))
+    sink.close({})
+    with pytest.raises(SystemExit, match="2"):
+        run(["stream", str(file)])
+    assert f"it is sent: patagium send {file} udp://" in " ".join(capsys.readouterr().err.split())
+    waits: list[float] = []
+    monkeypatch.setattr(time, "sleep", waits.append)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
+        port.bind(("127.0.0.1", 0))
+        port.settimeout(10.0)
+        with pytest.raises(SystemExit, match="0"):
+            run(["send", str(file), f"udp://127.0.0.1:{port.getsockname()[1]}", "--rows", "60"])
+        with pytest.raises(SystemExit, match="0"):
+            run(["send", str(file), f"udp://127.0.0.1:{port.getsockname()[1]}"])
+        got = DatagramPackets(57, Intake()).take(port.recv(50_000))
+    np.testing.assert_array_equal(got, sent)
+    assert 0.9 < max(waits) < 1.1  # s; a step counts one at most
+    for address in ("udp://127.0.0.1:0", "udp://255.255.255.255:9000"):
+        with pytest.raises(SystemExit, match="2"):
+            run(["send", str(file), address])
+        words = " ".join(capsys.readouterr().err.split())
+        assert "target: expected an address of one machine" in words and address in words
 
 
 def test_a_record_keeps_little_in_memory(pipeline, tmp_path):

@@ -6,12 +6,14 @@ import json
 import re
 import threading
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 
 import patagium as pt
+from patagium.arrays import Array
 from patagium.cli.main import run
 from patagium.cli.stream import _opened
 from patagium.errors import LogError, ParameterError
@@ -212,6 +214,104 @@ def test_a_clock_that_goes_back_costs_nothing_that_waits(
         assert motion.counts["clock_resets"] == 1
     np.testing.assert_array_equal(*found)
     assert found[0].max() == pytest.approx(rows[half - 1, 0], abs=0.01)
+
+
+def apart(motion: MotionPackets, rows: Array, sensor: str) -> tuple[Array, Array]:
+    """Rows in two: what a sensor says at each stamp, and all else."""
+    own = [name.startswith(sensor) for name in motion.columns]
+    alone, others = rows.copy(), rows.copy()
+    alone[:, ~np.array([True, *own[1:]])] = np.nan
+    others[:, own] = np.nan
+    return alone, others
+
+
+def with_clock_set(motion: MotionPackets, rows: Array, sensors, by: float, at: float) -> Array:
+    """Rows of sensors that share a clock which is set by a time, at a time [s], as they come."""
+    for sensor in sensors:
+        alone, others = apart(motion, rows, sensor)
+        alone[rows[:, 0] > at, 0] += by
+        rows = np.stack([alone, others], axis=1).reshape(-1, rows.shape[1])
+        rows = rows[np.isfinite(rows[:, 1:]).any(axis=1)]
+    return rows
+
+
+def test_the_clock_of_one_sensor_that_is_set_ends_no_learning(
+    log: pt.sensing.SensorLog, flight: xr.Dataset, robot: pt.Robot
+) -> None:
+    """Nothing was learned from there on, because its samples were out of the tracker's memory."""
+    motion, made = MotionPackets(robot, sensors_text(log)), []
+    rows = with_clock_set(motion, sensor_rows(log), ["prime_x_13"], -1.1, 1.1)
+    for block in [rows[k : k + 300] for k in range(0, len(rows), 300)]:
+        made.append(motion.take(block, 9999))
+    packets = np.concatenate([*made, motion.take(None, 9999)])
+    assert len(packets) > 840 and (np.diff(packets[:, 0]) > 0).all()  # of 850 at 500 Hz
+    assert re.search(r"prime_x_13 went back by 1\.[01]\d* s at 1\.1", " ".join(motion.notes))
+    assert (motion.counts["clock_resets"], motion.counts["silences"]) == (1, 0)
+    found = motion._set["prime_x_13"] + motion._shifts["prime_x_13"]
+    assert found == pytest.approx(-1.1 + 4.2e-3, abs=1e-3)  # s, where a step is 4 ms
+    late = packets[(packets[:, 0] > 1.2) & (packets[:, 0] < 1.65)]
+    for name in ("z", "pitch"):
+        k = robot.index(name)
+        true = np.interp(late[:, 0], flight["time"], flight["a"][:, k])
+        error = late[:, 1 + 2 * robot.dof + k] - true
+        assert np.mean(error**2) < 0.03 * true.var()  # .001 and .007 with a clock that runs on
+
+
+@pytest.mark.parametrize(
+    ("sensors", "by"),
+    [
+        (["icm_42688_p"], 100.0),
+        (["prime_x_13"], 0.2),
+        (["as5600", "icm_42688_p", "ina226"], -0.5),
+        (["ina226"], -0.1),
+    ],
+)
+def test_a_clock_that_is_set_back_or_ahead_is_told_from_the_others(
+    log: pt.sensing.SensorLog, robot: pt.Robot, sensors: list[str], by: float
+) -> None:
+    motion, rows = MotionPackets(robot, sensors_text(log)), sensor_rows(log)
+    for row in with_clock_set(motion, rows, sensors, by, 0.8):
+        motion._sort(row)
+    assert motion._set == {name: pytest.approx(by, abs=0.005) for name in sensors}  # steps: 4 ms
+    assert motion.counts["clock_resets"] == len(sensors)
+    assert max(motion._newest.values()) == pytest.approx(rows[-1, 0], abs=0.005)
+
+
+def test_gaps_and_single_wrong_stamps_set_no_clock(
+    log: pt.sensing.SensorLog, robot: pt.Robot
+) -> None:
+    rows = sensor_rows(log)
+    wrong, later = rows.copy(), (rows[:, 0] < 0.5) | (rows[:, 0] > 1.0)
+    wrong[600, 0] = 1e9
+    motion = MotionPackets(robot, sensors_text(log))
+    alone, others = apart(motion, rows, "prime_x_13")
+    for given, late in ((rows[later], 5), (wrong, 20), (np.where(later[:, None], rows, others), 0)):
+        motion = MotionPackets(robot, sensors_text(log))
+        for row in given:
+            motion._sort(row)
+        assert not motion._set and motion.counts["late"] <= late
+        assert set(motion._newest) == {*log.readings}
+        assert motion._newest["prime_x_13"] == pytest.approx(rows[-1, 0], abs=0.005)  # a step
+
+
+def test_raw_samples_that_tell_no_motion_are_warned_of(
+    log: pt.sensing.SensorLog,
+    robot: pt.Robot,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    motion, rows = MotionPackets(robot, sensors_text(log)), sensor_rows(log)
+    for _ in range(3):  # 5.1 s of stamps that stand still
+        motion.take(rows * np.r_[0.0, np.ones(rows.shape[1] - 1)], 9)
+    assert motion.counts["silences"] == 1 and "nothing is learned" in motion.notes[-1]
+    monkeypatch.setattr(MotionPackets, "_follow", lambda self, ended: [])
+    file = pt.sensing.save_sensor_log(log, tmp_path / "log.nc")
+    with pytest.raises(SystemExit) as left:
+        run(["stream", str(file), "--json"])
+    said = capsys.readouterr()
+    assert left.value.code == 2 and json.loads(said.out)["raw_silences"] == 1
+    assert "Warning: no motion was found for 1 s" in said.err
 
 
 def changed(log: pt.sensing.SensorLog, name: str, change) -> list[str]:
