@@ -111,8 +111,7 @@ def stream(
     coordinate, or the raw samples of sensors: inertial units, encoders, cameras, motor currents.
     Each sample is predicted before it is learned. What is lost, dropped, malformed or refused
     is counted and shown. Ctrl-C, SIGTERM and SIGHUP end the stream, and its files are written. An
-    output that fails is told and costs no other; the exit code is then 2, as it is where raw
-    samples come and nothing is learned for a second.
+    output that fails, and a second of raw samples without motion, make the exit code 2.
     """
     from patagium.cli.state import keep_model, keep_state, resumed, sole_user
     from patagium.learning.default_learner import learner_choices
@@ -164,6 +163,11 @@ def stream(
             outputs.answer("summary", facts if as_json else _flat(facts), as_json)
     if problem is not None:
         raise problem
+    _check(outputs, intake)
+
+
+def _check(outputs: Outputs, intake: Intake) -> None:
+    """End the verb with what was not saved, or not learned for long, if there is such a thing."""
     outputs.check()
     if times := intake.raw.get("silences"):
         raise LogError("raw samples", "motion in each second of them", f"none {times} time(s)")

@@ -313,6 +313,7 @@ class MotionPackets:
                 stamp, lead = stamp - jump, lead - jump
             elif not (alone or forward):
                 self._restart()
+                lead = 0.0
         self._newest[name], self._leads[name] = stamp, lead
         self._late.pop(name, None)
         return stamp
@@ -329,9 +330,8 @@ class MotionPackets:
     def _restart(self) -> None:
         """Go on after all clocks were set."""
         self._end_track()
-        self._newest.clear()
-        self._late.clear()
-        self._torque.clear()
+        for held in (self._newest, self._late, self._leads, self._torque):
+            held.clear()
         self._tracker = None if self._tracker is None else self._started()
 
     def _end_track(self) -> None:

@@ -225,8 +225,12 @@ def test_a_pipe_that_falls_silent_ends(packets, pipeline):
     """`--idle` was ignored, so that a hung writer held the stream for ever."""
     out, into = os.pipe()
     os.write(into, text_of(packets[:50]))
+    writer = threading.Timer(60.0, os.close, [into])
+    writer.start()
     source = TextSource(names_of(pipeline), pipe=out, idle=0.2)
     assert learned_from(source, pipeline)["samples"] == 50
+    assert writer.is_alive()  # it did not wait for the end of the text
+    writer.cancel()
     os.close(into)
     os.close(out)
     assert sources.source_of("-", names_of(pipeline), idle=0.2)._idle == 0.2
