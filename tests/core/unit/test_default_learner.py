@@ -73,8 +73,8 @@ def test_intervals_hold_errors_that_vanish(flight: xr.Dataset) -> None:
     assert (late / scale).min() > 0.9e-6 * largest
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_noise_of_angles_spoils_no_force_of_a_symmetric_flight(seed: int) -> None:
+@pytest.mark.parametrize(("seed", "estimated"), [(1, False), (2, False), (1, True)])
+def test_noise_of_angles_spoils_no_force_of_a_symmetric_flight(seed: int, estimated: bool) -> None:
     """With 2 mrad of noise the final weights left .85 of the lift, and physics alone .08.
 
     Side force, roll and yaw were noise times the weights: fitting them drew weights to zero.
@@ -86,7 +86,10 @@ def test_noise_of_angles_spoils_no_force_of_a_symmetric_flight(seed: int) -> Non
     for name, std in (("q", 2e-3), ("v", 2e-2)):
         values, joints = log[name].values, list(robot.actuated)
         values[:, joints] += std * draw.standard_normal((len(values), len(joints)))
-    scores = pt.identify(log).scores
+    network = LinearStripNetwork(robot, aero.air)
+    memory = pt.learning.NoiseEstimation()
+    learner = pt.ExtendedLearner(network, noise_estimation=memory) if estimated else None
+    scores = pt.identify(log, learner).scores
     for name in ("x", "z", "left_plunge"):
         # 4e-5 at most here; with the lateral forces left out 5e-6
         assert scores["frozen_second_half"][name] < 1e-3

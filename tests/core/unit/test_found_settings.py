@@ -100,6 +100,7 @@ def test_kernels_find_the_noise_as_their_twins(structure, kind, rng):
     if compiler_name() is None:
         pytest.skip("no C compiler here")
     network = pt.DenseNetwork(3, (5,), 2)
+    network.levers = np.array([[0.0, 1.0, 0.1], [9.0, 0.0, 9.0]]), rng.uniform(size=(2, 3))
     numbers = filter_numbers(network, FilterSettings(covariance=structure), kind)
     fast, plain = (
         WeightFilter(numbers, structure_and_kernel(numbers, compiled), network.initial(0))

@@ -198,13 +198,21 @@ class Misfit:
         own = _C.LEAST * np.where(load > 0, load, 1.0)
         least = self.least if largest > 0 else own
         residual = self.parts["residual"]
-        spread, told = self.levers
-        apart = spread @ (told * level[:, None]).max(axis=0, initial=0.0)
-        coarse = np.minimum(_C.COARSE * apart, _C.MUCH * residual)
-        least = np.maximum(np.maximum(least, _C.SLIGHT * apart), coarse)
+        least = np.maximum(least, self.least_noise(level))
         left = np.minimum(_C.LEFT * residual, level)
         misfit = np.maximum(self.floor**2 * level, left)
         return np.asarray(self._known + np.maximum(self.span * misfit, least))
+
+    def least_noise(self, squares: Array) -> Array:
+        """Least variances of the noise, as if forces of strips did not cancel, (n_y,) [y^2].
+
+        Args:
+            squares: Mean squares of the measurements, (n_y,) [y^2].
+        """
+        spread, told = self.levers
+        apart = spread @ (told * squares[:, None]).max(axis=0, initial=0.0)
+        coarse = np.minimum(_C.COARSE * apart, _C.MUCH * self.parts["residual"])
+        return np.asarray(np.maximum(_C.SLIGHT * apart, coarse))
 
     def stated(self, variances: Array, noise: Array, carried: bool) -> Array:
         """Standard deviation that the filter states over that which it assumes, (n_y,) [1].

@@ -420,10 +420,11 @@ class Screen:
         """Noise of a channel begun as a share of a squared scale; 1 takes the place of none."""
         parts, own = self.parts, scale if scale > 0 else 1.0
         parts["largest"][k] = own
-        parts["steady"][k] = parts["loaded"][k] = self.relative * self.relative * own / 2
+        self.misfit.parts["residual"][k] = share = self.relative * self.relative * own
+        parts["steady"][k] = parts["loaded"][k] = share / 2
 
-    def _follow_scale(self, k: int, measured: float) -> bool:
-        """Scale of a channel after a measurement; whether its noise is estimated by now."""
+    def _follow_scale(self, k: int, measured: float) -> None:
+        """Scale of a channel after a measurement."""
         parts, seen = self.parts, self.marks["seen"]
         seen[k] += 1
         apart = measured - parts["offset"][k]
@@ -437,24 +438,27 @@ class Screen:
             parts["largest"][k] = scale
             parts["steady"][k] *= growth
             parts["loaded"][k] *= growth
-        return bool(seen[k] > _C.FIRST_SAMPLES)
 
     def _learn_noise(self, measured: Array, gain: Array, inverse: Array, kept: Bools) -> None:
         parts, relative = self.parts, self._relative_load()
         fresh = max(self.share, 1.0 / int(self.whole[_LEARNED]))
         parts["mean_load"] += fresh * (parts["load"] - parts["mean_load"])
         if self.relative:
-            kept = kept.copy()
-            for k in np.flatnonzero(kept & (parts["extra"] == 0)).tolist():
-                kept[k] = self._follow_scale(k, float(measured[k]))
+            followed = kept & (parts["extra"] == 0)
+            for k in np.flatnonzero(followed).tolist():
+                self._follow_scale(k, float(measured[k]))
+            kept = kept & ~(followed & (self.marks["seen"] <= _C.FIRST_SAMPLES))
         raised = (parts["noise"] + parts["extra"]) / parts["noise"]
         larger = np.maximum(parts["steady"], parts["loaded"] * relative)
         share = max(self.share, 1.0 / (int(self.whole[_LEARNED]) + _C.FIRST_MEMORY))
-        rate = share * raised * (parts["noise"] - self.stated) / larger
-        move = np.where(kept, rate * (gain**2 - inverse), 0.0)
+        rate = np.where(kept, share, 0.0)
+        move = rate * raised * (parts["noise"] - self.stated) / larger * (gain**2 - inverse)
+        residual = self.misfit.parts["residual"]
+        residual += rate * ((parts["noise"] * gain) ** 2 - residual)
+        smallest = np.maximum(parts["smallest"], self.misfit.least_noise(parts["scale"]) / 2)
         for name, factor in (("steady", move), ("loaded", relative * move)):
             part = parts[name]
-            part[:] = np.maximum(part + part**2 * factor, parts["smallest"])
+            part[:] = np.maximum(part + part**2 * factor, smallest)
 
 
 def new_screen(numbers: FilterNumbers) -> Screen:

@@ -89,25 +89,30 @@ static double span_of(const screening *s, double largest) {
   return count ? fmin(fmax(exp(sum / count), 1), MOST) : UNSEEN;
 }
 
+/* Least variance of each channel's noise, as if forces of strips did not cancel; square: mean
+ * squares of the measurements. */
+static void find_least(const screening *s, const double *square, double *least) {
+  for (int k = 0; k < s->channels; k++) least[k] = 0;
+  for (int i = 0; i < s->strips; i++) {
+    double force = 0;
+    for (int j = 0; j < s->channels; j++) force = fmax(force, s->told[j * s->strips + i] * square[j]);
+    for (int k = 0; k < s->channels; k++) least[k] += s->spread[k * s->strips + i] * force;
+  }
+  for (int k = 0; k < s->channels; k++)
+    least[k] = fmax(SLIGHT * least[k], fmin(COARSE * least[k], MUCH * s->residual[k]));
+}
+
 /* Variances that the filter assumes; load: of the channels, where nothing was measured yet. */
 static void assume(screening *s) {
   double largest = 0; /* mean square of a scaled channel */
-  for (int k = 0; k < s->channels; k++) {
-    largest = fmax(largest, s->level[k] / unit_of(s, k));
-    s->noise[k] = 0; /* until the last loop: variance if forces of strips did not cancel */
-  }
-  for (int i = 0; i < s->strips; i++) {
-    double force = 0;
-    for (int j = 0; j < s->channels; j++) force = fmax(force, s->told[j * s->strips + i] * s->level[j]);
-    for (int k = 0; k < s->channels; k++) s->noise[k] += s->spread[k * s->strips + i] * force;
-  }
+  for (int k = 0; k < s->channels; k++) largest = fmax(largest, s->level[k] / unit_of(s, k));
+  find_least(s, s->level, s->noise);
   s->span = span_of(s, largest);
   s->least = LEAST * largest;
   for (int k = 0; k < s->channels; k++) {
     const double load = LEAST * (s->load[k] > 0 ? s->load[k] : 1);
     const double own = largest > 0 ? s->least * unit_of(s, k) : load;
-    const double apart = s->noise[k];
-    const double least = fmax(own, fmax(SLIGHT * apart, fmin(COARSE * apart, MUCH * s->residual[k])));
+    const double least = fmax(own, s->noise[k]);
     const double left = fmin(LEFT * s->residual[k], s->level[k]);
     const double misfit = fmax(s->floor * s->floor * s->level[k], left);
     s->noise[k] = s->steady[k] + s->stated[k] + fmax(s->span * misfit, least);

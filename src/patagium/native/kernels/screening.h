@@ -59,12 +59,13 @@ static int admit(screening *s) {
 static void start_noise(screening *s, int k, double scale) {
   const double own = scale > 0 ? scale : 1;
   s->largest[k] = own;
-  s->steady[k] = s->loaded[k] = s->relative * s->relative * own / 2;
+  s->residual[k] = s->relative * s->relative * own;
+  s->steady[k] = s->loaded[k] = s->residual[k] / 2;
 }
 
 /* Scale of a channel after a measurement. The noise is a share of that of the first samples, and
- * grows as the scale does; whether the noise is estimated by now. */
-static int follow_scale(screening *s, int k, double y) {
+ * grows as the scale does. */
+static void follow_scale(screening *s, int k, double y) {
   const double n = (double)++s->seen[k], apart = y - s->offset[k];
   s->scale[k] += (apart * apart - s->scale[k]) / n;
   const double scale = fmax(s->scale[k], LEAST_SCALE * s->load[k]);
@@ -76,7 +77,6 @@ static int follow_scale(screening *s, int k, double y) {
     s->steady[k] *= growth;
     s->loaded[k] *= growth;
   }
-  return n > FIRST_SAMPLES;
 }
 
 /* Variance of each channel at this sample; readout: rows of m numbers. */
@@ -161,20 +161,25 @@ static void learn_noise(screening *s, const double *measured, const double *gain
   const int m = s->channels;
   const double fresh = fmax(s->share, 1.0 / (double)s->whole[LEARNED]);
   const double share = fmax(s->share, 1.0 / (double)(s->whole[LEARNED] + FIRST_MEMORY));
+  double least[m];
+  for (int k = 0; k < m; k++)
+    if (s->relative > 0 && !s->left_out[k] && s->extra[k] == 0) follow_scale(s, k, measured[k]);
+  find_least(s, s->scale, least);
   for (int k = 0; k < m; k++) {
     const double relative = s->mean_load[k] > 0 ? s->load[k] / s->mean_load[k] : 1;
+    const int early = s->relative > 0 && s->extra[k] == 0 && s->seen[k] <= FIRST_SAMPLES;
+    const double smallest = fmax(s->smallest[k], least[k] / 2), left = s->noise[k] * gain[k];
     s->mean_load[k] += fresh * (s->load[k] - s->mean_load[k]);
-    if (s->left_out[k]) continue;
-    if (s->relative > 0 && s->extra[k] == 0 && !follow_scale(s, k, measured[k])) continue;
     double square = 0;
     for (int l = 0; l < m; l++) square += inverse[k * stride + l] * inverse[k * stride + l];
     const double raised = (s->noise[k] + s->extra[k]) / s->noise[k];
     const double larger = fmax(s->steady[k], s->loaded[k] * relative);
     const double own = s->noise[k] - s->stated[k];
-    const double move = share * raised * own / larger * (gain[k] * gain[k] - square);
-    s->steady[k] = fmax(s->steady[k] + s->steady[k] * s->steady[k] * move, s->smallest[k]);
-    s->loaded[k] =
-        fmax(s->loaded[k] + s->loaded[k] * s->loaded[k] * relative * move, s->smallest[k]);
+    const double rate = s->left_out[k] || early ? 0 : share;
+    const double move = rate * raised * own / larger * (gain[k] * gain[k] - square);
+    s->residual[k] += rate * (left * left - s->residual[k]);
+    s->steady[k] = fmax(s->steady[k] + s->steady[k] * s->steady[k] * move, smallest);
+    s->loaded[k] = fmax(s->loaded[k] + s->loaded[k] * s->loaded[k] * relative * move, smallest);
   }
 }
 
