@@ -328,6 +328,7 @@ class Scorer:
         return {
             "coverage": mean_heard(each),
             "coverage_second_half": mean_heard(late),
+            "coverage_second_half_by_output": dict(zip(self.names, late.tolist(), strict=True)),
             "nis_second_half": mean_heard(nis),
             "nis_second_half_by_output": dict(zip(self.names, nis.tolist(), strict=True)),
             "coverage_by_output": dict(zip(self.names, each.tolist(), strict=True)),

@@ -22,6 +22,8 @@ from patagium.learning.scores import INTERVAL, ErrorSums
 
 _RIGHT = 0.88, 0.99  # shares in the 95 % interval that are about right
 _NIS = 3.0  # times too large or too small
+_MARGIN = 1.2  # times: NMSEs of noise differ by 3 sqrt(2/N) by chance, N = 450 samples
+_TOLD = 3  # outputs that are named
 _SMALL = 1e-6  # NMSE: errors below a thousandth of the standard deviation of each output
 UNSEEN = 0.05
 """Share of samples in flow that was not learned, beyond which there is a warning."""
@@ -62,6 +64,10 @@ def _interval_words(scores: Mapping[str, Any]) -> list[str]:
     wide = 1 / sqrt(nis) if nis > 0 else float("inf")
     if coverage > _RIGHT[1] and wide**2 > _NIS:
         return [f"Intervals {wide:.2g} times too wide ({inside})."]
+    each = scores["coverage_second_half_by_output"].items()
+    narrow = ", ".join(f"{k} ({100 * one:.0f} %)" for k, one in each if one < _RIGHT[0])
+    if narrow:
+        return [f"Intervals about right in the mean ({inside}), but too narrow for {narrow}."]
     return [f"Intervals about right{', but for a few errors' * (nis > _NIS)} ({inside})."]
 
 
@@ -74,9 +80,9 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
     }
     for key, rival in rivals.items():
         other = scores.get(key, {})
-        names = [k for k, value in error.items() if value > max(other.get(k, np.inf), _SMALL)]
+        names = [k for k, e in error.items() if e > max(_MARGIN * other.get(k, np.inf), _SMALL)]
         if names:
-            outputs = f"{len(names)} outputs" if len(names) > 3 else ", ".join(names)
+            outputs = f"{len(names)} outputs" if len(names) > _TOLD else ", ".join(names)
             warnings.append(f"Warning: the error of {outputs} is larger than that of {rival}.")
     warnings += _frozen_words(scores) + _nis_words(scores)
     count, learned = scores["updates"], scores.get("updates_learned", 0)
@@ -105,12 +111,13 @@ def _frozen_words(scores: Mapping[str, Any]) -> list[str]:
     other = held if physics is None else physics
     for name, value in error.items():
         late = frozen.get(name, 0.0)
-        far = late > max(10 * value, other.get(name, np.inf), _SMALL)
-        names += [name] * (value < 1 < late or far)
+        far = late > max(10 * value, _MARGIN * other.get(name, np.inf), _SMALL)
+        names += [name] * (far or (value < 1 and late > _MARGIN))
     if not names:
         return []
-    worst = max(names, key=lambda name: float(frozen[name]))
-    text = f"with the last weights, the NMSE of {worst} would be {frozen[worst]:.2g}"
+    names.sort(key=lambda name: float(error[name] / frozen[name]))
+    told = ", ".join(f"{frozen[name]:.2g} for {name}" for name in names[:_TOLD])
+    text = f"with the last weights, the NMSE would be {told}"
     text += ": the weights follow this log, and are no model of it"
     remedy = ". If the machine does not change, try `--prior-share 0 --noise-memory 1000`"
     return [f"Warning: {text}{remedy * (physics is None)}."]

@@ -198,6 +198,46 @@ def test_warning_of_weights_that_follow_a_log_and_are_no_model_of_it() -> None:
         assert bool(told) == follows == (scores["nmse_second_half"]["y"] < 1 < own)
 
 
+def scored(**errors: list[float]) -> dict[str, Any]:
+    """Scores of outputs x, z and roll by kind, of the second half."""
+    return {
+        f"{k}_second_half": dict(zip(["x", "z", "roll"], v, strict=True)) for k, v in errors.items()
+    }
+
+
+def test_weights_that_are_lost_are_told_before_an_output_of_noise() -> None:
+    """The NMSE of noise is one, so that roll hid an x of .44, 52 times the error while learning."""
+    rivals = {"physics": [0.14, 0.1, 1.0], "persistence": [0.02, 0.03, 2.0]}
+    frozen, nmse = [0.44, 2e-4, 1.3], [0.0085, 2e-4, 0.99]
+    (told,) = _frozen_words(scored(nmse=nmse, frozen=frozen, **rivals))
+    assert "NMSE would be 0.44 for x, 1.3 for roll:" in told
+
+
+def test_errors_of_noise_are_no_worse_by_chance() -> None:
+    """A right model was "no model", as the NMSE of roll, which is noise, went from .99998 to 1."""
+    rivals = {"physics": [0.14, 0.1, 1.0], "persistence": [0.02, 0.03, 2.0]}
+    for error, warned in ((1.0006, False), (1.6, True)):  # with 1.0, by the margin of 1.2
+        right = {**said(1.0), **scored(nmse=[1e-4, 2e-6, 0.99998], frozen=[1e-4, 2e-6, error])}
+        assert bool(_frozen_words(right | scored(**rivals))) == warned
+        late = right | scored(nmse=[1e-4, 2e-6, error], **rivals)
+        told = [text for text in with_verdict(late)["verdict"] if "physics alone" in text]
+        assert bool(told) == warned
+        assert all("error of roll is" in text for text in told)
+
+
+def test_an_output_whose_interval_is_too_narrow_is_told() -> None:
+    """One of three outputs states .6 of its deviation; the mean of all is about right."""
+    network, std = DenseNetwork(1, (), ("a", "b", "c")), np.array([0.4, 2.0, 2.0])
+    learner = ExtendedLearner(network, prior_std=1e-9, measurement_std=std)
+    x, errors = np.zeros((400, 1)), np.random.default_rng(3).standard_normal((400, 3))
+    y = network.evaluate(x, learner.weights) + errors * [0.4 / 0.6, 1.9, 1.9]
+    scores = compare(learner, 0.01 * np.arange(400), x, y).scores
+    share = 100 * scores["coverage_second_half_by_output"]["a"]
+    assert scores["coverage_second_half"] > 0.88
+    assert scores["verdict"][0].startswith("Intervals about right in the mean (")
+    assert scores["verdict"][0].endswith(f", but too narrow for a ({share:.0f} %).")
+
+
 @pytest.mark.parametrize(("last", "warned"), [(0.85, True), (0.15, False), (0.07, False)])
 def test_last_weights_that_are_worse_than_physics_alone_are_told(last: float, warned: bool) -> None:
     """Last weights that lost the lift gave no warning, since a network with physics never did."""
