@@ -463,6 +463,9 @@ def trim(
         needed = stable_steps(search, search.family.neutral, states)
         search.steps = max(search.steps, min(_BEARABLE, needed))
     at, trouble = _searched(search, states, conditions, start.turn_rate if start else 0.0)
+    if trouble == "stalled" and start is None and flight.moving < flight.size:
+        search.still[:] = False  # air at rest was too far from that which the wings move
+        at, trouble = _searched(search, _settled(search, states), conditions, 0.0)
     if trouble:
         return _not_found(search, at, trouble)
     if tolerable:
@@ -558,6 +561,31 @@ def _first_states(search: OrbitSearch, robot: Robot, start: Orbit | None) -> Arr
     time = np.arange(SEGMENTS) / SEGMENTS / search.family.base.frequency
     states[:, names.index("x")] = begin.get("velocity of x", 0.0) * time
     return states
+
+
+@np.errstate(all="ignore")  # where the flight breaks the air stays at rest
+def _settled(search: OrbitSearch, states: Array) -> Array:
+    """States of the nodes with the air's own states as they repeat while the body does not change.
+
+    Newton's method for them alone: the last segment ends as the first begins.
+    """
+    rows = search.family.rows(search.family.neutral, search.steps, search.map.aero.air)
+    own, found = slice(search.map.moving, None), states.copy()
+    for _ in range(_NEWTON):
+        flown = search.map.fly(found, rows)
+        slopes = flown.by_state[:, own, own]
+        rest = flown.ends[:, own] - np.einsum("kij,kj->ki", slopes, found[:, own])
+        through, end = np.eye(rest.shape[1]), np.zeros(rest.shape[1])
+        for slope, more in zip(slopes, rest, strict=True):
+            through, end = slope @ through, slope @ end + more
+        if not np.isfinite(through).all():
+            return states
+        now, former = np.linalg.lstsq(np.eye(len(end)) - through, end)[0], found[:, own].copy()
+        for k, (slope, more) in enumerate(zip(slopes, rest, strict=True)):
+            found[k, own], now = now, slope @ now + more
+        if np.abs(found[:, own] - former).max() < _SETTLED:
+            break
+    return found
 
 
 def _searched(

@@ -66,11 +66,11 @@ cruise: {{frequency: {25 / s} Hz, amplitude: {{sweep: 60 deg}}, speed: 0 m/s}}
 """)
 
 
-def hovering(robot):
+def hovering(robot, gait=None):
     """Hover of a robot, in air without jumps and with the force of separated flow."""
     polar = pt.air.SmoothPolar()
     air = pt.air.Inflow(pt.QuasiSteady(robot, polar=polar, force_point="moving"))
-    found = pt.trim(robot, air, speed=0.0)
+    found = pt.trim(robot, air, gait, speed=0.0)
     assert found.found and found.residual <= 1e-12, found
     return found
 
@@ -81,6 +81,12 @@ def test_a_hinge_begins_at_the_rest_of_its_spring_whatever_the_zero_of_its_angle
     assert own.values == pytest.approx(turned.values, abs=1e-7)
     k = own.names.index("left_feather")
     assert own.states[:, k] == pytest.approx(turned.states[:, k] + np.pi / 2, abs=1e-7)
+
+
+def test_a_hover_is_found_from_a_gait_whose_inflow_is_far_from_rest():
+    """The search began in air at rest, and stalled where the wings move a strong stream."""
+    moth = hinged_moth()
+    hovering(moth, pt.gaits.sinusoidal(moth, frequency=60.0, sweep=np.radians(60)))
 
 
 def test_a_machine_that_is_smaller_and_faster_has_the_same_hover():
