@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -285,13 +284,16 @@ def left_open(
 
     if learned is None or learned.kept_covariance is None:
         return {}
-    apart = []
-    for seed in range(DRAWS):
-        with suppress(ParameterError):  # numbers that no air has
-            air, added_mass = learned.draw(seed).air(orbit.robot, orbit.aero.air)
+    apart, flown = [], (orbit.robot, orbit.aero.air)
+    try:
+        for seed in range(DRAWS):
+            air, added_mass = learned.draw(seed, *flown).air(*flown)
             found = search(air, added_mass=added_mass)
             if isinstance(found, Orbit):
                 apart.append([found.parameters[name] - x for name, x in orbit.parameters.items()])
+    except ParameterError as refused:
+        tell(f"What the log leaves open of this orbit is not known: {refused}.")
+        return {}
     lost = f"{DRAWS - len(apart)} of {DRAWS} have no such orbit"
     if not apart:
         tell(f"The log leaves open whether this orbit exists: {lost}.")

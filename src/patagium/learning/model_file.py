@@ -38,10 +38,13 @@ from patagium.limits import free_memory
 from patagium.netcdf_file import kind_of
 from patagium.reading import json_object, made_again, text_of
 from patagium.robot.model import Robot
+from patagium.simulation.simulator import check_added_mass
 from patagium.version import __version__
 from patagium.whole_file import write_whole
 
 FORMAT = "patagium model 2"
+_DRAWS = 20
+"""Draws of weights that no possible air has, after which the last refusal is raised."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +113,8 @@ class Model:
             air: Density and wind to fly in; by default those of the log.
 
         Raises:
-            ParameterError: If the network is no model of the air, or the robot is another one.
+            ParameterError: If the network is no model of the air, the robot is another one, or
+                the numbers are those of no possible robot and air.
         """
         found: Any = getattr(self.network, "air_at", None)
         if found is None:
@@ -133,31 +137,40 @@ class Model:
             innermost(description)["air"] = air.describe()
         model = aero_from_description(machine, description)
         added = None if added is None else replace(added, robot=machine, air=model.air)
+        check_added_mass(machine, model, added)
         return model, added
 
-    def draw(self, seed: int) -> Model:
+    def draw(self, seed: int, robot: Robot | None = None, air: Air | None = None) -> Model:
         """Model with weights drawn from what the samples left open: normal, about its own.
 
         What several draws make of a question, such as the orbits that they have, says how far the
-        log answers it.
+        log answers it. Weights that no possible air has, which `air` refuses, are drawn again.
 
         Args:
             seed: Seed of the draw.
+            robot: Robot to fly, as the method `air` takes it.
+            air: Density and wind to fly in, likewise.
 
         Raises:
-            ParameterError: If the learner had no covariance.
+            ParameterError: If the learner had no covariance, or `air` refused twenty draws.
         """
         if self.kept_covariance is None:
             raise ParameterError("covariance", "one, which filters keep", None)
-        weights, random = self.weights.copy(), np.random.default_rng(seed)
-        for block, part in zip(
-            self.kept_covariance.blocks, self.kept_covariance.parts, strict=True
-        ):
-            around = np.zeros(len(block))
-            weights[block] += random.multivariate_normal(
-                around, part, check_valid="ignore", method="eigh"
-            )
-        return replace(self, weights=weights)
+        kept, random = self.kept_covariance, np.random.default_rng(seed)
+        for left in reversed(range(_DRAWS)):
+            drawn = replace(self, weights=self.weights.copy())
+            for block, part in zip(kept.blocks, kept.parts, strict=True):
+                drawn.weights[block] += random.multivariate_normal(
+                    np.zeros(len(block)), part, check_valid="ignore", method="eigh"
+                )
+            try:
+                if hasattr(self.network, "air_at"):
+                    drawn.air(robot, air)
+                break
+            except ParameterError:
+                if not left:
+                    raise
+        return drawn
 
     def predict(self, x: ArrayLike) -> tuple[Array, Array]:
         """Measurement at x before it is made, with the network linear around its weights.

@@ -11,7 +11,6 @@ import xarray as xr
 from patagium.arrays import Array
 from patagium.errors import ParameterError
 from patagium.learning.model_file import Model
-from patagium.learning.models.grey_box import GreyBox
 from patagium.learning.models.network import Network
 from patagium.learning.models.physical import Estimate
 from patagium.report import Table
@@ -49,20 +48,20 @@ def estimates_of(trained: Trained) -> tuple[Estimate, ...]:
 def parameter_scores(trained: Trained) -> dict[str, Any]:
     """Physical parameters as JSON values: parameter_value, ... by name of the parameter.
 
-    `parameter_problem` says why no model of the air has these values, `parameter_fit` how they were
-    found; each is missing where there is nothing to say.
+    `parameter_problem` says why no model of the air has these weights, `parameter_fit` how they
+    were found; each is missing where there is nothing to say.
     """
-    estimates, network = estimates_of(trained), trained.network
-    if not estimates:
-        return {}
-    fields, told = ("unit", *_FIELDS), {}
-    if isinstance(trained, Model) and "parameter_fit" in trained.learner:
-        told["parameter_fit"] = trained.learner["parameter_fit"]
+    estimates, network, told = estimates_of(trained), trained.network, {}
     try:
-        if isinstance(network, GreyBox):
-            network.air_at(trained.weights)
+        if hasattr(network, "air_at"):
+            Model(network, trained.weights).air()
     except ParameterError as refused:
         told["parameter_problem"] = str(refused)
+    if not estimates:
+        return told
+    fields = "unit", *_FIELDS
+    if isinstance(trained, Model) and "parameter_fit" in trained.learner:
+        told["parameter_fit"] = trained.learner["parameter_fit"]
     return told | {
         f"parameter_{field}": {found.name: getattr(found, field) for found in estimates}
         for field in fields

@@ -93,7 +93,9 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
         remedy = " Of inputs that may jump, say `network.inputs_jump = True` before." * jumped
         warnings.append(f"Warning: {text} (events so far: {events}).{remedy}")
     if problem := scores.get("parameter_problem"):
-        warnings.append(f"Warning: no flight is made in this air. {problem}.")
+        lost = ", ".join(name for name, one in error.items() if one >= 1)
+        told = f" Nothing was learned of {lost}, as if they held noise alone." * bool(lost)
+        warnings.append(f"Warning: no flight is made in this air. {problem}.{told}")
     unseen = scores.get("unseen_share", 0.0)
     if unseen > UNSEEN:
         warnings.append(

@@ -13,6 +13,7 @@ from functools import partial
 from math import ceil
 from typing import Any, TypeAlias
 
+import casadi as ca
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -21,7 +22,8 @@ from numpy.typing import ArrayLike
 from patagium.aerodynamics import AddedMass, Aerodynamics, Air, QuasiSteady
 from patagium.arguments import Progress, checked, of_kind
 from patagium.arrays import Array, brief, real_array
-from patagium.dynamics.dynamics import Dynamics
+from patagium.dynamics.chain import vector
+from patagium.dynamics.crba import mass_matrix
 from patagium.errors import Outcome, ParameterError, SimulationFailed, check_names, positive
 from patagium.limits import MOST_STEPS
 from patagium.native import load_functions
@@ -121,12 +123,15 @@ def check_added_mass(robot: Robot, aero: Aerodynamics, added_mass: AddedMass | N
         raise ParameterError("added_mass", f"that of {_named(robot)}", _named(added_mass.robot))
     if added_mass.air != aero.air:
         raise ParameterError("added_mass.air", f"the air of aero, {aero.air}", added_mass.air)
-    if min(added_mass.factors.values()) < 0:  # as learned: a little below zero, for all that is off
-        q = robot.coordinates(**robot.resting)
-        inertia = Dynamics(robot).mass_matrix(q) + added_mass.mass_matrix(q)
-        if np.linalg.eigvalsh(inertia).min() <= 0:
-            expected = "factors that leave the robot an inertia above zero"
-            raise ParameterError("added_mass", expected, added_mass.factors)
+    below = {name: float(f"{one:.3g}") for name, one in added_mass.factors.items() if one < 0}
+    if below:  # as learned: a little below zero, for all that is off
+        q, numbers = vector(robot.coordinates(**robot.resting)), vector(added_mass.parameters)
+        inertia = mass_matrix(robot, q, added_mass.inertia(robot, vector(np.zeros(3)), numbers))
+        if np.linalg.eigvalsh(ca.evalf(inertia).full()).min() <= 0:
+            expected = "factors that leave the robot an inertia above zero (learned from forces "
+            expected += "that are noise alone? learn the log without them, by `measured` of "
+            expected += "LinearStripNetwork, or a flight in which the part moves the robot)"
+            raise ParameterError("added_mass", expected, below)
 
 
 def _shape(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...], int]:
