@@ -6,13 +6,14 @@
 Limits of inputs and of their changes are hard, limits of states soft: a program whose limits do
 not contradict each other always has a solution. `native/kernels/riccati_qp.h` solves it, warm
 started and without allocation; `condensed_qp.h` is faster where an `inverse` is given.
-`_solve_dense` is what runs without a compiler: its interior point method on the program in the
+`_solve_dense` is what runs without a compiler: nonnegative least squares on the program in the
 inputs alone. Neglected: hard limits of states.
 
 References:
     Bertsekas (1982), Constrained Optimization and Lagrange Multiplier Methods.
     Frison & Jorgensen (2013), Efficient implementation of the Riccati recursion for solving
     linear-quadratic control problems.
+    Lawson & Hanson (1974), Solving Least Squares Problems.
 """
 
 from __future__ import annotations
@@ -28,10 +29,8 @@ from patagium.arrays import Array, real_array
 from patagium.errors import CompilerError, ParameterError
 from patagium.native import load_kernel
 
-TOLERANCE, OPTIMALITY, GAP, MOST_STEPS = 1e-9, 1e-7, 1e-11, 80
-"""Of the dense form: violation of a limit, gradient over its largest term, mean product of slack
-and dual over the first, and steps after which it gives up."""
-
+TOLERANCE = 1e-9
+"""Violation of a limit by which ranges and rates contradict each other in the dense form."""
 
 _MOST = 10**8  # entries of all matrices
 _LOW, _HIGH = ("lower", "fall", "least"), ("upper", "rise", "most")
@@ -214,7 +213,7 @@ def condensed(program: QuadraticProgram) -> tuple[Array, Array, Array, Array]:
 
 
 def _solve_dense(program: QuadraticProgram) -> ProgramStatus:
-    """Status of a solution by the interior point method, its linear algebra dense."""
+    """Status of a solution in the inputs alone, its linear algebra dense."""
     program.data["status"] = status = _possible(program)
     if status is not ProgramStatus.SOLVED:
         return status
@@ -232,12 +231,7 @@ def _solve_dense(program: QuadraticProgram) -> ProgramStatus:
     limits = np.vstack([sign * rows[m] for sign, m, _ in sides])
     room = np.concatenate([sign * (end - base)[m] for sign, m, end in sides])
     give = 1.0 / np.concatenate([weight[m] for _, m, _ in sides])
-    width = (program["upper"] - program["lower"]).ravel()
-    slight = TOLERANCE * np.diag(hessian) * np.where(np.isfinite(width) & (width > 0), width, 1.0)
-    try:
-        inputs = _interior(hessian, gradient, limits, room, give, slight)
-    except np.linalg.LinAlgError:
-        inputs = ProgramStatus.NOT_CONVERGED
+    inputs = _nearest(hessian, gradient, limits, room, give)
     if isinstance(inputs, ProgramStatus):
         program.data["status"] = inputs
         return inputs
@@ -259,61 +253,36 @@ def _cost(program: QuadraticProgram) -> float:
     return float(states / 2 + inputs + cross + linear)
 
 
-def _interior(
-    hessian: Array, gradient: Array, limits: Array, room: Array, give: Array, slight: Array
+def _nearest(
+    hessian: Array, gradient: Array, limits: Array, room: Array, give: Array
 ) -> Array | ProgramStatus:
     """Minimum of 1/2 u'H u + h'u under C u <= room + give z, z the duals; or why there is none.
 
-    Mehrotra's predictor and corrector [Nocedal & Wright 2006, ch. 16.6]. `slight` is the gradient
-    that moves an input by less than a limit's tolerance.
+    In the metric of H it is the point within the limits that is nearest to the minimum without
+    them; nonnegative least squares find it [Lawson & Hanson, ch. 23]. What a soft limit gives
+    is a coordinate of its own.
     """
-    if not np.isfinite(hessian).all():
+    from scipy.optimize import nnls  # slow to import, rarely needed
+
+    if not all(np.isfinite(part).all() for part in (hessian, gradient, room)):
         return ProgramStatus.NOT_FINITE
-    if not np.linalg.eigvalsh(hessian)[0] > 0:
+    try:
+        root = np.linalg.cholesky(hessian).T
+    except np.linalg.LinAlgError:
         return ProgramStatus.NOT_CONVEX
-    u: Array = np.asarray(np.linalg.solve(hessian, -gradient), np.float64)
-    slack = np.maximum(room - limits @ u, 0.1)
-    dual = np.maximum(limits @ u - room, 0.1) * np.diag(hessian).max()
-    dual = (first := float(np.mean(slack * dual)) if len(room) else 0.0) / slack
-    for _ in range(MOST_STEPS):
-        product = float(np.mean(slack * dual)) if len(room) else 0.0
-        left = room - limits @ u + give * dual - slack
-        terms = np.array([hessian @ u, gradient, limits.T @ dual])
-        slope, small = terms.sum(axis=0), OPTIMALITY * np.abs(terms).max()
-        if product <= GAP * first and np.abs(left).max(initial=0) <= TOLERANCE:
-            solved = (np.abs(slope) <= np.maximum(small, slight)).all()
-            return u if solved else ProgramStatus.NOT_CONVERGED
-        stiffness = dual / (slack + give * dual)
-        stiff = hessian + (limits.T * stiffness) @ limits
-        factor: Any = np.linalg.cholesky(stiff)
-        state = factor, limits, give, slack, dual, left, slope
-        _, ds, dz, part = _step(*state, 0.0)
-        after = np.mean((slack + part * ds) * (dual + part * dz)) if len(room) else 0.0
-        aim = (after / product) ** 3 * product - ds * dz if product else 0.0
-        du, ds, dz, part = _step(*state, aim)
-        part = min(1.0, 0.995 * part)
-        u += part * du
-        slack, dual = slack + part * ds, dual + part * dz
-    return ProgramStatus.NOT_CONVERGED if np.isfinite(u).all() else ProgramStatus.NOT_FINITE
-
-
-def _step(
-    factor: Array,
-    limits: Array,
-    give: Array,
-    slack: Array,
-    dual: Array,
-    left: Array,
-    slope: Array,
-    aim: Array | float,
-) -> tuple[Array, Array, Array, float]:
-    """Newton step of inputs, slacks and duals, and the part of it that keeps them positive."""
-    loose = slack + give * dual
-    wanted = aim - slack * dual - dual * left
-    pull = -slope - limits.T @ (wanted / loose)
-    inputs = np.linalg.solve(factor.T, np.linalg.solve(factor, pull))
-    moved = limits @ inputs
-    dz = (wanted + dual * moved) / loose
-    ds = left - moved + give * dz
-    ends = np.r_[-slack[ds < 0] / ds[ds < 0], -dual[dz < 0] / dz[dz < 0]]
-    return inputs, ds, dz, float(ends.min(initial=1.0))
+    free: Array = np.linalg.solve(hessian, -gradient)
+    soft = np.diag(np.sqrt(give))[:, give > 0]
+    ways = np.hstack([-limits @ np.linalg.inv(root), soft])
+    sizes = np.linalg.norm(ways, axis=1)
+    away = (limits @ free - room) / sizes
+    if not (away > 0).any():
+        return free
+    unit = away.max()  # of length, for rounding's sake
+    rows = np.vstack([(ways / sizes[:, None]).T, away / unit])
+    last = np.eye(len(rows))[-1]
+    try:
+        duals = nnls(rows, last)[0]
+    except RuntimeError:
+        return ProgramStatus.NOT_CONVERGED
+    *moved, left = rows @ duals - last
+    return free - unit / left * np.linalg.solve(root, moved[: len(free)])
