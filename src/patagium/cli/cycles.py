@@ -22,7 +22,7 @@ def cycles(
     flight: FlightArgument = FLIGHT,
     period: Annotated[
         float | None,
-        option_in("s", "a time", "Period of a wingbeat, in s; that of the gait by default."),
+        option_in("s", "Period of a wingbeat, in s; that of the gait by default."),
     ] = None,
     skip: Annotated[
         int, typer.Option(min=0, help="Number of wingbeats left out at the beginning.")

@@ -21,7 +21,7 @@ MountKind: TypeAlias = Literal["free", "fixed", "carried", "arm"]
 
 def sizes(text: str) -> Numbers:
     """Lengths such as "0.9,0.3 m"; a last unit holds for all."""
-    found = Numbers(map(quantity("m", "a length"), parts_of(text)))
+    found = Numbers(map(quantity("m"), parts_of(text)))
     if len(found) > 3:
         raise typer.BadParameter(f"expected one to three lengths such as 0.9,0.3 m, found {text!r}")
     return found

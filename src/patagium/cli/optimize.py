@@ -31,9 +31,7 @@ PANELS = {"Air and flight": "climb aero polar inflow density", "Files": "output 
 def optimize(
     robot: options.RobotArgument,
     speed: options.SpeedOption = None,
-    climb: Annotated[
-        float, options.option_in("m/s", "a speed", "Mean speed upward, in m/s.")
-    ] = 0.0,
+    climb: Annotated[float, options.option_in("m/s", "Mean speed upward, in m/s.")] = 0.0,
     goal: Annotated[
         Literal["power", "range", "speed"],
         typer.Option(help="Least mean power, least energy a meter, or greatest speed."),

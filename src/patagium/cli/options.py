@@ -18,8 +18,8 @@ def output_file(text: str, *words: str, callback: Any = None) -> Any:
     return typer.Option(*words, writable=True, callback=callback, help=text)
 
 
-def option_in(unit: str, noun: str, text: str) -> Any:
-    """Option of a quantity in a unit, with its help."""
+def option_in(unit: str, text: str, noun: str = "") -> Any:
+    """Option of a quantity in a unit, with its help; the noun is for messages, as of `quantity`."""
     return typer.Option(parser=quantity(unit, noun), help=text)
 
 
@@ -51,20 +51,16 @@ MappingOption = Annotated[
 ]
 SpeedOption = Annotated[
     float | None,
-    option_in("m/s", "a speed", "Mean speed forward, in m/s; free by default, 0 hovers."),
+    option_in("m/s", "Mean speed forward, in m/s; free by default, 0 hovers."),
 ]
-DurationOption = Annotated[float | None, option_in("s", "a time", "Duration of the flight, in s.")]
+DurationOption = Annotated[float | None, option_in("s", "Duration of the flight, in s.")]
 DensityOption = Annotated[
     float | None,
-    option_in(
-        "kg/m^3", "a density", "Density of the air, in kg/m^3; 1.225, or that of a learned model."
-    ),
+    option_in("kg/m^3", "Density of the air, in kg/m^3; 1.225, or that of a learned model."),
 ]
 WindOption = Annotated[
     Vector | None,
-    typer.Option(
-        parser=vector("m/s", "a speed"), help="Steady wind in world axes, in m/s: -3,0,0."
-    ),
+    typer.Option(parser=vector("m/s"), help="Steady wind in world axes, in m/s: -3,0,0."),
 ]
 PolarOption = Annotated[
     list[str] | None,

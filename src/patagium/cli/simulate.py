@@ -36,11 +36,11 @@ if TYPE_CHECKING:
     from patagium.simulation.gait_models import Gait
 
 
-_ANGLE = {"parser": quantity("rad", "an angle", SWING)}
-_TILT = {"parser": quantity("rad", "an angle", TILT)}
-_PLACE = {"parser": vector("m", "a length")}
-_TURN = {"parser": vector("rad", "an angle")}
-_WAY = {"parser": vector("", "a pure number")}
+_ANGLE = {"parser": quantity("rad", most=SWING)}
+_TILT = {"parser": quantity("rad", most=TILT)}
+_PLACE = {"parser": vector("m")}
+_TURN = {"parser": vector("rad")}
+_WAY = {"parser": vector("")}
 
 EXAMPLES = (
     "patagium simulate aerobat",
@@ -71,9 +71,7 @@ def simulate(
     time_step: Annotated[
         float | None,
         options.option_in(
-            "s",
-            "a time",
-            "Fixed step of the RK4, in s; by default a 400th of a wingbeat or shorter.",
+            "s", "Fixed step of the RK4, in s; by default a 400th of a wingbeat or shorter."
         ),
     ] = None,
     gait: Annotated[
@@ -86,9 +84,7 @@ def simulate(
     frequency: Annotated[
         float | None,
         options.option_in(
-            "Hz",
-            "a frequency",
-            "Wing beats a second, in Hz; a table needs it whose last row is not its first.",
+            "Hz", "Wing beats a second, in Hz; a table needs it whose last row is not its first."
         ),
     ] = None,
     plunge: Annotated[
@@ -122,11 +118,11 @@ def simulate(
     ground: Annotated[
         float | None,
         options.option_in(
-            "m", "a height", "Height of the ground, world z, in m; without it there is none."
+            "m", "Height of the ground, world z, in m; without it there is none.", "a height"
         ),
     ] = None,
     speed: Annotated[
-        float | None, options.option_in("m/s", "a speed", "Initial speed forward, in m/s.")
+        float | None, options.option_in("m/s", "Initial speed forward, in m/s.")
     ] = None,
     pitch: Annotated[
         float | None, typer.Option(**_TILT, help="Initial pitch, positive nose down, in rad.")
@@ -156,10 +152,10 @@ def simulate(
         ),
     ] = None,
     path_speed: Annotated[
-        float | None, options.option_in("m/s", "a speed", "Greatest speed on the path, in m/s.")
+        float | None, options.option_in("m/s", "Greatest speed on the path, in m/s.")
     ] = None,
     path_frequency: Annotated[
-        float | None, options.option_in("Hz", "a frequency", "Frequency of the path, in Hz.")
+        float | None, options.option_in("Hz", "Frequency of the path, in Hz.")
     ] = None,
     path_along: Annotated[
         Vector | None,

@@ -66,7 +66,7 @@ def stream(
     robot: RobotOption = None,
     density: Annotated[
         float | None,
-        option_in("kg/m^3", "a density", "Density of the air, in kg/m^3; that of a log, or 1.225."),
+        option_in("kg/m^3", "Density of the air, in kg/m^3; that of a log, or 1.225."),
     ] = None,
     wind: WindOption = None,
     scale_by: Annotated[

@@ -46,17 +46,11 @@ def trim(
     speed: options.SpeedOption = None,
     climb: Annotated[
         float | None,
-        options.option_in(
-            "m/s", "a speed", "Mean speed upward, in m/s; 0 by default, free in a glide."
-        ),
+        options.option_in("m/s", "Mean speed upward, in m/s; 0 by default, free in a glide."),
     ] = None,
     turn_rate: Annotated[
         float,
-        options.option_in(
-            "rad/s",
-            "a rate of turning",
-            "Mean rate of the heading, positive to the left, in rad/s.",
-        ),
+        options.option_in("rad/s", "Mean rate of the heading, positive to the left, in rad/s."),
     ] = 0.0,
     free: Annotated[
         list[str] | None,
@@ -118,8 +112,8 @@ def trim(
     if along is not None:
         units = dict(zip(orbit.family.names, orbit.family.units, strict=True))
         name, limits = _range(along, {**units, "speed": "m/s", "climb": "m/s"})
-        hold = ("climb",) if level is not None or climb is not None else ()
-        hold = (*hold, *(("speed",) if speed is not None else ()))
+        given = {"climb": asked, "speed": speed}
+        hold = tuple(name for name, value in given.items() if value is not None)
         with progress_bar("Orbits of the branch, 400 at most") as progress:
             branch = control.continue_orbit(orbit, name, limits, hold=hold, progress=progress)
         _branch(branch, figure, as_json)

@@ -49,12 +49,19 @@ BETWEEN_LINES = 10.0
 """Time between two lines of progress where stderr is no terminal [s]."""
 
 
-def quantity(unit: str, noun: str, most: float = TURN) -> Callable[[str], float]:
+_NOUNS = {
+    "": "a pure number", "Hz": "a frequency", "kg/m^3": "a density", "m": "a length",
+    "m/s": "a speed", "rad": "an angle", "rad/s": "a rate of turning", "s": "a time",
+}  # fmt: skip
+"""Noun of a quantity with its article, for messages, by its SI unit."""
+
+
+def quantity(unit: str, noun: str = "", most: float = TURN) -> Callable[[str], float]:
     """A reader of quantities such as "5 Hz" or, bare, in SI.
 
     Args:
         unit: SI unit wanted.
-        noun: Noun with its article, for the message.
+        noun: Noun with its article, for the message; empty: that of the unit.
         most: Magnitude beyond which an angle needs a unit [rad].
     """
 
@@ -62,7 +69,7 @@ def quantity(unit: str, noun: str, most: float = TURN) -> Callable[[str], float]
         from patagium.robot.units import UnitMismatch, in_si
 
         try:
-            return in_si(text, unit, noun, most)
+            return in_si(text, unit, noun or _NOUNS[unit], most)
         except UnitMismatch as error:
             raise typer.BadParameter(str(error)) from None
 
@@ -74,14 +81,13 @@ FLIGHT = Path("flight.nc")
 """Flight that simulate writes and the verbs after it read, where none is named."""
 
 
-def vector(unit: str, noun: str) -> Callable[[str], Vector]:
+def vector(unit: str) -> Callable[[str], Vector]:
     """A reader of three quantities such as "-3,0,0 m/s"; a last unit holds for all.
 
     Args:
         unit: SI unit wanted.
-        noun: Noun with its article, for the message.
     """
-    one = quantity(unit, noun)
+    one = quantity(unit)
 
     def read(text: str) -> Vector:
         parts = parts_of(text)
@@ -117,9 +123,6 @@ def whole_numbers(text: str) -> WholeNumbers:
     if not found or min(found) < 1:
         raise typer.BadParameter(f"expected positive whole numbers such as 8,8, found {text!r}")
     return found
-
-
-_NOUNS = {"rad": "an angle", "m": "a length"}
 
 
 def named_quantities(
