@@ -86,10 +86,9 @@ def check_estimate(
     Raises:
         ParameterError: If they do not go together.
     """
-    if aero is not None and not words:
-        raise ParameterError("--aero", "--estimate to go with it", aero)
-    if refine is not None and not words:
-        raise ParameterError("--refine", "--estimate to go with it", refine)
+    for name, value in {"--aero": aero, "--refine": refine}.items():
+        if value is not None and not words:
+            raise ParameterError(name, "--estimate to go with it", value)
     if words and not is_flight:
         raise ParameterError("--estimate", "a flight (.nc), which has a robot", ", ".join(words))
 

@@ -223,9 +223,8 @@ def _chosen(found: dict[str, Any]) -> LearnerChoice:
     """Choice of the values of `_options`; a file of settings gives what was not given."""
     path = found.pop("settings", None)
     given = {name: value for name, value in found.items() if value is not None}
-    shape: dict[str, Any] = {}
     words = {"learner": "kind"} | {name: name for name in ("hidden", "activation", "seed")}
-    shape |= {new: given[old] for old, new in words.items() if old in given}
+    shape: dict[str, Any] = {new: given[old] for old, new in words.items() if old in given}
     if "network" in given:
         shape["network"] = NetworkKind(given["network"])
     settings = {}

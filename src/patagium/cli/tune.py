@@ -88,12 +88,10 @@ def tune(
     names = [file.name for file in files]
     make: Any = flight_network if opened[0][1] is None else table_network
     networks = [make(logs[0], one) for one in _tried(choice, opened[0][1])]
-    settings: dict[str, Any] = {}
-    for name, given in nested(choice.settings or {}).items():
-        several = isinstance(given, list) and len(given) > 1
-        settings[name] = Alternatives(tuple(given)) if several else given
-        if isinstance(given, list) and len(given) == 1:
-            settings[name] = given[0]
+    settings = nested(choice.settings or {})
+    for name, given in settings.items():
+        if isinstance(given, list):
+            settings[name] = Alternatives(tuple(given)) if len(given) > 1 else given[0]
     journal = out.with_suffix(".trials.jsonl")
     if journal.exists():
         tell(f"Going on from the trials in {journal}")

@@ -50,12 +50,8 @@ def view(
         typer.Option(help="Predicted forces too, as identify --predictions wrote them."),
     ] = None,
     title: Annotated[str | None, typer.Option(help="Heading of the page.")] = None,
-    start: Annotated[
-        float | None, option_in("s", "a time", "Show the flight from here, in s.")
-    ] = None,
-    end: Annotated[
-        float | None, option_in("s", "a time", "Show the flight up to here, in s.")
-    ] = None,
+    start: Annotated[float | None, option_in("s", "Show the flight from here, in s.")] = None,
+    end: Annotated[float | None, option_in("s", "Show the flight up to here, in s.")] = None,
     still: Annotated[
         Path | None, output_file("File for a picture of one moment instead (.png, .svg, .pdf).")
     ] = None,
@@ -65,7 +61,7 @@ def view(
     ] = None,
     at: Annotated[
         float | None,
-        option_in("s", "a time", "That moment, in s; else of the largest force of a middle beat."),
+        option_in("s", "That moment, in s; else of the largest force of a middle beat."),
     ] = None,
 ) -> None:
     """Show a flight in three dimensions: one HTML file, opened by any browser, offline.
@@ -75,6 +71,7 @@ def view(
     Bodies, folding wings, forces on strips, path; plays from 1/200 of real time, steps, repeats a
     wingbeat; plots of generalized forces with a cursor at the time shown.
     """
+    from patagium.learning.result import load_identification
     from patagium.report.figures import save_figure
     from patagium.report.page import page_path
     from patagium.viewer import replay
@@ -98,7 +95,9 @@ def view(
             raise ParameterError(name, f"none with {'--still' if still else '--film'}", value)
     with progress_bar(f"Reading {flight.name}"):
         shown = _flight(flight)
-    predicted = _predicted(model, predictions, shown)
+    predicted: Predicted | None = None if model is None else model_for(model, shown)
+    if predictions is not None:
+        predicted = load_identification(existing(predictions))
     if still is not None:
         with progress_bar("Drawing"):
             save_figure(draw_still(shown, at, predicted=predicted), still)
@@ -135,13 +134,3 @@ def _flight(file: Path) -> xr.Dataset:
         return (load_log if kind_of(file).startswith(LOADED) else load_flight)(file)
     motion = command("patagium motion {} --robot ROBOT", file)
     raise LogError(file, f"a motion, which `{motion}` finds", "sensors alone")
-
-
-def _predicted(
-    model: Path | None, predictions: Path | None, flight: xr.Dataset
-) -> Predicted | None:
-    from patagium.learning.result import load_identification
-
-    if model is not None:
-        return model_for(model, flight)
-    return None if predictions is None else load_identification(existing(predictions))
