@@ -337,13 +337,11 @@ def _marks(
     marks: list[tuple[float, Bifurcation]] = []
     turned = here.pace * ahead.pace < 0
     if turned:
-        sign = np.sign(here.pace)
-        part, place = _between(curve, here, length, lambda one: np.sign(one.pace) == sign)
+        part, place = _between(curve, here, length, lambda one: np.sign(one.pace))
         near = place.size[np.argmin(np.abs(place.size - 1.0))]
         marks.append((part, _bifurcation(curve, "fold", place, near)))
     if _unstable(here) != _unstable(ahead):
-        count = _unstable(here)
-        part, place = _between(curve, here, length, lambda one: _unstable(one) == count)
+        part, place = _between(curve, here, length, _unstable)
         apart = np.abs(np.abs(place.size) - 1.0)
         near = place.size[apart < max(_NEAR, 1.01 * apart.min())]
         crossing = near[np.argmax(np.abs(near - 1.0))]  # neutral ones stay at 1
@@ -365,8 +363,10 @@ def _unstable(place: _Place) -> int:
     return int(np.count_nonzero(np.abs(place.size) > 1.0 + _OUTSIDE))
 
 
-def _between(curve: _Curve, here: _Place, length: float, same: Any) -> tuple[float, _Place]:
-    """Part of a step and orbit at which something changes, by bisection."""
+def _between(
+    curve: _Curve, here: _Place, length: float, number: Callable[[_Place], float]
+) -> tuple[float, _Place]:
+    """Part of a step and orbit at which a number of an orbit changes, by bisection."""
     low, high, place = 0.0, 1.0, here
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
@@ -374,7 +374,7 @@ def _between(curve: _Curve, here: _Place, length: float, same: Any) -> tuple[flo
         if found is None:
             break
         place = found
-        low, high = (middle, high) if same(found) else (low, middle)
+        low, high = (middle, high) if number(found) == number(here) else (low, middle)
     return low, place
 
 

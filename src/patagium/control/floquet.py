@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,13 +19,11 @@ from numpy.typing import NDArray
 from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.control.orbit import STILL, Frame, Orbit
-from patagium.control.wingbeat import FlightMap
 
 GONE = 1e-12
 """Size of a multiplier whose rate is rounding's: nothing is left of the mode after a beat."""
 FAILS = 0.2
 """Relative error of an averaged rate from which on averaging fails."""
-_Slopes = Callable[[Array], tuple[Array, Array]]
 _BALANCED = 1e-8  # mean rate of an equilibrium, rounding of some thousand operations [SI]
 
 
@@ -149,8 +148,12 @@ def floquet(orbit: Orbit) -> Floquet:
     still = np.flatnonzero(np.abs(values - 1.0) < STILL)
     vectors[:, still], driven = _neutral_motions(slope, sizes, len(still))
     values[still] = 1.0
-    slopes = _beat_slopes(orbit)
-    averaged, first = _averaged_rates(orbit, slopes), _first_order_rates(orbit, slopes)
+    rows = orbit.family.rows(orbit.values, orbit.steps, orbit.aero.air)
+    beginnings = rows.table[: -1 : len(rows.table) // len(orbit.states)]
+    slopes = partial(orbit.map.slopes, rows=beginnings)
+    beat = zip(orbit.states, *slopes(orbit.states), strict=True)
+    mean = np.mean([frame.seen_rate(*one) for one in beat], axis=0)
+    averaged, first = np.linalg.eigvals(mean).astype(complex), _first_order_rates(orbit, slopes)
     order = np.argsort(-np.abs(values), kind="stable")
     kept = [k for k in order if values[k].imag >= 0]
     rates = np.emath.log(np.where(values == 0, 1e-300, values)[kept]) / period  # of 0: rounding
@@ -193,28 +196,17 @@ def _neutral(orbit: Orbit) -> NDArray[np.complex128]:
     return np.asarray(np.linalg.eigvals(np.triu(moved[frame.neutral])) + left, complex)
 
 
-def _beat_slopes(orbit: Orbit) -> _Slopes:
-    """Rates of states at the beginnings of the segments, and their Jacobians."""
-    flight_map: FlightMap = orbit.map
-    rows = orbit.family.rows(orbit.values, orbit.steps, orbit.aero.air)
-    each = len(rows.table) // len(orbit.states)
-    beginnings = rows.table[: each * len(orbit.states) : each]
-    return lambda states: flight_map.slopes(states, beginnings)
-
-
-def _averaged_rates(orbit: Orbit, slopes: _Slopes) -> NDArray[np.complex128]:
-    """Rates of the mean of the beat's linearization, (n - 4,) [1/s]."""
-    frame, states = Frame(orbit.names), orbit.states
-    beat = zip(states, *slopes(states), strict=True)
-    seen = [frame.seen_rate(state, rate, slope) for state, rate, slope in beat]
-    return np.asarray(np.linalg.eigvals(np.mean(seen, axis=0)), complex)
-
-
-def _first_order_rates(orbit: Orbit, slopes: _Slopes) -> NDArray[np.complex128]:
+def _first_order_rates(
+    orbit: Orbit, slopes: Callable[[Array], tuple[Array, Array]]
+) -> NDArray[np.complex128]:
     """Rates of averaging of first order about its own equilibrium, (n - 4,) [1/s].
 
     The mean rate of a held state vanishes at the equilibrium, which Levenberg and Marquardt's
     method finds from the mean state of the orbit.
+
+    Args:
+        orbit: The orbit.
+        slopes: Function of states as the segments begin, that gives their rates and Jacobians.
     """
     from scipy.optimize import root  # slow to import, rarely needed
 

@@ -19,7 +19,7 @@ from patagium.arguments import Progress
 from patagium.arrays import Array, Bools, Indices
 from patagium.control.gait_family import GaitFamily
 from patagium.control.orbit import Frame, Orbit
-from patagium.control.trimming import Conditions, parameter_sizes, state_sizes
+from patagium.control.trimming import STEEPEST, Conditions, parameter_sizes, state_sizes
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.robot import Robot
 
@@ -35,7 +35,6 @@ _SAMPLES = 120  # of a beat, at which limits hold
 _BETWEEN = 2001  # samples by which a gait is judged, as everywhere
 _CLOSE = 1e-6  # inside a limit [1]
 _STEP = 1e-6  # of differences of exact derivatives, in scaled unknowns
-_STEEPEST = 1.5  # pitch: Euler angles are singular at a right angle [rad]
 _AGAIN = 5  # solutions at most, with what samples miss taken off the limits
 _ITERATIONS = 200
 _OPTIONS = {
@@ -572,8 +571,8 @@ class GaitProgram:
         low = -high
         frame = Frame(self.names)
         pitch = self.names.index("pitch")
-        low[pitch : (m + 1) * n : n] = -_STEEPEST
-        high[pitch : (m + 1) * n : n] = _STEEPEST
+        low[pitch : (m + 1) * n : n] = -STEEPEST
+        high[pitch : (m + 1) * n : n] = STEEPEST
         for k in frame.neutral:
             low[k] = high[k] = 0.0
         high[self._top] = swings.high - self._beyond[0]
@@ -652,14 +651,11 @@ class GaitProgram:
         for one in functions:
             if one.stopped is not None:
                 raise one.stopped
-        z = np.array(found["x"]).ravel()
-        on = np.array(found["lam_g"]).ravel()
-        of = np.array(found["lam_x"]).ravel()
+        z, on, of = (np.array(found[name]).ravel() for name in ("x", "lam_g", "lam_x"))
         stats = solver.stats()
         self.iterations += stats["iter_count"]
-        again = {"x0": z, "lam_g0": on, "lam_x0": of}
         w = z * self.scale
-        return again, Optimum(
+        return {"x0": z, "lam_g0": on, "lam_x0": of}, Optimum(
             w[self._nodes].reshape(self.parts + 1, -1),
             w[self._values],
             float(w[self._work][0]),

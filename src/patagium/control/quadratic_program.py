@@ -226,12 +226,10 @@ def _solve_dense(program: QuadraticProgram) -> ProgramStatus:
     high = np.concatenate([program[k].ravel() for k in _HIGH])
     weight = np.r_[np.full(2 * count * nu, np.inf), program["weight"].ravel()]
     weight[2 * count * nu :][: program.sizes[1]] = 0.0  # the first state is given
-    sides = [(sign, np.flatnonzero(np.isfinite(end) & (weight > 0)), end)
-             for sign, end in ((1.0, high), (-1.0, low))]  # fmt: skip
-    limits = np.vstack([sign * rows[m] for sign, m, _ in sides])
-    room = np.concatenate([sign * (end - base)[m] for sign, m, end in sides])
-    give = 1.0 / np.concatenate([weight[m] for _, m, _ in sides])
-    inputs = _nearest(hessian, gradient, limits, room, give)
+    limits, weight = np.vstack([rows, -rows]), np.tile(weight, 2)
+    room = np.r_[high - base, base - low]
+    kept = np.isfinite(np.r_[high, low]) & (weight > 0)
+    inputs = _nearest(hessian, gradient, limits[kept], room[kept], 1.0 / weight[kept])
     if isinstance(inputs, ProgramStatus):
         program.data["status"] = inputs
         return inputs

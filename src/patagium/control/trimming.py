@@ -56,7 +56,8 @@ _RANK = 1e-9  # of singular values that count
 _SURE = 0.05  # size of misfits from which on Newton steps no longer bring a gait back in its limits
 _PROJECTIONS, _SETTLED = 10, 1e-2  # ways back to where a search began, and the last one's length
 _SOUND = 340.0  # m/s, beyond which no model of the air holds
-_STEEPEST = 1.5  # pitch: Euler angles are singular at a right angle [rad]
+STEEPEST = 1.5
+"""Pitch beyond which no orbit is sought: Euler angles are singular at a right angle [rad]."""
 
 
 @dataclass(frozen=True)
@@ -264,7 +265,7 @@ class OrbitSearch:
             best, part = None, 1.0
             while best is None and part >= _SHORTEST:
                 nodes, trial = at.states + part * states, at.values + part * values
-                upright = np.abs(nodes[:, self._pitch]).max(initial=0.0) < _STEEPEST
+                upright = np.abs(nodes[:, self._pitch]).max(initial=0.0) < STEEPEST
                 if upright and self.family.swings(trial)[0] > 0:
                     best = self.point(nodes, trial, conditions)
                     if not best.size < (1.0 - 0.1 * part) * at.size:
@@ -650,7 +651,7 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
         reason, remedy = trouble, f"widen that limit, {remedy}"
     pitch = at.states[:, [name == "pitch" for name in search.map.names]]
     steep = np.abs(pitch).max(initial=0.0)
-    if trouble == "stalled" and steep > _STEEPEST - 0.1:
+    if trouble == "stalled" and steep > STEEPEST - 0.1:
         reason += f"; pitch came to {np.degrees(steep):.0f} degrees from level, and Euler angles "
         reason += "are singular at 90"
         remedy = f"ask for a speed or a climb at which it flies flatter, {NEARBY}"

@@ -141,6 +141,7 @@ class FlightMap:
         self._slopes = _compiled_slopes(self)
         self._library = None if self._slopes.seeded else load_kernel("wingbeat")
 
+    @np.errstate(all="ignore")  # a flight that breaks is not finite, not a warning
     def fly(self, states: ArrayLike, rows: PrescribedRows) -> Segments:
         """Segments of equal length from given states, with the derivatives of their ends.
 
@@ -168,11 +169,11 @@ class FlightMap:
         slopes[:, given + np.arange(own), joints + np.arange(own)] = 1.0
         steps = np.r_[rows.step_slopes, np.zeros(own)]
         task = PrescribedRows(np.ascontiguousarray(rows.table), slopes, rows.time_step, steps)
-        with np.errstate(all="ignore"):  # a flight that breaks is not finite, not a warning
-            if self._library is None:
-                return _flown(self._slopes, np.array(states, float), task, self._quaternions)
-            return _flown_compiled(self._library, self._slopes, states, task, self._quaternions)
+        if self._library is None:
+            return _flown(self._slopes, np.array(states, float), task, self._quaternions)
+        return _flown_compiled(self._library, self._slopes, states, task, self._quaternions)
 
+    @np.errstate(all="ignore")
     def slopes(self, states: Array, rows: Array) -> tuple[Array, Array]:
         """Rates of states and their Jacobians.
 
@@ -185,9 +186,9 @@ class FlightMap:
         """
         ways = np.tile(np.eye(self.size), (len(states), 1, 1))
         given = np.zeros((len(states), 0, self._row_size - 3 + len(self.parameters)))
-        with np.errstate(all="ignore"):
-            return _rate_and_slope(self._slopes, np.asarray(states, float), rows, ways, given)
+        return _rate_and_slope(self._slopes, np.asarray(states, float), rows, ways, given)
 
+    @np.errstate(all="ignore")
     def loads(self, states: Array, rows: PrescribedRows) -> Segments:
         """Forces or torques, then powers, of the actuated joints as segments begin, (m, 2 n_a).
 
@@ -201,8 +202,7 @@ class FlightMap:
         at = 2 * (rows.steps // len(states)) * np.arange(len(states))
         given = rows.slopes[at]
         ways = np.tile(np.eye(self.size, self.size + given.shape[1]), (len(states), 1, 1))
-        with np.errstate(all="ignore"):
-            found, slope = _rate_and_slope(self._loads, states, rows.table[at], ways, given)
+        found, slope = _rate_and_slope(self._loads, states, rows.table[at], ways, given)
         return Segments(found, slope[:, :, : self.size], slope[:, :, self.size :])
 
     @cached_property
