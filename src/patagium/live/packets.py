@@ -253,11 +253,11 @@ class DatagramPackets:
             if self._describe is not None and datagram[8:16] == _DESCRIBES:
                 text = datagram[16:].decode("utf-8", "replace")
                 self._columns = len(self._describe(text))
-                return np.empty((0, self._columns))
-            return self._in_order(*self._read(datagram))
+            else:
+                return self._in_order(*self._read(datagram))
         except ValueError as problem:
             self._intake.refuse(f"datagram: {problem}")
-            return np.empty((0, self._columns))
+        return np.empty((0, self._columns))
 
     def _read(self, datagram: bytes) -> tuple[float, int, Array]:
         numbers, left = divmod(len(datagram), 8)

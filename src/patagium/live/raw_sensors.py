@@ -205,7 +205,7 @@ class MotionPackets:
         self._told: set[str] = set()
         self._shifts: dict[str, float] = {}
         self._settings: tuple[Array, dict[str, Array]] = np.empty(0), {}
-        self._due: deque[float] = deque()
+        self._due: list[float] = []
         self._torque = _Torque(robot, self._sensors, self._mount, self._shifts)
         self._tracker: MotionTracker | None = None
         self._made = np.empty((0, len(packet_columns(robot))))
@@ -443,8 +443,7 @@ class MotionPackets:
 
     def _follow(self, *, ended: bool) -> list[Array]:
         """Packets from the samples that are due, which the tracker takes in the motion's order."""
-        newest = [(stamp, name) for name, stamp in self._newest.items()]
-        now = [self._moment(*one) for one in newest if one[1] in self._seeing]
+        now = [self._moment(self._newest[n], n) for n in self._seeing if n in self._newest]
         until = np.inf if ended else max(min(now), max(now) - _PATIENCE)
         self._waiting.sort(key=lambda one: self._moment(one[0], one[1]))
         made = []
@@ -471,13 +470,11 @@ class MotionPackets:
         if not tracker.started:
             return []
         begin, end = tracker.span
-        while self._due and self._due[0] < begin:
-            self._due.popleft()
+        self._due = [moment for moment in self._due if moment >= begin]
         times = np.array([moment for moment in self._due if moment <= end - lag])
         if not len(times) or times[-1] - times[0] < lag / 2:
             return []
-        for _ in times:
-            self._due.popleft()
+        del self._due[: len(times)]
         levels = tracker.past(times)
         if not (np.abs(levels) <= self._most).all():
             self._lose_track()
@@ -485,9 +482,8 @@ class MotionPackets:
         base = floating_base(self._robot)
         if base is not None:  # no jumps of whole turns
             angles = np.vstack([self._turn, levels[:, 0, base.turn]])
-            angles = np.unwrap(angles, axis=0)[1:]
-            levels[:, 0, base.turn] = angles
-            self._turn = angles[-1]
+            levels[:, 0, base.turn] = np.unwrap(angles, axis=0)[1:]
+            self._turn = levels[-1, 0, base.turn]
         motion = levels.reshape(len(times), -1)
         torque = self._torque.at(times)
         return [np.column_stack([times, motion, torque])]

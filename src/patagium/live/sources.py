@@ -14,6 +14,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext, suppress
 from functools import partial
 from ipaddress import ip_address
 from pathlib import Path
@@ -216,29 +217,21 @@ class TextSource:
             LogError: If the text has no header that names the columns.
         """
         packets = TextPackets(self._columns, queue.intake, queue.describe)
-        if self._path is None:
-            self._follow(self._pipe, packets, queue, stop)
-            return
-        with self._path.open("rb") as file:
-            self._follow(file.fileno(), packets, queue, stop)
-
-    def _follow(
-        self, descriptor: int, packets: TextPackets, queue: PacketQueue, stop: threading.Event
-    ) -> None:
-        pipe = self._path is None
-        fed = None if pipe else time.monotonic()
-        while not stop.is_set():
-            told = not pipe or bool(select.select([descriptor], [], [], _LOOK)[0])
-            piece = os.read(descriptor, _PIECE) if told else b""
-            if piece:
-                queue.put(packets.take(piece), waits=True)
-                fed = time.monotonic()
-            elif pipe and told:
-                break
-            elif self._idle is not None and fed and time.monotonic() - fed > self._idle:
-                break
-            elif not pipe:
-                stop.wait(_LOOK / 2)
+        with nullcontext() if self._path is None else self._path.open("rb") as file:
+            descriptor = self._pipe if file is None else file.fileno()
+            fed = None if file is None else time.monotonic()
+            while not stop.is_set():
+                told = bool(file or select.select([descriptor], [], [], _LOOK)[0])
+                piece = os.read(descriptor, _PIECE) if told else b""
+                if piece:
+                    queue.put(packets.take(piece), waits=True)
+                    fed = time.monotonic()
+                elif file is None and told:
+                    break
+                elif self._idle is not None and fed and time.monotonic() - fed > self._idle:
+                    break
+                elif file is not None:
+                    stop.wait(_LOOK / 2)
         packets.end()
 
 
@@ -312,11 +305,9 @@ class DatagramSource:
 
     def _waiting(self, packets: DatagramPackets) -> Array:
         found: list[Array] = []
-        while len(found) < 64:
-            try:
+        with suppress(BlockingIOError):
+            while len(found) < 64:
                 found.append(packets.take(self._socket.recv(LARGEST_DATAGRAM)))
-            except BlockingIOError:
-                break
         whole = [part for part in found if len(part)]
         return np.concatenate(whole) if whole else np.empty((0, self._columns))
 
