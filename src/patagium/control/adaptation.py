@@ -130,12 +130,12 @@ class AirWeights:
         if not (alike >= 1 and np.isfinite([*told, seen]).all() and np.isfinite(y @ y)):
             expected = "finite numbers with finite squares, and of one beat at least"
             raise ParameterError("slopes, measured and alike", expected, (slopes, measured, alike))
-        kept = 1.0 - (1.0 - self._kept) / alike
         errors = [np.sum((y - h @ w) ** 2) for w in (self.weights, self.prior)]
-        self._errors = kept * self._errors + np.array(errors)
-        self._count = kept * self._count + len(y)
-        self._information = kept * self._information + (1 - kept) * self._own + told
-        self._vector = kept * self._vector + (1 - kept) * self._own @ self.prior + seen
+        self.forget((1.0 - self._kept) / alike)
+        self._errors += errors
+        self._count += len(y)
+        self._information += told
+        self._vector += seen
         self.weights = np.asarray(np.linalg.solve(self._information, self._vector), float)
 
     @checked

@@ -139,8 +139,7 @@ def _limited(flight: FlightMap, family: GaitFamily, rows: PrescribedRows) -> _Sw
     """Motions that the parameters change and something limits, each of a mirrored pair once."""
     robot, n = flight.robot, len(family.base.joints)
     moved: Array = np.abs(rows.slopes).max(axis=(0, 1))
-    seen, joints = set(), []
-    bounds: list[tuple[float, ...]] = []
+    found: dict[tuple[Any, ...], tuple[tuple[Any, ...], str]] = {}
     for k, (joint, i) in enumerate(zip(family.base.joints, robot.actuated, strict=True)):
         swing = (0.0, np.inf)
         for name, actuator in robot.actuators.items():
@@ -154,16 +153,13 @@ def _limited(flight: FlightMap, family: GaitFamily, rows: PrescribedRows) -> _Sw
                 limits.append((k + order * n, -rates[i], rates[i], 0.0, np.inf))
         for limit in limits:
             column, *others = limit
-            motion = rows.table[:, column].tobytes()
-            way = rows.slopes[:, :, column].tobytes()
-            key = (motion, way, *others)
-            if moved[column] and key not in seen:
-                seen.add(key)
-                bounds.append(limit)
-                joints.append(joint)
-    columns, *parts = np.array(bounds, float).reshape(-1, 5).T
-    low, high, least, most = parts
-    return _Swings(columns.astype(np.int64), low, high, least, most, tuple(joints))
+            if moved[column]:
+                motion, way = rows.table[:, column], rows.slopes[:, :, column]
+                found.setdefault((motion.tobytes(), way.tobytes(), *others), (limit, joint))
+    bounds = np.array([limit for limit, _ in found.values()], float).reshape(-1, 5)
+    columns, low, high, least, most = bounds.T
+    joints = tuple(joint for _, joint in found.values())
+    return _Swings(columns.astype(np.int64), low, high, least, most, joints)
 
 
 def _linear_ranges(family: GaitFamily) -> _Ranges:
