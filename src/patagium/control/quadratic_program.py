@@ -268,7 +268,7 @@ def _nearest(
         root = np.linalg.cholesky(hessian).T
     except np.linalg.LinAlgError:
         return ProgramStatus.NOT_CONVEX
-    free: Array = np.linalg.solve(hessian, -gradient)
+    free = np.asarray(np.linalg.solve(hessian, -gradient), float)
     soft = np.diag(np.sqrt(give))[:, give > 0]
     ways = np.hstack([-limits @ np.linalg.inv(root), soft])
     sizes = np.linalg.norm(ways, axis=1)
@@ -283,4 +283,4 @@ def _nearest(
     except RuntimeError:
         return ProgramStatus.NOT_CONVERGED
     *moved, left = rows @ duals - last
-    return free - unit / left * np.linalg.solve(root, moved[: len(free)])
+    return np.asarray(free - unit / left * np.linalg.solve(root, moved[: len(free)]), float)
