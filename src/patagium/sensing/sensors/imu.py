@@ -8,6 +8,7 @@ low-pass itself, errors of scale, misalignment, and the effect of vibration on a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -98,12 +99,10 @@ class Imu(FramedSensor):
             ("accelerometer", "specific_force", "m/s^2", motion.specific_force, errors[:2], most),
             ("gyroscope", "angular_rate", "rad/s", motion.angular_velocity, errors[2:], fastest),
         ):
+            signal = partial(Signal, ("axis",), units)
             shown = np.clip(truth + bias + white, -limit, limit)
-            measured[quantity] = Signal(
-                ("axis",), units, stepped(shown, getattr(self, f"{part}_step"))
-            )
-            true[quantity] = Signal(("axis",), units, truth)
-            true[f"{part}_bias"] = Signal(("axis",), units, bias)
+            measured[quantity] = signal(stepped(shown, getattr(self, f"{part}_step")))
+            true |= {quantity: signal(truth), f"{part}_bias": signal(bias)}
         return Reading(measured, true, {"axis": AXES})
 
     def _bias(self, part: str, count: int, rng: np.random.Generator) -> Array:

@@ -18,7 +18,28 @@ from patagium.sensing.sensors.sensor import Reading, Sensor, Signal, bound, nois
 
 
 @dataclass(frozen=True, kw_only=True)
-class Encoder(Sensor):
+class JointSensor(Sensor):
+    """Sensor of the coordinates of joints.
+
+    Args:
+        joints: Names of the coordinates; () for all actuated ones.
+
+    Raises:
+        ParameterError: If an entry is no name.
+    """
+
+    joints: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        names = tuple(self.joints) if isinstance(self.joints, list | tuple) else (self.joints,)
+        if not all(isinstance(part, str) and part for part in names):
+            raise ParameterError("joints", "names of coordinates", self.joints)
+        object.__setattr__(self, "joints", names)
+        super().__post_init__()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Encoder(JointSensor):
     """Encoder of the coordinates of joints.
 
     Args:
@@ -33,14 +54,9 @@ class Encoder(Sensor):
         zero_std: Standard deviation of the error of each zero, constant in a log [rad, m].
     """
 
-    joints: tuple[str, ...] = ()
     resolution: float = noise()
     std: float = noise()
     zero_std: float = noise()
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "joints", names("joints", self.joints))
-        super().__post_init__()
 
     @property
     def sample_std(self) -> float:
@@ -73,7 +89,7 @@ class Encoder(Sensor):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MotorCurrent(Sensor):
+class MotorCurrent(JointSensor):
     """Sensor of motor currents, i = u1 / (ratio k), from which the joint torques follow.
 
     Args:
@@ -93,7 +109,6 @@ class MotorCurrent(Sensor):
         bandwidth: Bandwidth of a first-order low-pass [Hz]; None without one.
     """
 
-    joints: tuple[str, ...] = ()
     torque_constant: float
     gear_ratio: float = 1.0
     std: float = noise()
@@ -104,7 +119,6 @@ class MotorCurrent(Sensor):
     bandwidth: float | None = bound()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "joints", names("joints", self.joints))
         positive("torque_constant", self.torque_constant)
         positive("gear_ratio", self.gear_ratio)
         super().__post_init__()
@@ -140,18 +154,6 @@ class MotorCurrent(Sensor):
         current, torque = (partial(Signal, ("joint",), units) for units in ("A", "N or N m"))
         truth = {"current": current(true), "joint_force": torque(sharp)}
         return Reading({"current": current(shown)}, truth, {"joint": joints})
-
-
-def names(name: str, value: object) -> tuple[str, ...]:
-    """Tuple of names of coordinates.
-
-    Raises:
-        ParameterError: If an entry is no name.
-    """
-    found = tuple(value) if isinstance(value, list | tuple) else (value,)
-    if not all(isinstance(part, str) and part for part in found):
-        raise ParameterError(name, "names of coordinates", value)
-    return found
 
 
 def joint_names(chosen: tuple[str, ...], robot: Robot) -> tuple[str, ...]:

@@ -80,8 +80,7 @@ class LoadCell(FramedSensor):
             matrix = real_array("cross_talk", self.cross_talk, (6, 6))
             if not np.isfinite(matrix).all():
                 raise ParameterError("cross_talk", "finite numbers", self.cross_talk)
-            rows = tuple(tuple(float(x) for x in row) for row in matrix)
-            object.__setattr__(self, "cross_talk", rows)
+            object.__setattr__(self, "cross_talk", tuple(map(tuple, matrix.tolist())))
         super().__post_init__()
 
     @property

@@ -87,16 +87,13 @@ class MotionCapture(FramedSensor):
 
     def _lost(self, count: int, rng: np.random.Generator) -> Bools:
         """Whether each frame is lost, (N,), by a Markov chain of two states."""
-        chance = rng.random(count)
         run = max(1.0, self.dropout_length * self.rate)
         leave = min(1.0 / run, 1.0 - self.dropout)
         enter = leave * self.dropout / (1.0 - self.dropout)
-        lost = np.zeros(count, bool)
-        state = False
-        for k in range(count):
-            limit = self.dropout if k == 0 else (1.0 - leave if state else enter)
-            state = bool(chance[k] < limit)
-            lost[k] = state
+        lost, limit = np.zeros(count, bool), self.dropout
+        for k, chance in enumerate(rng.random(count)):
+            lost[k] = chance < limit
+            limit = 1.0 - leave if lost[k] else enter
         return lost
 
 

@@ -149,7 +149,7 @@ def sense(flight: xr.Dataset, sensors: Sequence[Sensor], *, seed: int = 0) -> Se
 
 def published(sensor: Sensor) -> Sensor:
     """Sensor as a laboratory knows it, without its delay and its clock."""
-    return replace(sensor, delay=0.0, clock_offset=0.0, clock_drift=0.0)
+    return replace(sensor, **dict.fromkeys(HIDDEN, 0.0))
 
 
 def _dataset(stamps: Array, signals: Mapping[str, Signal], reading: Reading) -> xr.Dataset:

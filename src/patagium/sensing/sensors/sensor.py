@@ -268,7 +268,7 @@ def vector(name: str, value: Any, size: int = 3) -> tuple[float, ...]:
         raise ShapeError(name, (size,), array.shape)
     if not np.isfinite(array).all():
         raise ParameterError(name, "finite numbers", value)
-    return tuple(float(x) for x in np.broadcast_to(array, (size,)))
+    return tuple(np.broadcast_to(array, (size,)).tolist())
 
 
 def axes(name: str, value: Any) -> Axes:
@@ -283,7 +283,7 @@ def axes(name: str, value: Any) -> Axes:
     turned = np.abs(matrix @ matrix.T - np.eye(3)).max() < tolerance
     if not (turned and np.linalg.det(matrix) > 0):
         raise ParameterError(name, "a rotation", matrix.tolist())
-    return tuple(tuple(float(x) for x in row) for row in matrix)
+    return tuple(map(tuple, matrix.tolist()))
 
 
 def saturation(name: str, count: int, total: int) -> str:
