@@ -57,7 +57,7 @@ class ArdupilotFile(LogFile):
             self._reader = _opened(path)
             self._content = np.memmap(path, np.uint8, "r")
             self._places: dict[str, tuple[int, int | None]] = {}
-            self.topics: dict[str, Topic] = {}
+            self.topics = {}
             for kind, found in sorted(self._reader.formats.items(), key=lambda one: one[1].name):
                 if found.name in _DEFINITIONS or not len(self._reader.offsets[kind]):
                     continue
@@ -115,12 +115,10 @@ class ArdupilotFile(LogFile):
         """Messages of a type as they are stored, (N,), but for one that the end cuts off."""
         found = self._reader.formats[kind]
         dtype = _layout(found)
-        if dtype.itemsize != found.len - 3:
-            raise LogError(
-                f"messages {found.name}: expected {dtype.itemsize + 3} bytes as their "
-                f"format says, found {found.len}"
-            )
-        places = np.asarray(self._reader.offsets[kind], np.int64) + 3
+        if dtype.itemsize != found.len - _HEADER:
+            expected = f"{dtype.itemsize + _HEADER} bytes as their format says"
+            raise LogError(f"messages {found.name}", expected, found.len)
+        places = np.asarray(self._reader.offsets[kind], np.int64) + _HEADER
         places = places[places + dtype.itemsize <= len(self._content)]
         windows = np.lib.stride_tricks.sliding_window_view(self._content, dtype.itemsize)
         return np.ascontiguousarray(windows[places]).view(dtype)[:, 0]

@@ -169,12 +169,14 @@ class ColumnError(LogError):
     """Column of a log that cannot be read as numbers, while others can.
 
     Args:
-        message: Description, with the remedy.
+        where: The file.
         column: Its name.
+        expected: What it may hold, in words.
+        found: What it holds, with the remedy.
     """
 
-    def __init__(self, message: str, column: str) -> None:
-        super().__init__(message)
+    def __init__(self, where: str, column: str, expected: str, found: str) -> None:
+        super().__init__(f"{where}: column {column}", expected, found)
         self.column = column
 
 
@@ -191,6 +193,7 @@ def reading(path: Path, kind: str, extra: str = "logs", otherwise: str = "") -> 
     Raises:
         LogError: If the library is missing, or fails in any way on a damaged file.
     """
+    remedy = f"; {otherwise}" if otherwise else ""
     try:
         yield
     except PatagiumError:
@@ -198,12 +201,16 @@ def reading(path: Path, kind: str, extra: str = "logs", otherwise: str = "") -> 
     except ModuleNotFoundError as problem:
         raise LogError(
             f"{path}: reading {kind} needs the package {(problem.name or '').partition('.')[0]!r}: "
-            f"pip install 'patagium[{extra}]'" + (f"; {otherwise}" if otherwise else "")
+            f"pip install 'patagium[{extra}]'{remedy}"
         ) from problem
     except Exception as problem:  # libraries raise their own, struct's, zlib's and Python's
-        reason = " ".join(str(problem).split())[:300] or type(problem).__name__
-        remedy = f"; {otherwise}" if otherwise else ""
+        reason = one_line(problem, 300)
         raise LogError(f"{path}: cannot be read as {kind}: {reason}{remedy}") from problem
+
+
+def one_line(problem: Exception, most: int) -> str:
+    """Message of an error on one line of at most so many characters."""
+    return " ".join(str(problem).split())[:most] or type(problem).__name__
 
 
 def nanoseconds(raw: NDArray[Any], factor: float) -> Stamps:
@@ -304,12 +311,11 @@ def _missing(topic: Topic, path: str, where: str) -> str:
     for name, reason in topic.unplaced.items():
         if path in (name, re.split(r"\s*[\[(]", name)[0]):  # the name alone, or with its unit
             return f"{where}: {path!r} cannot be read as numbers: {reason}"
-    held = f"topic {topic.name!r}" if topic.name else "the file"
-    kind = f" ({topic.kind})" if topic.name else ""
+    held = f"topic {topic.name!r} ({topic.kind})" if topic.name else "the file"
     stems = {re.split(r"\.[^.]*$|\[[^\[]*$", name)[0] for name in topic.channels}
     closest = _closest(path, [*topic.channels, *sorted(stems)])
     remedy = closest + f"; {topic.hint}" * bool(topic.hint)
-    return f"{where}: expected {path!r}, but {held}{kind} holds {some(topic.channels)}{remedy}"
+    return f"{where}: expected {path!r}, but {held} holds {some(topic.channels)}{remedy}"
 
 
 def _closest(name: str, names: Any) -> str:

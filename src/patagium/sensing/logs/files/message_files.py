@@ -20,7 +20,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
@@ -38,6 +38,7 @@ from patagium.sensing.logs.files.channels import (
     Request,
     StampSource,
     Topic,
+    one_line,
     reading,
 )
 
@@ -45,6 +46,8 @@ _STEP = re.compile(r"\.?([^.\[\]]+)|\[([^\]]*)\]")
 _END = re.compile(r"[.\[]|$")
 _MOST_ENTRIES = 64
 _MOST_PARTS = 16
+_MOST_WORDS = 200
+"""Characters of an error in a description."""
 _FIRST = 200
 """Messages of a topic among which named parts, and numbers where the first has null, are found."""
 _ROWS = 4096
@@ -54,6 +57,7 @@ _NULL = "null in the first messages"
 NO_MESSAGE = "no message in the log"
 """Problem of a topic without messages."""
 _SECONDS = ("sec", "secs", "seconds")
+_NUMBERS = {"bool": bool | np.bool_, "int": int | np.integer, "float": float | np.floating}
 _NANOS = ("nanosec", "nsec", "nsecs", "nanos", "nanoseconds")
 
 Getter = Callable[[Any], Any]
@@ -100,8 +104,9 @@ def message_topic(
             if other:
                 aliases.setdefault(other, path)
     except Exception as problem:  # decoders raise their own errors
-        foreign = "" if isinstance(problem, LogError) else f"cannot be decoded: {one_line(problem)}"
-        return known or unreadable_topic(name, kind, count, foreign or str(problem))
+        own = isinstance(problem, LogError)
+        reason = str(problem) if own else f"cannot be decoded: {one_line(problem, _MOST_WORDS)}"
+        return known or unreadable_topic(name, kind, count, reason)
     parts = {path[: mark.start()] for path in channels for mark in _END.finditer(path)}
     unplaced = {path: why for path, why in unplaced.items() if path not in parts}
     if known is not None:
@@ -157,11 +162,6 @@ def message_blocks(
 def unreadable_topic(name: str, kind: str, count: int | None, problem: str) -> Topic:
     """Topic without numbers that says why it cannot be read."""
     return Topic(name, kind, count, {}, StampSource("received"), problem)
-
-
-def one_line(problem: Exception) -> str:
-    """Message of an error on one line of at most 200 characters."""
-    return " ".join(str(problem).split())[:200] or type(problem).__name__
 
 
 class _Rows:
@@ -286,12 +286,9 @@ def _key_of(part: Any) -> str | None:
 
 def _leaves(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]:
     """Path, type and alternative path of every number; of all else, no type and the reason."""
-    if isinstance(value, bool | np.bool_):
-        yield path, "bool", ""
-    elif isinstance(value, int | np.integer):
-        yield path, "int", ""
-    elif isinstance(value, float | np.floating):
-        yield path, "float", ""
+    kind = next((word for word, types in _NUMBERS.items() if isinstance(value, types)), "")
+    if kind:
+        yield path, kind, ""
     elif isinstance(value, str):
         yield path, "", f"text such as {value[:40]!r}"
     elif isinstance(value, bytes) or value is None:
@@ -329,18 +326,13 @@ def _is_list(value: Any) -> bool:
     )
 
 
-def _members(value: Any) -> Iterator[tuple[str, Any]]:
+def _members(value: Any) -> Iterable[tuple[str, Any]]:
+    """Parts of a dict, of a message of rosbags, which is a dataclass, or of one of Protobuf."""
     if isinstance(value, dict):
-        yield from value.items()
-        return
-    fields = getattr(value, "__dataclass_fields__", None)
-    if fields is not None:
-        names = [name for name in fields if not name.startswith("_")]
-    else:
-        descriptor = getattr(value, "DESCRIPTOR", None)
-        names = [field.name for field in descriptor.fields] if descriptor is not None else []
-    for name in names:
-        yield name, getattr(value, name)
+        return value.items()
+    names = [n for n in getattr(value, "__dataclass_fields__", ()) if not n.startswith("_")]
+    names += [field.name for field in getattr(getattr(value, "DESCRIPTOR", None), "fields", ())]
+    return [(name, getattr(value, name)) for name in names]
 
 
 def _stamp_path(message: Any, fields: list[str]) -> str | None:
@@ -443,7 +435,7 @@ class MessageTypes:
 
     def __init__(self, *, ros2: bool, distribution: str | None = None) -> None:
         self._ros2, self._distribution = ros2, distribution
-        self._decoders: dict[tuple[str, str], Decoder] = {}
+        self._made = cache(self._make)
         self.borrowed: dict[str, str] = {}
 
     def decoder(self, kind: str, definition: str, language: str) -> Decoder:
@@ -459,10 +451,7 @@ class MessageTypes:
         """
         if kind.count("/") == 1:
             kind = kind.replace("/", "/msg/")  # as ROS 1 has it
-        key = (kind, definition)
-        if key not in self._decoders:
-            self._decoders[key] = self._make(kind, definition, language)
-        return self._decoders[key]
+        return self._made(kind, definition, language)
 
     def _make(self, kind: str, definition: str, language: str) -> Decoder:
         from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
@@ -485,9 +474,8 @@ class MessageTypes:
                 store.register({name: it for name, it in types.items() if name not in store.types})
             except Exception as problem:  # parsers raise their own
                 raise LogError(f"the definition of {kind} cannot be read: {problem}") from problem
-        if self._ros2:
-            return lambda content: store.deserialize_cdr(content, kind)
-        return lambda content: store.deserialize_ros1(content, kind)
+        read = store.deserialize_cdr if self._ros2 else store.deserialize_ros1
+        return lambda content: read(content, kind)
 
     def _collection(self) -> tuple[Any, str]:
         from rosbags.typesys import Stores, get_typestore
@@ -505,13 +493,25 @@ def _idl(definition: str, parse: Callable[[str], Any]) -> dict[str, Any]:
     line = "=" * 80 + "\n"
     if not definition.startswith(f"{line}IDL: "):
         return dict(parse(definition))
-    types: dict[str, Any] = {}
-    for part in definition.split(line)[1:]:
-        types.update(parse(part.partition("\n")[2]))
-    return types
+    parts = [parse(part.partition("\n")[2]) for part in definition.split(line)[1:]]
+    return {name: found for part in parts for name, found in part.items()}
 
 
-class BagFile(LogFile):
+class _Recording(LogFile):
+    """Open recording of messages, in one part or several."""
+
+    _parts: list[Any]
+    _messages: Callable[[Any, set[str]], Iterator[Message]]  # of a part, on some topics
+
+    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
+        """Requested rows in the order in which their messages were received."""
+        topics = {one.topic for one in wanted}
+        with reading(self.path, self.format):
+            streams = [self._messages(part, topics) for part in self._parts]
+            yield from message_blocks(streams, wanted)
+
+
+class BagFile(_Recording):
     """Open bag, or the open parts of one.
 
     Args:
@@ -525,39 +525,30 @@ class BagFile(LogFile):
         super().__init__(*paths)
         self._ros2 = paths[0].suffix != ".bag"
         self.format = "ROS 2 bag" if self._ros2 else "ROS 1 bag"
-        self._readers: list[Any] = []
+        self._parts = []
         try:
             with reading(self.path, self.format):
-                self._readers = [self._open(path) for path in paths]
-                metadata = getattr(getattr(self._readers[0], "storage", None), "metadata", None)
+                self._parts = [self._open(path) for path in paths]
+                metadata = getattr(getattr(self._parts[0], "storage", None), "metadata", None)
                 distribution = getattr(metadata, "ros_distro", None)
                 self._types = MessageTypes(ros2=self._ros2, distribution=distribution)
                 held: dict[str, list[tuple[Any, Any]]] = defaultdict(list)
-                for reader in self._readers:
+                for reader in self._parts:
                     for connection in reader.connections:
                         held[connection.topic].append((reader, connection))
-                self.topics: dict[str, Topic] = {
-                    name: self._topic(name, parts) for name, parts in sorted(held.items())
-                }
+                self.topics = {name: self._topic(name, held[name]) for name in sorted(held)}
         except BaseException:
             self.close()
             raise
         for kind, named in sorted(self._types.borrowed.items()):
             self.notes.append(f"the bag carries no definition of {kind}: that of {named} is used")
 
-    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
-        """Requested rows in the order of the bag."""
-        topics = {one.topic for one in wanted}
-        with reading(self.path, self.format):
-            streams = [self._messages(reader, topics) for reader in self._readers]
-            yield from message_blocks(streams, wanted)
-
     def close(self) -> None:
         """Close the files."""
-        for reader in self._readers:
+        for reader in self._parts:
             with suppress(Exception):  # one that failed to open
                 reader.close()
-        self._readers = []
+        self._parts = []
 
     def _open(self, path: Path) -> Any:
         reader: Any = import_module(f"rosbags.rosbag{1 + self._ros2}").Reader(path)
@@ -611,16 +602,16 @@ def _bound_chunks(path: Path, reader: Any) -> None:
             reader.chunks[place] = chunk._replace(decompressor=bounded)
 
 
-class McapFile(LogFile):
+class McapFile(_Recording):
     """Open MCAP file, or the parts of one recording."""
 
     format = "MCAP"
 
     def __init__(self, paths: list[Path]) -> None:
         super().__init__(*paths)
-        self._paths, self._types = paths, MessageTypes(ros2=True)
+        self._parts, self._types = paths, MessageTypes(ros2=True)
         self._old_types = MessageTypes(ros2=False)
-        self._decoders: dict[tuple[Any, ...], Callable[[bytes], Any]] = {}
+        self._decoders: dict[tuple[Any, ...], Decoder] = {}
         self._cut: set[Path] = set()
         with reading(self.path, self.format):
             self.topics = self._look()
@@ -628,17 +619,11 @@ class McapFile(LogFile):
             for kind, named in sorted(types.borrowed.items()):
                 self.notes.append(f"no definition of {kind} in the file: that of {named} is used")
 
-    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
-        """Requested rows in the order in which they were logged."""
-        topics = {one.topic for one in wanted}
-        with reading(self.path, self.format):
-            yield from message_blocks([self._messages(p, topics) for p in self._paths], wanted)
-
     def _look(self) -> dict[str, Topic]:
         counts: Counter[str] = Counter()
         looked: Counter[str] = Counter()
         self.topics = topics = dict[str, Topic]()
-        for path in self._paths:
+        for path in self._parts:
             for schema, channel, message in self._records(path, None, counts):
                 known = topics.get(channel.topic)
                 if known is None or (_is_open(known) and looked[channel.topic] < _FIRST):
@@ -712,8 +697,8 @@ class McapFile(LogFile):
                 if not got:
                     raise
                 if topics is None:
-                    note = f"{path.name}: breaks off after {got} message(s): {one_line(problem)}"
-                    self.notes.append(note)
+                    reason = one_line(problem, _MOST_WORDS)
+                    self.notes.append(f"{path.name}: breaks off after {got} message(s): {reason}")
 
     def _messages(self, path: Path, topics: set[str]) -> Iterator[Message]:
         for schema, channel, message in self._records(path, topics):
@@ -721,13 +706,12 @@ class McapFile(LogFile):
             yield Message(channel.topic, message.log_time, decode)
 
     def _decoded(self, schema: Any, channel: Any, message: Any) -> Any:
-        name, content = ("", b"") if schema is None else (schema.name, schema.data)
-        key = (channel.message_encoding, name, content)
+        key = (channel.message_encoding, schema and (schema.name, schema.data))
         if key not in self._decoders:
             self._decoders[key] = self._make(channel.message_encoding, schema)
         return self._decoders[key](message.data)
 
-    def _make(self, encoding: str, schema: Any) -> Callable[[bytes], Any]:
+    def _make(self, encoding: str, schema: Any) -> Decoder:
         if encoding == "json":
             return json.loads
         if encoding == "protobuf" and schema is not None:
@@ -739,7 +723,7 @@ class McapFile(LogFile):
         raise LogError(f"expected messages of ROS, JSON or Protobuf, found {encoding!r}")
 
 
-def _protobuf(schema: Any) -> Callable[[bytes], Any]:
+def _protobuf(schema: Any) -> Decoder:
     from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
     pool = descriptor_pool.DescriptorPool()

@@ -73,10 +73,8 @@ def open_log(paths: str | Path | Sequence[str | Path], *, skip_rows: int | None 
     kind = kinds.pop()
     if skip_rows is not None:
         if kind != ".csv" or len(parts) > 1:
-            raise LogError(
-                f"{given[0]}: skip_rows: expected one CSV file, whose lines it counts, found "
-                f"{len(parts)} of {kind}; leave it out"
-            )
+            found = f"{len(parts)} of {kind}; leave it out"
+            raise LogError(f"{given[0]}: skip_rows", "one CSV file, whose lines it counts", found)
         return table_files.CsvFile(parts[0], skip_rows)
     if kind in _PARTED:
         return _PARTED[kind](parts)
@@ -142,8 +140,6 @@ def _kind(path: Path) -> str:
     if path.suffix.lower() in {**_SINGLE, **_PARTED}:
         return path.suffix.lower()  # its reader says what is wrong with it
     if head.startswith(b"FMT,"):
-        raise LogError(
-            f"{path}: expected {_SUMMED_UP}, found ArduPilot's log as text; convert it: "
-            f"mavlogdump.py --format mat --mat_file log.mat {path.name}"
-        )
+        convert = f"mavlogdump.py --format mat --mat_file log.mat {path.name}"
+        raise LogError(path, _SUMMED_UP, f"ArduPilot's log as text; convert it: {convert}")
     raise LogError(path, _SUMMED_UP, f"a name that ends in {ending or 'nothing'!r}")

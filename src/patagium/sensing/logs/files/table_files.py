@@ -180,8 +180,7 @@ def as_numbers(raw: Any, column: str, where: str, first: int) -> Array:
     if array.dtype.kind in "fiub":
         return array.astype(float)
     if array.dtype.kind == "c":
-        text = f"{where}: column {column}: expected real numbers, found complex ones"
-        raise ColumnError(text, column)
+        raise ColumnError(where, column, "real numbers", "complex ones")
     numbers = np.full(len(array), np.nan)
     for row, word in enumerate(array.tolist()):
         if word is None or (isinstance(word, str) and not word.strip()):
@@ -189,11 +188,8 @@ def as_numbers(raw: Any, column: str, where: str, first: int) -> Array:
         try:
             numbers[row] = float(word)
         except (TypeError, ValueError):
-            raise ColumnError(
-                f"{where}: column {column}: expected numbers, found {str(word)[:40]!r} "
-                f"in row {first + row + 1}; an empty cell is a missing number",
-                column,
-            ) from None
+            place = f"in row {first + row + 1}; an empty cell is a missing number"
+            raise ColumnError(where, column, "numbers", f"{str(word)[:40]!r} {place}") from None
     return numbers
 
 
@@ -420,11 +416,8 @@ def _list_entries(where: str, column: str, cells: Any, size: int, first: int) ->
         entries = _entries_of(cell) if text else _flat(cell)
         if entries is None or len(entries) != size:
             found = repr(cell[:40]) if text or entries is None else len(entries)
-            raise ColumnError(
-                f"{where}: column {column}: expected a list of {size} numbers, found {found} in "
-                f"row {first + row + 1}; mend or remove the row",
-                column,
-            )
+            place = f"in row {first + row + 1}; mend or remove the row"
+            raise ColumnError(where, column, f"a list of {size} numbers", f"{found} {place}")
         numbers[row] = entries
     return numbers
 
@@ -557,7 +550,7 @@ class CsvFile(_RowsFile):
         except LogError as problem:  # which `inspect` lists
             reason = str(problem).removeprefix(f"{path}: ")
             topic = Topic("", "table", None, {}, StampSource("rows"), reason)
-        self.topics: dict[str, Topic] = {"": topic}
+        self.topics = {"": topic}
 
     def _parts(self, sources: list[str]) -> Iterator[Any]:
         with self._opened() as text:
@@ -590,11 +583,11 @@ class CsvFile(_RowsFile):
         Raises:
             LogError: If a line has more entries than there are names.
         """
+        expected, row = f"{len(self._names)} entries a line, as there are names", 0
         remedy = (
             "put lists and text with separators in quotes, name every column, or state the lines "
             "before the names as `skip_rows`"
         )
-        row = 0
         try:
             with pd.read_csv(
                 _Headed(self._separator.join("." * (len(self._names) + 1)) + "\n", text),
@@ -616,19 +609,15 @@ class CsvFile(_RowsFile):
                         return
                     more = np.flatnonzero(frame.pop(_BEYOND).notna())
                     if len(more):
-                        raise LogError(
-                            f"{self.path}: expected {len(self._names)} entries a line, as there "
-                            f"are names, found more in row {row + int(more[0]) + 1}; {remedy}"
-                        )
+                        found = f"more in row {row + int(more[0]) + 1}; {remedy}"
+                        raise LogError(self.path, expected, found)
                     row += len(frame)
                     yield frame if len(frame) == BLOCK else self._without_text(frame)
         except pd.errors.EmptyDataError:
             return
         except pd.errors.ParserError as problem:
-            raise LogError(
-                f"{self.path}: expected {len(self._names)} entries a line, as there are names, "
-                f"found more in row {row + 1} or below ({problem}); {remedy}"
-            ) from problem
+            found = f"more in row {row + 1} or below ({problem}); {remedy}"
+            raise LogError(self.path, expected, found) from problem
 
     def _table(self, look: str, units: Mapping[str, str]) -> Topic:
         """Topic of the columns, by the first lines.
@@ -637,10 +626,9 @@ class CsvFile(_RowsFile):
             LogError: If there is no line of names, or a line has more entries than names.
         """
         if any(_is_number(name) and not re.fullmatch(r"\.?\d+", name) for name in self._names):
-            raise LogError(
-                f"{self.path}: expected a line of names, found numbers in line {self._skip}; write "
-                "one above them, such as `t [s],gyro.x [rad/s],...`"
-            )
+            remedy = "write one above them, such as `t [s],gyro.x [rad/s],...`"
+            found = f"numbers in line {self._skip}; {remedy}"
+            raise LogError(self.path, "a line of names", found)
         with reading(self.path, "CSV"):
             frames = list(self._frames(io.StringIO(look), None))
         if not frames or not len(frames[0]):
@@ -728,7 +716,7 @@ class CsvTables(LogFile):
         ends = [*(one.start() for one in found[1:]), len(content)]
         names = distinct(one[1].decode() for one in found)
         self._parts: dict[str, tuple[CsvFile, float]] = {}
-        self.topics: dict[str, Topic] = {}
+        self.topics = {}
         for name, one, end in zip(names, found, ends, strict=True):
             part = CsvFile(path, content=content[one.start() : end].rstrip(b"\r\n,;\t ") + b"\n")
             rate = float(one[2])
@@ -823,18 +811,20 @@ class ParquetFile(_RowsFile):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         with reading(path, "Parquet"):
-            from pyarrow import parquet, types
+            from pyarrow import parquet
 
             self._file = parquet.ParquetFile(path)
             schema = _flattened(self._file.schema_arrow.empty_table()).schema
             first = next(self._parts(None, 1), None)
-            found: dict[str, str] = {}
+            found, units, unplaced = dict[str, str](), dict[str, str](), dict[str, str]()
             stamped: dict[str, float] = {}
-            unplaced: dict[str, str] = {}
-            for name, kind in zip(schema.names, schema.types, strict=True):
-                if types.is_timestamp(kind):
+            for field in schema:
+                name, kind, held = field.name, field.type, field.metadata or {}
+                stated = held.get(b"unit", held.get(b"units", b""))
+                units[name] = stated.decode("utf-8", "replace")
+                if _is_any(kind, "timestamp"):
                     found[name], stamped[name] = "timestamp", 1.0
-                elif _is_numeric_type(kind):
+                elif _is_any(kind, *_NUMERIC):
                     found[name] = str(kind)
                 elif _is_list_type(kind) and first is not None:
                     size = np.size(_flat(first[name].to_numpy()[0]))
@@ -845,14 +835,9 @@ class ParquetFile(_RowsFile):
                         unplaced[name] = f"a list of {size} entries; 1 to {_MOST_COLUMNS} are read"
                 else:
                     unplaced[name] = f"of type {kind}, no numbers"
-        words = {field.name: field.metadata or {} for field in schema}
-        units = {
-            name: held.get(b"unit", held.get(b"units", b"")).decode("utf-8", "replace")
-            for name, held in words.items()
-        }
         count = int(self._file.metadata.num_rows)
         topic = table_topic(found, count, units, stamped=stamped, unplaced=unplaced)
-        self.topics: dict[str, Topic] = {"": topic}
+        self.topics = {"": topic}
 
     def close(self) -> None:
         """Close the file."""
@@ -875,25 +860,24 @@ def _flat(entries: Any) -> Array:
 
 def _flattened(table: Any) -> Any:
     """Table whose structures are columns of their own, named by dotted path."""
-    from pyarrow import types
-
-    while any(types.is_struct(kind) for kind in table.schema.types):
+    while any(_is_any(kind, "struct") for kind in table.schema.types):
         table = table.flatten()
     return table
 
 
-def _is_numeric_type(kind: Any) -> bool:
+_NUMERIC = ("integer", "floating", "boolean", "decimal")
+
+
+def _is_any(kind: Any, *words: str) -> bool:
+    """Whether a type of Arrow is one of those that Arrow has a test for by these words."""
     from pyarrow import types
 
-    tests = (types.is_integer, types.is_floating, types.is_boolean, types.is_decimal)
-    return any(test(kind) for test in tests)
+    return any(getattr(types, f"is_{word}")(kind) for word in words)
 
 
 def _is_list_type(kind: Any) -> bool:
-    from pyarrow import types
-
-    listed = types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)
-    return listed and (_is_numeric_type(kind.value_type) or _is_list_type(kind.value_type))
+    listed = _is_any(kind, "list", "large_list", "fixed_size_list")
+    return listed and (_is_any(kind.value_type, *_NUMERIC) or _is_list_type(kind.value_type))
 
 
 class _HeldFile(LogFile):
@@ -908,15 +892,14 @@ class _HeldFile(LogFile):
         lengths = Counter(len(column) for column in columns.values())
         if not lengths:
             some = [f"{name} ({reason})" for name, reason in list(unplaced.items())[:6]]
-            found = f"found none{', but ' * bool(some)}{', '.join(some)}"
-            raise LogError(f"{self.path}: expected arrays of numbers, {found}")
+            found = f"none{', but ' * bool(some)}{', '.join(some)}"
+            raise LogError(self.path, "arrays of numbers", found)
         if len(lengths) > 1:
             described = ", ".join(f"{n} of {rows} rows" for rows, n in lengths.most_common(4))
             self.notes.append(f"arrays of several lengths: {described}; each needs its own stamp")
         types = {name: str(column.dtype) for name, column in columns.items()}
         most = lengths.most_common(1)[0][0]
-        rows = {name: len(column) for name, column in columns.items()}
-        own = {name: count for name, count in rows.items() if len(lengths) > 1}
+        own = {name: len(column) for name, column in columns.items() if len(lengths) > 1}
         topic = table_topic(types, most, units, rows=own, unplaced=unplaced)
         self.topics, self._tables = {"": topic}, {"": columns}
 
@@ -1074,7 +1057,7 @@ class UlogFile(_HeldFile):
                     self._tables[name] = part.data
                 else:
                     self.notes.append(f"{name}: without a field `timestamp`; it is not read")
-        self.topics: dict[str, Topic] = {n: _topic(n, p) for n, p in self._tables.items()}
+        self.topics = {name: _topic(name, part) for name, part in self._tables.items()}
         if log.file_corruption:
             self.notes.append("the file is damaged: what could not be read was left out")
         lost = [gap.duration for gap in log.dropouts]
@@ -1107,5 +1090,5 @@ def _topic(name: str, columns: Any) -> Topic:
     for field, values in columns.items():
         unit = "us" if field.startswith("timestamp") else unit_of_suffix(field)
         channels[field] = Channel(field, str(np.asarray(values).dtype), unit)
-    count = len(next(iter(columns.values()), ()))
-    return Topic(name, "ULog", count, channels, StampSource("column", "timestamp", 1e3))
+    base = StampSource("column", "timestamp", 1e3)
+    return Topic(name, "ULog", len(columns["timestamp"]), channels, base)
