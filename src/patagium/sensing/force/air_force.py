@@ -22,7 +22,7 @@ from patagium.arguments import checked
 from patagium.arrays import Array, real_array, rising
 from patagium.dynamics import equations
 from patagium.errors import FlightError, LogError, ParameterError, check_names
-from patagium.native import NativeFunction, load_functions
+from patagium.native import NativeFunction, load_functions, named_function
 from patagium.robot import Robot
 from patagium.simulation import quantities, robot_of
 from patagium.simulation.flight import air_of, check_labels
@@ -103,12 +103,17 @@ def packet_columns(robot: Robot, carried: Sequence[str] = ()) -> tuple[Column, .
     found = [Column("time", "s")]
     for name, unit in zip(robot.coordinate_names, robot.coordinate_units, strict=True):
         found.append(Column(f"q.{name}", unit))
+    both = robot.dof_units, robot.force_units
     for part in (*PARTS[1:], *carried):
-        for name, length in zip(robot.dof_names, robot.dof_units, strict=True):
-            force = "N" if length == "m" else "N m"
+        for name, length, force in zip(robot.dof_names, *both, strict=True):
             units = {"v": f"{length}/s", "a": f"{length}/s^2"}
             found.append(Column(f"{part}.{name}", units.get(part, force)))
     return tuple(found)
+
+
+def flight_labels(robot: Robot | None) -> dict[str, str]:
+    """Units of the numbers that make a log a flight of a robot, by name; none without a robot."""
+    return {} if robot is None else {c.name: c.unit for c in packet_columns(robot)[1:]}
 
 
 def packet_parts(packets: Array, robot: Robot) -> list[Array]:
@@ -206,8 +211,8 @@ class SampleForm:
         y = air_force(machine, q, v, a, known)
         if self.outputs is not None:
             y = y[[robot.index(name) for name in self.outputs]]
-        names = ["q", "v", "a", "forces", "parameters"]
-        return ca.Function("air_force", [q, v, a, forces, p], [x, ca.densify(y)], names, ["x", "y"])
+        inputs = {"q": q, "v": v, "a": a, "forces": forces, "parameters": p}
+        return named_function("air_force", inputs, {"x": x, "y": ca.densify(y)})
 
 
 def state_names(robot: Robot) -> list[str]:
@@ -333,8 +338,7 @@ def recorded(flight: xr.Dataset, name: str, robot: Robot) -> Array:
     missing = np.isnan(values) if name in (PARTS[3], *OPTIONAL_PARTS) else False
     bad = np.flatnonzero(~(np.isfinite(values) | missing).all(axis=1))
     if len(bad):
-        raise LogError(
-            f"{name}: expected finite numbers, found {len(bad)} samples that are not, "
-            f"the first at t = {float(flight['time'][bad[0]]):.6g} s"
-        )
+        first = float(flight["time"][bad[0]])
+        found = f"{len(bad)} samples that are not, the first at t = {first:.6g} s"
+        raise LogError(name, "finite numbers", found)
     return values

@@ -81,11 +81,11 @@ class TimeColumn(_Words):
 
     @model_validator(mode="after")
     def _one_base(self) -> TimeColumn:
-        if self.rate is not None and self.like is not None:
+        if None not in (self.rate, self.like):
             raise ValueError("rate, like: expected one of the two")
         if self.start is not None and self.end is not None and not self.start < self.end:
             raise ValueError("start, end: expected start < end")
-        if self.duplicates is not None and self.restamp is not None:
+        if None not in (self.duplicates, self.restamp):
             raise ValueError("duplicates, restamp: expected one: restamp keeps every row")
         return self
 
@@ -301,10 +301,9 @@ def conversion(unit: str, target: str | None, where: str) -> tuple[float, str]:
     try:
         zero, one = (n.to_base_units() if wanted is None else n.to(wanted) for n in numbers)
     except DimensionalityError as problem:
-        raise LogError(
-            f"{where}: expected a unit of {_dimension(problem.dim2)} such as {target!r}, "
-            f"found {unit!r}, which is of {_dimension(problem.dim1)}"
-        ) from problem
+        expected = f"a unit of {_dimension(problem.dim2)} such as {target!r}"
+        found = f"{unit!r}, which is of {_dimension(problem.dim1)}"
+        raise LogError(where, expected, found) from problem
     if zero.magnitude != 0.0:
         raise LogError(where, "a unit that only scales", f"{unit!r}")
     return float(size or 1) * float(one.magnitude), _written(f"{one.units:~}")

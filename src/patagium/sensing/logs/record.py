@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack, closing
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from patagium.netcdf_file import kind_of, loaded_dataset, netcdf_content, open_n
 from patagium.reading import parsed_json
 from patagium.robot import Robot, load_robot_text
 from patagium.robot.files import robot_attributes
-from patagium.sensing.force.air_force import OPTIONAL_PARTS, PARTS, packet_columns
+from patagium.sensing.force.air_force import OPTIONAL_PARTS, PARTS, flight_labels
 from patagium.sensing.logs.table import LogTable
 from patagium.simulation.flight import air_of, quantities, robot_of
 
@@ -82,14 +82,10 @@ class LogRecord(AbstractContextManager["LogRecord"]):
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        with self._content():
-            self._file = open_netcdf(self.path)
-        try:
-            with self._content():
-                self._read_header()
-        except LogError:
-            self._file.close()
-            raise
+        with self._content(), ExitStack() as opened:
+            self._file = opened.enter_context(closing(open_netcdf(self.path)))
+            self._read_header()
+            opened.pop_all()
 
     def _content(self) -> AbstractContextManager[None]:
         return netcdf_content(self.path, LogError, "a whole log that `patagium import` wrote")
@@ -216,10 +212,8 @@ class LogRecord(AbstractContextManager["LogRecord"]):
             raise FlightError(self.path, "a mapping with `robot`", "none")
         missing = self._missing(robot)
         if missing:
-            raise FlightError(
-                f"{self.path}: expected q, v, a and u1 of each coordinate of {robot.name}, "
-                f"found no {', '.join(missing[:6])}"
-            )
+            expected = f"q, v, a and u1 of each coordinate of {robot.name}"
+            raise FlightError(self.path, expected, f"no {', '.join(missing[:6])}")
         record = {
             part: (("time", *quantities(robot)[part].dims), self.values(labels))
             for part, labels in self._parts(robot).items()
@@ -286,8 +280,7 @@ class LogRecord(AbstractContextManager["LogRecord"]):
         return {"wind": (("time", "axis"), wind, {"units": self.units[known[0]]})}
 
     def _missing(self, robot: Robot) -> list[str]:
-        wanted = [column.name for column in packet_columns(robot)[1:]]
-        return [name for name in wanted if name not in self._columns]
+        return [name for name in flight_labels(robot) if name not in self._columns]
 
 
 @checked

@@ -24,7 +24,7 @@ from patagium.arguments import checked
 from patagium.arrays import Array, median_step, stored
 from patagium.errors import LogError, ParameterError
 from patagium.robot import Robot, load_robot
-from patagium.sensing.force.air_force import PARTS, packet_columns, recorded, recorded_wind_change
+from patagium.sensing.force.air_force import PARTS, flight_labels, recorded, recorded_wind_change
 from patagium.sensing.logs.record import load_log
 from patagium.sensing.sensors import (
     Encoder,
@@ -87,7 +87,7 @@ def sensor_log(
             raise ParameterError("bodies", f"quantities among {held}", name)
         machine.body_index(body)
     found = _Found(machine, table, stored(table, "time"))
-    units = {column.name: column.unit for column in packet_columns(machine)[1:]}
+    units = flight_labels(machine)
     for name in map(str, table.data_vars):
         unit = str(table[name].attrs.get("units", ""))
         if unit != units.get(name, unit):
@@ -101,8 +101,7 @@ def sensor_log(
             f"angles named after joints of {machine.name} ({', '.join(machine.dof_names[:8])}), "
             f"found {held}"
         )
-    carried = any(isinstance(sensor, LoadCell) for sensor in sensors.values())
-    mount = "load cell" if carried else ""
+    mount = "load cell" * any(isinstance(sensor, LoadCell) for sensor in sensors.values())
     air, change = air_of(table), recorded_wind_change(table)
     if change is not None:
         air = replace(air, gust=RecordedGust(found.time, change))
@@ -221,8 +220,7 @@ def _by_coordinate(table: xr.Dataset, robot: Robot) -> xr.Dataset:
     """Log of a flight with one quantity for each coordinate, such as `q.roll`, as it was named."""
     if not set(PARTS) <= set(table) or "dof" not in table.dims:
         return table
-    units = {column.name: column.unit for column in packet_columns(robot)[1:]}
-    single: dict[str, Any] = {}
+    units, single = flight_labels(robot), dict[str, Any]()
     for part in PARTS:
         names = robot.coordinate_names if part == "q" else robot.dof_names
         for name, values in zip(names, recorded(table, part, robot).T, strict=True):

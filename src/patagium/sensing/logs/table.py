@@ -68,9 +68,10 @@ class LogTable:
         step = median_step(self.time)
         if not len(self.gaps):
             return f"no gap longer than {self.gap:g} times the median step of {step:.4g} s"
-        lengths = self.time[self.gaps] - self.time[self.gaps - 1]
+        before = self.time[self.gaps - 1]
+        lengths = self.time[self.gaps] - before
         return (
             f"{len(self.gaps)} gap(s) longer than {self.gap:g} times the median step of "
             f"{step:.4g} s, the longest {lengths.max():.4g} s at t = "
-            f"{self.time[self.gaps[lengths.argmax()] - 1]:.6g} s"
+            f"{before[lengths.argmax()]:.6g} s"
         )

@@ -226,15 +226,15 @@ def _agreement(names: str, pieces: Sequence[Piece], span: int, *, turning: bool)
         return []
     ratio, correlation = size / other, float(derived @ measured / (size * other))
     facts = f"size ratio {ratio:.4g}, correlation {correlation:.2f}"
-    for factor, words in _SLIPS[turning]:
-        if abs(correlation) > _SURE and 1 / 1.3 < ratio / factor < 1.3:
-            text = f"do not agree ({facts}): {words}"
-            return [Finding("warning", names, "unit", text)]
+    slips = [words for factor, words in _SLIPS[turning] if 1 / 1.3 < ratio / factor < 1.3]
+    if slips and abs(correlation) > _SURE:
+        kind, doubt = "unit", slips[0]
     # of the same motion, noise makes the derived one larger: the correlation is 1 / ratio
-    if correlation < -_SURE or (correlation < 0.4 and 0.5 < ratio < 2.0):
-        text = f"do not agree ({facts}): check frame, body, order, inverted and the time base"
-        return [Finding("warning", names, "axes", text)]
-    return []
+    elif correlation < -_SURE or (correlation < 0.4 and 0.5 < ratio < 2.0):
+        kind, doubt = "axes", "check frame, body, order, inverted and the time base"
+    else:
+        return []
+    return [Finding("warning", names, kind, f"do not agree ({facts}): {doubt}")]
 
 
 _SLIPS = {
@@ -292,14 +292,13 @@ def _gravity_findings(name: str, attitude: str, mean: Array) -> list[Finding]:
     where = f"{name} and {attitude}"
     components = ", ".join(f"{value:.3g}" for value in mean)
     if mean[2] < -0.5 * size:
-        text = (
-            f"the mean in the world is ({components}) m/s^2, down; a body that is carried feels up"
-        )
-        return [Finding("warning", where, "axes", f"{text}: check frame and body")]
-    if np.hypot(mean[0], mean[1]) > _LEVEL * size:
-        text = f"the mean in the world is ({components}) m/s^2, far from upright"
-        return [Finding("warning", where, "axes", f"{text}: check frame, body, order, inverted")]
-    return []
+        doubt = "down; a body that is carried feels up: check frame and body"
+    elif np.hypot(mean[0], mean[1]) > _LEVEL * size:
+        doubt = "far from upright: check frame, body, order, inverted"
+    else:
+        return []
+    text = f"the mean in the world is ({components}) m/s^2, {doubt}"
+    return [Finding("warning", where, "axes", text)]
 
 
 def sensor_findings(streams: Sequence[Stream]) -> list[Finding]:
@@ -328,7 +327,7 @@ def _sized(where: str, rows: Array, si: str) -> list[Finding]:
     values.add(rows)
     if not values.count.all():
         return []
-    sizes = sizes_of(values, range(rows.shape[1]), si)
+    sizes = sizes_of(values, [*range(rows.shape[1])], si)
     return unit_findings(where, sizes, still=is_still(sizes))
 
 
@@ -362,7 +361,7 @@ def _seen_by(camera: Stream, unit: Stream) -> list[Finding]:
 def _down_findings(force: Quantity, spool: Spool) -> list[Finding]:
     """Finding that a specific force points down in its own axes, as one with z down would."""
     values = spool.surveys[force.stream].values
-    mean = force.converted(values.mean[None, list(force.places)])[0] * force.to_si
+    mean = force.converted(values.mean[None, force.places])[0] * force.to_si
     size = float(np.linalg.norm(mean))
     if not _LEAST * GRAVITY < size < GRAVITY / _LEAST or mean[2] > -_ALONG * size:
         return []

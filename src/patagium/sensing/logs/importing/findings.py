@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,19 +92,17 @@ class StampSurvey:
         """Count steps of stamps, those that advance, and keep the longest one."""
         if not len(kept):
             return
-        if self.first is None:
-            self.first, steps, before = int(kept[0]), np.diff(kept), kept[:-1]
-        else:
-            before = np.concatenate([[self.last], kept[:-1]])
-            steps = kept - before
         self.kept += len(kept)
-        self.last = int(kept[-1])
+        if self.first is None:
+            self.first = int(kept[0])
+        else:
+            kept = np.insert(kept, 0, self.last)
+        self.last, steps = int(kept[-1]), np.diff(kept)
         if not len(steps):
             return
         place = int(steps.argmax())
         if steps[place] > self.longest:
-            self.longest = int(steps[place])
-            self.longest_at = int(before[place])
+            self.longest, self.longest_at = int(steps[place]), int(kept[place])
         bins = np.minimum((np.log(steps) / _WIDTH).astype(np.int64), _BINS - 1)
         self._bins += np.bincount(bins, minlength=_BINS)
         self._sums += np.bincount(bins, steps.astype(float), minlength=_BINS)
@@ -320,12 +318,10 @@ def recorder_findings(
     if turn:
         whole[seen] = np.unwrap(whole[seen], period=turn)
     values = whole[seen]
-    levels, counts = np.unique(values, return_counts=True)
-    if len(levels) < _LEVELS:
+    if len(np.unique(values)) < _LEVELS:
         return []
     steps = np.abs(np.diff(values))
-    ends = _at_ends(values, steps, levels, counts.astype(float), measured=measured, joint=joint)
-    found = marks + ends
+    found = marks + _clipped(values, steps, measured=measured, joint=joint)
     changes = np.diff(np.flatnonzero(steps))
     every = float(np.median(changes))
     if (measured or joint) and every > 1 and (np.abs(changes - every) < 1).mean() > 0.9:
@@ -341,33 +337,40 @@ def recorder_findings(
     return [Finding("warning", where, kind, text) for kind, text in found]
 
 
+def _ends(values: Array) -> Iterator[tuple[float, int, int, float, bool]]:
+    """Least and largest of many numbers, and none of a few.
+
+    Yields:
+        The number, its count, count of the number next to it, the distance to that, and whether
+        it is far from all others.
+    """
+    levels, counts = np.unique(values, return_counts=True)
+    for end, near, far in ((0, 1, -1), (-1, -2, 0)) if len(levels) >= _LEVELS else ():
+        step = abs(levels[near] - levels[end])
+        apart = bool(step > _FAR * abs(levels[near] - levels[far]))
+        yield levels[end], int(counts[end]), int(counts[near]), step, apart
+
+
 def _marks(values: Array) -> list[tuple[str, str]]:
     """Warnings of a least or largest number that marks missing samples."""
-    levels, counts = np.unique(values, return_counts=True)
     found: list[tuple[str, str]] = []
-    for end, near, far in ((0, 1, -1), (-1, -2, 0)) if len(levels) >= _LEVELS else ():
-        mark, count = levels[end], int(counts[end])
-        apart = abs(levels[near] - mark) > _FAR * abs(levels[near] - levels[far])
+    for mark, count, _, _, apart in _ends(values):
         if apart and (count > 1 or {*f"{abs(mark):g}"} == {"9"}):
             text = f"{mark:g} stands {count} time(s), far from all other numbers: if it marks what "
             found.append(("missing numbers", text + "is missing, leave these cells empty"))
     return found
 
 
-def _at_ends(
-    values: Array, steps: Array, levels: Array, counts: Array, *, measured: bool, joint: bool
-) -> list[tuple[str, str]]:
-    """Warnings at the least and the largest number: clipped samples."""
+def _clipped(values: Array, steps: Array, *, measured: bool, joint: bool) -> list[tuple[str, str]]:
+    """Warnings of clipped samples at the least and the largest number."""
     found: list[tuple[str, str]] = []
-    for end, near, far in ((0, 1, -1), (-1, -2, 0)):
-        mark, count = levels[end], int(counts[end])
-        apart = abs(levels[near] - mark) > _FAR * abs(levels[near] - levels[far])
+    for mark, count, beside, step, apart in _ends(values):
         edges = np.flatnonzero(np.diff(np.r_[False, values == mark, False]))
         begins = edges[::2][edges[1::2] - edges[::2] >= _RUN]
         before = steps[begins[begins > 1] - 2]
-        usual = max(np.sqrt(np.mean(steps**2)) / _ABRUPT, _ABRUPT * abs(levels[near] - mark))
+        usual = max(np.sqrt(np.mean(steps**2)) / _ABRUPT, _ABRUPT * step)
         abrupt = joint and len(before) >= _RUN and np.median(before) > usual
-        if len(begins) >= _RUN and count > _CLIPPED * counts[near] and not apart:
+        if len(begins) >= _RUN and count > _CLIPPED * beside and not apart:
             if abrupt or (measured and mark):
                 text = f"{count} of {len(values)} samples are at the end of its numbers, {mark:g}: "
                 text += "if the sensor or its amplifier is at the end of its range there, leave "
@@ -493,7 +496,7 @@ class Sizes:
 
 def sizes_of(
     values: ValueSurvey,
-    places: Sequence[int],
+    places: list[int],
     unit: str,
     offset: ArrayLike = 0.0,
     *,
@@ -512,18 +515,17 @@ def sizes_of(
         LogError: If the unit is unknown, or does not only scale.
     """
     factor, si = conversion(unit, None, "unit")
-    chosen = list(places)
     zero = np.asarray(offset, float)
-    ends = np.array([values.low[chosen], values.high[chosen]]) - zero
+    ends = np.array([values.low[places], values.high[places]]) - zero
     beside = np.abs([values.low[list(others)], values.high[list(others)]])
     return Sizes(
         unit,
         si,
         factor,
-        (values.mean[chosen] - zero) * factor,
-        values.rms[chosen] * abs(factor),
+        (values.mean[places] - zero) * factor,
+        values.rms[places] * abs(factor),
         float(np.abs(ends).max()) * abs(factor),
-        bool(values.noise[chosen].all()),
+        bool(values.noise[places].all()),
         float(beside[np.isfinite(beside)].max(initial=0.0)) * abs(factor),
     )
 
@@ -590,7 +592,7 @@ def _acceleration_guess(sizes: Sizes) -> str:
 
 
 def number_findings(
-    where: str, values: ValueSurvey, places: Sequence[int], constant: str = "warning"
+    where: str, values: ValueSurvey, places: list[int], constant: str = "warning"
 ) -> list[Finding]:
     """Findings that numbers of a quantity are missing or not finite, or that it never changes.
 
@@ -600,13 +602,13 @@ def number_findings(
         places: Its components among the numbers of the stream.
         constant: Level of the finding that it never changes; empty for none.
     """
-    chosen, found = list(places), []
-    missing, low, high = values.missing[chosen], values.low[chosen], values.high[chosen]
+    found, count, missing = [], values.count[places], values.missing[places]
+    low, high = values.low[places], values.high[places]
     if lost := int(np.max(missing, initial=0)):
-        total = int(np.max(values.count[chosen] + missing))
+        total = int(np.max(count + missing))
         text = f"{lost} of {total} rows are no finite number; not used"
         found.append(Finding("warning", where, "missing numbers", text))
-    if constant and chosen and ((values.count[chosen] > 1) & (low == high)).all():
+    if constant and places and ((count > 1) & (low == high)).all():
         text = f"never changes from {', '.join(f'{v + 0.0:.6g}' for v in low)}"
         found.append(Finding(constant, where, "constant", text))
     return found

@@ -12,7 +12,7 @@ import json
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -70,17 +70,15 @@ class NetcdfWriter:
         self._columns = []
         for item in spool.plan.items:
             words, stamps = item.column, spool.surveys[item.stream].stamps
-            first = spool.values_of(item.stream, 0, min(stamps.kept, _LOOK))[:, list(item.places)]
+            first = spool.values_of(item, 0, min(stamps.kept, _LOOK))
             coarse = [0.0] * 4 if item.is_attitude else map(count_noise, item.converted(first).T)
             for label, bounds, rounding in zip(words.labels, item.bounds(), coarse, strict=False):
                 facts: dict[str, Any] = {"role": item.role, "quantity": words.label}
                 facts |= {"step_in_log": stamps.median, "rounding_in_log": rounding}
                 if np.isfinite(bounds).all():
                     facts["expected_range"] = list(bounds)
-                if words.frame is not None:
-                    facts["frame_in_log"] = words.frame
-                if item.is_attitude:
-                    facts["body_in_log"] = words.body
+                axes = {"frame_in_log": words.frame, "body_in_log": words.body}
+                facts |= {name: one for name, one in axes.items() if one is not None}
                 self._columns.append(self._variable(label, item.unit, facts))
         for name, unit in spool.plan.zero.items():
             self._columns.append(self._variable(name, unit, {"role": "channel", "quantity": name}))
@@ -160,7 +158,7 @@ class Imported:
     left_out: int
     findings: tuple[Finding, ...]
     facts: tuple[dict[str, Any], ...] = ()
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
     __repr__ = brief
 
 
@@ -265,12 +263,11 @@ def _refuse_unusable(spool: Spool) -> None:
         stamps = survey.stamps
         if stamps.kept < 2:
             beyond = "; none is a time below 146 years: if they are in ns, say so (`unit: ns`)"
+            found = f"{stamps.kept} in {stamps.rows} row(s)"
             raise LogError(
-                f"{log.path}: {name}: expected at least two samples with stamps that "
-                f"advance, found {stamps.kept} in {stamps.rows} row(s)"
-                + beyond
-                * (stamps.missing == stamps.rows > 0)
-            )
+                f"{log.path}: {name}", "at least two samples with stamps that advance",
+                found + beyond * (stamps.missing == stamps.rows > 0),
+            )  # fmt: skip
         chosen = mapping.time.duplicates is not None
         lost = stamps.rows - stamps.kept - (stamps.duplicates if chosen else 0)
         if lost > _MOST_LOST * stamps.rows:
@@ -291,11 +288,9 @@ def _refuse_unusable(spool: Spool) -> None:
             )
     for item in spool.plan.items:
         asked = item.needed or item.role == "output"
-        if asked and not spool.surveys[item.stream].values.count[list(item.places)].all():
-            raise LogError(
-                f"{log.path}: {item.column.label}: expected finite numbers, found none; leave it "
-                "out of the mapping if it was not measured"
-            )
+        if asked and not spool.surveys[item.stream].values.count[item.places].all():
+            found = "none; leave it out of the mapping if it was not measured"
+            raise LogError(f"{log.path}: {item.column.label}", "finite numbers", found)
 
 
 def _write(

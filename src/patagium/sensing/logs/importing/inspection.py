@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -41,7 +40,7 @@ GAP = 3.0
 """Length from which a step is a gap, in median steps."""
 _LOOK = 1 << 19
 """Numbers of a part that are looked at for what a recorder made."""
-_VECTOR = (".x", "[0]", "_x")
+_VECTOR = ((".x", ".y", ".z"), ("[0]", "[1]", "[2]"), ("_x", "_y", "_z"))
 _TIMES = "time is read as numbers or as ISO 8601, such as 2026-03-01 12:00:00.5"
 
 
@@ -262,8 +261,8 @@ def _surveyed(
 
 def _topic_facts(part: _Part, survey: StreamSurvey, origin: int) -> TopicFacts:
     """Facts of a part of a log: stamps, rate, gaps and columns."""
-    topic, stamps, counted = part.topic, survey.stamps, part.topic.base.kind == "rows"
-    median = stamps.median
+    topic, stamps, median = part.topic, survey.stamps, survey.stamps.median
+    counted = topic.base.kind == "rows" or bool(topic.problem)  # and no stamp is known
     return TopicFacts(
         name=part.label,
         kind=topic.kind,
@@ -295,10 +294,9 @@ def _channel_facts(part: _Part, survey: StreamSurvey) -> tuple[ChannelFacts, ...
 
 
 def _unreadable(topic: Topic) -> TopicFacts:
-    part = _Part(topic, topic.name)
-    empty = _topic_facts(part, StreamSurvey(0), 0)
-    lost: Any = dict.fromkeys(("begin", "duration", "rate", "longest"), math.nan)
-    return replace(empty, rows=topic.count or 0, stamps="", problem=topic.problem, **lost)
+    empty = _topic_facts(_Part(topic, topic.name), StreamSurvey(0), 0)
+    count, nan = topic.count or 0, math.nan
+    return replace(empty, rows=count, stamps="", begin=nan, problem=topic.problem)
 
 
 def _findings(part: _Part, survey: StreamSurvey) -> list[Finding]:
@@ -352,12 +350,8 @@ def _recorder_notes(part: _Part, survey: StreamSurvey) -> list[Finding]:
 
 def _vector(fields: list[str], k: int) -> list[int]:
     """Places of the three components of a vector whose first component is at k; else none."""
-    for end in _VECTOR:
-        if fields[k].endswith(end):
-            others = [fields[k][: -len(end)] + end.translate(table) for table in _NEXT]
-            if all(name in fields for name in others):
-                return [k, *(fields.index(name) for name in others)]
+    for ends in _VECTOR:
+        names = [fields[k].removesuffix(ends[0]) + end for end in ends]
+        if names[0] == fields[k] and {*names} <= {*fields}:
+            return [fields.index(name) for name in names]
     return []
-
-
-_NEXT = (str.maketrans("x0", "y1"), str.maketrans("x0", "z2"))

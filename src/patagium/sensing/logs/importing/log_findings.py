@@ -13,7 +13,7 @@ import numpy as np
 
 from patagium.errors import LogError
 from patagium.robot import Robot
-from patagium.sensing.force.air_force import HELD, packet_columns
+from patagium.sensing.force.air_force import HELD, flight_labels
 from patagium.sensing.logs.axes import is_rotation
 from patagium.sensing.logs.files.channels import some
 from patagium.sensing.logs.files.table_files import nanoseconds_in, unit_of_suffix
@@ -84,17 +84,17 @@ def log_findings(spool: Spool, base: TimeBase) -> list[Finding]:
 
 
 def _item_findings(item: Quantity, spool: Spool, known: bool, still: bool) -> list[Finding]:
-    name, places, values = item.column.label, list(item.places), spool.surveys[item.stream].values
-    found = number_findings(name, values, places, "" if known else "warning")
+    name, values = item.column.label, spool.surveys[item.stream].values
+    found = number_findings(name, values, item.places, "" if known else "warning")
     if known and item.si == "m/s^2":  # of a coordinate, which need not show gravity
         return found
     if item.norm is None:
         beside = [one for one in spool.plan.items if one.stream == item.stream]
-        alike = [one.places for one in beside if one.column.unit == item.column.unit]
-        others = [place for places_of_one in alike for place in places_of_one]
-        sizes = sizes_of(values, places, item.column.unit, item.column.offset, others=others)
+        alike = [one for one in beside if one.column.unit == item.column.unit]
+        others = [place for one in alike for place in one.places]
+        sizes = sizes_of(values, item.places, item.column.unit, item.column.offset, others=others)
         return found + unit_findings(name, sizes, still=still)
-    norm = float(np.sqrt((values.rms[places] ** 2).sum()))
+    norm = float(np.sqrt((values.rms[item.places] ** 2).sum()))
     if item.order != "matrix" and abs(norm - 1.0) > 0.01:
         text = f"expected quaternions of norm 1, found {norm:.4g} (rms); scaled to 1"
         found.append(Finding("warning", name, "attitude", text))
@@ -106,7 +106,7 @@ def _wind_findings(item: Quantity, values: ValueSurvey, air: AirWords) -> list[F
 
     None of one named `wind`, or `wind.x`, which `identify` and `motion` follow.
     """
-    name, places = item.column.label, list(item.places)
+    name, places = item.column.label, item.places
     if item.si != "m/s" or _WIND.search(name) is None or not values.count[places].all():
         return []
     if set(WIND) & set(item.column.labels):
@@ -132,16 +132,16 @@ _STEADY, _CALM = 0.1, 0.2
 def _recorder_findings(item: Quantity, spool: Spool) -> list[Finding]:
     """Findings about numbers that the recorder made, in the first samples of a quantity."""
     count = min(CHUNK, spool.surveys[item.stream].stamps.kept)
-    stamps, first = spool.stamps_of(item.stream)[:count], spool.values_of(item.stream, 0, count)
+    stamps, first = spool.stamps_of(item.stream)[:count], spool.values_of(item, 0, count)
     single = item.column.size == 1
     measured = item.role == "output" or (item.si in SENSED and not single)
     joint = spool.plan.robot is not None and single and item.si in ("rad", "m")
     turn = 2 * np.pi / item.si_factor if single and item.si == "rad" else 0.0
     return [
         one
-        for place in (() if item.is_attitude else item.places)
+        for numbers in (() if item.is_attitude else first.T)
         for one in recorder_findings(
-            item.column.label, stamps, first[:, place], spool.plan.mapping.gap,
+            item.column.label, stamps, numbers, spool.plan.mapping.gap,
             measured=measured, joint=joint, turn=turn,
         )
     ]  # fmt: skip
@@ -177,17 +177,17 @@ def _matrix_findings(item: Quantity, spool: Spool) -> list[Finding]:
 
 def _range_findings(item: Quantity, spool: Spool) -> list[Finding]:
     """Finding that numbers leave the range that the mapping states."""
-    words, places, values = item.column, list(item.places), spool.surveys[item.stream].values
+    words, places, values = item.column, item.places, spool.surveys[item.stream].values
     if words.range is None:
         return []
     low, high = words.range
-    margin = 1e-9 * (high - low)  # of rounding
+    least, most = low - 1e-9 * (high - low), high + 1e-9 * (high - low)  # of rounding
     ends = float(values.low[places].min()), float(values.high[places].max())
-    if ends[0] >= low - margin and ends[1] <= high + margin:
+    if ends[0] >= least and ends[1] <= most:
         return []
     count, outside = spool.surveys[item.stream].stamps.kept, 0
     for rows in spool.blocks_of(item):
-        outside += int(((rows < low - margin) | (rows > high + margin)).any(axis=1).sum())
+        outside += int(((rows < least) | (rows > most)).any(axis=1).sum())
     text = (
         f"{outside} of {count} rows leave the stated range [{low:g}, {high:g}] {words.unit}: "
         f"they reach from {ends[0]:.6g} to {ends[1]:.6g}; networks are scaled by it: state what "
@@ -227,11 +227,6 @@ _LITTLE = 0.7
 """Motion of joints that is rather one in radians [deg]."""
 
 
-def flight_labels(robot: Robot | None) -> dict[str, str]:
-    """Units of the numbers that make a log a flight of a robot, by name; none without a robot."""
-    return {} if robot is None else {c.name: c.unit for c in packet_columns(robot)[1:]}
-
-
 def zero_forces(plan: Plan) -> dict[str, str]:
     """Units of joint forces that are zero without a motor, where a log lacks only these."""
     held, robot = {label for item in plan.items for label in item.column.labels}, plan.robot
@@ -250,9 +245,9 @@ def _flight_findings(robot: Robot, spool: Spool) -> list[Finding]:
         return [Finding("note", "mapping", "flight", text)]
     seen = {name: (surveys[one.stream].values, one.places[0]) for name, one in held.items()}
     still = [name for name, (values, k) in seen.items() if values.low[k] == values.high[k]]
-    found = []
+    found: list[tuple[str, str, str]] = []
     if still:
-        found.append(Finding("note", "flight", "constant", f"never change: {', '.join(still)}"))
+        found.append(("note", "constant", f"never change: {', '.join(still)}"))
     joints = [name for k, name in enumerate(robot.dof_names) if k not in robot.floating_dofs]
     moved = []
     for name in (name for name in joints if f"q.{name}" in held):
@@ -261,7 +256,7 @@ def _flight_findings(robot: Robot, spool: Spool) -> list[Finding]:
             moved.append(float(values.high[place] - values.low[place]))
     if 0 < max(moved, default=0.0) < _LITTLE:
         text = f"no joint in deg moves by more than {max(moved):.2g} deg; are they in rad?"
-        found.append(Finding("warning", "flight", "unit", text))
+        found.append(("warning", "unit", text))
     unmeasured = [name for name in joints if f"q.{name}" not in held]
     text = ""
     if unmeasured:
@@ -269,15 +264,15 @@ def _flight_findings(robot: Robot, spool: Spool) -> list[Finding]:
     elif {f"q.{name}" for name in joints} <= set(still):
         text = f"no joint moves in the whole log: were {some(joints, 6)} measured? If not"
     if text and robot.strips and joints:
-        found.append(Finding("warning", "flight", "joints", f"{text}, {_DENSE}"))
+        found.append(("warning", "joints", f"{text}, {_DENSE}"))
     if plan.zero:
         text = f"taken as zero, as no motor is there: {', '.join(plan.zero)}"
-        found.append(Finding("note", "flight", "missing", text))
+        found.append(("note", "missing", text))
     base = {f"{kind}.{robot.dof_names[k]}" for kind in "qv" for k in robot.floating_dofs}
     if plan.zero and base and base <= set(still):
-        found.append(Finding("warning", "flight", "held", HELD))
+        found.append(("warning", "held", HELD))
     missing = sorted(set(wanted) - set(held) - {f"q.{name}" for name in joints} - plan.zero.keys())
     if missing:
         text = f"found no {some(missing, 6)}: the log is no flight of {robot.name!r} yet"
-        found.append(Finding("note", "flight", "missing", text))
-    return found
+        found.append(("note", "missing", text))
+    return [Finding(level, "flight", kind, text) for level, kind, text in found]

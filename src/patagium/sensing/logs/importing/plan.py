@@ -57,7 +57,7 @@ class Quantity:
     column: ValueColumn
     role: str
     stream: int
-    places: tuple[int, ...]
+    places: list[int]
     factor: float
     unit: str
     si_factor: float
@@ -159,12 +159,8 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str, robot: Robot |
     streams: dict[tuple[str, StampSource], list[str]] = {}
     topics: dict[str, Topic] = {}
     found, taken = [], {"time"}
-    for role, columns in (
-        ("inputs", mapping.inputs),
-        ("outputs", mapping.outputs),
-        ("channels", mapping.channels),
-    ):
-        for index, column in enumerate(columns):
+    for role in ("inputs", "outputs", "channels"):
+        for index, column in enumerate(getattr(mapping, role)):
             where = f"{source}: {role}.{index}"
             topic = find_topic(log, column.topic, where)
             topics[topic.name] = topic
@@ -187,8 +183,7 @@ def plan_import(log: LogFile, mapping: TableMapping, source: str, robot: Robot |
     wanted, names, stamped = _requests(log, streams, items, whole=mapping.time.rate is None)
     counts = tuple(topics[one.topic].count or topics[one.topic].about for one in wanted)
     rates = _restamp_rates(mapping, stamped, source)
-    streams_read = tuple(wanted), tuple(names), tuple(items), counts, rates
-    return Plan(log, mapping, source, robot, *streams_read)
+    return Plan(log, mapping, source, robot, wanted, names, tuple(items), counts, rates)
 
 
 def _requests(
@@ -197,7 +192,7 @@ def _requests(
     items: list[Quantity],
     *,
     whole: bool,
-) -> tuple[list[Request], list[str], list[str]]:
+) -> tuple[tuple[Request, ...], tuple[str, ...], list[str]]:
     """Streams to read, with their names in messages and under `restamp`.
 
     Args:
@@ -227,9 +222,9 @@ def _requests(
                 names.append(next(iter(inside.values())).column.label)
                 stamped.append(names[-1])
             for k, item in inside.items():
-                places = tuple(wanted[-1].fields.index(every[place]) for place in item.places)
+                places = [wanted[-1].fields.index(every[place]) for place in item.places]
                 items[k] = replace(item, stream=len(wanted) - 1, places=places)
-    return wanted, names, stamped
+    return tuple(wanted), tuple(names), stamped
 
 
 def filled_in_turn(log: LogFile, wanted: Request, beside: Sequence[str] = ()) -> list[list[str]]:
@@ -289,10 +284,8 @@ def _restamp_rates(
     if not isinstance(given, dict):
         if len(names) > 1:
             example = ", ".join(f"{name}: {given:g} Hz" for name in names)
-            raise LogError(
-                f"{where}: expected a rate for each stream, such as {{{example}}}, "
-                f"found {given:g} Hz for {len(names)} streams"
-            )
+            expected = f"a rate for each stream, such as {{{example}}}"
+            raise LogError(where, expected, f"{given:g} Hz for {len(names)} streams")
         return (given,)
     unknown = [key for key in given if key not in names]
     if unknown:
@@ -328,9 +321,9 @@ def _base(
 ) -> StampSource:
     """Source of the stamps of a stream: a column, the messages' own, or rows at a rate."""
     time = mapping.time
-    stamp = (column.stamp if column is not None else "") or time.column
-    if stamp:
-        where = f"{source}: time" if not column or not column.stamp else f"{source}: stamp"
+    own = column.stamp if column is not None else ""
+    if stamp := own or time.column:
+        where = f"{source}: {'stamp' if own else 'time'}"
         field = find_fields(topic, stamp, 1, where)[0]
         if topic.channels[field].dtype == "timestamp":
             return StampSource("column", field, 1.0)
@@ -344,10 +337,8 @@ def _base(
                 f"{source}: time.base: {topic.kind} has no {time.base} stamps; name a column"
             )
         if time.base == "header" and not topic.stamped:
-            raise LogError(
-                f"{source}: time.base: expected a stamp in the header of topic {topic.name!r} "
-                f"({topic.kind}), found none; use received"
-            )
+            expected = f"a stamp in the header of topic {topic.name!r} ({topic.kind})"
+            raise LogError(f"{source}: time.base", expected, "none; use received")
         return StampSource(time.base)
     if topic.kind == "table":
         if time.restamp is not None:
@@ -369,7 +360,7 @@ def _item(
         order = "wxyz"
     if order is not None:
         factor, unit = 1.0, "1"
-    return Quantity(column, role, stream, tuple(places), factor, unit, si_factor, si, order)
+    return Quantity(column, role, stream, places, factor, unit, si_factor, si, order)
 
 
 def _axes(words: str | None) -> Array:

@@ -81,19 +81,18 @@ class Spool(AbstractContextManager["Spool"]):
         """Stamps of a stream, increasing, (N,) [ns], as a map of its file."""
         return np.memmap(self._stamps[stream], np.int64, "r")
 
-    def values_of(self, stream: int, begin: int, end: int) -> Array:
-        """Numbers of some rows of a stream, (end - begin, n) in the units of the log."""
-        columns, file = len(self.plan.wanted[stream].fields), self._values[stream]
+    def values_of(self, item: Quantity, begin: int, end: int) -> Array:
+        """Components of a quantity in some rows, (end - begin, size) in the unit of the log."""
+        columns, file = len(self.plan.wanted[item.stream].fields), self._values[item.stream]
         file.seek(begin * columns * 8)
         content = np.fromfile(file, float, (end - begin) * columns)
-        return content.reshape(-1, columns)
+        return content.reshape(-1, columns)[:, item.places]
 
     def blocks_of(self, item: Quantity) -> Iterator[Array]:
         """Components of a quantity, some rows at a time, (k, size) in the unit of the log."""
         count = self.surveys[item.stream].stamps.kept
         for begin in range(0, count, CHUNK):
-            end = min(begin + CHUNK, count)
-            yield self.values_of(item.stream, begin, end)[:, list(item.places)]
+            yield self.values_of(item, begin, min(begin + CHUNK, count))
 
     def _keep(self, block: Block, advances: Bools) -> Array:
         """Rows of a block that are kept, which go to the files."""
@@ -242,8 +241,7 @@ def resampled(spool: Spool, item: Quantity, stamps: Stamps) -> tuple[Array, Bool
     known = spool.stamps_of(item.stream)
     begin = max(0, int(np.searchsorted(known, stamps[0], "right")) - 1 - _MARGIN)
     end = min(len(known), int(np.searchsorted(known, stamps[-1], "left")) + 1 + _MARGIN)
-    raw = spool.values_of(item.stream, begin, end)[:, list(item.places)]
-    values = item.converted(raw)
+    values = item.converted(spool.values_of(item, begin, end))
     finite = np.isfinite(values).all(axis=1)
     own, values = np.array(known[begin:end])[finite], values[finite]
     width = len(item.column.labels)
@@ -294,7 +292,5 @@ def _stream(spool: Spool, used: list[int]) -> int | None:
 
 def _enough(count: int, source: str, duration: float) -> None:
     if count < 2:
-        raise LogError(
-            f"{source}: expected at least two samples on the time base, found {max(0, count)} "
-            f"in {max(0.0, duration):.6g} s"
-        )
+        found = f"{max(0, count)} in {max(0.0, duration):.6g} s"
+        raise LogError(source, "at least two samples on the time base", found)

@@ -70,18 +70,15 @@ def restamped(stamps: Stamps, rate: float, gap: float, where: str) -> tuple[Stam
     shift[known[gaps]] = np.diff(np.concatenate([[0.0], lost]))[gaps]
     grid = rows + np.cumsum(shift)
     off = late - start
-    text = (
-        f"{words}, and {int(lost[-1])} row(s) as lost in {len(gaps)} gap(s)"
-        if len(gaps)
-        else f"{words}, and none as lost"
-    )
+    some = f"{int(lost[-1])} row(s) as lost in {len(gaps)} gap(s)"
+    words += f", and {some if len(gaps) else 'none as lost'}"
     if wraps:
-        text += f"; {wraps} time(s) their clock jumped back, and no row was lost then"
-    text += (
+        words += f"; {wraps} time(s) their clock jumped back, and no row was lost then"
+    words += (
         f"; the stamps in the file differ from this by {np.sqrt(np.mean(off**2)) / 1e9:.3g} s "
         f"(rms), at most {np.abs(off).max() / 1e9:.3g} s"
     )
-    return np.rint(grid * step + start).astype(np.int64) + origin, text
+    return np.rint(grid * step + start).astype(np.int64) + origin, words
 
 
 def _set_back(late: Array, step: float) -> tuple[Array, int]:
