@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from patagium.arrays import Array, median_step
+from patagium.arrays import Array, Bools, median_step
 from patagium.errors import LogError
 from patagium.netcdf_file import write_netcdf
 from patagium.robot import Robot
@@ -88,8 +88,9 @@ def motion_and_force(
     facts = json.loads(motion.attrs["findings"])
     facts["notes"] += drift_notes(log)
     for name, sensor in log.sensors.items():
+        shift = late.get(name, 0.0)
         if isinstance(sensor, MotorCurrent):
-            force = motor_forces(log, motion, name, shift=late.get(name, 0.0), robot=log.robot)
+            force = motor_forces(log, motion, name, shift=shift)
             parts = joint_names(sensor.joints, log.robot)
             joints = _joined(joints, force, name)
             units = [log.robot.force_units[log.robot.index(part)] for part in parts]
@@ -100,7 +101,7 @@ def motion_and_force(
         elif isinstance(sensor, LoadCell) and log.robot.floating:
             if mount is not None:
                 raise LogError("load cells", "one that holds the robot", f"{name!r} too")
-            mount = cell_wrench(log, motion, name, shift=late.get(name, 0.0))
+            mount = cell_wrench(log, motion, name, shift=shift)
             noise = np.sqrt((mount.measured.noise.reshape(2, 3) ** 2).mean(axis=1))
             white = zip(("force", "moment"), ("N", "N m"), noise.tolist(), strict=True)
         else:
@@ -166,7 +167,7 @@ def _cell_notes(
             "then it lacks `negated: true` in the mapping"
         )
         return notes
-    return notes + _zero_notes(motion, found, place)
+    return notes + _zero_notes(motion, found, known, weight)
 
 
 def _arm_notes(wrench: Array, span: float) -> list[str]:
@@ -251,15 +252,16 @@ def _late_notes(time: Array, whole: Array, cell: Array) -> list[str]:
     ]
 
 
-def _zero_notes(motion: xr.Dataset, found: ForceSamples, place: list[int]) -> list[str]:
+def _zero_notes(motion: xr.Dataset, found: ForceSamples, known: Bools, weight: float) -> list[str]:
     """Warnings that the force of the air at rest is not zero, or not the same in two rests.
 
     Args:
         motion: Motion of the robot.
         found: Force of the air along it.
-        place: Places of x, y, z in q.
+        known: Whether the force of the air is known in each sample, (N,).
+        weight: Weight of the robot [N].
     """
-    known = np.isfinite(found.force[:, place]).all(axis=1)
+    place = list(found.robot.floating_dofs[:3])  # x, y, z
     fastest = np.percentile(np.abs(found.v[known]), 99, axis=0)
     noise = np.median(np.sqrt(np.einsum("tii->ti", motion["covariance"].values))[known], axis=0)
     moves = fastest > 20 * noise[len(fastest) : 2 * len(fastest)]
@@ -268,7 +270,6 @@ def _zero_notes(motion: xr.Dataset, found: ForceSamples, place: list[int]) -> li
     rests = [slice(a, b + 1) for a, b in ends if found.time[b] - found.time[a] > _REST]
     if not rests:
         return []
-    weight = found.robot.flying.mass * found.robot.scale_gravity
     turned = from_quaternion(motion["attitude"].values)
     spread = 3 * np.median(found.std[:, place][known], axis=0)
 

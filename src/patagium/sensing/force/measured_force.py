@@ -262,10 +262,10 @@ def _along(
     robot = robot_of(motion)
     if mount is not None and not robot.floating:
         raise ParameterError("robot", "one with a floating body, for a mount", robot.name)
-    if missing := [name for name in ("q", "v", "a", "covariance") if name not in motion]:
+    names = ("time", "q", "v", "a", "covariance")
+    if missing := [name for name in names[1:] if name not in motion]:
         held = ", ".join(map(str, motion.data_vars))
         raise FlightError(f"motion: expected {', '.join(missing)}, but it holds {held}")
-    names = ("time", "q", "v", "a", "covariance")
     time, q, v, a, spread = (np.asarray(motion[name].values, float) for name in names)
     count, n = q.shape
     wind, numbers = np.zeros((count, 3)), np.zeros(0)

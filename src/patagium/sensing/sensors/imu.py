@@ -102,7 +102,7 @@ class Imu(FramedSensor):
             signal = partial(Signal, ("axis",), units)
             shown = np.clip(truth + bias + white, -limit, limit)
             measured[quantity] = signal(stepped(shown, getattr(self, f"{part}_step")))
-            true |= {quantity: signal(truth), f"{part}_bias": signal(bias)}
+            true[quantity], true[f"{part}_bias"] = signal(truth), signal(bias)
         return Reading(measured, true, {"axis": AXES})
 
     def _bias(self, part: str, count: int, rng: np.random.Generator) -> Array:

@@ -18,7 +18,7 @@ from patagium.arrays import Array, median_step, stored
 from patagium.dynamics.kinematics import body_poses
 from patagium.dynamics.rnea import body_accelerations
 from patagium.errors import FlightError
-from patagium.native import NativeFunction, load_functions
+from patagium.native import NativeFunction, load_functions, named_function
 from patagium.robot import Robot
 from patagium.simulation.flight import robot_of
 
@@ -132,11 +132,11 @@ def _frame_function(robot: Robot, body: int) -> NativeFunction:
         pose = body_poses(machine, q)[body]
         w, dw, origin = body_accelerations(machine, q, v, a, ca.SX(machine.gravity))[body]
         felt = origin + ca.cross(dw, offset) + ca.cross(w, ca.cross(w, offset))
-        results = [pose.at(offset), pose.rotation, w, felt]
-        names = ["position", "rotation", "angular_velocity", "specific_force"]
-        inputs = ["q", "v", "a", "offset_parameters", "parameters"]
-        dense = [ca.densify(result) for result in results]
-        return [ca.Function("frame", [q, v, a, offset, p], dense, inputs, names)]
+        inputs = {"q": q, "v": v, "a": a, "offset_parameters": offset, "parameters": p}
+        motion = {"position": pose.at(offset), "rotation": pose.rotation}
+        motion |= {"angular_velocity": w, "specific_force": felt}
+        dense = {name: ca.densify(one) for name, one in motion.items()}
+        return [named_function("frame", inputs, dense)]
 
     name = robot.bodies[body].name
     key = f"frame of body {body} {robot.structure}"

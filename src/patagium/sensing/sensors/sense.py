@@ -7,6 +7,7 @@ import warnings
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -126,17 +127,16 @@ def sense(flight: xr.Dataset, sensors: Sequence[Sensor], *, seed: int = 0) -> Se
     if not scene.robot.gravity and any(isinstance(sensor, Imu) for sensor in sensors):
         warnings.warn(WEIGHTLESS, stacklevel=3)
     readings, truth = {}, {}
+    begin, end = float(scene.time[0]), float(scene.time[-1])
     for sensor in sensors:
-        if (count := float(scene.time[-1] - scene.time[0]) * sensor.rate) > _MOST:
-            found = f"found {count:.3g}; is the time of the flight in s?"
-            raise FlightError(f"{sensor.name}: expected at most {_MOST:.0e} samples, {found}")
+        if (count := (end - begin) * sensor.rate) > _MOST:
+            found = f"{count:.3g}; is the time of the flight in s?"
+            raise FlightError(sensor.name, f"at most {_MOST:.0e} samples", found)
         rng = np.random.default_rng([seed, zlib.crc32(sensor.name.encode())])
-        stamps, times = sensor.clock(float(scene.time[0]), float(scene.time[-1]))
+        stamps, times = sensor.clock(begin, end)
         if len(times) < 2:
-            raise FlightError(
-                f"{sensor.name}: expected a flight of at least 2 samples at {sensor.rate:g} Hz, "
-                f"found {len(times)} in {scene.time[-1] - scene.time[0]:g} s"
-            )
+            expected = f"a flight of at least 2 samples at {sensor.rate:g} Hz"
+            raise FlightError(sensor.name, expected, f"{len(times)} in {end - begin:g} s")
         reading = sensor.measure(scene, times, rng)
         readings[sensor.name] = _dataset(stamps, reading.measured, reading)
         true = {**reading.true, "true_time": Signal((), "s", times)}
@@ -149,7 +149,7 @@ def sense(flight: xr.Dataset, sensors: Sequence[Sensor], *, seed: int = 0) -> Se
 
 def published(sensor: Sensor) -> Sensor:
     """Sensor as a laboratory knows it, without its delay and its clock."""
-    return replace(sensor, **dict.fromkeys(HIDDEN, 0.0))
+    return replace(sensor, delay=0.0, clock_offset=0.0, clock_drift=0.0)
 
 
 def _dataset(stamps: Array, signals: Mapping[str, Signal], reading: Reading) -> xr.Dataset:
@@ -217,13 +217,12 @@ def load_sensor_log(path: str | Path) -> SensorLog:
         LogError: If there is no such file, or the file is no sensor log.
     """
     path = Path(path)
-    whole = loaded_dataset(path, LogError, "a sensor log")
+    part = partial(loaded_dataset, path, LogError, "a sensor log")
+    whole = part()
     with made_again(f"{path}: the sensor log"):
         with open_netcdf(path) as opened:
             labels = list(opened.groups)
-        readings = {
-            label: loaded_dataset(path, LogError, "a sensor log", label) for label in labels
-        }
+        readings = {label: part(label) for label in labels}
         sensors = {label: sensor_from(readings[label].attrs.pop("sensor")) for label in labels}
         mount, air = whole.attrs.get("mount", ""), air_of(whole)
         return SensorLog(readings, sensors, {}, robot_of(whole), mount, air)
