@@ -423,23 +423,22 @@ def _overview_groups(flight: Any) -> list[_Group]:
     position = [n for n in ("x", "y", "z") if n in names]
     attitude = [n for n in _ATTITUDE if n in names]
     others = [n for n in names if n not in position + attitude]
-    q, force = flight["q"], flight["aero_force"]
-    if "coordinate" in q.dims:
-        q = q.rename(coordinate="dof")
-    coordinates = [str(name) for name in q["dof"].values]
-    quaternion = [n for n in _QUATERNION if n in coordinates]
+    coordinates = [str(name) for name in flight[flight["q"].dims[1]].values]
+    q = dict(zip(coordinates, flight["q"].values.T, strict=True))
+    force = dict(zip(names, flight["aero_force"].values.T, strict=True))
+    quaternion = [n for n in _QUATERNION if n in q]
     angles = [] if quaternion else attitude
     energy = ("kinetic_energy", "potential_energy", "energy_residual")
     moving, unit = _moving(q, others), dict(zip(names, flight["dof_unit"].values, strict=True))
-    turning = {n: np.degrees(q.sel(dof=n).values) for n in moving if unit[n] != "m"}
+    turning = {n: np.degrees(q[n]) for n in moving if unit[n] != "m"}
     groups: list[_Group] = [
-        ("Position", "m", {n: q.sel(dof=n).values for n in position}),
-        ("Attitude", "deg", {n: unwound(q.sel(dof=n).values) for n in angles}),
-        ("Attitude", "1", {n: q.sel(dof=n).values for n in quaternion}),
+        ("Position", "m", {n: q[n] for n in position}),
+        ("Attitude", "deg", {n: unwound(q[n]) for n in angles}),
+        ("Attitude", "1", {n: q[n] for n in quaternion}),
         ("Joints", "deg", turning),
-        ("Joints", "m", {n: q.sel(dof=n).values for n in moving if n not in turning}),
-        ("Force of the air", "N", {n: force.sel(dof=n).values for n in position}),
-        ("Moment of the air", "N m", {n: force.sel(dof=n).values for n in attitude}),
+        ("Joints", "m", {n: q[n] for n in moving if n not in turning}),
+        ("Force of the air", "N", {n: force[n] for n in position}),
+        ("Moment of the air", "N m", {n: force[n] for n in attitude}),
         ("Energy", "J", {n.replace("_", " "): flight[n].values for n in energy}),
     ]
     if "reference" in flight:
@@ -486,14 +485,13 @@ def unwound(angle: Array) -> Array:
     return turn
 
 
-def _moving(q: Any, names: Sequence[str]) -> list[str]:
+def _moving(q: Mapping[str, Array], names: Sequence[str]) -> list[str]:
     """The joints that move; one of each mirrored pair that moves alike."""
     kept: list[str] = []
     for name in names:
-        values = q.sel(dof=name).values
         twin = name.replace("right_", "left_", 1)
-        alike = twin in kept and np.array_equal(values, q.sel(dof=twin).values)
-        if np.ptp(values) > 0.0 and not alike:
+        alike = twin in kept and np.array_equal(q[name], q[twin])
+        if np.ptp(q[name]) > 0.0 and not alike:
             kept.append(name)
     return kept
 

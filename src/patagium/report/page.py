@@ -264,7 +264,7 @@ def write_page(
     """
     page = page_path(path, "")
     first = [[one for one in opening if isinstance(one, kind)] for kind in _FIRST]
-    text = _template().render(
+    text = template("page.html").render(
         title=title, summary=summary, sections=sections, facts=dict(facts or {}), opening=first
     )
     return write_whole(page, text)
@@ -292,11 +292,16 @@ def prose(text: str) -> Markup:
     return Markup(re.sub(r"\*\*([^*]+)\*\*", r"<strong>\1</strong>", marked))
 
 
-def _template() -> Template:
+def template(name: str) -> Template:
+    """Template of a page, a file of this package.
+
+    Args:
+        name: Its name, with the folder.
+    """
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     environment.filters["prose"] = prose
     environment.tests["a"] = lambda block, kind: type(block).__name__ == kind
-    text = files("patagium.report").joinpath("page.html").read_text(encoding="utf-8")
+    text = files("patagium.report").joinpath(name).read_text(encoding="utf-8")
     return environment.from_string(text)

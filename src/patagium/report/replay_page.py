@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from patagium.arrays import Array
+from patagium.report.page import template
 from patagium.report.style import COLORS, SCENE, TRUTH
 from patagium.whole_file import write_whole
 
@@ -163,8 +163,7 @@ def write_replay(path: str | Path, replay: Replay) -> Path:
     Returns:
         The path written.
     """
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
-    text = environment.from_string(_text("page.html")).render(
+    text = template("replay/page.html").render(
         title=replay.title,
         subtitle=replay.subtitle,
         notes=replay.notes,

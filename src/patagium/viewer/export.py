@@ -92,10 +92,8 @@ def body_frames(record: xr.Dataset) -> dict[str, tuple[Array, Array]]:
     if q.shape[1] != robot.coordinate_count:
         return {}
     origins, axes = poses_at(robot, q)
-    turns = Rotation.from_matrix(axes.reshape(-1, 3, 3)).as_quat()
-    turns = turns.reshape(len(q), -1, 4)
-    names = [body.name for body in robot.bodies]
-    return {name: (origins[:, k], turns[:, k]) for k, name in enumerate(names)}
+    turns = Rotation.from_matrix(axes.reshape(-1, 3, 3)).as_quat().reshape(len(q), -1, 4)
+    return {body.name: (origins[:, k], turns[:, k]) for k, body in enumerate(robot.bodies)}
 
 
 def export(record: xr.Dataset, path: str | Path) -> Path:
@@ -169,8 +167,7 @@ def _write_mcap(library: Any, path: Path, record: xr.Dataset, topics: list[Topic
             streams.append((channel, _messages(one)))
         frames = body_frames(record)
         if frames:
-            kind = "foxglove.FrameTransforms"
-            channel = _registered(writer, kind, "/tf", _FRAMES)
+            channel = _registered(writer, "foxglove.FrameTransforms", "/tf", _FRAMES)
             streams.append((channel, _frame_messages(frames, times)))
         for number, time in enumerate(times.tolist()):
             for channel, messages in streams:

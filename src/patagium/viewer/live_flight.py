@@ -83,7 +83,7 @@ class LiveFlight:
         pipeline: Pipeline | None = None,
         every: int = 1,
     ) -> None:
-        self._start, self._robot, self._own = start, robot, gait
+        self._start, self._own = start, gait
         self._step, self._view, self._pipeline = time_step, view, pipeline
         self._steering = subject.steering
         self._felt = [robot.index(name) for name in subject.outputs]

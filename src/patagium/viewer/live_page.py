@@ -110,9 +110,8 @@ class LivePlots:
         self.draw()
 
     def _title(self, name: str) -> str:
-        subject = self._subject
-        length = subject.robot.dof_units[subject.robot.index(name)] == "m"
-        return f"Force of the air on {name} [{'N' if length else 'N m'}]"
+        robot = self._subject.robot
+        return f"Force of the air on {name} [{robot.force_units[robot.index(name)]}]"
 
     def _lines(self, name: str) -> tuple[Array, ...]:
         k = self._subject.outputs.index(name)
@@ -381,8 +380,7 @@ class LiveScene:
         self._axes.position = np.array([0.0, 0.0, place[2]])
 
     def _draw_trail(self, origin: Array) -> None:
-        far = not self._trail or np.linalg.norm(origin - self._trail[-1]) > 0.02 * self.reach
-        if far:
+        if not self._trail or np.linalg.norm(origin - self._trail[-1]) > 0.02 * self.reach:
             self._trail = [*self._trail[1 - _TRAIL :], origin.copy()]
         points = np.array([*self._trail, origin]) - self._anchor
         pieces = np.stack([points[:-1], points[1:]], axis=1)
@@ -501,8 +499,7 @@ class LivePage:
         if letters:
             with self._server.atomic():
                 self._draw(self._last)
-            self._asked["drawn"] += 1
-            self._send()
+            self._ask("drawn", self._asked["drawn"] + 1)
         if now - self._plotted > _PLOTS and letters:
             self._plots.draw()
             self._plotted = now
@@ -574,27 +571,22 @@ class LivePage:
         self._asked["frequency"] = steering.frequency
         beat.on_update(lambda _: self._ask("frequency", float(beat.value)))
         size.on_update(lambda _: self._ask("amplitude", 0.01 * float(size.value)))
-        allow(pause).on_click(lambda _: self._toggle())
-        allow(reset).on_click(lambda _: self._reset())
-        space = allow(gui.add_command("Pause or fly on", hotkey="SPACE"))
-        space.on_trigger(lambda _: self._toggle())
-        again = allow(gui.add_command("Fly again from the start", hotkey="R"))
-        again.on_trigger(lambda _: self._reset())
+        allow(pause).on_click(self._toggle)
+        allow(reset).on_click(self._reset)
+        allow(gui.add_command("Pause or fly on", hotkey="SPACE")).on_trigger(self._toggle)
+        allow(gui.add_command("Fly again from the start", hotkey="R")).on_trigger(self._reset)
 
     def _ask(self, name: str, value: Any) -> None:
         self._asked[name] = value
-        self._send()
-
-    def _send(self) -> None:
         self._commands.put(self._asked)
 
-    def _toggle(self) -> None:
+    def _toggle(self, _: object) -> None:
         paused = not self._asked["paused"]
         self._pause.label = "Fly on (space)" if paused else "Pause (space)"
         self._pause.icon = viser.Icon.PLAYER_PLAY if paused else viser.Icon.PLAYER_PAUSE
         self._ask("paused", paused)
 
-    def _reset(self) -> None:
+    def _reset(self, _: object) -> None:
         self._ask("resets", self._asked["resets"] + 1)
 
     def _draw(self, letter: Any) -> None:
@@ -621,9 +613,8 @@ class LivePage:
         return total if np.isfinite(total).all() else None
 
     def _count(self, now: float, sent: int) -> None:
-        letter, last = self._last, self._seen[0] if self._seen else None
+        letter, since = self._last, self._seen[0] if self._seen else (np.nan, np.nan, 0)
         self._seen = [*self._seen[-20:], (now, float(letter["time"]), int(letter["samples"]))]
-        since = (np.nan, np.nan, 0) if last is None else last
         passed = now - since[0]
         rate = (int(letter["samples"]) - since[2]) / passed
         pace = (float(letter["time"]) - since[1]) / passed
