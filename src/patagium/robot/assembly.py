@@ -31,14 +31,24 @@ from patagium.robot.model import (
     Joint,
     Robot,
     Strip,
+    axis_of,
+    moments_of,
     repeated,
 )
-from patagium.robot.planform import from_the_root, mirror_body, reflected_axis
+from patagium.robot.planform import (
+    from_the_root,
+    inwards,
+    mirror_body,
+    placed,
+    poses,
+    reflected_axis,
+)
 from patagium.robot.schema import (
     ActuatorPart,
     BodyPart,
     CruisePart,
     JointPart,
+    Mirror,
     RobotFile,
     Segment,
     WingPart,
@@ -97,7 +107,6 @@ def assemble(file: RobotFile, source: str) -> Robot:
     order = _ordered(file, tuple(coordinates))
     ordered = [coordinates[name] for name in order]
     dof = {name: i for i, name in enumerate(order)}
-    index = {draft.name: i for i, draft in enumerate(drafts)}
     bodies: list[Body] = []
     for draft in drafts:
         bodies.append(_body(draft, bodies, dof))
@@ -116,10 +125,9 @@ def assemble(file: RobotFile, source: str) -> Robot:
         gravity=file.gravity,
         **_capacities(ordered),
     )
-    robot = replace(robot, strips=_strips(file, robot, index))
+    robot = replace(robot, strips=_strips(file, robot))
     _check_inertia(robot, [draft.path for draft in drafts])
-    taken = repeated(robot.coordinate_names)
-    if taken:
+    if taken := repeated(robot.coordinate_names):
         floating = next(draft for draft in drafts if draft.part.floating)
         path = f"{floating.path}.attitude"
         raise AssemblyError((path, "coordinates named once", f"a joint {taken[0]} too"))
@@ -356,26 +364,20 @@ def _check_masses(drafts: list[_Draft]) -> None:
 
 def _check_inertia(robot: Robot, paths: list[str]) -> None:
     """A turn that moves no mass has no equation of motion either; seen at zero coordinates."""
-    turns, places = [np.eye(3)], [np.zeros(3)]  # of the world, then of each body
-    masses, centers, tensors = np.array([body.mass for body in robot.bodies]), [], []
-    for body in robot.bodies:
-        places.append(places[body.parent + 1] + turns[body.parent + 1] @ body.position)
-        turns.append(turn := turns[body.parent + 1] @ np.array(body.orientation))
-        centers.append(places[-1] + turn @ body.center_of_mass)
-        tensors.append(turn @ body.tensor @ turn.T)
-    for k, body in enumerate(robot.bodies):
-        below = [k]
-        for i in range(k + 1, len(robot.bodies)):
-            below += [i] if robot.bodies[i].parent in below else []
+    each = list(zip(robot.bodies, poses(robot), strict=True))
+    masses = np.array([body.mass for body in robot.bodies])
+    centers = np.array([placed(pose, np.array(body.center_of_mass)) for body, pose in each])
+    tensors = np.array([turn @ body.tensor @ turn.T for body, (_, turn) in each])
+    for k, (body, (place, turn)) in enumerate(each):
         free = body.floating_dofs is not None
-        axes = [turns[k + 1] @ j.axis for j in body.joints if j.kind == "revolute"]
+        axes = [turn @ j.axis for j in body.joints if j.kind == "revolute"]
         if not axes and not free:
             continue
-        place = places[k + 1]
+        below = [i for i in range(len(each)) if k in inwards(robot, i)]
         if free:
-            place = np.average(np.array(centers)[below], 0, masses[below])
-        arms = np.array(centers)[below] - place
-        tensor = np.sum(np.array(tensors)[below], axis=0)
+            place = np.average(centers[below], 0, masses[below])
+        arms = centers[below] - place
+        tensor = np.sum(tensors[below], axis=0)
         for mass, arm in zip(masses[below], arms, strict=True):
             tensor = tensor + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
         least = np.linalg.eigvalsh(tensor)[0] if free else min(a @ tensor @ a for a in axes)
@@ -457,38 +459,34 @@ def _ordered(file: RobotFile, names: tuple[str, ...]) -> tuple[str, ...]:
 
 def _body(draft: _Draft, before: list[Body], dof: dict[str, int]) -> Body:
     """Body of a draft, mirrored where it is an image."""
-    side = -1.0 if draft.reflected else 1.0
     parent = -1 if draft.parent is None else [one.name for one in before].index(draft.parent)
     joints = []
     for k, (joint, part) in enumerate(zip(draft.joints, draft.part.joints, strict=True)):
         coupling = part.coupling if isinstance(part, Hinge) else 0.0
         inner = before[parent].joints[k].name if coupling else ""
         joints.append(Joint(*joint, dof[joint[0]], coupling, inner))  # type: ignore[arg-type]
-    tensor = draft.part.tensor()
-    x, y, z = draft.part.at
-    cx, cy, cz = draft.part.center_of_mass
+    mirror = _REFLECTION if draft.reflected else np.eye(3)
+    front, middle, back = draft.orientation
     return Body(
         name=draft.name,
         parent=parent,
-        position=(x, side * y + 0.0, z),
-        orientation=tuple(tuple(float(k) + 0.0 for k in row) for row in draft.orientation),  # type: ignore[arg-type]
+        position=axis_of(mirror @ draft.part.at),
+        orientation=(axis_of(front), axis_of(middle), axis_of(back)),
         joints=tuple(joints),
         floating_dofs=(
             tuple(dof[k] for k in FLOATING_COORDINATES) if draft.part.floating else None
         ),
         mass=draft.part.mass,
-        center_of_mass=(cx, side * cy + 0.0, cz),
-        inertia=tuple(
-            float(k) + 0.0
-            for k in (*np.diag(tensor), side * tensor[0, 1], tensor[0, 2], side * tensor[1, 2])
-        ),  # type: ignore[arg-type]
+        center_of_mass=axis_of(mirror @ draft.part.center_of_mass),
+        inertia=moments_of(mirror @ draft.part.tensor() @ mirror),
         attitude=draft.part.attitude or "euler",
         piece=any(isinstance(part, Hinge) for part in draft.part.joints),
     )
 
 
-def _strips(file: RobotFile, robot: Robot, index: dict[str, int]) -> tuple[Strip, ...]:
+def _strips(file: RobotFile, robot: Robot) -> tuple[Strip, ...]:
     """Strips of all wings, each from its root to its tip."""
+    index = {body.name: i for i, body in enumerate(robot.bodies)}
     names = [wing.name for wing in file.wings]
     strips: list[Strip] = []
     for i, wing in enumerate(file.wings):
@@ -501,7 +499,6 @@ def _strips(file: RobotFile, robot: Robot, index: dict[str, int]) -> tuple[Strip
         cut = [_on_piece(robot, strip) for strip in cut_wing(wing, index)]
         strips += from_the_root(robot, cut)
     _check_wing_names(file)
-    bodies = list(index)
     for i, mirror in enumerate(file.mirror):
         for strip in tuple(s for s in strips if not s.mirrored):
             if not strip.wing.startswith(mirror.source):
@@ -509,7 +506,7 @@ def _strips(file: RobotFile, robot: Robot, index: dict[str, int]) -> tuple[Strip
             name = _renamed(strip.wing, mirror.source, mirror.target)
             if name in names:
                 raise AssemblyError((f"mirror.{i}", "names that are not taken yet", f"wing {name}"))
-            strips.append(_reflected_strip(strip, name, bodies, index, mirror))
+            strips.append(_reflected_strip(robot, strip, name, mirror))
     return tuple(strips)
 
 
@@ -529,21 +526,18 @@ def _check_wing_names(file: RobotFile) -> None:
                 raise AssemblyError((f"wings.{i}.name", expected, wing.name))
 
 
-def _reflected_strip(
-    strip: Strip, wing: str, bodies: list[str], index: dict[str, int], mirror: Any
-) -> Strip:
-    def reflect(vector: Any) -> Any:
-        return (vector[0], -vector[1] + 0.0, vector[2])
-
+def _reflected_strip(robot: Robot, strip: Strip, wing: str, mirror: Mirror) -> Strip:
+    """Mirror image of a strip, which belongs to a wing of that name."""
+    carrier = _renamed(robot.bodies[strip.body].name, mirror.source, mirror.target)
     return replace(
         strip,
         name=wing + strip.name[len(strip.wing) :],
         wing=wing,
-        body=index[_renamed(bodies[strip.body], mirror.source, mirror.target)],
+        body=robot.body_index(carrier),
         mirrored=True,
-        quarter_chord=reflect(strip.quarter_chord),
-        forward=reflect(strip.forward),
-        normal=reflect(strip.normal),
+        quarter_chord=reflected_axis("prismatic", strip.quarter_chord),
+        forward=reflected_axis("prismatic", strip.forward),
+        normal=reflected_axis("prismatic", strip.normal),
     )
 
 
@@ -616,8 +610,7 @@ def _integral(span: Array, chord: Array, edges: Array) -> Array:
 
 
 def _triple(vector: Array) -> tuple[float, float, float]:
-    x, y, z = (_clean(float(k)) for k in vector)
-    return (x, y, z)
+    return axis_of(map(_clean, vector))
 
 
 def _clean(value: float) -> float:

@@ -54,6 +54,9 @@ def draw_robot(robot: Robot, q: ArrayLike | None = None) -> Figure:
     )
 
 
+_SPOKEN = {"revolute": ("about", "deg", degrees(1)), "prismatic": ("along", "cm", 100.0)}
+
+
 def _hinges(robot: Robot, q: Array) -> dict[str, Hinge]:
     """Joints of the robot by name; those of mirrored wings are not listed."""
     images = mirrored_bodies(robot)
@@ -68,13 +71,11 @@ def _hinges(robot: Robot, q: Array) -> dict[str, Hinge]:
             far = points[away.argmax()]  # of a straight edge its outer end
             limits = (robot.lower[joint.dof], robot.upper[joint.dof])
             sweep, ways = np.zeros((0, 3)), "no limits"
+            how, unit, factor = _SPOKEN[joint.kind]
             if np.isfinite(limits).all():
                 sweep = _sweep(robot, q, index, far, joint.dof)
-                unit, factor = ("deg", degrees(1)) if joint.kind == "revolute" else ("cm", 100.0)
                 ways = " to ".join(f"{factor * k:.0f}" for k in limits) + f" {unit}"
-            words = "" if index in images else f"{joint.name}: about {_letter(axis)}, {ways}"
-            if joint.kind == "prismatic":
-                words = words.replace("about", "along")
+            words = "" if index in images else f"{joint.name}: {how} {_letter(axis)}, {ways}"
             hinges[joint.name] = Hinge(places[index][0], places[index][1] @ axis, sweep, words)
     return hinges
 

@@ -38,6 +38,8 @@ from patagium.robot.schema import CompositionFile, RobotFile
 from patagium.robot.urdf import read_urdf
 from patagium.whole_file import write_whole
 
+_FOLDER = resources.files("patagium.robot")
+
 
 @checked
 def load_robot(name_or_path: str | Path) -> Robot:
@@ -188,14 +190,13 @@ def _part(described: Any, key: str) -> Robot:
 
 def preset_names() -> tuple[str, ...]:
     """Names of the robots that come with the package, sorted."""
-    folder = resources.files("patagium.robot") / "presets"
-    files = (entry.name for entry in folder.iterdir())
+    files = (entry.name for entry in (_FOLDER / "presets").iterdir())
     return tuple(sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml")))
 
 
 def preset_text(name: str) -> str:
     """Text of a preset's robot file."""
-    return (resources.files("patagium.robot") / "presets" / f"{name}.yaml").read_text("utf-8")
+    return (_FOLDER / "presets" / f"{name}.yaml").read_text("utf-8")
 
 
 def write_template(name: str) -> Path:
@@ -216,8 +217,7 @@ def write_template(name: str) -> Path:
         raise ParameterError("--new", "a file that is not there yet", str(path))
     if path.stem in preset_names():
         raise ParameterError("--new", "a name that no preset has", path.stem)
-    text = (resources.files("patagium.robot") / "template.yaml").read_text("utf-8")
-    text = text.replace("my_robot", path.stem)
+    text = (_FOLDER / "template.yaml").read_text("utf-8").replace("my_robot", path.stem)
     try:
         load_robot_text(text)
     except RobotFileError:

@@ -162,23 +162,23 @@ class Linkage:
             LinkageError: If the linkage cannot close there.
         """
         at = np.array([phase])
-        th2, th5, _, th8, _, th6 = self._angles(at)
-        pin = self._crank_pin(at)
+        th2, th5, _, th8, _, th6 = self._angles(at)[:, 0]
+        pin = self._crank_pin(at)[0]
         elbow = self._shoulder + _turn(th5) * self._elbow_arm
         pins = {
-            "crank_axis": self._crank_axis + 0 * pin,
+            "crank_axis": self._crank_axis,
             "crank_pin": pin,
             "humerus_lever": pin + _turn(th2) * self.l2a,
             "coupler_branch": pin + _turn(th2) * self._branch,
             "rocker_lever": self._rocker_axis + _turn(th8) * self._rocker_lever,
-            "rocker_axis": self._rocker_axis + 0 * pin,
+            "rocker_axis": self._rocker_axis,
             "rocker_pin": self._rocker_axis + _turn(th8) * self._rocker_arm,
             "radius_lever": elbow + _turn(th6) * self._radius_lever,
-            "shoulder": self._shoulder + 0 * pin,
+            "shoulder": self._shoulder,
             "elbow": elbow,
             "tip": elbow + _turn(th6) * self.l7a,
         }
-        return {name: (float(p[0].real), float(p[0].imag)) for name, p in pins.items()}
+        return {name: (float(p.real), float(p.imag)) for name, p in pins.items()}
 
     @property
     def _crank_axis(self) -> complex:
@@ -284,18 +284,12 @@ class Linkage:
 
     def _arms(self, angles: Array) -> Complex:
         """Each closure's bars as turned by the six angles, (3, 6, N) [m]."""
-        th2, th5, th3, th8, th9, th6 = angles
-        arms = np.zeros((3, 6, angles.shape[1]), complex)
-        arms[0, 0] = self.l2a * _turn(th2)
-        arms[0, 1] = -self._humerus_lever * _turn(th5)
-        arms[1, 0] = self._branch * _turn(th2)
-        arms[1, 2] = self.l4 * _turn(th3)
-        arms[1, 3] = -self._rocker_lever * _turn(th8)
-        arms[2, 3] = self._rocker_arm * _turn(th8)
-        arms[2, 4] = self.l6 * _turn(th9)
-        arms[2, 1] = -self._elbow_arm * _turn(th5)
-        arms[2, 5] = -self._radius_lever * _turn(th6)
-        return arms
+        bars = [  # of th2, th5, th3, th8, th9, th6
+            [self.l2a, -self._humerus_lever, 0, 0, 0, 0],
+            [self._branch, 0, self.l4, -self._rocker_lever, 0, 0],
+            [0, -self._elbow_arm, 0, self._rocker_arm, self.l6, -self._radius_lever],
+        ]
+        return np.array(bars)[:, :, None] * _turn(angles)
 
     def _solved(self, angles: Array, right: Array) -> Array:
         """Solution of (d closures / d angles) s = right, (6, N)."""

@@ -37,8 +37,9 @@ Axis: TypeAlias = tuple[float, float, float]
 Attitude: TypeAlias = Literal["euler", "quaternion"]
 
 _XYZ = ("x", "y", "z")
-_INERTIA = ("xx", "yy", "zz", "xy", "xz", "yz")
-_BODY_LEAVES = {"position": _XYZ, "mass": (), "center_of_mass": _XYZ, "inertia": _INERTIA}
+INERTIA = ("xx", "yy", "zz", "xy", "xz", "yz")
+"""Entries of an inertia tensor as a robot and its file name them."""
+_BODY_LEAVES = {"position": _XYZ, "mass": (), "center_of_mass": _XYZ, "inertia": INERTIA}
 _STRIP_LEAVES: dict[str, tuple[str, ...]] = {"quarter_chord": _XYZ, "chord": (), "width": ()}
 _JOINT_LEAVES = ("damping", "stiffness", "rest")
 CAPACITIES = ("speed_limit", "acceleration_limit", "effort_limit", "power_limit")
@@ -57,6 +58,18 @@ _EXCESS = 0.1
 _NEVER_NEGATIVE = ("gravity", "mass", "damping", "stiffness", "chord", "width")
 FLOATING_COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 PHYSICAL = "principal moments of a real body (none below 0 or above the sum of the others)"
+
+
+def inertia_tensor(moments: Sequence[Any]) -> Array:
+    """Tensor of the entries `INERTIA`, (3, 3) [kg m^2]."""
+    xx, yy, zz, xy, xz, yz = moments
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], float)
+
+
+def moments_of(tensor: Array) -> tuple[float, float, float, float, float, float]:
+    """Entries `INERTIA` of a tensor, (3, 3) [kg m^2]."""
+    xx, xy, xz, yy, yz, zz = (float(k) + 0.0 for k in tensor[np.triu_indices(3)])
+    return xx, yy, zz, xy, xz, yz
 
 
 def is_physical(tensor: Array, excess: float = 1e-6) -> bool:
@@ -143,8 +156,7 @@ class Body:
     @property
     def tensor(self) -> Array:
         """Inertia about the centre of mass in numbers, (3, 3) [kg m^2], body axes."""
-        xx, yy, zz, xy, xz, yz = self.inertia
-        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], float)
+        return inertia_tensor(self.inertia)
 
 
 @dataclass(frozen=True)
@@ -480,10 +492,8 @@ class Robot:
                 raise ParameterError(name, "a mass above 0 of a body with inertia", body.mass)
             own = [name for name in values if name.startswith(f"{body.name}.inertia.")]
             if own and not is_physical(body.tensor, _EXCESS):
-                found = {
-                    key: float(f"{x:.4g}") for key, x in zip(_INERTIA, body.inertia, strict=True)
-                }
-                raise ParameterError(own[0], PHYSICAL, found)
+                found = [float(f"{x:.4g}") for x in body.inertia]
+                raise ParameterError(own[0], PHYSICAL, dict(zip(INERTIA, found, strict=True)))
         source = amended_source(self.source, values) if self.source else ""
         return replace(changed, source=source)
 
@@ -508,8 +518,7 @@ class Robot:
         )
         source = source_with_attitude(self.source, attitude) if self.source else ""
         other = replace(self, bodies=bodies, source=source)
-        taken = repeated(other.coordinate_names)
-        if taken:
+        if taken := repeated(other.coordinate_names):
             raise ParameterError("attitude", "coordinates named once", f"{taken[0]} again")
         return other
 
@@ -606,10 +615,7 @@ class Robot:
         Raises:
             ParameterError: If there is none of that name.
         """
-        if not isinstance(dof_name, str) or dof_name not in self.dof_names:
-            known = self.dof_names
-            raise ParameterError("coordinate", f"one of {', '.join(known)}", dof_name, known)
-        return self.dof_names.index(dof_name)
+        return _index_of("coordinate", dof_name, self.dof_names)
 
     def body_index(self, name: str) -> int:
         """Index of a body by name.
@@ -617,10 +623,7 @@ class Robot:
         Raises:
             ParameterError: If there is no such body.
         """
-        names = [body.name for body in self.bodies]
-        if not isinstance(name, str) or name not in names:
-            raise ParameterError("body", f"one of {', '.join(names)}", name, names)
-        return names.index(name)
+        return _index_of("body", name, [body.name for body in self.bodies])
 
     def place(self, body: str, point: ArrayLike) -> tuple[int, Array]:
         """Index of the body that holds a point, and the point in its axes, (3,) [m].
@@ -675,16 +678,20 @@ class Robot:
         return [dofs[3:] for dofs in turning if dofs is not None]
 
 
+def _index_of(what: str, name: str, known: Sequence[str]) -> int:
+    if not isinstance(name, str) or name not in known:
+        raise ParameterError(what, f"one of {', '.join(known)}", name, known)
+    return known.index(name)
+
+
 def _with_values(robot: Robot, values: Mapping[str, Any]) -> Robot:
     """Copy of a robot with some parameters set to numbers or symbols; unknown names are ignored."""
 
     def changed(part: Any, labels: Mapping[str, tuple[str, ...]]) -> Any:
         fields: dict[str, Any] = {}
-        for field_name, parts in labels.items():
-            old = getattr(part, field_name)
-            names = _leaf_names(f"{part.name}.{field_name}", parts)
-            new = tuple(map(values.get, names, old if parts else (old,)))
-            fields[field_name] = new if parts else new[0]
+        for field_name, leaves in _leaves_of(part, labels):
+            new = tuple(values.get(name, old) for name, old in leaves)
+            fields[field_name] = new if labels[field_name] else new[0]
         return replace(part, **fields)
 
     joints: dict[str, Any] = {
@@ -713,15 +720,18 @@ def _leaves(robot: Robot) -> Iterator[tuple[str, Any]]:
     described = [(body, _BODY_LEAVES) for body in robot.bodies]
     described += [(strip, _STRIP_LEAVES) for strip in robot.strips]
     for part, labels in described:
-        for field_name, parts in labels.items():
-            value = getattr(part, field_name)
-            names = _leaf_names(f"{part.name}.{field_name}", parts)
-            yield from zip(names, value if parts else (value,), strict=True)
+        for _, leaves in _leaves_of(part, labels):
+            yield from leaves
 
 
-def _leaf_names(prefix: str, parts: tuple[str, ...]) -> list[str]:
-    """Names of the parameters in a field that has these parts, or is one number."""
-    return [f"{prefix}.{part}" for part in parts] or [prefix]
+def _leaves_of(
+    part: Any, labels: Mapping[str, tuple[str, ...]]
+) -> Iterator[tuple[str, list[tuple[str, Any]]]]:
+    """Fields of a body or strip, each with name and value of its numbers: of its parts, or one."""
+    for field_name, parts in labels.items():
+        prefix, value = f"{part.name}.{field_name}", getattr(part, field_name)
+        names = [f"{prefix}.{one}" for one in parts]
+        yield field_name, list(zip(names, value, strict=True)) if parts else [(prefix, value)]
 
 
 def _mounted(
@@ -833,6 +843,5 @@ def _check_names(robot: Robot, strips: tuple[Strip, ...]) -> None:
         "strips": [strip.name for strip in strips],
     }
     for kind, names in kinds.items():
-        for name in names:
-            if names.count(name) > 1:
-                raise ParameterError("prefix", f"one that keeps names of {kind} apart", name)
+        if taken := repeated(names):
+            raise ParameterError("prefix", f"one that keeps names of {kind} apart", taken[0])

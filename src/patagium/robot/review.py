@@ -57,10 +57,11 @@ _OVERLAP = 0.1
 def robot_warnings(robot: Robot) -> list[str]:
     """Sentences on likely slips, each with what to write; none for a robot without."""
     images = mirrored_bodies(robot)  # the other side is told
-    checks = (_wide_limits(robot, images), _masses_of_wings(robot, images), _small_strips(robot))
     every = (
         _bare_numbers(robot.source),
-        *checks,
+        _wide_limits(robot, images),
+        _masses_of_wings(robot, images),
+        _small_strips(robot),
         _few_strips(robot),
         _elsewhere(robot),
         _wide_bodies(robot, images),
@@ -185,10 +186,7 @@ def _elsewhere(robot: Robot) -> Iterator[str]:
         carriers = {
             strip.body for strip in robot.strips if strip.wing == body.name and not strip.mirrored
         }
-        below = {index}  # and what hangs on it
-        for k, one in enumerate(robot.bodies):
-            below |= {k} if one.parent in below else set()
-        if body.joints and carriers and not carriers & below:
+        if body.joints and carriers and not any(index in inwards(robot, k) for k in carriers):
             on = ", ".join(robot.bodies[k].name for k in sorted(carriers))
             yield f"wing {body.name}: it is on {on}; write body: {body.name} if that carries it"
 

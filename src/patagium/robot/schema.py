@@ -22,7 +22,14 @@ from pydantic import (
 
 from patagium.arrays import Array
 from patagium.limits import LEAST_MASS
-from patagium.robot.model import CAPACITIES, PHYSICAL, capacity_units, is_physical
+from patagium.robot.model import (
+    CAPACITIES,
+    INERTIA,
+    PHYSICAL,
+    capacity_units,
+    inertia_tensor,
+    is_physical,
+)
 
 from patagium.robot.units import (  # isort: skip
     Acceleration, Angle, BeamStiffness, Duration, Frequency, Inertia, Length, Mass, NumberInSI,
@@ -35,16 +42,19 @@ class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-def _positive(value: float) -> float:
+def _positive(value: float, *, at: str = "") -> float:
     if not value > 0:
-        raise mismatch("a positive quantity", f"{value:g}")
+        raise mismatch("a positive quantity", f"{value:g}", at)
     return value
 
 
-def _not_negative(value: float) -> float:
+def _not_negative(value: float, *, at: str = "") -> float:
     if not value >= 0:
-        raise mismatch("a quantity that is not negative", f"{value:g}")
+        raise mismatch("a quantity that is not negative", f"{value:g}", at)
     return value
+
+
+_POSITIVE, _NOT_NEGATIVE = AfterValidator(_positive), AfterValidator(_not_negative)
 
 
 def _unit_vector(written: object) -> object:
@@ -68,7 +78,7 @@ Point: TypeAlias = Annotated[tuple[Length, Length, Length], Field(examples=["[1 
 Direction: TypeAlias = Annotated[
     tuple[float, float, float], BeforeValidator(_unit_vector), Field(examples=["y"])
 ]
-PositiveLength: TypeAlias = Annotated[Length, AfterValidator(_positive)]
+PositiveLength: TypeAlias = Annotated[Length, _POSITIVE]
 Tensor: TypeAlias = Array
 FIRST_HINGE = 1 - 1 / np.sqrt(3)
 """Place of the first hinge of a flexible plate, over its share of the span."""
@@ -175,9 +185,7 @@ class Moments(_Part):
 
     def tensor(self, mass: float) -> Tensor:  # noqa: ARG002 - one signature for all shapes
         """Inertia about the centre of mass, (3, 3) [kg m^2]."""
-        return np.array(
-            [[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]]
-        )
+        return inertia_tensor([getattr(self, key) for key in INERTIA])
 
 
 def _joint_units(kind: object) -> dict[str, tuple[str, str]]:
@@ -218,9 +226,7 @@ class JointPart(_Part):
         converted = dict(written)
         for key, limit_unit in zip(CAPACITIES, capacity_units(unit), strict=True):
             if key in written:
-                converted[key] = most = si_at(written[key], limit_unit, "a limit", key)
-                if not most > 0:
-                    raise mismatch("a positive quantity", f"{most:g}", key)
+                converted[key] = _positive(si_at(written[key], limit_unit, "a limit", key), at=key)
         if isinstance(written.get("limits"), list):
             converted["limits"] = tuple(
                 si_at(k, unit, noun, f"limits.{i}", np.inf) for i, k in enumerate(written["limits"])
@@ -236,8 +242,7 @@ class JointPart(_Part):
             unit, _ = _joint_units(self.type)["rest"]
             raise mismatch("the lower before the upper", spoken(unit, *self.limits), "limits")
         for key in ("damping", "stiffness"):
-            if getattr(self, key) < 0:
-                raise mismatch("a quantity that is not negative", f"{getattr(self, key):g}", key)
+            _not_negative(getattr(self, key), at=key)
         if self.rest and not self.stiffness:
             raise mismatch("a stiffness where there is a rest", "none", "stiffness")
         return self
@@ -246,21 +251,21 @@ class JointPart(_Part):
 class FloatingDamping(_Part):
     """Passive damping of a floating body's velocities: force = -damping v."""
 
-    x: Annotated[SlidingDamping, AfterValidator(_not_negative)] = 0.0
-    y: Annotated[SlidingDamping, AfterValidator(_not_negative)] = 0.0
-    z: Annotated[SlidingDamping, AfterValidator(_not_negative)] = 0.0
-    roll: Annotated[TurningDamping, AfterValidator(_not_negative)] = 0.0
-    pitch: Annotated[TurningDamping, AfterValidator(_not_negative)] = 0.0
-    yaw: Annotated[TurningDamping, AfterValidator(_not_negative)] = 0.0
+    x: Annotated[SlidingDamping, _NOT_NEGATIVE] = 0.0
+    y: Annotated[SlidingDamping, _NOT_NEGATIVE] = 0.0
+    z: Annotated[SlidingDamping, _NOT_NEGATIVE] = 0.0
+    roll: Annotated[TurningDamping, _NOT_NEGATIVE] = 0.0
+    pitch: Annotated[TurningDamping, _NOT_NEGATIVE] = 0.0
+    yaw: Annotated[TurningDamping, _NOT_NEGATIVE] = 0.0
 
 
 class FlexiblePart(_Part):
     """Elasticity of a plate along y: rigid pieces with springs between them."""
 
     elements: Annotated[int, Field(ge=2, le=40, multiple_of=2, strict=True, examples=[4])] = 4
-    bending: Annotated[BeamStiffness, AfterValidator(_not_negative)] = 0.0
-    torsion: Annotated[BeamStiffness, AfterValidator(_not_negative)] = 0.0
-    damping: Annotated[Duration, AfterValidator(_not_negative)] = 0.0
+    bending: Annotated[BeamStiffness, _NOT_NEGATIVE] = 0.0
+    torsion: Annotated[BeamStiffness, _NOT_NEGATIVE] = 0.0
+    damping: Annotated[Duration, _NOT_NEGATIVE] = 0.0
 
     @model_validator(mode="after")
     def _elastic(self) -> FlexiblePart:
@@ -423,13 +428,13 @@ class Mirror(_Part):
 class CruisePart(_Part):
     """Flight where nothing else is asked for: one sine a joint, whose unit the assembly knows."""
 
-    frequency: Annotated[Frequency, AfterValidator(_positive)] | None = None
+    frequency: Annotated[Frequency, _POSITIVE] | None = None
     amplitude: dict[Name, Any] = {}
     phase: dict[Name, Any] = {}
     offset: dict[Name, Any] = {}
-    speed: Annotated[Speed, AfterValidator(_not_negative)] = 0.0
+    speed: Annotated[Speed, _NOT_NEGATIVE] = 0.0
     pitch: Tilt = 0.0
-    duration: Annotated[Duration, AfterValidator(_positive)] = 1.0
+    duration: Annotated[Duration, _POSITIVE] = 1.0
 
     @model_validator(mode="after")
     def _beats(self) -> CruisePart:
@@ -443,15 +448,15 @@ class ActuatorPart(_Part):
 
     range: tuple[Any, Any] | None = None
     rate_limit: Any = None
-    response_time: Annotated[Duration, AfterValidator(_positive)] | None = None
-    cost: Annotated[PureNumber, AfterValidator(_positive)] = 1.0
+    response_time: Annotated[Duration, _POSITIVE] | None = None
+    cost: Annotated[PureNumber, _POSITIVE] = 1.0
 
 
 class RobotFile(_Part):
     """All of a robot file."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,39}$", examples=["my_robot"])]
-    gravity: Annotated[Acceleration, AfterValidator(_not_negative)]
+    gravity: Annotated[Acceleration, _NOT_NEGATIVE]
     coordinates: tuple[Name, ...] | None = None
     bodies: Annotated[
         dict[Name, BodyPart],

@@ -30,7 +30,7 @@ from defusedxml.ElementTree import fromstring
 from patagium.errors import RobotFileError
 from patagium.limits import TURN
 from patagium.robot.attitude import rotation_from_angles
-from patagium.robot.model import FLOATING_COORDINATES
+from patagium.robot.model import FLOATING_COORDINATES, INERTIA, inertia_tensor, moments_of
 
 Problem = tuple[str, str, str]
 
@@ -224,14 +224,12 @@ class _Reader:
         origin = self._origin(element, place)
         mass = self._number(element.find("mass"), "value", f"{place}.mass")
         inertia = element.find("inertia")
-        moments = [self._number(inertia, k, f"{place}.inertia") for k in _MOMENTS]
+        moments = [self._number(inertia, f"i{key}", f"{place}.inertia") for key in INERTIA]
         if mass == 0 and not any(moments):
             return {"massless": True}
-        xx, yy, zz, xy, xz, yz = moments
         turn = rotation_from_angles(origin[3:])
-        tensor = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
-        upper = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-        entries = {key[1:]: float(tensor[k]) for key, k in zip(_MOMENTS, upper, strict=True)}
+        turned = moments_of(turn @ inertia_tensor(moments) @ turn.T)
+        entries = dict(zip(INERTIA, turned, strict=True))
         return {"mass": mass, "center_of_mass": origin[:3].tolist(), "inertia": entries}
 
     def _coordinates_of(self, joint: Element, place: str) -> Iterator[dict[str, Any]]:
@@ -243,10 +241,7 @@ class _Reader:
             expected = "revolute, continuous, prismatic, fixed, or floating at the root"
             self._refuse(f"{place}.type", expected, _one_line(kind) or "nothing")
             return
-        axis_element = joint.find("axis")
-        axis = np.array([1.0, 0.0, 0.0])
-        if axis_element is not None:
-            axis = self._numbers(axis_element, "xyz", 3, f"{place}.axis", (1.0, 0.0, 0.0))
+        axis = self._numbers(joint.find("axis"), "xyz", 3, f"{place}.axis", (1.0, 0.0, 0.0))
         name = self.coordinates.new(joint.get("name", ""), "joint")
         limit = self._limits(joint, kind, place)
         dynamics = joint.find("dynamics")
@@ -321,7 +316,6 @@ class _Reader:
 
 
 _ENDS = ("parent", "child")
-_MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
 def _one_line(text: str) -> str:
