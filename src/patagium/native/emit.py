@@ -40,14 +40,16 @@ UNITS = 4
 _VALUES = re.compile(r"\b(?:t\d+|(?:co)?sine\d+_\d+)\b")
 _ARRAYS = re.compile(r"\b(?:angle\d+|(?:co)?sine\d+|call\d+_[ar]\d+)\b")
 
-_BINARY = {
+_FORMS = {
     ca.OP_ADD: "({0} + {1})",
     ca.OP_SUB: "({0} - {1})",
     ca.OP_MUL: "({0} * {1})",
     ca.OP_DIV: "({0} / {1})",
+    ca.OP_NEG: "(-{0})",
+    ca.OP_SQ: "({0} * {0})",
+    ca.OP_TWICE: "({0} + {0})",
+    ca.OP_INV: "(1.0 / {0})",
 }
-_UNARY = {ca.OP_NEG: "(-{0})", ca.OP_SQ: "({0} * {0})", ca.OP_TWICE: "({0} + {0})"}
-_UNARY |= {ca.OP_INV: "(1.0 / {0})"}
 _NAMES = (
     "exp log log1p expm1 sqrt tan asin acos atan sinh cosh tanh fabs floor ceil sign not pow atan2 "
     "fmin fmax fmod hypot copysign lt le eq ne and or if_else_zero"
@@ -107,29 +109,25 @@ class _Graph:
         work: dict[int, int] = {}
         steps = ca.vertsplit(function.instructions_sx()) if function.find_functions() else []
         for k in range(function.n_instructions()):
-            op = function.instruction_id(k)
+            op, read = function.instruction_id(k), function.instruction_input(k)
+            written = function.instruction_output(k)
             if op == ca.OP_OUTPUT:
-                result, entry = function.instruction_output(k)
-                outputs.append((result, entry, work[function.instruction_input(k)[0]]))
-                continue
-            if op == ca.OP_CALL:
-                inputs = tuple(work[i] for i in function.instruction_input(k))
-                results = self._call(steps[k].which_function(), inputs)
-                work.update(zip(function.instruction_output(k), results, strict=True))
-                continue
-            if op == ca.OP_INPUT and given is not None:
-                argument, entry = function.instruction_input(k)
-                work[function.instruction_output(k)[0]] = given[argument, entry]
+                result, entry = written
+                outputs.append((result, entry, work[read[0]]))
                 continue
             if op == ca.OP_CONST:
-                node = _Node(op, (), (function.instruction_constant(k),))
+                found = [self._place(_Node(op, (), (function.instruction_constant(k),)))]
             elif op == ca.OP_INPUT:
-                argument, entry = function.instruction_input(k)
-                node = _Node(op, (), (argument, entry))
+                place = (read[0], read[1])
+                found = [self._place(_Node(op, (), place)) if given is None else given[place]]
             else:
-                inputs = tuple(work[i] for i in function.instruction_input(k))
-                node = _Node(op, tuple(sorted(inputs)) if op in _COMMUTATIVE else inputs)
-            work[function.instruction_output(k)[0]] = self._place(node)
+                inputs = tuple(work[i] for i in read)
+                if op == ca.OP_CALL:
+                    found = self._call(steps[k].which_function(), inputs)
+                else:
+                    ordered = tuple(sorted(inputs)) if op in _COMMUTATIVE else inputs
+                    found = [self._place(_Node(op, ordered))]
+            work.update(zip(written, found, strict=True))
         return outputs
 
     def _place(self, node: _Node) -> int:
@@ -200,6 +198,13 @@ def calls_kernels(function: ca.Function) -> bool:
     return any(kernel_of(one.name())[0] in KERNELS for one in function.find_functions())
 
 
+def dense(function: ca.Function) -> ca.Function:
+    """The function with every argument and result written out, zeros too."""
+    inputs = [ca.SX.sym(name, *function.size_in(name)) for name in function.name_in()]
+    outputs = [ca.densify(output) for output in function.call(inputs, True, False)]
+    return ca.Function(function.name(), inputs, outputs)
+
+
 def dense_graph(function: ca.Function, calls: bool) -> _Graph:
     """Nodes of a function all of whose results are written, zeros too.
 
@@ -207,9 +212,7 @@ def dense_graph(function: ca.Function, calls: bool) -> _Graph:
         function: The function.
         calls: Whether functions named `each_...` stay calls.
     """
-    inputs = [ca.SX.sym(name, *function.size_in(name)) for name in function.name_in()]
-    outputs = [ca.densify(output) for output in function.call(inputs, True, False)]
-    return _Graph(ca.Function(function.name(), inputs, outputs), calls)
+    return _Graph(dense(function), calls)
 
 
 def emit(function: ca.Function) -> list[str]:
@@ -548,9 +551,8 @@ class _Writer:
             number, position = self._angles[node.inputs[0]]
             stem = "sine" if node.op == ca.OP_SIN else "cosine"
             return self._dialect.angle_value.format(stem, number, position)
-        template = _BINARY.get(node.op) or _UNARY.get(node.op)
-        if template:
-            return template.format(*[_operand(self._graph, i) for i in node.inputs])
+        if node.op in _FORMS:
+            return _FORMS[node.op].format(*[_operand(self._graph, i) for i in node.inputs])
         if node.op not in _CALLS:
             raise ParameterError("expression", "operations that C can express", node.op)
         arguments = ", ".join(self._argument(i) for i in node.inputs)

@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -23,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from patagium.arrays import Array, real_array
 from patagium.errors import ParameterError, ShapeError
-from patagium.native.emit import SHARED_SUFFIX
+from patagium.native.emit import SHARED_SUFFIX, dense
 
 Shape = tuple[int, int]
 _LANES = 8  # of the widest vectors there are; a multiple of all others
@@ -74,7 +75,6 @@ class NativeFunction:
         self.signature, self.name = signature, signature.name
         self.size_in, self.size_out = signature.sizes_in, signature.sizes_out
         self._expression, self._library = expression, library
-        self._batch_function: Any = None
         self._lock = threading.Lock()
         self._inputs = [_buffer(size) for size in self.size_in]
         self._outputs = [_buffer(size) for size in self.size_out]
@@ -100,27 +100,21 @@ class NativeFunction:
         `void f(arg, res, long count, long stride)`: arguments state by state, those the same for
         all once; results entry by entry, rows of `stride` states, a multiple of the lanes.
         """
-        if self._library is None:
-            return None
-        return ctypes.cast(self._many(), ctypes.c_void_p).value
+        return ctypes.cast(self._many, ctypes.c_void_p).value
 
+    @cached_property
     def _many(self) -> Any:
-        """The compiled code for many states."""
-        if self._batch_function is None and self._library is not None:
-            self._batch_function = getattr(self._library(), f"{self.name}_batch")
-        return self._batch_function
+        """The compiled code for many states; None without a compiler."""
+        return None if self._library is None else getattr(self._library(), f"{self.name}_batch")
 
     def _start_virtual_machine(self, call: bool = True) -> None:
-        function = self._expression()
-        given = function.sx_in()
-        results = [ca.densify(out) for out in function.call(given, True, False)]
-        dense = ca.Function(function.name(), given, results)
-        buffer, run = dense.buffer()
+        function = dense(self._expression())
+        buffer, run = function.buffer()
         for k, array in enumerate(self._inputs):
             buffer.set_arg(k, array.ravel(order="K").data)
         for k, array in enumerate(self._outputs):
             buffer.set_res(k, array.ravel(order="K").data)
-        keep = (dense, buffer)
+        keep = (function, buffer)
         self._run = lambda: run() and keep
         if call:
             self._run()
@@ -184,12 +178,12 @@ class NativeFunction:
             for position, (rows, columns) in enumerate(self.size_out)
         ]
 
-        many, lengths = self._many(), ctypes.c_long(padded)
+        lengths = ctypes.c_long(padded)
 
         def part(begin: int, end: int) -> None:
             given = [x if self._is_shared(k) else x[begin:] for k, x in enumerate(blocks)]
             found = _pointers([result[..., begin:] for result in results])
-            many(_pointers(given), found, ctypes.c_long(end - begin), lengths)
+            self._many(_pointers(given), found, ctypes.c_long(end - begin), lengths)
 
         _side_by_side(part, count)
         shaped = [
@@ -214,13 +208,22 @@ class NativeFunction:
     def _given(self, arguments: tuple[ArrayLike, ...]) -> tuple[list[Array], int]:
         """Arguments of many states as arrays, and the number of states."""
         self._check_count(arguments)
-        arrays = [
-            array[..., 0] if size == (1, 1) and array.shape[-1:] == (1,) else array
-            for array, size in zip(
-                map(real_array, self.signature.names_in, arguments), self.size_in, strict=True
-            )
-        ]
-        return arrays, self._batch_count(arrays)
+        arrays, counts = list[Array](), set[int]()
+        given = zip(self.signature.names_in, self._inputs, arguments, strict=True)
+        for position, (name, buffer, argument) in enumerate(given):
+            array = real_array(name, argument)
+            if buffer.ndim == 0 and array.shape[-1:] == (1,):
+                array = array[..., 0]
+            leading, shared = array.ndim - buffer.ndim, self._is_shared(position)
+            if array.shape[leading:] != buffer.shape or leading not in ((0,) if shared else (0, 1)):
+                expected = buffer.shape if shared else ("N", *buffer.shape)
+                raise ShapeError(name, expected, array.shape)
+            arrays.append(array)
+            if leading:
+                counts.add(len(array))
+        if len(counts) != 1 or 0 in counts:
+            raise ShapeError(self.name, "one common leading axis N > 0", sorted(counts))
+        return arrays, counts.pop()
 
     def _block(self, position: int, shape: tuple[int, int, int]) -> Array:
         """Aligned memory: that of an earlier call where nobody holds a view of it any more.
@@ -247,21 +250,6 @@ class NativeFunction:
             raise ParameterError(
                 self.name, f"{len(self._inputs)} arguments ({expected})", len(arguments)
             )
-
-    def _batch_count(self, arrays: list[Array]) -> int:
-        counts = set()
-        for position, (buffer, array) in enumerate(zip(self._inputs, arrays, strict=True)):
-            leading = array.ndim - buffer.ndim
-            fits = array.shape[leading:] == buffer.shape and leading in (0, 1)
-            if not fits or (leading and self._is_shared(position)):
-                name = self.signature.names_in[position]
-                expected = buffer.shape if self._is_shared(position) else ("N", *buffer.shape)
-                raise ShapeError(name, expected, array.shape)
-            if leading:
-                counts.add(array.shape[0])
-        if len(counts) != 1 or 0 in counts:
-            raise ShapeError(self.name, "one common leading axis N > 0", sorted(counts))
-        return int(counts.pop())
 
 
 def _side_by_side(part: Callable[[int, int], None], count: int) -> None:
@@ -308,11 +296,11 @@ def _pointers(arrays: list[Array]) -> ctypes.Array[ctypes.c_void_p]:
 
 
 def as_c(*values: Any) -> list[Any]:
-    """Arguments of a function in C: arrays by address, integers as long, all else as it is."""
+    """Arguments in C: arrays by address, integers as ptrdiff_t or long, all else as it is."""
     return [
         ctypes.c_void_p(value.ctypes.data)
         if isinstance(value, np.ndarray)
-        else ctypes.c_long(value)
+        else ctypes.c_ssize_t(value)
         if isinstance(value, int)
         else value
         for value in values

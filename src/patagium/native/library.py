@@ -143,13 +143,9 @@ def source_digest() -> str:
 
 
 def _signature(function: ca.Function) -> Signature:
-    return Signature(
-        function.name(),
-        tuple(function.name_in()),
-        tuple(tuple(function.size_in(k)) for k in range(function.n_in())),
-        tuple(function.name_out()),
-        tuple(tuple(function.size_out(k)) for k in range(function.n_out())),
-    )
+    given, found = function.name_in(), function.name_out()
+    sizes = map(function.size_in, given), map(function.size_out, found)
+    return Signature.from_list([function.name(), given, sizes[0], found, sizes[1]])
 
 
 def _code(
