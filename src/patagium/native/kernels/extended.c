@@ -45,7 +45,7 @@ static void weight_rows(const extended_filter *e, int in, int out, const double 
 static void perceptron_slopes(extended_filter *e) {
   panel_filter *f = &e->filter;
   const int stride = f->stride, items = f->items;
-  const int room = items * widest_of(f) * stride;
+  const int room = items * widest_of(&f->base) * stride;
   const double *seeds = f->weighting;
   double ones[items];
   const double *w = f->mean + f->weights;

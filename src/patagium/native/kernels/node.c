@@ -37,10 +37,10 @@ static void add_outer(int m, int stride, double weight, const double *d, double 
 static void scatter_of(int k, const REAL *x, double centered, double *mean, double *scatter) {
   for (int h = 0; h < WIDTH; h += WIDE) {
     wide sum = {0}, square = {0};
-    for (int i = 0; i < k; i++) sum += wide_of(x + (ptrdiff_t)i * WIDTH + h);
+    for (int i = 0; i < k; i++) sum += wide_from(x + (ptrdiff_t)i * WIDTH + h);
     sum /= k;
     for (int i = 0; i < k; i++) {
-      const wide apart = wide_of(x + (ptrdiff_t)i * WIDTH + h) - centered * sum;
+      const wide apart = wide_from(x + (ptrdiff_t)i * WIDTH + h) - centered * sum;
       square += apart * apart;
     }
     wide_store(mean + h, sum);
@@ -83,7 +83,8 @@ static void add_gram(int k, int m, int stride, double scale, const REAL *x, cons
   for (int i = 0; i < k; i++)
     for (int h = 0; h < WIDTH; h += WIDE) {
       for (int q = 0; q < m; q++)
-        apart[q] = wide_of(x + ((ptrdiff_t)i * m + q) * WIDTH + h) - wide_load(middle + q * WIDTH + h);
+        apart[q] = wide_from(x + ((ptrdiff_t)i * m + q) * WIDTH + h)
+                   - wide_load(middle + q * WIDTH + h);
       for (int p = 0; p < m; p++)
         for (int q = 0; q <= p; q++) {
           double *sum = sums + (p * m + q) * WIDE;
@@ -247,8 +248,8 @@ static reals learn(node_filter *f, const group *g, double growth, const REAL *be
       for (int q = 0; q <= p; q++) {
         wide sum = wide_all(f->small[p * f->stride + q]);
         for (int i = 0; i < k; i++)
-          sum -= wide_of(slopes + ((ptrdiff_t)i * m + p) * WIDTH + h) *
-                 wide_of(slopes + ((ptrdiff_t)i * m + q) * WIDTH + h);
+          sum -= wide_from(slopes + ((ptrdiff_t)i * m + p) * WIDTH + h) *
+                 wide_from(slopes + ((ptrdiff_t)i * m + q) * WIDTH + h);
         wide_store(rest + (p * m + q) * WIDE, sum);
       }
     invert_roots(m, rest, f->small, f->stride, inverse);

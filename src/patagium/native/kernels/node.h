@@ -30,14 +30,6 @@ typedef struct {
 /* Doubles of WIDE lanes, `half` by half, as the small algebra takes them. */
 #define HALVES (WIDTH / WIDE)
 
-typedef REAL parts __attribute__((vector_size(WIDE * sizeof(REAL))));
-
-static inline wide wide_of(const REAL *p) {
-  parts x;
-  memcpy(&x, p, sizeof x);
-  return __builtin_convertvector(x, wide);
-}
-
 static inline void wide_to(REAL *p, wide x) {
   parts narrow = __builtin_convertvector(x, parts);
   memcpy(p, &narrow, sizeof narrow);

@@ -13,15 +13,10 @@ static inline reals activation_of(int activation, reals z) {
   return activation == TANH ? reals_tanh(z) : reals_softplus(z);
 }
 
-static int widest_of(const node_filter *f) {
-  int widest = 0;
-  for (int l = 0; l <= f->layers; l++)
-    if (f->widths[l] > widest) widest = f->widths[l];
-  return widest;
-}
-
 /* Numbers of one item of a layer at the mean, in whole vectors. */
-static int padded_of(const node_filter *f) { return (widest_of(f) + WIDTH - 1) / WIDTH * WIDTH; }
+static int padded_of(const node_filter *f) {
+  return (widest_of(&f->base) + WIDTH - 1) / WIDTH * WIDTH;
+}
 
 /* What layer l sums at the mean, (items, padded); what it takes in. */
 static REAL *sums_of(const node_filter *f, int l) {
@@ -135,7 +130,7 @@ static void run_on(const node_filter *f, const group *g, const REAL *change, REA
     return;
   }
   for (int t = 0; t < f->items; t++) {
-    REAL *below = room, *above = room + (ptrdiff_t)widest_of(f) * WIDTH;
+    REAL *below = room, *above = room + (ptrdiff_t)widest_of(&f->base) * WIDTH;
     const REAL *w = f->plain + g->at + f->widths[g->layer + 1] * g->size;
     for (int l = g->layer + 1; l < f->layers; l++) {
       const int in = f->widths[l], out = f->widths[l + 1], first = l == g->layer + 1;

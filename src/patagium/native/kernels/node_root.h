@@ -182,7 +182,7 @@ static void find_gains(int k, int m, const REAL *slopes, double *g, REAL *gains)
     wide alpha = wide_all(1);
     for (int l = 0; l < m; l++) inner[l] = (wide){0};
     for (int q = 0; q < m; q++) {
-      const wide here = wide_of(z + q * WIDTH);
+      const wide here = wide_from(z + q * WIDTH);
       for (int l = 0; l < m; l++) inner[l] += here * wide_load(g + (q * m + l) * WIDE);
     }
     for (int l = 0; l < m; l++) alpha += inner[l] * inner[l];

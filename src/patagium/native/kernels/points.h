@@ -18,16 +18,9 @@ static void activate(int activation, int count, REAL *z) {
       reals_store(z + k * WIDTH, reals_softplus(reals_load(z + k * WIDTH)));
 }
 
-static int widest_of(const panel_filter *f) {
-  int widest = 0;
-  for (int l = 0; l <= f->layers; l++)
-    if (f->widths[l] > widest) widest = f->widths[l];
-  return widest;
-}
-
 /* Numbers a layer at the mean takes: items x widest, in whole vectors. */
 static int layer_size(const panel_filter *f) {
-  return (f->items * widest_of(f) + WIDTH - 1) / WIDTH * WIDTH;
+  return (f->items * widest_of(&f->base) + WIDTH - 1) / WIDTH * WIDTH;
 }
 
 /* What layer l sums at the mean, (items, widths[l + 1]). */
@@ -154,7 +147,7 @@ static REAL *run_at_points(const panel_filter *f, int block, int first) {
   const int panel = first / PANEL, start = f->starts[block] + panel * PANEL;
   const REAL *s = panel_of(f, block, panel) + first % PANEL;
   const reals spread = reals_all(R(f->spread * f->growth));
-  REAL *here = f->points, *there = here + f->items * widest_of(f) * PANEL;
+  REAL *here = f->points, *there = here + f->items * widest_of(&f->base) * PANEL;
   int l = 0, at = 0, before = 0;
   for (int b = 0; b < block; b++) before += f->counts[b];
   const int shift = f->starts[block] - before, end = before + f->counts[block];

@@ -14,6 +14,13 @@
 #include "small.h"
 #include "weight_filter_struct.h"
 
+static int widest_of(const weight_filter *f) {
+  int widest = 0;
+  for (int l = 0; l <= f->layers; l++)
+    if (f->widths[l] > widest) widest = f->widths[l];
+  return widest;
+}
+
 typedef struct {
   int (*predict)(void *);  /* moments of y, in `predicted` and `covariance`; slopes; an Outcome */
   int (*in_range)(void *); /* whether what the sample makes of the root stays a number */

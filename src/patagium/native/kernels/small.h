@@ -22,15 +22,13 @@ static inline wide wide_load(const double *p) {
 
 static inline void wide_store(double *p, wide x) { memcpy(p, &x, sizeof x); }
 
+typedef REAL parts __attribute__((vector_size(WIDE * sizeof(REAL))));
+
 /* As many numbers as doubles fit a vector, as doubles. */
 static inline wide wide_from(const REAL *p) {
-#if SINGLE
-  float narrow __attribute__((vector_size(VECTOR_BYTES / 2)));
+  parts narrow;
   memcpy(&narrow, p, sizeof narrow);
   return __builtin_convertvector(narrow, wide);
-#else
-  return wide_load(p);
-#endif
 }
 
 /* sum <- sum + x_k x_l over `count` rows of x, for `rows` numbers from k on and WIDE from l. */
