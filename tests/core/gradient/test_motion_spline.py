@@ -59,6 +59,6 @@ def test_steady_turns_are_driven_by_nothing() -> None:
     half = np.outer(5.0 * knots.centers, np.array([0.6, 0.0, 0.8]))
     points = np.zeros((knots.count, 3))
     turning = MotionSpline(knots, points, np.arange(3), Rotation.from_rotvec(half).as_quat())
-    _, value, _ = turning.driven(np.linspace(0.1, 0.9, 7), 4)
+    value, _ = turning.driven(np.linspace(0.1, 0.9, 7), 4)
     # of (w/2)^4 = 39 1/s^4, as the spline of 20 points a second follows the turn
     assert np.abs(value).max() < 1e-2

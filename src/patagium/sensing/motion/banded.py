@@ -9,19 +9,17 @@ References:
 
 from __future__ import annotations
 
-import ctypes
 from functools import cache
 from math import factorial
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, PPoly
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from patagium.arrays import Array, Indices
 from patagium.errors import FilterDiverged, Outcome
 from patagium.native import load_kernel
+from patagium.native.function import as_c
 
 DEGREE = 5
 SEEN = DEGREE + 1
@@ -45,7 +43,7 @@ class Knots:
     """
 
     def __init__(self, begin: float, end: float, step: float) -> None:
-        self.begin, self.end = begin, end
+        self.begin = begin
         self.spans = max(1, int(np.ceil((end - begin) / step - 1e-9)))
         self.step = (end - begin) / self.spans
         self.count = self.spans + DEGREE
@@ -122,7 +120,7 @@ class Information:
         library = load_kernel("banded")
         if library is not None:
             arrays = (self.matrix, self.gradient, *map(np.ascontiguousarray, (rows, residual)))
-            library.banded_add(*pointers(*arrays, first), *_sizes(count, values, wide))
+            library.banded_add(*as_c(*arrays, first, count, values, wide))
             return
         i, j = np.tril_indices(wide)
         for n in range(count):
@@ -191,7 +189,7 @@ class BandedCovariance:
         first, (count, values, wide) = span * self.width, rows.shape
         found = np.empty((count, values))
         arrays = (self.matrix, np.ascontiguousarray(rows), first, found)
-        library.banded_variance(*pointers(*arrays), *_sizes(count, values, wide))
+        library.banded_variance(*as_c(*arrays, count, values, wide))
         return found
 
     def of_spans(self, span: Indices) -> Array:
@@ -215,15 +213,6 @@ class BandedCovariance:
         return found
 
 
-def pointers(*arrays: NDArray[Any]) -> list[ctypes.c_void_p]:
-    """Addresses of arrays, which C reads and writes in place."""
-    return [ctypes.c_void_p(one.ctypes.data) for one in arrays]
-
-
-def _sizes(*sizes: int) -> list[ctypes.c_ssize_t]:
-    return [ctypes.c_ssize_t(one) for one in sizes]
-
-
 def banded_inverse(matrix: Array, vector: Array) -> tuple[Array, Array] | None:
     """Solution of a banded system, and the inverse within the band; None if it is not definite.
 
@@ -237,8 +226,7 @@ def banded_inverse(matrix: Array, vector: Array) -> tuple[Array, Array] | None:
     band = matrix.shape[1] - 1
     inverse, solution = np.array(matrix), np.array(vector)
     memory = np.zeros_like(inverse), np.zeros(2 * (band + 1))
-    arrays = (inverse, solution, *memory)
-    failed = library.banded_inverse(*pointers(*arrays), *_sizes(len(vector), band))
+    failed = library.banded_inverse(*as_c(inverse, solution, *memory, len(vector), band))
     return None if failed else (solution, inverse)
 
 

@@ -107,11 +107,16 @@ def usable_frames(rows: Array) -> Bools:
     Args:
         rows: Positions [m] and quaternions, (N, 7).
     """
-    finite: Bools = np.asarray(np.isfinite(rows).all(axis=1), bool)
-    finite &= np.linalg.norm(np.where(finite[:, None], rows[:, 3:], 0.0), axis=1) > _NO_TURN
+    finite = _whole_frames(rows)
     held = np.zeros(len(rows), bool)
     held[1:] = (rows[1:] == rows[:-1]).all(axis=1)
     return finite & ~held if held[finite].mean() < 0.5 else finite
+
+
+def _whole_frames(rows: Array) -> Bools:
+    """Whether each frame is numbers with a quaternion, (N,)."""
+    turned = np.linalg.norm(np.nan_to_num(rows[:, 3:]), axis=1) > _NO_TURN
+    return np.asarray(np.isfinite(rows).all(axis=1) & turned)
 
 
 def _filled_frames(time: Array, rows: Array, finite: Bools) -> Bools:
@@ -134,8 +139,7 @@ def _filled_frames(time: Array, rows: Array, finite: Bools) -> Bools:
 def consistent_frames(camera: Stream) -> tuple[Bools, list[Stretch]]:
     """Whether each frame shows the body, (N,), and the stretches of frames that do not."""
     seen = usable_frames(camera.rows)
-    turned = np.linalg.norm(np.nan_to_num(camera.rows[:, 3:]), axis=1) > _NO_TURN
-    finite = np.isfinite(camera.rows).all(axis=1) & turned
+    finite = _whole_frames(camera.rows)
     found: list[Stretch] = []
     filled = seen & _filled_frames(camera.time, camera.rows, finite)
     for gone, reason in (
@@ -179,9 +183,8 @@ def open_gaps(camera: Stream, used: Bools) -> list[tuple[float, float]]:
 
 def _open_gaps(steps: _Steps) -> list[tuple[float, float]]:
     time, span = steps.time, np.diff(steps.time)
-    rate = np.maximum(
-        np.linalg.norm(steps.rates[:-1, :3], axis=1), np.linalg.norm(steps.rates[1:, :3], axis=1)
-    )
+    turn = np.linalg.norm(steps.rates[:, :3], axis=1)
+    rate = np.maximum(turn[:-1], turn[1:])
     wide = (span > 2.5 * np.median(span)) & ((rate * span > _UNCLEAR) | (span > _LONGEST_GAP))
     return [(float(time[k]), float(time[k + 1])) for k in np.flatnonzero(wide)]
 

@@ -271,7 +271,7 @@ def _noise(stream: Stream, order: int) -> tuple[Noise, ...]:
         force = spectral_noise(time, rows[:, :3], order - 2)
         rate = spectral_noise(time, rows[:, 3:], order - 1)
         return force._replace(correlation=0.0), rate._replace(correlation=0.0)
-    place, turn = captured_motion(Stream(stream.name, stream.model, time, rows))
+    place, turn = captured_motion(rows)
     return spectral_noise(time, place, order), spectral_noise(time, turn, order)
 
 
@@ -363,8 +363,7 @@ def estimate_motion(
         wanted = real_array("times", np.atleast_1d(real_array("times", times)), ("N",))
         if not (len(wanted) and np.isfinite(wanted).all()):
             raise ParameterError("times", "finite numbers", times)
-    fitted = fit_motion(machine, streams, order, wanted)
-    return _dataset(machine, wanted, fitted, log)
+    return _dataset(wanted, fit_motion(machine, streams, order, wanted), log)
 
 
 def in_coordinates(robot: Robot, found: SmoothedMotion) -> tuple[Array, Array]:
@@ -392,9 +391,9 @@ def in_coordinates(robot: Robot, found: SmoothedMotion) -> tuple[Array, Array]:
     return levels, covariance
 
 
-def _dataset(robot: Robot, times: Array, fitted: MotionFits, log: SensorLog) -> xr.Dataset:
+def _dataset(times: Array, fitted: MotionFits, log: SensorLog) -> xr.Dataset:
     """Motion with its covariance and findings, at given times, as xarray has it."""
-    found = fitted.at(times)
+    robot, found = fitted.robot, fitted.at(times)
     levels, covariance = in_coordinates(robot, found)
     parts = [f"{part}.{name}" for part in "qva" for name in robot.dof_names]
     units = {"q": "m or rad", "v": "m/s or rad/s", "a": "m/s^2 or rad/s^2"}

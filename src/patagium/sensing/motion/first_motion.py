@@ -111,7 +111,7 @@ def first_motion(robot: Robot, streams: Sequence[Stream]) -> FirstMotion:
     place, _, _ = frame.poses(levels, attitude)
     for k, column in enumerate(base.place):
         values[column] = time, rows[:, k] - place[:, k]
-    _, angles = captured_motion(Stream(camera.name, camera.model, time, rows))
+    _, angles = captured_motion(rows)
     for k, column in enumerate(base.turn):
         turned[column] = time, angles[:, k]
     return FirstMotion(values, turned, Slerp(time, attitude))

@@ -8,13 +8,14 @@ floating body.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from patagium.arrays import Array
+from patagium.arrays import Array, Indices
 from patagium.dynamics.kinematics import body_poses, body_velocities, in_body_axes
 from patagium.dynamics.rnea import body_accelerations
 from patagium.errors import ParameterError
@@ -66,6 +67,13 @@ def floating_base(robot: Robot) -> FloatingBase | None:
     if len(found) > 6:
         raise ParameterError("robot", "one floating body at most", f"{len(found) // 6} of them")
     return FloatingBase(found[:3], found[3:]) if found else None
+
+
+def turn_places(base: FloatingBase | None, columns: Sequence[int]) -> Indices | None:
+    """Places of roll, pitch, yaw among some coordinates, (3,); None where they are not there."""
+    if base is None or not set(base.turn) <= set(columns):
+        return None
+    return np.array([list(columns).index(i) for i in base.turn])
 
 
 class FrameModel:

@@ -27,10 +27,15 @@ from scipy.spatial.transform import Rotation
 from patagium.arrays import Array
 from patagium.errors import FilterDiverged, Outcome
 from patagium.native import load_kernel
+from patagium.native.function import as_c
 from patagium.native.structs import MOTION_FILTER, MOTION_SENSOR
 from patagium.robot import Robot
-from patagium.sensing.motion.banded import pointers
-from patagium.sensing.motion.frame_model import FloatingBase, Motion, floating_base
+from patagium.sensing.motion.frame_model import (
+    FloatingBase,
+    Motion,
+    floating_base,
+    turn_places,
+)
 from patagium.sensing.motion.sensor_streams import (
     EncoderModel,
     ImuModel,
@@ -120,17 +125,14 @@ class MotionFilter:
         self._own = self.columns if gaps else slice(int(columns[0]), int(columns[-1]) + 1)
         self.density = np.array(density, float)
         self._models = dict(models)
-        self._units = [name for name, model in models.items() if model.biases]
         self.base: FloatingBase | None = floating_base(robot)
         n = len(self.columns)
-        self.biases = 6 * len(self._units)
+        units = [name for name, model in models.items() if model.biases]
+        self._bias = {name: slice(6 * k, 6 * k + 6) for k, name in enumerate(units)}
+        self.biases = 6 * len(units)
         self.size = order * n + self.biases
-        self.turn = (
-            np.array([int(np.flatnonzero(self.columns == i)[0]) for i in self.base.turn])
-            if self.base is not None and set(self.base.turn) <= set(self.columns.tolist())
-            else None
-        )
-        walks = [np.asarray(models[name].bias_walk) ** 2 for name in self._units]
+        self.turn = turn_places(self.base, columns)
+        walks = [np.asarray(models[name].bias_walk) ** 2 for name in units]
         self.walk = np.concatenate([np.zeros(0), *walks])
         self._cached: dict[float, tuple[Array, Array]] = {}
         kernel = load_kernel("motion")
@@ -150,11 +152,6 @@ class MotionFilter:
         found = MotionEstimate(motion, row[b : b + self.biases], root)
         found.__dict__["row"] = row
         return found
-
-    def bias_of(self, estimate: MotionEstimate, name: str) -> Array:
-        """Estimated bias of an inertial unit, (6,) [m/s^2, rad/s]."""
-        k = self._units.index(name)
-        return estimate.biases[6 * k : 6 * k + 6]
 
     def predict(self, estimate: MotionEstimate, span: float) -> tuple[MotionEstimate, Array]:
         """Predicted estimate, and rotation vector over the time span in body axes, (3,) [rad].
@@ -230,7 +227,7 @@ class MotionFilter:
             model = self._models[observation.name]
             (residual,), (slope,) = model.residuals(*motion, observation.values[None])
             if model.biases:
-                residual = residual - self.bias_of(estimate, observation.name)
+                residual = residual - estimate.biases[self._bias[observation.name]]
             seen = np.isfinite(residual)
             residuals.append(residual[seen])
             slopes.append(self._in_error_state(slope[seen], observation.name))
@@ -308,9 +305,8 @@ class MotionFilter:
         whole = np.zeros((len(slope), self.size))
         for level in range(min(slope.shape[1], self.order)):
             whole[:, level * n : (level + 1) * n] = slope[:, level, self._own]
-        if name in self._units:
-            start = self.order * n + 6 * self._units.index(name)
-            whole[:, start : start + 6] = np.eye(6)
+        if name in self._bias:
+            whole[:, self.order * n :][:, self._bias[name]] = np.eye(6)
         return whole
 
     def _blocks(self, span: float) -> tuple[Array, Array]:
@@ -408,7 +404,7 @@ class CompiledFilter:
         self.found: Array = np.zeros(most * (2 * s + 1))
         self._turned: Array = np.zeros(3)
         self._struct = ctypes.byref(self.struct)
-        self._doubles = pointers(self._turned, self.found)
+        self._doubles = as_c(self._turned, self.found)
 
     def _kept(self, values: Any, kind: Any = float) -> int:
         """Address of an array that lives as long as this."""
@@ -419,7 +415,7 @@ class CompiledFilter:
     def predict(self, row: Array, span: float) -> tuple[Array, Array]:
         """Estimate after a span, and the rotation vector of the attitude over it, (3,) [rad]."""
         to = np.empty(self.row_size)
-        (begin, end), length = pointers(row, to), ctypes.c_double(span)
+        (begin, end), length = as_c(row, to), ctypes.c_double(span)
         self._kernel.motion_predict(self._struct, begin, length, end, self._doubles[0])
         return to, self._turned.copy()
 
@@ -430,7 +426,7 @@ class CompiledFilter:
         numbers = np.array([self.numbers[one.name] for one in observations], np.int32)
         values = np.concatenate([one.values for one in observations])
         to, s = np.empty(self.row_size), self.struct.states
-        places = pointers(numbers, values, row, to)
+        places = as_c(numbers, values, row, to)
         m = self._kernel.motion_update(self._struct, len(numbers), *places, self._doubles[1])
         if m < 0:
             return None

@@ -16,7 +16,7 @@ References:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ from patagium.robot import Robot
 from patagium.robot.attitude import without_flips
 from patagium.sensing.motion.banded import SEEN, Information, Knots
 from patagium.sensing.motion.first_motion import FirstMotion, Noise, spectral_noise
-from patagium.sensing.motion.frame_model import floating_base
+from patagium.sensing.motion.frame_model import floating_base, turn_places
 from patagium.sensing.motion.motion_spline import MotionSpline, SplinePoint
 from patagium.sensing.motion.sensor_streams import (
     FLOOR,
@@ -136,13 +136,12 @@ class Samples:
             for k, part, place in self.parts()
         ]
 
-    def spread(self, rate: Array) -> Array:
-        """Variance of each value, (N, k), of samples whose values change at a rate, (N, k)."""
+    def scale(self, rate: Array) -> Array:
+        """Square roots of the weights over the variances, (N, k), of values with a rate, (N, k)."""
         found = np.empty_like(rate)
         for k, _, place in self.parts():
-            found[:, place] = (
-                self.variance[place] * self.color[k] + self.jitter[k] * rate[:, place] ** 2
-            )
+            variance = self.variance[place] * self.color[k] + self.jitter[k] * rate[:, place] ** 2
+            found[:, place] = np.sqrt(np.maximum(self.weight[:, k, None], 1e-6) / variance)
         return found
 
 
@@ -185,14 +184,12 @@ def _learn_part(
         normal[0, 0] += _PRIOR_COUNT
         right[0] += _PRIOR_COUNT * float(np.mean(stated / base))
     factor, jitter = right[0] / normal[0, 0], 0.0
-    determinant = normal[0, 0] * normal[1, 1] - normal[0, 1] ** 2
     step = median_step(one.stream.time)
     moves = step**2 * rate[valid].mean() > _STILL**2 * base.mean()
-    if moves and determinant > 0.05 * normal[0, 0] * normal[1, 1]:
-        both = np.array([normal[1, 1], -normal[0, 1]]) @ right / determinant
-        late = np.array([-normal[0, 1], normal[0, 0]]) @ right / determinant
-        if both > 0 and late > 0:
-            factor, jitter = float(both), float(late)
+    if moves and np.linalg.det(normal) > 0.05 * normal[0, 0] * normal[1, 1]:
+        both = np.linalg.solve(normal, right)
+        if (both > 0).all():
+            factor, jitter = both.tolist()
     factor = float(np.clip(factor, 0.05, 20.0))
     freedom = float(np.einsum("nc,nc->", weight, 1 - lost))
     one.nis[k] = float(np.einsum("nc,nc->", weight, square)) / max(freedom, 1e-9)
@@ -232,10 +229,7 @@ class MotionFit:
     ) -> None:
         self.robot, self.columns, self.order = robot, np.array(columns), order
         self.samples, self.span = list(samples), span
-        base = floating_base(robot)
-        self.turn = None
-        if base is not None and set(base.turn) <= set(columns):
-            self.turn = np.searchsorted(self.columns, base.turn)
+        self.turn = turn_places(floating_base(robot), columns)
         self.biases: dict[str, slice] = {}
         self.width = len(self.columns)
         self._biased: list[tuple[MeasurementModel, slice]] = []
@@ -244,6 +238,10 @@ class MotionFit:
                 self.biases[one.stream.name] = place = slice(self.width, self.width + 6)
                 self._biased.append((one.stream.model, place))
                 self.width += 6
+        self._loose = np.full(self.width, 1e-9)  # information that keeps a step finite, if unseen
+        self._loose[: len(self.columns)] = 1e-6
+        if self.turn is not None:
+            self._loose[self.turn] = 1e-2
         self.gaps: list[tuple[float, float]] = []
 
     def run(self, guess: FirstMotion) -> None:
@@ -285,10 +283,9 @@ class MotionFit:
             rows[:, :3] -= noise[:, :3]
             turn = from_quaternion(rows[:, 3:]) * Rotation.from_rotvec(-noise[:, 3:])
             rows[:, 3:] = as_quaternion(turn)
-            smooth = captured_motion(replace(stream, time=stream.time[kept], rows=rows))
             one.first = tuple(
                 spectral_noise(stream.time[kept], values, self.order, noise[:, place])
-                for values, (_, _, place) in zip(smooth, one.parts(), strict=True)
+                for values, (_, _, place) in zip(captured_motion(rows), one.parts(), strict=True)
             )
 
     def at(self, times: Array) -> tuple[Array, Array, Rotation | None]:
@@ -343,7 +340,7 @@ class MotionFit:
         linear = [self._linearized(one) for one in self.samples]
         placed = np.zeros(self.width)
         for one, found in zip(self.samples, linear, strict=True):
-            scale = self._scale(one, found)
+            scale = one.scale(found.rate)
             rows = found.rows * scale[:, :, None]
             information.add(found.point.span, rows, found.residual * scale)
             placed += np.einsum("nkc,nk->c", found.placed**2, scale**2)
@@ -351,7 +348,7 @@ class MotionFit:
         self.placed = placed / self.knots.count
         drive = self._drive()
         self._add_prior(information, drive)
-        information.diagonal[:] += self._loose()
+        information.diagonal[:] += self._loose
         change, self.covariance = information.solve()
         if self.turn is not None:
             length = np.linalg.norm(change[:, self.turn], axis=1, keepdims=True)
@@ -389,13 +386,6 @@ class MotionFit:
             rate = np.zeros_like(rate)
         return _Linear(point, residual, self.spline.rows(point, own), rate, valid, own[:, :, 0])
 
-    def _scale(self, one: Samples, found: _Linear) -> Array:
-        """Square roots of the weights of all values over their variance, (N, k)."""
-        spread = one.spread(found.rate)
-        for k, _, place in one.parts():
-            spread[:, place] /= np.maximum(one.weight[:, k, None], 1e-6)
-        return np.sqrt(1.0 / spread)
-
     def _drive(self) -> Array:
         """Density of the noise that drives each unknown on each span, (spans, width)."""
         drive = np.empty((self.knots.spans, self.width))
@@ -411,15 +401,6 @@ class MotionFit:
             drive[:, place] = np.maximum(model.bias_walk, 1e-2 * model.bias_std) ** 2
         return drive
 
-    def _loose(self) -> Array:
-        """Information that keeps a step finite where nothing is seen, by unknown, (width,)."""
-        loose = np.full(self.width, 1e-6)
-        if self.turn is not None:
-            loose[self.turn] = 1e-2
-        for _, place in self._biased:
-            loose[place] = 1e-9
-        return loose
-
     def _add_prior(self, information: Information, drive: Array) -> None:
         here = slice(0, len(self.columns))
         self.stiffness = self._add_smoothness(information, drive, here, self.order)
@@ -433,19 +414,18 @@ class MotionFit:
             pull[:SEEN, place] -= first[:, None] * (start * known)
 
     def _driven(self, order: int) -> tuple[Array, Array]:
-        """A derivative of the unknowns at two places of each span, and its slopes."""
+        """A derivative of the unknowns at two places of each span, and its weights, (2, 6)."""
         every = np.arange(self.knots.spans)[:, None] + _GAUSS
         times = (self.knots.begin + self.knots.step * every).ravel()
-        _, value, slope = self.spline.driven(times, order)
-        return value.reshape(-1, 2, self.width), slope
+        value, weights = self.spline.driven(times, order)
+        return value.reshape(-1, 2, self.width), weights[:2]
 
     def _add_smoothness(
         self, information: Information, drive: Array, here: slice, order: int
     ) -> Array:
         """Add the prior of a derivative of some unknowns; returns its matrix for a span, (6, 6)."""
         half = 0.5 * self.knots.step
-        value, slope = self._driven(order)
-        weights = slope[:2, :, 0]
+        value, weights = self._driven(order)
         stiffness = half * weights.T @ weights
         information.add_alike(stiffness, 1.0 / drive[:, here], here)
         parts = half * np.einsum("gj,sgc->jsc", weights, value[:, :, here]) / drive[:, here]

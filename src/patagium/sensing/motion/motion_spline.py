@@ -53,11 +53,6 @@ class MotionSpline:
     ) -> None:
         self.knots, self.points, self.turn, self.turns = knots, points, turn, turns
 
-    @property
-    def width(self) -> int:
-        """Number of unknowns of a control point."""
-        return int(self.points.shape[1])
-
     def moved(self, change: Array) -> MotionSpline:
         """Spline with its control points moved by a change, (K, n) [m, rad]."""
         points = self.points + change
@@ -98,8 +93,8 @@ class MotionSpline:
             )
         return np.ascontiguousarray(found).reshape(len(slope), slope.shape[1], -1)
 
-    def driven(self, times: Array, order: int) -> tuple[Indices, Array, Array]:
-        """Derivative of a given order of each column, and its slopes.
+    def driven(self, times: Array, order: int) -> tuple[Array, Array]:
+        """Derivative of a given order of each column, and its weights.
 
         For attitude it is twice the vector part of the conjugate quaternion times that derivative
         of the quaternion, which vanishes for any steady turn.
@@ -109,22 +104,20 @@ class MotionSpline:
             order: Order of the derivative.
 
         Returns:
-            Span of each time, (N,); derivatives, (N, n) [unit/s^order]; slopes with respect to
-            the control points of the same column, (N, 6, n), without the turn of the body axes.
+            Derivatives, (N, n) [unit/s^order]; slopes with respect to the six control points of
+            the same column, (N, 6), without the turn of the body axes.
         """
-        span = self.knots.span_of(times)
         every = self.knots.weights(times, order + 1)
         weights = every[:, order]
-        seen = span[:, None] + np.arange(SEEN)
+        seen = self.knots.span_of(times)[:, None] + np.arange(SEEN)
         value = np.einsum("nj,njc->nc", weights, self.points[seen])
-        slope = np.repeat(weights[:, :, None], self.width, axis=2)
         if self.turn is not None and self.turns is not None:
             parts = self.turns[seen]
             now = np.einsum("nj,njc->nc", every[:, 0], parts)
             now /= np.linalg.norm(now, axis=1)[:, None]
             high = np.einsum("nj,njc->nc", weights, parts)
             value[:, self.turn] = 2 * product(conjugate(now), high)[:, :3]
-        return span, value, slope
+        return value, weights
 
 
 def product(one: Array, other: Array) -> Array:

@@ -6,10 +6,10 @@ error of an encoder's zero; drift of clocks within a log.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -59,6 +59,7 @@ class MeasurementModel:
         variances: Variance of the noise of each value, (k,) [square of its unit]; stated, until
             a log tells better.
         parts: Values that are measured alike, one after the other.
+        channels: Variables of a reading that make a sample, with the numbers of each.
         frame: Frame of the sensor on its body; encoders have none.
     """
 
@@ -69,11 +70,12 @@ class MeasurementModel:
     bias_std: Array = np.zeros(0)
     variances: Array
     parts: tuple[Part, ...]
+    channels: tuple[tuple[str, int], ...]
     frame: FrameModel
 
     def rows(self, reading: xr.Dataset) -> Array:
         """Samples of a reading, (N, k), in the unit of the sensor."""
-        raise NotImplementedError
+        return np.hstack([values_of(reading, *one) for one in self.channels])
 
     def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
         """Residuals of samples (N, k), without biases, and Jacobian (N, k, m', n)."""
@@ -115,6 +117,7 @@ class EncoderModel(MeasurementModel):
         self.columns = [robot.index(name) for name in joint_names(sensor.joints, robot)]
         self._turns = [robot.dof_units[i] == "rad" for i in self.columns]
         self.width = len(self.columns)
+        self.channels = (("position", self.width),)
         self._slope = np.zeros((len(self.columns), 1, robot.dof))
         self._slope[np.arange(len(self.columns)), 0, self.columns] = 1.0
         kinds = [("angle", "rad") if turns else ("travel", "m") for turns in self._turns]
@@ -123,7 +126,7 @@ class EncoderModel(MeasurementModel):
 
     def rows(self, reading: xr.Dataset) -> Array:
         """Coordinates, (N, k) [m, rad]; angles without whole turns that an encoder jumps by."""
-        rows = values_of(reading, "position", len(self.columns)).copy()
+        rows = super().rows(reading)
         for k in np.flatnonzero(self._turns):
             seen = np.isfinite(rows[:, k])
             rows[seen, k] = np.unwrap(np.append(0.0, rows[seen, k]))[1:]
@@ -145,6 +148,7 @@ class ImuModel(MeasurementModel):
 
     biases = True
     width = 6
+    channels = (("specific_force", 3), ("angular_rate", 3))
 
     def __init__(self, sensor: Imu, robot: Robot) -> None:
         self.frame = FrameModel(robot, sensor)
@@ -161,11 +165,6 @@ class ImuModel(MeasurementModel):
             Part("angular rate", "rad/s", 3),
         )
 
-    def rows(self, reading: xr.Dataset) -> Array:
-        """Specific force and angular rate, (N, 6) [m/s^2, rad/s]."""
-        parts = ("specific_force", "angular_rate")
-        return np.hstack([values_of(reading, name, 3) for name in parts])
-
     def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
         """Residuals of samples and their Jacobian; see `MeasurementModel`."""
         expected, slope = self.frame.inertials(levels, attitude)
@@ -181,6 +180,7 @@ class CaptureModel(MeasurementModel):
     """
 
     width = 7
+    channels = (("position", 3), ("quaternion", 4))
 
     def __init__(self, sensor: MotionCapture, robot: Robot) -> None:
         self.frame = FrameModel(robot, sensor)
@@ -188,10 +188,6 @@ class CaptureModel(MeasurementModel):
         turn = np.maximum(sensor.attitude_std, FLOOR["attitude"])
         self.variances: Array = np.concatenate([place, turn]) ** 2
         self.parts: tuple[Part, ...] = (Part("position", "m", 3), Part("attitude", "rad", 3))
-
-    def rows(self, reading: xr.Dataset) -> Array:
-        """Position and quaternion, (N, 7) [m, 1]."""
-        return np.hstack([values_of(reading, "position", 3), values_of(reading, "quaternion", 4)])
 
     def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
         """Residuals of samples and their Jacobian; see `MeasurementModel`."""
@@ -210,15 +206,19 @@ def measurement_models(sensors: Mapping[str, Sensor], robot: Robot) -> dict[str,
         sensors: Sensors by name; load cells and motor currents are left out.
         robot: The machine.
     """
-    found: dict[str, MeasurementModel] = {}
-    for name, sensor in sensors.items():
-        if isinstance(sensor, Encoder):
-            found[name] = EncoderModel(sensor, robot)
-        elif isinstance(sensor, Imu):
-            found[name] = ImuModel(sensor, robot)
-        elif isinstance(sensor, MotionCapture):
-            found[name] = CaptureModel(sensor, robot)
-    return found
+    return {
+        name: model(sensor, robot)
+        for name, sensor in sensors.items()
+        for kind, model in _MODELS.items()
+        if isinstance(sensor, kind)
+    }
+
+
+_MODELS: dict[type[Sensor], Callable[[Any, Robot], MeasurementModel]] = {
+    Encoder: EncoderModel,
+    Imu: ImuModel,
+    MotionCapture: CaptureModel,
+}
 
 
 def values_of(reading: xr.Dataset, name: str, size: int) -> Array:
@@ -338,12 +338,15 @@ def encoded_coordinates(streams: Sequence[Stream]) -> dict[int, tuple[Stream, in
     }
 
 
-def captured_motion(camera: Stream) -> tuple[Array, Array]:
-    """Positions [m] and summed small rotations in the frame's axes [rad], (N, 3) each."""
-    seen = np.asarray(np.isfinite(camera.rows).all(axis=1))
-    turn = np.full((len(camera.rows), 3), np.nan)
-    attitude = from_quaternion(camera.rows[seen, 3:])
+def captured_motion(rows: Array) -> tuple[Array, Array]:
+    """Positions [m] and summed small rotations in the frame's axes [rad], (N, 3) each.
+
+    Args:
+        rows: Samples of motion capture, (N, 7) [m, 1].
+    """
+    seen = np.asarray(np.isfinite(rows).all(axis=1))
+    turn = np.full((len(rows), 3), np.nan)
+    attitude = from_quaternion(rows[seen, 3:])
     small = (attitude[:-1].inv() * attitude[1:]).as_rotvec()
     turn[seen] = np.vstack([np.zeros(3), np.cumsum(small, axis=0)])
-    place = np.where(seen[:, None], camera.rows[:, :3], np.nan)
-    return place, turn
+    return np.where(seen[:, None], rows[:, :3], np.nan), turn
