@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from patagium.dynamics.chain import Turn
-from patagium.dynamics.kinematics import body_poses, body_velocities, in_body_axes
+from patagium.dynamics.kinematics import Twist, body_poses, body_velocities, in_body_axes
 from patagium.robot.model import Robot
 
 
@@ -43,6 +43,17 @@ class BodyAddedMass:
             return in_body_axes(robot, q, self.wind)
         poses = body_poses(robot, q)
         return [poses[k].rotation.T @ self.wind[:, k] for k in range(len(robot.bodies))]
+
+    def twists(self, robot: Robot, q: ca.SX, v: ca.SX) -> dict[int, Twist]:
+        """Motion of every body that carries fluid relative to the fluid, by its index.
+
+        Args:
+            robot: The machine.
+            q: Generalized coordinates, (n_q,) [m, rad, 1].
+            v: Generalized velocities, (n,) [m/s, rad/s].
+        """
+        twists, winds = body_velocities(robot, q, v), self.winds(robot, q)
+        return {k: Twist(twists[k].linear - winds[k], twists[k].angular) for k in self.matrices}
 
 
 class CompositeAddedMass:
@@ -77,14 +88,6 @@ class CompositeAddedMass:
         self.c = turned.inward_inertia(self.c)
         self.b = turned.matrix @ self.b @ turned.matrix.T
 
-    def turn_fixed(self, matrix: ca.SX) -> None:
-        """Turn the blocks to other axes.
-
-        Args:
-            matrix: Rotation to the other axes, (3, 3) [-].
-        """
-        self.a, self.b, self.c = (matrix @ block @ matrix.T for block in (self.a, self.b, self.c))
-
     def shift(self, offset: ca.SX) -> None:
         """Shift the origin to a point from which the old origin is at `offset`, (3, 1) [m].
 
@@ -98,7 +101,7 @@ class CompositeAddedMass:
 
 
 def kirchhoff_wrench(
-    matrix: ca.SX, v: ca.SX, w: ca.SX, acceleration: ca.SX, dw: ca.SX
+    matrix: ca.SX, twist: Twist, acceleration: ca.SX, dw: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
     """Force and moment about the origin that the motion of a body through a fluid takes.
 
@@ -106,15 +109,14 @@ def kirchhoff_wrench(
 
     Args:
         matrix: Added mass, (6, 6) [kg, kg m, kg m^2].
-        v: Velocity of the origin relative to the fluid, body axes, (3, 1) [m/s].
-        w: Angular velocity, body axes, (3, 1) [rad/s].
+        twist: v and w: motion of the body relative to the fluid.
         acceleration: Of the origin, an observer's, in body axes, (3, 1) [m/s^2].
         dw: Angular acceleration, body axes, (3, 1) [rad/s^2].
 
     References:
         Lamb (1932), Hydrodynamics, sections 121-124.
     """
-    fluid = CompositeAddedMass(matrix)
+    fluid, v, w = CompositeAddedMass(matrix), twist.linear, twist.angular
     p, h = fluid.momenta(v, w)
     dp, dh = fluid.momenta(acceleration - ca.cross(w, v), dw)
     return dp + ca.cross(w, p), dh + ca.cross(w, h) + ca.cross(v, p)
@@ -137,12 +139,9 @@ def kirchhoff_wrenches(
             acceleration, body axes, (3, 1) each.
         added: Added mass of the bodies.
     """
-    twists, winds = body_velocities(robot, q, v), added.winds(robot, q)
     return {
-        body: kirchhoff_wrench(
-            matrix, twists[body].linear - winds[body], twists[body].angular, *accelerations[body]
-        )
-        for body, matrix in added.matrices.items()
+        body: kirchhoff_wrench(added.matrices[body], twist, *accelerations[body])
+        for body, twist in added.twists(robot, q, v).items()
     }
 
 
@@ -156,7 +155,7 @@ def fluid_momentum(robot: Robot, q: ca.SX, v: ca.SX, added: BodyAddedMass) -> ca
         added: Added mass of the bodies.
     """
     poses, total = body_poses(robot, q), ca.SX.zeros(3, 1)
-    for body, linear, _, _, _ in _momenta(robot, q, v, added):
+    for body, _, linear, _ in _momenta(robot, q, v, added):
         total = total + poses[body].rotation @ linear
     return total
 
@@ -177,19 +176,16 @@ def fluid_energy(robot: Robot, q: ca.SX, v: ca.SX, added: BodyAddedMass) -> ca.S
     else:
         winds = added.winds(robot, q)
         carried = _momenta(robot, q, v, added)
-        energy = sum((ca.dot(winds[body], linear) for body, linear, *_ in carried), ca.SX(0))
-    for _, linear, angular, velocity, spin in _momenta(robot, q, v, added):
-        energy = energy + (ca.dot(linear, velocity) + ca.dot(angular, spin)) / 2
+        energy = sum((ca.dot(winds[body], linear) for body, _, linear, _ in carried), ca.SX(0))
+    for _, twist, linear, angular in _momenta(robot, q, v, added):
+        energy = energy + (ca.dot(linear, twist.linear) + ca.dot(angular, twist.angular)) / 2
     return energy
 
 
 def _momenta(
     robot: Robot, q: ca.SX, v: ca.SX, added: BodyAddedMass
-) -> list[tuple[int, ca.SX, ca.SX, ca.SX, ca.SX]]:
-    """Body, its fluid's linear and angular momentum, and its twist relative to the fluid."""
-    twists, winds = body_velocities(robot, q, v), added.winds(robot, q)
-    result = []
-    for body, matrix in added.matrices.items():
-        velocity, spin = twists[body].linear - winds[body], twists[body].angular
-        result.append((body, *CompositeAddedMass(matrix).momenta(velocity, spin), velocity, spin))
-    return result
+) -> list[tuple[int, Twist, ca.SX, ca.SX]]:
+    """Body, its twist relative to the fluid, and its fluid's linear and angular momentum."""
+    fluids = {body: CompositeAddedMass(matrix) for body, matrix in added.matrices.items()}
+    twists = added.twists(robot, q, v)
+    return [(k, one, *fluids[k].momenta(one.linear, one.angular)) for k, one in twists.items()]

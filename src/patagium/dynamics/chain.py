@@ -1,7 +1,8 @@
 """Every joint as a chain of steps, and how each step turns and shifts.
 
 A floating body is the chain x, y, z, yaw, pitch, roll, or x, y, z and one turn by a
-quaternion; a fixed one the empty chain. With that, each recursive algorithm knows only two
+quaternion; a fixed one the empty chain. Joint axes that are not the parent's are one more step
+before it, which turns and has no velocity. With that, each recursive algorithm knows only two
 kinds of step: one that slides, one that turns.
 """
 
@@ -40,7 +41,7 @@ class Step:
             q: Generalized coordinates, (n_q,) [m, rad, 1].
         """
         if len(self.coordinates) == 1:
-            return Turn(self.axes[0], q[self.coordinates[0]])
+            return AxisTurn(self.axes[0], q[self.coordinates[0]])
         return QuaternionTurn(q[list(self.coordinates)])
 
     def slide(self, q: ca.SX) -> ca.SX:
@@ -78,6 +79,27 @@ def chain_of(robot: Robot, body: Body) -> tuple[Step, ...]:
     return (*slides, *turns)
 
 
+@dataclass(frozen=True)
+class _JointAxes(Step):
+    """Turn from the parent's axes to those of the joint, the same at any coordinates."""
+
+    matrix: ca.SX
+
+    def turn(self, q: ca.SX) -> Turn:
+        return Turn(self.matrix)
+
+    def along(self, v: ca.SX) -> ca.SX:
+        return ca.SX.zeros(3, 1)
+
+
+def steps_to(robot: Robot, body: Body) -> tuple[Step, ...]:
+    """Steps from the parent's axes at the body's position to the body, in order."""
+    if body.orientation == (_X, _Y, _Z):
+        return chain_of(robot, body)
+    matrix = ca.SX(ca.DM([list(row) for row in body.orientation]))
+    return (_JointAxes(True, (), (), (), matrix), *chain_of(robot, body))
+
+
 _SLIDES = ((0, _X), (1, _Y), (2, _Z))
 _TURNS = ((5, _Z), (4, _Y), (3, _X))
 
@@ -101,7 +123,34 @@ def vector(values: Any) -> ca.SX:
 
 
 class Turn:
-    """Rodrigues' rotation about a fixed axis: R maps turned axes' components to the axes before.
+    """A rotation by its matrix R, which maps turned axes' components to the axes before.
+
+    Args:
+        matrix: R, (3, 3) [-].
+    """
+
+    def __init__(self, matrix: ca.SX) -> None:
+        self.matrix = matrix
+
+    def outward(self, w: ca.SX) -> ca.SX:
+        """R^T w of a vector, (3, 1) [any unit]: components before the turn to those after it."""
+        return self.matrix.T @ w
+
+    def inward(self, w: ca.SX) -> ca.SX:
+        """R w of a vector, (3, 1) [any unit]: components after the turn to those before it."""
+        return self.matrix @ w
+
+    def inward_inertia(self, inertia: ca.SX) -> ca.SX:
+        """R I R^T of a symmetric matrix, (3, 3).
+
+        Args:
+            inertia: Symmetric matrix after the turn, (3, 3) [kg m^2].
+        """
+        return symmetric(self.matrix @ inertia @ self.matrix.T)
+
+
+class AxisTurn(Turn):
+    """Rodrigues' rotation about a fixed axis.
 
     For a coordinate axis a vector costs four products and an inertia nine;
     for any other axis the full matrix is applied.
@@ -122,7 +171,7 @@ class Turn:
         xy, xz, yz = (times(k, 1 - c) for k in (x * y, x * z, y * z))
         xs, ys, zs = (times(k, s) for k in axis)
         entries = (xx, xy + zs, xz - ys, xy - zs, yy, yz + xs, xz + ys, yz - xs, zz)
-        self.matrix = ca.reshape(ca.vertcat(*entries), 3, 3)
+        super().__init__(ca.reshape(ca.vertcat(*entries), 3, 3))
         self.cyclic: tuple[int, int, int] | None = None
         self.sine, self.cosine = s, c
         for k in range(3):
@@ -130,22 +179,10 @@ class Turn:
                 self.cyclic = (k, (k + 1) % 3, (k + 2) % 3)
                 self.sine = s * axis[k]
 
-    def outward(self, w: ca.SX) -> ca.SX:
-        """R^T w of a vector, (3, 1) [any unit]: components before the turn to those after it."""
-        return self.matrix.T @ w
-
-    def inward(self, w: ca.SX) -> ca.SX:
-        """R w of a vector, (3, 1) [any unit]: components after the turn to those before it."""
-        return self.matrix @ w
-
     def inward_inertia(self, inertia: ca.SX) -> ca.SX:
-        """R I R^T of a symmetric matrix, (3, 3).
-
-        Args:
-            inertia: Symmetric matrix after the turn, (3, 3) [kg m^2].
-        """
+        """R I R^T of a symmetric matrix, (3, 3); see `Turn.inward_inertia`."""
         if self.cyclic is None:
-            return symmetric(self.matrix @ inertia @ self.matrix.T)
+            return super().inward_inertia(inertia)
         k, i, j = self.cyclic
         s, c = self.sine, self.cosine
         # planar rotation of the (i, j) block by one shared factor u
@@ -178,24 +215,14 @@ class QuaternionTurn(Turn):
         xx, yy, zz = sx * x, sy * y, sz * z
         xy, xz, yz = sx * y, sx * z, sy * z
         wx, wy, wz = sx * w, sy * w, sz * w
-        self.cyclic = None
-        self.matrix = ca.vertcat(
+        rows = (
             ca.horzcat(1 - (yy + zz), xy - wz, xz + wy),
             ca.horzcat(xy + wz, 1 - (xx + zz), yz - wx),
             ca.horzcat(xz - wy, yz + wx, 1 - (xx + yy)),
         )
+        super().__init__(ca.vertcat(*rows))
 
 
 def symmetric(matrix: ca.SX) -> ca.SX:
     """The matrix, (3, 3) [any unit], whose lower triangle repeats the upper one."""
     return ca.triu2symm(ca.triu(matrix))
-
-
-def orientation_matrix(body: Body) -> ca.SX:
-    """Constant rotation of the joint axes to the parent's, (3, 3)."""
-    return ca.SX(ca.DM([list(row) for row in body.orientation]))
-
-
-def is_identity(body: Body) -> bool:
-    """Whether the joint axes are the parent's at zero coordinates."""
-    return body.orientation == ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

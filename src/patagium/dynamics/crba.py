@@ -10,14 +10,7 @@ from __future__ import annotations
 import casadi as ca
 
 from patagium.dynamics.added_mass import BodyAddedMass, CompositeAddedMass
-from patagium.dynamics.chain import (
-    Turn,
-    chain_of,
-    is_identity,
-    orientation_matrix,
-    symmetric,
-    vector,
-)
+from patagium.dynamics.chain import Turn, steps_to, symmetric, vector
 from patagium.robot.model import Body, Robot
 
 
@@ -61,12 +54,6 @@ class _Composite:
         self.momenta = [(k, turned.inward(p), turned.inward(h)) for k, p, h in self.momenta]
         self.fluid.turn(turned)
 
-    def turn_fixed(self, matrix: ca.SX) -> None:
-        self.first = matrix @ self.first
-        self.inertia = symmetric(matrix @ self.inertia @ matrix.T)
-        self.momenta = [(k, matrix @ p, matrix @ h) for k, p, h in self.momenta]
-        self.fluid.turn_fixed(matrix)
-
     def shift(self, offset: ca.SX) -> None:
         """Shift the origin to a point from which the old origin is at `offset`, (3, 1) [m]."""
         twice = self.first + offset * (self.mass / 2)
@@ -106,7 +93,7 @@ def mass_matrix(robot: Robot, q: ca.SX, added: BodyAddedMass | None = None) -> c
         composite.add_body(body)
         if added is not None and index in added.matrices:
             composite.fluid.merge(CompositeAddedMass(added.matrices[index]))
-        for step in reversed(chain_of(robot, body)):
+        for step in reversed(steps_to(robot, body)):
             for unit, dof in zip(step.axes, step.dofs, strict=True):
                 axis = vector(unit)
                 composite.momenta.append((dof, *composite.unit_momenta(axis, step.turns)))
@@ -118,12 +105,9 @@ def mass_matrix(robot: Robot, q: ca.SX, added: BodyAddedMass | None = None) -> c
                 composite.turn(step.turn(q))
             else:
                 composite.shift(step.slide(q))
-        if body.parent < 0:
-            continue
-        if not is_identity(body):
-            composite.turn_fixed(orientation_matrix(body))
-        composite.shift(vector(body.position))
-        composites[body.parent].merge(composite)
+        if body.parent >= 0:
+            composite.shift(vector(body.position))
+            composites[body.parent].merge(composite)
     return matrix
 
 

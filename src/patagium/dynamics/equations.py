@@ -161,22 +161,15 @@ def forward_prescribed(
     Returns:
         a, (n, 1), and the constraint force, (n, 1), zero in the free coordinates.
     """
-    held = tuple(robot.actuated if prescribed is None else prescribed)
-    free = tuple(i for i in range(robot.dof) if i not in held)
-    a = ca.SX.zeros(robot.dof, 1)
-    for position, i in enumerate(held):
-        a[i] = a_prescribed[position]
+    held = list(robot.actuated if prescribed is None else prescribed)
+    free = [i for i in range(robot.dof) if i not in held]
+    a, force = ca.SX.zeros(robot.dof, 1), ca.SX.zeros(robot.dof, 1)
+    a[held] = a_prescribed
     residual = f - inverse(robot, q, v, a, added)
-    force = ca.SX.zeros(robot.dof, 1)
-    for i in held:
-        force[i] = -residual[i]
-    if not free:
-        return a, force
-    a_free, matrix = response(robot, q, residual[list(free)], free, added)
-    for position, i in enumerate(free):
-        a[i] = a_free[position]
-        for k in held:
-            force[k] = force[k] + matrix[k, i] * a_free[position]
+    force[held] = -residual[held]
+    if free:
+        a[free], matrix = response(robot, q, residual[free], tuple(free), added)
+        force[held] = ca.mac(matrix[held, free], a[free], force[held])
     return a, force
 
 

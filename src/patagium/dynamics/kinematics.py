@@ -14,7 +14,7 @@ from typing import Any
 
 import casadi as ca
 
-from patagium.dynamics.chain import chain_of, is_identity, orientation_matrix, vector
+from patagium.dynamics.chain import steps_to, vector
 from patagium.robot.model import Robot
 
 
@@ -100,9 +100,7 @@ def body_poses(robot: Robot, q: ca.SX) -> list[Pose]:
         else:
             position, rotation = ca.SX.zeros(3, 1), ca.SX.eye(3)
         position = position + rotation @ vector(body.position)
-        if not is_identity(body):
-            rotation = rotation @ orientation_matrix(body)
-        for step in chain_of(robot, body):
+        for step in steps_to(robot, body):
             if step.turns:
                 rotation = rotation @ step.turn(q).matrix
             else:
@@ -129,10 +127,7 @@ def body_velocities(robot: Robot, q: ca.SX, v: ca.SX) -> list[Twist]:
         else:
             linear, angular = ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)
         linear = linear + ca.cross(angular, vector(body.position))
-        if not is_identity(body):
-            turn = orientation_matrix(body).T
-            linear, angular = turn @ linear, turn @ angular
-        for step in chain_of(robot, body):
+        for step in steps_to(robot, body):
             if step.turns:
                 turned = step.turn(q)
                 linear = turned.outward(linear)
@@ -154,9 +149,7 @@ def in_body_axes(robot: Robot, q: ca.SX, direction: ca.SX) -> list[ca.SX]:
     turned: list[ca.SX] = []
     for body in robot.bodies:
         local = turned[body.parent] if body.parent >= 0 else direction
-        if not is_identity(body):
-            local = orientation_matrix(body).T @ local
-        for step in chain_of(robot, body):
+        for step in steps_to(robot, body):
             if step.turns:
                 local = step.turn(q).outward(local)
         turned.append(local)
@@ -232,13 +225,11 @@ def generalized_force(robot: Robot, q: ca.SX, wrenches: Mapping[int, tuple[ca.SX
         Featherstone (2008), Rigid Body Dynamics Algorithms, section 5.3 (backward pass).
     """
     zero = ca.SX.zeros(3, 1)
-    forces = [wrenches[b][0] if b in wrenches else zero for b in range(len(robot.bodies))]
-    moments = [wrenches[b][1] if b in wrenches else zero for b in range(len(robot.bodies))]
-    generalized = ca.SX.zeros(robot.dof, 1)
+    gathered, generalized = dict(wrenches), ca.SX.zeros(robot.dof, 1)
     for index in reversed(range(len(robot.bodies))):
         body = robot.bodies[index]
-        force, moment = forces[index], moments[index]
-        for step in reversed(chain_of(robot, body)):
+        force, moment = gathered.get(index, (zero, zero))
+        for step in reversed(steps_to(robot, body)):
             for axis, dof in zip(step.axes, step.dofs, strict=True):
                 generalized[dof] = ca.dot(vector(axis), moment if step.turns else force)
             if step.turns:
@@ -247,12 +238,7 @@ def generalized_force(robot: Robot, q: ca.SX, wrenches: Mapping[int, tuple[ca.SX
                 moment = turned.inward(moment)
             else:
                 moment = moment + ca.cross(step.slide(q), force)
-        if body.parent < 0:
-            continue
-        if not is_identity(body):
-            turn = orientation_matrix(body)
-            force, moment = turn @ force, turn @ moment
-        forces[body.parent] = forces[body.parent] + force
-        arm = vector(body.position)
-        moments[body.parent] = moments[body.parent] + moment + ca.cross(arm, force)
+        if body.parent >= 0:
+            add_wrench(gathered, body.parent, force, moment)
+            add_wrench(gathered, body.parent, zero, ca.cross(vector(body.position), force))
     return generalized

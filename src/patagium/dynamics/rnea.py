@@ -15,7 +15,7 @@ from __future__ import annotations
 import casadi as ca
 
 from patagium.dynamics.added_mass import BodyAddedMass, kirchhoff_wrenches
-from patagium.dynamics.chain import chain_of, is_identity, orientation_matrix, vector
+from patagium.dynamics.chain import steps_to, vector
 from patagium.dynamics.kinematics import generalized_force, in_body_axes
 from patagium.robot.model import Body, Robot
 
@@ -100,10 +100,7 @@ def body_accelerations(
         w, dw, acceleration = states[body.parent] if body.parent >= 0 else ground
         if body.parent >= 0:
             acceleration = acceleration + _field(w, dw) @ vector(body.position)
-        if not is_identity(body):
-            turn = orientation_matrix(body).T
-            w, dw, acceleration = turn @ w, turn @ dw, turn @ acceleration
-        for step in chain_of(robot, body):
+        for step in steps_to(robot, body):
             if step.turns:
                 turned = step.turn(q)
                 w, dw = turned.outward(w), turned.outward(dw)
