@@ -20,7 +20,7 @@ from patagium.aerodynamics.named_descriptions import field_values
 from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.arrays import Array, real_array
 from patagium.errors import ShapeError
-from patagium.native import NativeFunction, expression_digest, load_functions
+from patagium.native import NativeFunction, expression_digest, load_functions, named_function
 from patagium.robot.model import Robot
 
 
@@ -152,10 +152,11 @@ class Aerodynamics(Protocol):
         return {name: one for name, one in self.__dict__.items() if name not in compiled}
 
 
-_OF_STRIPS = [
+OF_STRIPS = [
     *("strip_force", "strip_point", "angle_of_attack", "effective_angle_of_attack"),
     *("strip_airspeed", "power", "circulation", "downwash"),
 ]
+"""Flow and load of strips among the expressions of a model; the first two are vectors."""
 
 
 class CompiledAero:
@@ -186,10 +187,9 @@ class CompiledAero:
         self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None
     ) -> dict[str, Any]:
         """Flow and load of each strip, each ([N,] ...); names and units as in the protocol."""
-        values = zip(_OF_STRIPS, self._call("strips", q, v, state, wind), strict=True)
-        shape = dict.fromkeys(_OF_STRIPS, self._column) | dict.fromkeys(
-            _OF_STRIPS[:2], self._vectors
-        )
+        values = zip(OF_STRIPS, self._call("strips", q, v, state, wind), strict=True)
+        shape = dict.fromkeys(OF_STRIPS, self._column)
+        shape |= dict.fromkeys(OF_STRIPS[:2], self._vectors)
         return {name: x if name == "power" else shape[name](x) for name, x in values}
 
     def state_derivative(
@@ -251,7 +251,7 @@ def checked_air(model: Aerodynamics, robot: Robot, air: AeroExpressions) -> Aero
         ShapeError: If an expression, or the names of the states, have another shape.
     """
     strips, states = len(robot.strips), (model.state_size, 1)
-    shapes = dict.fromkeys(_OF_STRIPS, (strips, 1)) | dict.fromkeys(_OF_STRIPS[:2], (3, strips))
+    shapes = dict.fromkeys(OF_STRIPS, (strips, 1)) | dict.fromkeys(OF_STRIPS[:2], (3, strips))
     shapes |= {"power": (1, 1), "generalized_force": (robot.dof, 1), "wind": (3, strips or 1)}
     given = {**vars(air), **(vars(air.memory) if air.memory else {}), "memory": None}
     given["state_names"] = ca.SX(len(model.state_names), 1)
@@ -277,10 +277,10 @@ def aero_functions(model: Aerodynamics) -> Sequence[ca.Function]:
     air = checked_air(model, robot, model.expressions(robot, q, v, state, wind, parameters))
     outputs = {
         "generalized_force": ["generalized_force"],
-        "strips": _OF_STRIPS,
+        "strips": OF_STRIPS,
         "state_derivative": ["state_derivative"],
     }
     return [
-        ca.Function(name, [*inputs.values()], [getattr(air, k) for k in keys], [*inputs], keys)
+        named_function(name, inputs, {key: getattr(air, key) for key in keys})
         for name, keys in outputs.items()
     ]

@@ -24,10 +24,10 @@ from patagium.arrays import Array, brief, real_array, thin
 from patagium.dynamics.equations import damping_force, inverse
 from patagium.dynamics.kinematics import body_poses, body_velocities
 from patagium.errors import ParameterError, PathError
-from patagium.native import load_functions
+from patagium.native import load_functions, named_function
 from patagium.robot import Robot
 from patagium.robot.attitude import body_accelerations, body_rates, rotation_from_angles
-from patagium.robot.model import Axis
+from patagium.robot.model import Axis, capacity_units
 from patagium.simulation.gait_models import Gait, PrescribedMotion, asked_times
 from patagium.simulation.paths import Path, span_of
 
@@ -102,14 +102,14 @@ def _functions(arm: Robot, body: int) -> list[ca.Function]:
     place = pose.at(offset)
     linear = pose.rotation @ twist.at(offset)
     moves = ca.vertcat(linear, pose.rotation @ twist.angular)
-    outputs = [place, pose.rotation @ turn, ca.jacobian(moves, v)]
-    drift = ca.jtimes(moves, q, v)
+    placing = {"place": place, "turn": pose.rotation @ turn, "jacobian": ca.jacobian(moves, v)}
+    dense = {name: ca.densify(one) for name, one in placing.items()}
+    drift = ca.densify(ca.jtimes(moves, q, v))
     torque = inverse(machine, q, v, a) - damping_force(machine, v)
-    dense = [ca.densify(k) for k in outputs]
     return [
-        ca.Function("pose", [q, p], dense, ["q", "parameters"], ["place", "turn", "jacobian"]),
-        ca.Function("drift", [q, v, p], [ca.densify(drift)], ["q", "v", "parameters"], ["drift"]),
-        ca.Function("torque", [q, v, a, p], [torque], ["q", "v", "a", "parameters"], ["torque"]),
+        named_function("pose", {"q": q, "parameters": p}, dense),
+        named_function("drift", {"q": q, "v": v, "parameters": p}, {"drift": drift}),
+        named_function("torque", {"q": q, "v": v, "a": a, "parameters": p}, {"torque": torque}),
     ]
 
 
@@ -177,28 +177,28 @@ def _check_branch(
 
 def _check_limits(arm: Robot, tool: Tool, time: Array, motion: PrescribedMotion) -> None:
     """Refuse a motion beyond a limit of the arm's joints, with the time and by how much."""
-    none = (np.inf,) * arm.dof
-    quantities: list[tuple[str, Array, Sequence[float], tuple[str, str]]] = [
-        ("position", motion.position, arm.upper, ("rad", "m")),
-        ("position", -motion.position, tuple(-k for k in arm.lower), ("rad", "m")),
-        ("speed", np.abs(motion.velocity), arm.speed_limit or none, ("rad/s", "m/s")),
-        (
-            *("acceleration", np.abs(motion.acceleration)),
-            *(arm.acceleration_limit or none, ("rad/s^2", "m/s^2")),
-        ),
+    none, lowest = (np.inf,) * arm.dof, tuple(-k for k in arm.lower)
+    quantities: list[tuple[str, Array, Sequence[float]]] = [
+        ("position", motion.position, arm.upper),
+        ("position", -motion.position, lowest),
+        ("speed", np.abs(motion.velocity), arm.speed_limit or none),
+        ("acceleration", np.abs(motion.acceleration), arm.acceleration_limit or none),
     ]
     if arm.effort_limit:
-        effort = np.abs(tool.torque(motion))
-        quantities.append(("torque", effort, arm.effort_limit, ("N m", "N")))
-    for number, (name, values, most, units) in enumerate(quantities):
+        quantities.append(("torque", np.abs(tool.torque(motion)), arm.effort_limit))
+    for name, values, most in quantities:
         beyond = values > np.array(most)
         if beyond.any():
             k = int(np.argmax(beyond.any(axis=1)))
             joint = int(np.argmax(beyond[k]))
-            sign = -1.0 if number == 1 else 1.0
-            unit = units[0] if arm.dof_units[joint] == "rad" else units[1]
+            own = arm.dof_units[joint]
+            of_joint = (own, *capacity_units(own)[:3])
+            units = dict(
+                zip(("position", "speed", "acceleration", "torque"), of_joint, strict=True)
+            )
+            sign = -1.0 if most is lowest else 1.0
             value, limit = sign * values[k, joint], sign * most[joint]
-            raise PathError(time[k], arm.dof_names[joint], name, value, limit, unit)
+            raise PathError(time[k], arm.dof_names[joint], name, value, limit, units[name])
 
 
 AXES = 6

@@ -15,7 +15,7 @@ import casadi as ca
 
 from patagium.aerodynamics import AddedMass, Aerodynamics
 from patagium.aerodynamics.gusts import GUST, GUST_COMPONENTS, strip_delays, strip_winds
-from patagium.aerodynamics.model import checked_air
+from patagium.aerodynamics.model import OF_STRIPS, checked_air
 from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.dynamics.chain import QuaternionTurn
 from patagium.dynamics.equations import (
@@ -32,6 +32,7 @@ from patagium.dynamics.equations import (
     response,
 )
 from patagium.dynamics.kinematics import body_poses, coordinate_rates
+from patagium.native import named_function
 from patagium.robot import Robot
 from patagium.simulation.mounts import CELL_COORDINATES, InternalLoadCell, Mount
 from patagium.simulation.state_layout import ADDED_WORK, StateLayout, state_layout
@@ -86,18 +87,15 @@ def flight_functions(
         motion.added,
     )
     rate, recorded = _equations(layout, motion, state, a, constraint)
-    names = ["state", "row", "robot_parameters", "aero_parameters"]
-    functions = [
-        ca.Function("rate", inputs, [rate], names, ["rate"]),
-        ca.Function("record", inputs, [*recorded.values()], names, [*recorded]),
-    ]
+    outputs = {"rate": {"rate": rate}, "record": recorded}
     if layout.met:
         delays = strip_delays(machine, motion.q, motion.v, aero_parameters[-GUST:])
-        functions.append(ca.Function("meet", inputs, [delays], names, ["delays"]))
+        outputs["meet"] = {"delays": delays}
     if layout.quaternions:
-        prepared = layout.normalized(state)
-        functions.append(ca.Function("prepare", inputs, [prepared], names, ["prepared"]))
-    return functions
+        outputs["prepare"] = {"prepared": layout.normalized(state)}
+    names = "state", "row", "robot_parameters", "aero_parameters"
+    named = dict(zip(names, inputs, strict=True))
+    return [named_function(name, named, output) for name, output in outputs.items()]
 
 
 class FlightBalance(NamedTuple):
@@ -289,13 +287,7 @@ def observed(machine: Robot, q: ca.SX, v: ca.SX, air: AeroExpressions) -> dict[s
         air: Expressions of the aerodynamic model.
     """
     return {
-        "strip_force": air.strip_force,
-        "strip_point": air.strip_point,
-        "angle_of_attack": air.angle_of_attack,
-        "effective_angle_of_attack": air.effective_angle_of_attack,
-        "strip_airspeed": air.strip_airspeed,
-        "circulation": air.circulation,
-        "downwash": air.downwash,
+        **{name: getattr(air, name) for name in OF_STRIPS if name != "power"},
         "kinetic_energy": kinetic_energy(machine, q, v),
         "potential_energy": potential_energy(machine, q),
         "aero_power": air.power,

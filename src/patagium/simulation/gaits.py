@@ -86,16 +86,8 @@ def sinusoidal(
         if abs(one) > TURN:
             expected = f"a lead of {name} within {spoken('rad', -TURN, TURN)}"
             raise ParameterError("phase", expected, spoken("rad", one) + meant(one))
-    return _within_limits(
-        robot,
-        FourierGait(
-            joints=_joints(robot),
-            frequency=positive("frequency", frequency),
-            mean=_by_joint(robot, offset or {}),
-            cosine=(size * np.sin(lead))[None],
-            sine=(size * np.cos(lead))[None],
-        ),
-    )
+    rate, mean = positive("frequency", frequency), _by_joint(robot, offset or {})
+    return _series(robot, rate, mean, (size * np.sin(lead))[None], (size * np.cos(lead))[None])
 
 
 @checked
@@ -117,21 +109,16 @@ def fourier(
     """
     order = max((len(pairs) for _, pairs in series.values()), default=0)
 
-    def harmonic(k: int, part: int) -> Array:
-        named = {n: pairs[k][part] for n, (_, pairs) in series.items() if k < len(pairs)}
-        return _by_joint(robot, named)
+    def coefficients(part: int) -> Array:
+        found = np.zeros((order, len(robot.actuated)))
+        for k in range(order):
+            named = {n: pairs[k][part] for n, (_, pairs) in series.items() if k < len(pairs)}
+            found[k] = _by_joint(robot, named)
+        return found
 
-    shape = (order, len(robot.actuated))
-    return _within_limits(
-        robot,
-        FourierGait(
-            joints=_joints(robot),
-            frequency=positive("frequency", frequency),
-            mean=_by_joint(robot, {name: mean for name, (mean, _) in series.items()}),
-            cosine=np.array([harmonic(k, 0) for k in range(order)]).reshape(shape),
-            sine=np.array([harmonic(k, 1) for k in range(order)]).reshape(shape),
-        ),
-    )
+    rate = positive("frequency", frequency)
+    mean = _by_joint(robot, {name: mean for name, (mean, _) in series.items()})
+    return _series(robot, rate, mean, coefficients(0), coefficients(1))
 
 
 @checked
@@ -248,9 +235,7 @@ def still(robot: Robot, **position: float) -> FourierGait:
         ParameterError: If no actuated joint bears a name, or a limit is exceeded.
     """
     none = np.zeros((0, len(robot.actuated)))
-    return _within_limits(
-        robot, FourierGait(_joints(robot), 0.0, _by_joint(robot, position), none, none)
-    )
+    return _series(robot, 0.0, _by_joint(robot, position), none, none)
 
 
 @checked
@@ -347,6 +332,11 @@ def _by_joint(robot: Robot, values: Mapping[str, float]) -> Array:
             named[joint] = name
             out[joints.index(joint)] = finite(name, value)
     return out
+
+
+def _series(robot: Robot, frequency: float, mean: Array, cosine: Array, sine: Array) -> FourierGait:
+    """Fourier series of the joints, within their limits."""
+    return _within_limits(robot, FourierGait(_joints(robot), frequency, mean, cosine, sine))
 
 
 def _within_limits(robot: Robot, gait: AnyGait) -> AnyGait:

@@ -260,11 +260,10 @@ def _with_cell(machine: Robot, cell: InternalLoadCell, at: tuple[int, int], firs
         joints=body.joints[before:],
         floating_dofs=None,
     )
-    bodies = [*machine.bodies[:place], foot, link, carried]
-    for other in machine.bodies[place + 1 :]:
-        bodies.append(replace(other, parent=_moved(other.parent, place)))
+    others = (replace(k, parent=_moved(k.parent, place)) for k in machine.bodies[place + 1 :])
+    bodies = (*machine.bodies[:place], foot, link, carried, *others)
     strips = tuple(replace(k, body=_moved(k.body, place)) for k in machine.strips)
-    return replace(machine, bodies=tuple(bodies), strips=strips)
+    return replace(machine, bodies=bodies, strips=strips)
 
 
 def _moved(body: int, place: int) -> int:
@@ -274,16 +273,13 @@ def _moved(body: int, place: int) -> int:
 
 def _place(robot: Robot, name: str) -> tuple[int, int]:
     """Body whose chain is cut, and how many of its joints stay before the cut."""
+    places = [(body.name, (index, 0)) for index, body in enumerate(robot.bodies)]
     for index, body in enumerate(robot.bodies):
-        if body.name == name:
-            return index, 0
-    for index, body in enumerate(robot.bodies):
-        for before, joint in enumerate(body.joints):
-            if joint.name == name:
-                return index, before
-    names = [body.name for body in robot.bodies]
-    names += [joint.name for body in robot.bodies for joint in body.joints]
-    raise ParameterError("load cell", f"a body or joint: {', '.join(names)}", name, names)
+        places += [(joint.name, (index, before)) for before, joint in enumerate(body.joints)]
+    names = [one for one, _ in places]
+    if name not in names:
+        raise ParameterError("load cell", f"a body or joint: {', '.join(names)}", name, names)
+    return places[names.index(name)][1]
 
 
 def with_leading_coordinates(robot: Robot, names: Sequence[str]) -> Robot:

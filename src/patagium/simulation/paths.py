@@ -197,15 +197,8 @@ def sinusoid(
         ParameterError: If a name is no coordinate, or a number not finite.
     """
     lead, size = _by_name(phase or {}), _by_name(amplitude)
-    return _checked(
-        FourierGait(
-            FLOATING_COORDINATES,
-            positive("frequency", frequency),
-            _mean(center, attitude),
-            (size * np.sin(lead))[None],
-            (size * np.cos(lead))[None],
-        )
-    )
+    rate = positive("frequency", frequency)
+    return _harmonic(center, attitude, rate, [size * np.sin(lead)], [size * np.cos(lead)])
 
 
 @checked
@@ -310,9 +303,10 @@ def check_path(path: Path) -> None:
 def _harmonic(
     center: Triple, attitude: Triple, frequency: float, cosine: list[Array], sine: list[Array]
 ) -> FourierGait:
-    still = np.zeros((len(sine), 3))
-    series = [np.hstack([np.array(part), still]) for part in (cosine, sine)]
-    return _checked(FourierGait(FLOATING_COORDINATES, frequency, _mean(center, attitude), *series))
+    """Path of a Fourier series, whose coefficients may leave out those of the angles."""
+    mean = np.concatenate([finite_triple("center", center), finite_triple("attitude", attitude)])
+    series = [np.pad(part, [(0, 0), (0, 6 - len(part[0]))]) for part in (cosine, sine)]
+    return _checked(FourierGait(FLOATING_COORDINATES, frequency, mean, *series))
 
 
 def _checked(path: AnyPath) -> AnyPath:
@@ -323,10 +317,6 @@ def _checked(path: AnyPath) -> AnyPath:
         expected = f"a pitch within {PITCH_LIMIT:.4g} rad, for its Euler angles"
         raise ParameterError("path", expected, worst)
     return path
-
-
-def _mean(center: Triple, attitude: Triple) -> Array:
-    return np.concatenate([finite_triple("center", center), finite_triple("attitude", attitude)])
 
 
 def _frequency(speed: float | None, frequency: float | None, speed_per_rate: float) -> float:

@@ -21,7 +21,7 @@ from math import ceil, floor, log10
 import numpy as np
 from numpy.typing import NDArray
 
-from patagium.arrays import Array, Indices
+from patagium.arrays import Array
 from patagium.errors import Outcome, ParameterError
 from patagium.robot import Robot
 from patagium.robot.units import meant, spoken
@@ -76,27 +76,29 @@ def diagnose_step(
         steps: Steps that were to be taken.
         time_step: Step [s].
     """
+
+    def cause(
+        samples: dict[str, Array], first: int, last: int, began: float, step: float
+    ) -> StepTooLong | None:
+        places = np.unique(np.linspace(first, last, SAMPLES).astype(np.int64))
+        states = [state_of(samples, k) for k in places]
+        slopes = rate_slopes(equations, states, rows, began + step * places)
+        return tightest_limit(slopes, time_step)
+
     first = max(0, broken - REACH)
-    places = _sample_numbers(first, broken)
-    states = [state_of(samples, k) for k in places]
-    times = np.asarray(time_step * places)
-    slopes = rate_slopes(equations, states, rows, times)
-    found = tightest_limit(slopes, time_step)
+    found = cause(samples, first, broken, 0.0, time_step)
     if found is None:
         return None
     began, parts = first * time_step, ceil(time_step / found.longest)
     past = min(steps, broken + 1 + (broken - first) // 2)
     count = min((past - first) * parts, BUDGET)
     # flown again, shorter: where the motion itself grows this run breaks too
-    again = integrate(equations, states[0], rows, count, time_step / parts, began=began)
+    step, start = time_step / parts, state_of(samples, first)
+    again = integrate(equations, start, rows, count, step, began=began)
     if again.outcome is not Outcome.COMPLETED:
         return None
-    places = _sample_numbers(0, count)
-    states = [state_of(again.samples, k) for k in places]
     # a run about to break is nowhere near its motion: the second one knows better
-    times = np.asarray(began + time_step / parts * places)
-    slopes = rate_slopes(equations, states, rows, times)
-    return tightest_limit(slopes, time_step) or found
+    return cause(again.samples, 0, count, began, step) or found
 
 
 STEPS_A_BEAT = 400
@@ -168,11 +170,6 @@ def tidy_step(duration: float, most: float) -> float:
     step = float(f"{power * max(k for k in (1, 2, 5) if k * power <= most * (1 + 1e-9)):g}")
     steps = duration / step
     return step if abs(steps - round(steps)) < 1e-6 and round(steps) else duration / ceil(steps)
-
-
-def _sample_numbers(first: int, last: int) -> Indices:
-    """Numbers of some samples from the first to the last, both included."""
-    return np.unique(np.linspace(first, last, SAMPLES).astype(np.int64))
 
 
 def growth(z: NDArray[np.complex128]) -> Array:

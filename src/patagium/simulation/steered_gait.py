@@ -154,6 +154,7 @@ class SteeredGait:
         self.mean = motion.mean(axis=0)
         away = motion - self.mean
         self.reach = np.array([away.min(axis=0), away.max(axis=0)])
+        self._moves = np.ptp(self.reach, axis=0) > 0
         places = list(robot.actuated)
         self.room = np.array([robot.lower, robot.upper])[:, places] - self.mean
         beat, n = gait.period, self._count
@@ -260,8 +261,7 @@ class SteeredGait:
     def command_at(self, time: float) -> tuple[float, float]:
         """Frequency [Hz] and amplitude over the gait's own, mean of joints, at a time [s]."""
         values = self.responses_at(time)[1][0]
-        moving = np.ptp(self.reach, axis=0) > 0
-        amplitude = values[1 : 1 + self._count][moving] if moving.any() else np.ones(1)
+        amplitude = values[1 : 1 + self._count][self._moves] if self._moves.any() else np.ones(1)
         return float(values[0]) / (self.gait.period or 1.0), float(amplitude.mean())
 
     def responses_at(self, time: float) -> tuple[float, Array]:
@@ -317,12 +317,9 @@ class SteeredGait:
         """Kind of a command, and its places among the responses; none where no joint moves."""
         kind, named = self._robot.command(name)
         if kind == "frequency":
-            return kind, [0] if self.gait.period and np.ptp(self.reach, axis=0).any() else []
-        found = [
-            k
-            for k, joint in enumerate(self.joints)
-            if joint in named and (kind == "offset" or np.ptp(self.reach[:, k]) > 0)
-        ]
+            return kind, [0] if self.gait.period and self._moves.any() else []
+        joints = zip(self.joints, self._moves | (kind == "offset"), strict=True)
+        found = [k for k, (joint, able) in enumerate(joints) if joint in named and able]
         return kind, [1 + COMMANDS.index(kind) * self._count + k for k in found]
 
     def _commanded_places(self, name: str) -> tuple[str, list[int]]:
@@ -335,8 +332,7 @@ class SteeredGait:
             return kind, places
         expected = f"<joint>_offset of {', '.join(self.joints)}"
         if self.gait.period:
-            moving = np.flatnonzero(np.ptp(self.reach, axis=0) > 0)
-            flapping = ", ".join(self.joints[k] for k in moving)
+            flapping = ", ".join(self.joints[k] for k in np.flatnonzero(self._moves))
             expected = (
                 f"frequency, amplitude, {expected}, <joint>_amplitude or _phase of {flapping}"
             )
@@ -374,7 +370,7 @@ class SteeredGait:
     def largest_amplitudes(self) -> Array:
         """Largest amplitude of each joint about its own mean, (n_a,)."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(np.ptp(self.reach, axis=0) > 0, self.room / self.reach, np.inf)
+            ratio = np.where(self._moves, self.room / self.reach, np.inf)
         within = np.maximum(ratio, 0.0).min(axis=0)
         return np.asarray(np.minimum(within, self.range[1, 1 : 1 + self._count]))
 
