@@ -22,10 +22,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.air import Air, air_from_description
-from patagium.aerodynamics.local_flow import strip_motions
+from patagium.aerodynamics.local_flow import normalwash, strip_axes, strip_motions
 from patagium.aerodynamics.named_descriptions import check_keys
 from patagium.aerodynamics.of_wings import wings_of
-from patagium.aerodynamics.smooth_functions import smooth_sign
 from patagium.arguments import check_fields
 from patagium.arrays import Array, real_array
 from patagium.dynamics.added_mass import BodyAddedMass
@@ -118,12 +117,12 @@ class AddedMass:
             parameters: Density [kg/m^3] and factors, (n_c,).
         """
         matrices: dict[int, ca.SX] = {}
-        for strip, density in self._densities(robot, parameters):
-            mass, spin = _carried(strip, density)
-            moving, turning = _directions(strip)
-            matrix = matrices.get(strip.body, ca.SX(6, 6))
+        for strip, mass, spin in self._carried(robot, parameters):
+            _, normal, span = strip_axes(strip)
+            moving = ca.vertcat(normal, ca.cross(_mid_chord(strip), normal))
+            turning = ca.vertcat(ca.SX.zeros(3, 1), span)
             added = mass * (moving @ moving.T) + spin * (turning @ turning.T)
-            matrices[strip.body] = matrix + added
+            matrices[strip.body] = matrices.get(strip.body, ca.SX(6, 6)) + added
         about = wind if wind.shape[1] == 1 else _about_bodies(robot, wind)
         return BodyAddedMass({k: ca.densify(m) for k, m in matrices.items()}, about)
 
@@ -140,8 +139,7 @@ class AddedMass:
         """
         poses = body_poses(robot, q)
         wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
-        for i, (strip, density) in enumerate(self._densities(robot, parameters)):
-            mass, _ = _carried(strip, density)
+        for i, (strip, mass, _) in enumerate(self._carried(robot, parameters)):
             normal = vector(strip.normal)
             local = poses[strip.body].rotation.T @ rate[:, i]
             force = normal * (mass * ca.dot(normal, local))
@@ -161,26 +159,24 @@ class AddedMass:
             parameters: Density [kg/m^3] and factors, (n_c,).
         """
         wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
-        densities = self._densities(robot, parameters)
-        for motion, (strip, density) in zip(
-            strip_motions(robot, q, v, wind), densities, strict=True
-        ):
-            mass, _ = _carried(strip, density)
-            forward = vector(strip.forward)
-            normal = vector(strip.normal)
-            behind = (1.0 + smooth_sign(motion.forward)) * (strip.chord / 4)
-            normalwash = -motion.normal_ahead(-behind)
-            force = forward * (mass * motion.pitch_rate * normalwash)
-            # nose down: the span points left of a wing that flies forward, normal x forward
-            moment = ca.cross(normal, forward) * (mass * motion.forward * normalwash)
+        carried = self._carried(robot, parameters)
+        motions = strip_motions(robot, q, v, wind)
+        for motion, (strip, mass, _) in zip(motions, carried, strict=True):
+            forward, _, span = strip_axes(strip)
+            wash = normalwash(motion)
+            force = forward * (mass * motion.pitch_rate * wash)
+            # nose down: the span points left of a wing that flies forward
+            moment = span * (mass * motion.forward * wash)
             moment = moment + ca.cross(vector(strip.quarter_chord), force)
             add_wrench(wrenches, strip.body, force, moment)
         return generalized_force(robot, q, wrenches)
 
-    def _densities(self, robot: Robot, parameters: ca.SX) -> list[tuple[Strip, ca.SX]]:
-        """Strips, with the density of the air that each carries, times its factor [kg/m^3]."""
+    def _carried(self, robot: Robot, parameters: ca.SX) -> list[tuple[Strip, ca.SX, ca.SX]]:
+        """Strips, with mass [kg] and moment of inertia about the span [kg m^2] of their air."""
         places = self._places()
-        return [(one, parameters[0] * parameters[places[one.wing]]) for one in robot.strips]
+        densities = (parameters[0] * parameters[places[strip.wing]] for strip in robot.strips)
+        pairs = zip(robot.strips, densities, strict=True)
+        return [(strip, *_carried(strip, density)) for strip, density in pairs]
 
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Generalized inertia of the air carried along, (n, n) [kg, kg m, kg m^2].
@@ -293,14 +289,3 @@ def _about_bodies(robot: Robot, wind: ca.SX) -> ca.SX:
 
 def _mid_chord(strip: Strip) -> ca.SX:
     return vector(strip.quarter_chord) - vector(strip.forward) * (strip.chord / 4)
-
-
-def _directions(strip: Strip) -> tuple[ca.SX, ca.SX]:
-    """Twist of the body to normal velocity at mid-chord, and to pitch rate, (6, 1) each."""
-    forward, normal = vector(strip.forward), vector(strip.normal)
-    middle = _mid_chord(strip)
-    still = ca.SX.zeros(3, 1)
-    return (
-        ca.vertcat(normal, ca.cross(middle, normal)),
-        ca.vertcat(still, ca.cross(normal, forward)),
-    )

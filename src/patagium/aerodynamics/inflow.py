@@ -20,7 +20,7 @@ import numpy as np
 
 from patagium.aerodynamics.ground import ground_share
 from patagium.aerodynamics.indicial import Relaxation
-from patagium.aerodynamics.local_flow import quarter_chord
+from patagium.aerodynamics.local_flow import quarter_chord, strip_axes
 from patagium.aerodynamics.on_model import OnModel
 from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_step
 from patagium.aerodynamics.strip_loads import AeroExpressions
@@ -150,9 +150,9 @@ class Inflow(OnModel):
         numbers = (parameters[names.index("density")], *ca.vertsplit(parameters[count:]))
         ground = parameters[names.index("ground")] if "ground" in names else None
         moving = _Moving(robot, q, v, wind, ground)
-        parts = [air.memory] if air.memory is not None else []
-        for stroke, one in zip(self.strokes, states, strict=True):
-            parts.append(_relaxation(stroke, moving, air, one, numbers))
+        of_strokes = zip(self.strokes, states, strict=True)
+        parts = [_relaxation(stroke, moving, air, one, numbers) for stroke, one in of_strokes]
+        parts[:0] = [air.memory] if air.memory is not None else []
         memory = Relaxation(
             ca.vertcat(*(part.rate for part in parts)),
             ca.vertcat(*(part.target for part in parts)),
@@ -373,11 +373,12 @@ class _Moving:
             halves: Half of the angle that each wing sweeps [rad].
         """
         count = [ca.SX(0)] * len(halves)
+        axes = [self.poses[self._places[fixed]].rotation for _, fixed in stroke.hinges]
+        vectors = [turn @ means[:, k] for k, turn in enumerate(axes)]
+        units = [x / smooth_norm(ca.sumsqr(x), _SLIGHT) for x in vectors]
         for j, k in permutations(range(len(halves)), 2):
             if stroke.left[j] == stroke.left[k]:
-                one, other = (self._fixed(stroke, n) @ means[:, n] for n in (j, k))
-                one, other = (x / smooth_norm(ca.sumsqr(x), _SLIGHT) for x in (one, other))
-                apart = smooth_norm(ca.sumsqr(one - other), _SLIGHT)
+                apart = smooth_norm(ca.sumsqr(units[j] - units[k]), _SLIGHT)
                 apart = apart * (1 + apart**2 / 24 + 3 * apart**4 / 640)  # arc over its chord
                 both = halves[j] + halves[k]
                 common = smooth_step((both - apart) * both / (4 * halves[j] * halves[k]))
@@ -385,13 +386,9 @@ class _Moving:
                 count[k] += common * 2 * squares[0] / (squares[0] + squares[1])
         return count
 
-    def _fixed(self, stroke: Stroke, wing: int) -> ca.SX:
-        """Rotation to the world from the axes that the hinge of a wing is fixed to, (3, 3)."""
-        return self.poses[self._places[stroke.hinges[wing][1]]].rotation
-
     def _end(self, strip: Strip, side: int) -> ca.SX:
         """Quarter chord at one end of a strip, (3, 1) [m]."""
-        half = side * strip.width / 2 * ca.cross(vector(strip.normal), vector(strip.forward))
+        half = side * strip.width / 2 * strip_axes(strip)[2]
         return self.poses[strip.body].at(vector(strip.quarter_chord) + half)
 
     def direction(self, wing: Wing, hinged: tuple[str, str]) -> tuple[ca.SX, ca.SX]:
@@ -399,40 +396,26 @@ class _Moving:
         strip = self.robot.strips[wing[-1]]
         hinge, fixed = (self._places[name] for name in hinged)
         axes, turn = self.poses[fixed].rotation, self._twists[fixed].angular
-        away = axes.T @ (quarter_chord(self.poses, strip) - self.poses[hinge].position)
-        at_tip = self._speed(strip.body, vector(strip.quarter_chord))
-        velocity = axes.T @ (at_tip - self._speed(hinge, ca.SX.zeros(3, 1)))
+        tip, at_tip = self._moving(strip.body, vector(strip.quarter_chord))
+        root, at_root = self._moving(hinge, ca.SX.zeros(3, 1))
+        away, velocity = axes.T @ (tip - root), axes.T @ (at_tip - at_root)
         distance = ca.sqrt(ca.sumsqr(away))
         unit, turning = away / distance, (velocity - ca.cross(turn, away)) / distance
         return unit, turning - unit * ca.dot(unit, turning)
 
-    def off_ground(self, stroke: Stroke, circle: Any) -> Any:
-        """Share of the induced velocity that the ground leaves, 0 to 1.
-
-        Args:
-            stroke: The stroke.
-            circle: Area of the circle on the span of its wings [m^2].
-        """
-        if self.ground is None:
-            return 1.0
-        heights = [self.poses[body].at(offset)[2] for body, offset in self._points(stroke)]
-        height = sum(heights, ca.SX(0)) / len(heights) - self.ground
-        return 1.0 - ground_share(height, 2 * ca.sqrt(circle / pi))
-
-    def velocity(self, stroke: Stroke) -> ca.SX:
-        """Mean velocity of the hinges, or strips if held, world axes, (3, 1) [m/s]."""
-        moving = [self._speed(*place) for place in self._points(stroke)]
-        return sum(moving, ca.SX.zeros(3, 1)) / len(moving)
-
-    def _points(self, stroke: Stroke) -> list[tuple[int, ca.SX]]:
-        """Body and place on it of every hinge of a stroke, or of every strip if held."""
+    def middle(self, stroke: Stroke) -> tuple[ca.SX, ca.SX]:
+        """Mean place [m] and velocity [m/s] of hinges, or strips if held, world axes, (3, 1)."""
         held = [self.robot.strips[i] for i in stroke.strips] if stroke.ends else []
-        hinges = [(self._places[hinge], ca.SX.zeros(3, 1)) for hinge, _ in stroke.hinges]
-        return hinges + [(strip.body, vector(strip.quarter_chord)) for strip in held]
+        points = [(self._places[hinge], ca.SX.zeros(3, 1)) for hinge, _ in stroke.hinges]
+        points += [(strip.body, vector(strip.quarter_chord)) for strip in held]
+        places, velocities = zip(*(self._moving(*point) for point in points), strict=True)
+        still = ca.SX.zeros(3, 1)
+        return sum(places, still) / len(points), sum(velocities, still) / len(points)
 
-    def _speed(self, body: int, offset: ca.SX) -> ca.SX:
-        """Velocity of a point of a body, world axes, (3, 1) [m/s]."""
-        return self.poses[body].rotation @ self._twists[body].at(offset)
+    def _moving(self, body: int, offset: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Place [m] and velocity [m/s] of a point of a body, world axes, (3, 1)."""
+        pose = self.poses[body]
+        return pose.at(offset), pose.rotation @ self._twists[body].at(offset)
 
 
 def _relaxation(
@@ -446,7 +429,8 @@ def _relaxation(
     density, factor, apparent_mass, memory = numbers
     induced, means = state[:3], ca.reshape(state[3:], 3, -1)
     lengths, circle = moving.sizes(stroke)
-    met = moving.wind - moving.velocity(stroke)
+    middle, velocity = moving.middle(stroke)
+    met = moving.wind - velocity
     halves = [_half_angle(ca.sumsqr(means[:, k])) for k in range(len(stroke.swept))]
     sectors = [half * length**2 for half, length in zip(halves, lengths, strict=True)]
     others = moving.others(stroke, means, halves)
@@ -468,7 +452,9 @@ def _relaxation(
     force = force - still * ca.dot(force, through) / speed**2 * through
     flow = 2 * density * area * speed
     thrust = ca.sqrt(ca.sumsqr(force) + (_SLIGHT * flow) ** 2)
-    factor = factor * moving.off_ground(stroke, circle)
+    if moving.ground is not None:
+        height = middle[2] - moving.ground
+        factor = factor * (1.0 - ground_share(height, 2 * ca.sqrt(circle / pi)))
     excess = factor * thrust / flow + ca.dot(own, force) / thrust
     wanted = (excess + ca.sqrt(excess**2 + _SLIGHT**2)) / 2
     mass = apparent_mass * density * (area / pi) ** 1.5

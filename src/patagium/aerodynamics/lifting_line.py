@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.indicial import TWO_STATE, Indicial, Lags, Relaxation, lag_relaxation
-from patagium.aerodynamics.local_flow import StripMotion, airspeed, normalwash, strip_motions
+from patagium.aerodynamics.local_flow import StripMotion, airspeed, normalwash
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.of_wings import OfWings
 from patagium.aerodynamics.polars import SectionFlow, rounded_ramp, section_flow
@@ -41,10 +41,9 @@ from patagium.aerodynamics.trailing_vortices import (
     Normalwash,
     VortexSystem,
     attached_lift,
-    ground_plane,
-    lattice,
     solve_normalwash,
     surface_gains,
+    vortex_system,
 )
 from patagium.arguments import check_fields
 from patagium.arrays import Array, brief, real_array
@@ -176,12 +175,11 @@ class LiftingLine(Aerodynamics):
         self, robot: Robot, q: ca.SX, v: ca.SX, state: ca.SX, wind: ca.SX, parameters: ca.SX
     ) -> AeroExpressions:
         """Equations of the model; see `Aerodynamics.expressions`."""
-        motions = strip_motions(robot, q, v, wind)
-        if not motions:
+        if not robot.strips:
             return assemble(robot, q, [], ca.SX(0, 1))
         p = _Numbers(self, parameters)
-        net = lattice(robot, self.chains, q, v, wind)
-        vortices = VortexSystem(self.chains, net, motions, ground_plane(robot, q, p.ground))
+        vortices = vortex_system(robot, self.chains, (q, v, wind), p.ground)
+        motions, net = vortices.motions, vortices.lattice
         geometric = ca.vertcat(*[_normalwash(motion, p) for motion in motions])
         wash = solve_normalwash(vortices, geometric, state, p.lags, p.lift_slopes(motions))
         gains = surface_gains(self.robot, robot, p.surface_constant)
@@ -225,9 +223,8 @@ class LiftingLine(Aerodynamics):
         wind = ca.SX.sym("wind", 3)
         count = len(robot.strips)
         state, normalwash = ca.SX.sym("z", count * self.lags.size), ca.SX.sym("w", count)
-        motions = strip_motions(robot, q, v, wind)
-        net = lattice(robot, self.chains, q, v, wind)
-        vortices = VortexSystem(self.chains, net, motions, ground_plane(robot, q, p.ground))
+        vortices = vortex_system(robot, self.chains, (q, v, wind), p.ground)
+        motions, net = vortices.motions, vortices.lattice
         wash = solve_normalwash(vortices, normalwash, state, p.lags, p.lift_slopes(motions))
         gains = surface_gains(robot, robot, p.surface_constant)
         derivative = lag_relaxation(motions, wash.effective, p.lags).derivative(state)

@@ -33,7 +33,7 @@ from patagium.aerodynamics.local_flow import (
     airspeed,
     body_airflows,
     normalwash,
-    strip_motions,
+    strip_axes,
 )
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.quasi_steady import QuasiSteady
@@ -42,11 +42,10 @@ from patagium.aerodynamics.strip_loads import AeroExpressions
 from patagium.aerodynamics.trailing_vortices import (
     SURFACE_CONSTANT,
     Normalwash,
-    VortexSystem,
     attached_lift,
-    lattice,
     solve_normalwash,
     surface_gains,
+    vortex_system,
 )
 from patagium.arguments import check_fields
 from patagium.arrays import real_array
@@ -54,7 +53,7 @@ from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import Twist, add_wrench, body_poses, generalized_force
 from patagium.dynamics.rnea import body_accelerations, kirchhoff_force
 from patagium.errors import ParameterError
-from patagium.robot.model import Body, Robot, Strip
+from patagium.robot.model import Body, Robot
 from patagium.robot.planform import sides_of
 from patagium.robot.strip_chains import strip_chains
 
@@ -198,12 +197,8 @@ class LinearStrips(Aerodynamics):
     @property
     def added_mass(self) -> AddedMass:
         """Air that the wings carry along, with the factor of each wing."""
-        weights = ca.DM([*self.terms.values()])
-        surfaces = surfaces_of(self.robot)
-        factors = {
-            strip.wing: float(_carried(weights, self.robot, surfaces, strip))
-            for strip in self.robot.strips
-        }
+        carried = _carried(ca.DM([*self.terms.values()]), self.robot)
+        factors = {wing: float(share) for wing, share in carried.items()}
         return AddedMass(self.robot, self.air, factor=factors)
 
     @property
@@ -240,9 +235,7 @@ class LinearStrips(Aerodynamics):
         for strip, load in zip(robot.strips, loads, strict=True):
             add_wrench(wrenches, strip.body, load[:3], load[3:])
         force = generalized_force(robot, q, wrenches) + terms[0] * sums.elements.generalized_force
-        added, surfaces = self.added_mass, surfaces_of(machine)
-        wings = {strip.wing: strip for strip in machine.strips}
-        factors = [_carried(terms, machine, surfaces, strip) for strip in wings.values()]
+        added, factors = self.added_mass, _carried(terms, machine).values()
         of_terms, beyond = (
             ca.vertcat(density, *(one - f for f in factors)) for one in (terms[1], terms[2])
         )
@@ -351,8 +344,7 @@ class StripSums:
         """
         lifts = _lifts(self.line, self._density) if self.line else []
         found = []
-        for k, strip in enumerate(self._robot.strips):
-            own = _of_strip(terms, self._machine, self._surfaces, strip)
+        for k, own in enumerate(_of_strips(terms, self._machine)):
             load = _load()(*self._seen(k), corrections, own)
             found.append(load + lifts[k] @ terms[-2:] if lifts else load)
         return found
@@ -393,7 +385,9 @@ class StripSums:
     def _seen(self, k: int) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Inputs of `_Section` for a strip."""
         strip = self._robot.strips[k]
-        return self._motions[strip.body], _numbers(strip, self._sides[k]), self._density
+        size = strip.chord, strip.width, self._sides[k]
+        numbers = ca.vertcat(*strip.quarter_chord, *strip.forward, *strip.normal, *size)
+        return self._motions[strip.body], numbers, self._density
 
 
 class StripFlow:
@@ -418,9 +412,8 @@ class StripFlow:
         motion: tuple[ca.SX, ca.SX, ca.SX],
         state: ca.SX | None = None,
     ) -> None:
-        chains = strip_chains(machine)
-        self.motions = strip_motions(robot, *motion)
-        self.vortices = VortexSystem(chains, lattice(robot, chains, *motion), self.motions)
+        self.vortices = vortex_system(robot, strip_chains(machine), motion, ca.SX(0, 1))
+        self.motions = self.vortices.motions
         self.geometric = ca.vertcat(*[normalwash(one) for one in self.motions])
         self.gains = surface_gains(machine, robot, SURFACE_CONSTANT)
         self.state = ca.SX.sym("state", len(self.motions)) if state is None else state
@@ -449,18 +442,6 @@ def _size(x: ca.SX) -> ca.SX:
 
 
 _NO_TERMS = ca.SX.zeros(6, len(STRIP_TERMS))
-
-
-def _polynomials(velocity: ca.SX, spin: ca.SX, side: ca.SX) -> ca.SX:
-    """Polynomials of the flow, (17, 1) [m^2/s^2], of its mirror image on the right."""
-    (u, n, s), (_, r, y) = ca.vertsplit(velocity), ca.vertsplit(spin)
-    s, r, y = side * s, side * r, side * y
-    speed = _speed(velocity)
-    f, d = u / speed, n / speed
-    spanwise = [s * u, s * n, r * u, r * n, y * u, y * n]
-    directions = [f**3, f**2 * d, f * d**2, d**3, f**4, f**3 * d, f**2 * d**2, f * d**3, d**4]
-    directions += [f * d * _size(n) / speed, d * f * _size(u) / speed]
-    return ca.vertcat(*spanwise, *[speed**2 * one for one in directions])
 
 
 def _speed(velocity: ca.SX) -> ca.SX:
@@ -507,8 +488,8 @@ class _Section(NamedTuple):
     """Strip as its terms see it: symbols of `inputs`, and expressions of the flow at mid-chord.
 
     Attributes:
-        inputs: Velocity in the air and `body_accelerations` of its body, (3, 4) [SI], its
-            `_numbers`, density.
+        inputs: Velocity in the air and `body_accelerations` of its body, (3, 4) [SI]; quarter
+            chord, unit vectors forward and normal, chord, width and side, (12, 1); density.
         flow: Velocity [m/s], spin [m/s] and rates [m^2/s^2], in axes of the strip.
         unit: Wrench on the body of unit coefficients, (6, 4) [N, N m].
         side: See `sides_of`.
@@ -521,8 +502,16 @@ class _Section(NamedTuple):
 
     @property
     def polynomials(self) -> ca.SX:
-        """Polynomials of the corrections, (17, 1) [m^2/s^2]."""
-        return _polynomials(*self.flow[:2], self.side)
+        """Polynomials of the corrections, (17, 1) [m^2/s^2], of its mirror image on the right."""
+        velocity, spin, _ = self.flow
+        (u, n, s), (_, r, y) = ca.vertsplit(velocity), ca.vertsplit(spin)
+        s, r, y = self.side * s, self.side * r, self.side * y
+        speed = _speed(velocity)
+        f, d = u / speed, n / speed
+        spanwise = [s * u, s * n, r * u, r * n, y * u, y * n]
+        directions = [f**3, f**2 * d, f * d**2, d**3, f**4, f**3 * d, f**2 * d**2, f * d**3, d**4]
+        directions += [f * d * _size(n) / speed, d * f * _size(u) / speed]
+        return ca.vertcat(*spanwise, *[speed**2 * one for one in directions])
 
     @property
     def outward(self) -> ca.SX:
@@ -585,12 +574,6 @@ def _load() -> ca.Function:
     return ca.Function("each_load", given, [result], {"never_inline": True})
 
 
-def _numbers(strip: Strip, side: int) -> ca.SX:
-    """Quarter chord, unit vectors forward and normal, chord, width and side of a strip, (12, 1)."""
-    size = strip.chord, strip.width, side
-    return ca.vertcat(*strip.quarter_chord, *strip.forward, *strip.normal, *size)
-
-
 def _bare(robot: Robot) -> list[int]:
     """Bodies without strips that have drag: frames without mass have none."""
     winged = {strip.body for strip in robot.strips}
@@ -630,16 +613,14 @@ def terms_of(robot: Robot, attached: bool) -> tuple[Term, ...]:
     return (terms[0]._replace(mean=0.0), *terms[1:], EDGES, LIFTING_LINE) if attached else terms
 
 
-def _of_strip(weights: Any, machine: Robot, surfaces: Sequence[str], strip: Strip) -> Any:
-    """Weights of `STRIP_TERMS` at a strip: what is common, and the departure of its wing, (m,)."""
+def _of_strips(weights: Any, machine: Robot) -> list[Any]:
+    """Weights of `STRIP_TERMS` at each strip: common ones, and the departures of its wing, (m,)."""
     first, count = len(WHOLE_TERMS), len(STRIP_TERMS)
-    common = weights[first : first + count]
-    if not surfaces:
-        return common
-    place = surfaces.index(_kind(machine, strip.wing))
+    common, surfaces = weights[first : first + count], surfaces_of(machine)
     first += count + len(BODY_TERMS) * len(_bare(machine))
-    first += count * place
-    return common + weights[first : first + count]
+    departures = {kind: weights[first + count * k :] for k, kind in enumerate(surfaces)}
+    kinds = {kind: common + departures[kind][:count] for kind in surfaces} or {"": common}
+    return [kinds[_kind(machine, k.wing) if surfaces else ""] for k in machine.strips]
 
 
 def _body_wrenches(body: Body, airflow: Twist, density: ca.SX) -> ca.SX:
@@ -669,9 +650,8 @@ def _lifts(line: StripFlow, density: ca.SX) -> list[ca.SX]:
         ends[chain.strips[-1]] -= chain.right[-1]
     for i, motion in enumerate(line.motions):
         strip, place = motion.strip, vector(motion.strip.quarter_chord)
-        forward, normal = vector(strip.forward), vector(strip.normal)
+        forward, normal, span = strip_axes(strip)
         ahead, across, along = line.lift(wash, i, density)
-        span = ca.cross(normal, forward)
         lift = forward * ahead + normal * across + span * along
         pull = ends[i] * density * wash.circulation[i] ** 2 * strip.chord / strip.width * span
         moments = ca.cross(place - forward * (strip.chord / 4), pull)
@@ -688,6 +668,7 @@ def _jacobians(robot: Robot, q: ca.SX, rows: list[int]) -> list[ca.SX]:
     return [ca.densify(ca.jacobian(force, one).T) for one in of]
 
 
-def _carried(weights: Any, machine: Robot, surfaces: Sequence[str], strip: Strip) -> Any:
-    """Share of the air of an infinite wing that a strip carries along [1]."""
-    return weights[1] + _of_strip(weights, machine, surfaces, strip)[0]
+def _carried(weights: Any, machine: Robot) -> dict[str, Any]:
+    """Share of the air of an infinite wing that each wing carries along [1]."""
+    strips = zip(machine.strips, _of_strips(weights, machine), strict=True)
+    return {strip.wing: weights[1] + own[0] for strip, own in strips}

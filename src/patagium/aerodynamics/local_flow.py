@@ -95,6 +95,12 @@ def strip_airflows(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[Twist]
     ]
 
 
+def strip_axes(strip: Strip) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Unit vectors forward, normal and along normal x forward, body axes, (3, 1) each [-]."""
+    forward, normal = vector(strip.forward), vector(strip.normal)
+    return forward, normal, ca.cross(normal, forward)
+
+
 def quarter_chord(poses: Sequence[Pose], strip: Strip) -> ca.SX:
     """Quarter-chord point of a strip in the world, (3, 1) [m]."""
     return poses[strip.body].at(vector(strip.quarter_chord))
@@ -114,8 +120,7 @@ def strip_motions(robot: Robot, q: ca.SX, v: ca.SX, wind: ca.SX) -> list[StripMo
     """
     motions = []
     for strip, twist in zip(robot.strips, strip_airflows(robot, q, v, wind), strict=True):
-        forward, normal = vector(strip.forward), vector(strip.normal)
-        span = ca.cross(normal, forward)
+        forward, normal, span = strip_axes(strip)
         velocity = twist.at(vector(strip.quarter_chord))
         motions.append(
             StripMotion(

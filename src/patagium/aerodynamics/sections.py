@@ -95,9 +95,13 @@ FEEBLE = 0.005
 
 def held_share(flow: SectionFlow) -> Any:
     """Share of attached flow that a delay can hold at an effective incidence, 0 to 1."""
-    begins, ends = (np.sin(angle) ** 2 for angle in _HELD)
+    return 1.0 - _share_beyond(flow, *(np.sin(angle) ** 2 for angle in _HELD))
+
+
+def _share_beyond(flow: SectionFlow, begins: Any, complete: Any) -> Any:
+    """Step from 0 to 1 between two squares of the sine of the incidence."""
     sine_square = flow.normal * flow.normal / (flow.speed * flow.speed)
-    return 1.0 - smooth_step((sine_square - begins) / (ends - begins))
+    return smooth_step((sine_square - begins) / (complete - begins))
 
 
 def faster(speed: Any, other: Any) -> Any:
@@ -236,9 +240,8 @@ class Section(StripSection):
     def separated_share(self, flow: SectionFlow, parameters: Any) -> Any:
         """Share of separated flow, 0 to 1; see `StripSection.separated_share`."""
         numbers, _ = self.named(parameters)
-        sine_square = flow.normal * flow.normal / (flow.speed * flow.speed)
-        begins, complete = (ca.sin(numbers[k]) ** 2 for k in ("stall_begins", "stall_complete"))
-        return smooth_step((sine_square - begins) / (complete - begins))
+        ends = (ca.sin(numbers[k]) ** 2 for k in ("stall_begins", "stall_complete"))
+        return _share_beyond(flow, *ends)
 
 
 def check_zero_lift(angle: float) -> None:
@@ -334,20 +337,22 @@ class MeasuredSection(StripSection):
 
     def separated_share(self, flow: SectionFlow, parameters: Any) -> Any:
         """Share of separated flow, 0 to 1; see `StripSection.separated_share`."""
-        numbers, polar = self.named(parameters)
-        count, first = len(self.separated), len(_MEASURED_NUMBERS)
+        numbers, _ = self.named(parameters)
         camber = numbers["zero_lift_angle"] * flow.forward * flow.forward_sign
-        angle = section_flow(flow.forward, flow.normal - camber).angle_of_attack
-        return table_values(angle, polar[:count], parameters[first : first + count])
+        return self._read(0, section_flow(flow.forward, flow.normal - camber), parameters)
 
     def moment(self, flow: SectionFlow, parameters: Any) -> Any:
         """Coefficient of the moment, nose up; see `StripSection.moment`."""
         if not self.static_moment:
             return 0.0
-        _, polar = self.named(parameters)
-        count, first = len(self.separated), len(_MEASURED_NUMBERS) + len(self.separated)
-        values = parameters[first : first + count]
-        return flow.forward_sign * table_values(flow.angle_of_attack, polar[:count], values)
+        return flow.forward_sign * self._read(1, flow, parameters)
+
+    def _read(self, table: int, flow: SectionFlow, parameters: Any) -> Any:
+        """Value of the first or the second table of `inputs` at an angle of attack."""
+        count = len(self.separated)
+        first, angles = len(self.numbers) + table * count, len(self.inputs())
+        knots, values = parameters[angles : angles + count], parameters[first : first + count]
+        return table_values(flow.angle_of_attack, knots, values)
 
 
 def measured_section(
@@ -453,9 +458,7 @@ def _on_both_sides(polar: TablePolar, moment: Array) -> tuple[TablePolar, Array,
             parts = int((pi / 2 - begin) / _APART)
             angle = np.linspace(begin, pi / 2, parts + 1)[1:]
             table = np.hstack([table, [angle, *_of_plate(angle, *table[:, -1])]])
-    angle, lift, drag, *turning = table
-    whole = TablePolar(tuple(angle), tuple(lift), tuple(drag))
-    return whole, np.array(turning).ravel(), zero
+    return TablePolar(*map(tuple, table[:3])), table[3:].ravel(), zero
 
 
 def _of_plate(angle: Array, begin: float, lift: float, drag: float, *moment: float) -> list[Array]:

@@ -14,10 +14,10 @@ from typing import Any
 import casadi as ca
 
 from patagium.aerodynamics.indicial import Relaxation
-from patagium.aerodynamics.local_flow import StripMotion
+from patagium.aerodynamics.local_flow import StripMotion, strip_axes
 from patagium.aerodynamics.polars import section_flow
 from patagium.dynamics.chain import vector
-from patagium.dynamics.kinematics import body_poses, generalized_force
+from patagium.dynamics.kinematics import add_wrench, body_poses, generalized_force
 from patagium.robot.model import Robot
 
 
@@ -107,18 +107,13 @@ def assemble(
     wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
     forces, points = [ca.SX(3, 0)], [ca.SX(3, 0)]
     incidences, speeds = [ca.SX(0, 1)], [ca.SX(0, 1)]
-    none = ca.SX(0, 1)
     power = ca.SX(0)
     for load in loads:
         motion, strip = load.motion, load.motion.strip
-        forward, normal = vector(strip.forward), vector(strip.normal)
-        force = forward * load.forward + normal * load.normal
-        span = ca.cross(normal, forward)
-        force = force + span * load.spanwise
+        forward, normal, span = strip_axes(strip)
+        force = forward * load.forward + normal * load.normal + span * load.spanwise
         point = vector(strip.quarter_chord) + forward * load.ahead
-        total, moment = wrenches.get(strip.body, (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)))
-        moment = moment + ca.cross(point, force) - span * load.moment
-        wrenches[strip.body] = (total + force, moment)
+        add_wrench(wrenches, strip.body, force, ca.cross(point, force) - span * load.moment)
         pose = poses[strip.body]
         forces.append(pose.rotation @ force)
         points.append(pose.at(point))
@@ -128,18 +123,18 @@ def assemble(
         power = power + load.forward * motion.forward + load.normal * normal_velocity
         power = power + load.spanwise * motion.spanwise_ahead(load.ahead)
         power = power + load.moment * motion.pitch_rate
+    of_loads = {
+        name: ca.vertcat(ca.SX(0, 1), *[getattr(load, name) for load in loads])
+        for name in ("effective_angle_of_attack", "circulation", "downwash")
+    }
     return AeroExpressions(
         generalized_force=generalized_force(robot, q, wrenches),
         strip_force=ca.horzcat(*forces),
         strip_point=ca.horzcat(*points),
         angle_of_attack=ca.vertcat(*incidences),
-        effective_angle_of_attack=ca.vertcat(
-            none, *[load.effective_angle_of_attack for load in loads]
-        ),
         strip_airspeed=ca.vertcat(*speeds),
         power=power,
         state_derivative=state_derivative,
-        circulation=ca.vertcat(none, *[load.circulation for load in loads]),
-        downwash=ca.vertcat(none, *[load.downwash for load in loads]),
         memory=memory,
+        **of_loads,
     )

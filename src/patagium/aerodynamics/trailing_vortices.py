@@ -22,7 +22,13 @@ import numpy as np
 
 from patagium.aerodynamics.ground import GroundPlane
 from patagium.aerodynamics.indicial import Lags, Relaxation, lag_relaxation, lag_step
-from patagium.aerodynamics.local_flow import StripMotion, strip_airflows
+from patagium.aerodynamics.local_flow import (
+    StripMotion,
+    quarter_chord,
+    strip_airflows,
+    strip_axes,
+    strip_motions,
+)
 from patagium.aerodynamics.smooth_functions import SWITCH_SPEED, smooth_norm, smooth_sign
 from patagium.arrays import Bools
 from patagium.dynamics.chain import vector
@@ -116,22 +122,16 @@ class Lattice:
         return 1.0 / ca.sqrt(1.0 + self.slopes**2)
 
 
-def lattice(robot: Robot, chains: Sequence[StripChain], q: ca.SX, v: ca.SX, wind: ca.SX) -> Lattice:
-    """Strips and legs of a moving robot.
-
-    Args:
-        robot: The machine.
-        chains: Chains of strips that share legs.
-        q: Generalized coordinates, (n_q,) [m, rad, 1].
-        v: Generalized velocities, (n,) [m/s, rad/s].
-        wind: Velocity of the air, world axes, (3,) or (3, n_strips) [m/s].
-    """
+def _lattice(
+    robot: Robot, chains: Sequence[StripChain], q: ca.SX, v: ca.SX, wind: ca.SX
+) -> Lattice:
+    """Strips and legs of a moving robot; arguments of `vortex_system`."""
     poses = body_poses(robot, _from_floating_body(robot, q))
     airflows = strip_airflows(robot, q, v, wind)
     strips = robot.strips
     legs = [leg for chain in chains for leg in _legs(robot, chain, poses, airflows)]
     return Lattice(
-        points=ca.horzcat(*[poses[s.body].at(vector(s.quarter_chord)) for s in strips]),
+        points=ca.horzcat(*[quarter_chord(poses, s) for s in strips]),
         normals=ca.horzcat(*[poses[s.body].rotation @ vector(s.normal) for s in strips]),
         forwards=ca.horzcat(*[poses[s.body].rotation @ vector(s.forward) for s in strips]),
         edges=ca.horzcat(*[leg[0] for leg in legs]),
@@ -150,14 +150,8 @@ def _from_floating_body(robot: Robot, q: ca.SX) -> ca.SX:
     return ca.vertcat(*[ca.SX(origin[i]) if i in held else q[i] for i in range(len(origin))])
 
 
-def ground_plane(robot: Robot, q: ca.SX, ground: ca.SX) -> GroundPlane | None:
-    """Ground in the axes of the lattice; None without one.
-
-    Args:
-        robot: The machine.
-        q: Generalized coordinates, (n_q,) [m, rad, 1].
-        ground: Height of the ground, (1,) [m]; empty: there is none.
-    """
+def _ground_plane(robot: Robot, q: ca.SX, ground: ca.SX) -> GroundPlane | None:
+    """Ground in the axes of the lattice; None without one."""
     if not ground.numel():
         return None
     world, own = (body_poses(robot, x)[0] for x in (q, _from_floating_body(robot, q)))
@@ -196,8 +190,7 @@ def _legs(
         span = ca.SX.zeros(3, 1)
         for i, offset in sides:
             strip = strips[i]
-            outwards = ca.cross(vector(strip.normal), vector(strip.forward)) * chain.right[i]
-            span = span + poses[strip.body].rotation @ outwards
+            span = span + poses[strip.body].rotation @ (strip_axes(strip)[2] * chain.right[i])
             edge = edge + poses[strip.body].at(offset) / len(sides)
             local = airflows[chain.strips[i]].at(offset)
             velocity = velocity + poses[strip.body].rotation @ local / len(sides)
@@ -274,9 +267,9 @@ def _slopes(robot: Robot, chains: Sequence[StripChain]) -> ca.SX:
     for chain in chains:
         strips = [robot.strips[i] for i in chain.strips]
         for k, index in enumerate(chain.strips):
-            forward, normal = vector(strips[k].forward), vector(strips[k].normal)
+            forward, _, span = strip_axes(strips[k])
             line = sum(_line(robot, chain, k), ca.SX(0))
-            slopes[index] = ca.dot(line, forward) / ca.dot(line, ca.cross(normal, forward))
+            slopes[index] = ca.dot(line, forward) / ca.dot(line, span)
     return slopes
 
 
@@ -308,10 +301,13 @@ def horseshoe_function(sizes: tuple[int, ...], images: bool = False) -> ca.Funct
         -> (circulation (n,) [m^2/s], velocity (3, n) [m/s]).
     """
     count, legs, wings = sum(sizes), sum(sizes) + len(sizes), len(sizes) // (1 + images)
-    points, normals = ca.SX.sym("points", 3, count), ca.SX.sym("normals", 3, count)
-    edges, directions = ca.SX.sym("edges", 3, legs), ca.SX.sym("directions", 3, legs)
-    core_squares, gain = ca.SX.sym("core_squares", legs), ca.SX.sym("gain", count)
-    wash, feedthrough = ca.SX.sym("wash", count), ca.SX.sym("feedthrough")
+    shapes = {
+        **{"points": (3, count), "normals": (3, count)},
+        **{"edges": (3, legs), "directions": (3, legs), "core_squares": (legs, 1)},
+        **{"gain": (count, 1), "wash": (count, 1), "feedthrough": (1, 1)},
+    }
+    inputs = {name: ca.SX.sym(name, *shape) for name, shape in shapes.items()}
+    points, normals, edges, directions, core_squares, gain, wash, feedthrough = inputs.values()
     chain = np.repeat(np.arange(len(sizes)), sizes)
     first = np.arange(count) + chain  # leg at which each strip begins
     # which strips' circulation each leg carries: + of the one before, - of the one after
@@ -329,12 +325,11 @@ def horseshoe_function(sizes: tuple[int, ...], images: bool = False) -> ca.Funct
     matrix = ca.SX.eye(count) - ca.diag(gain * feedthrough) @ normalwash
     circulation = _solve(ca.densify(matrix), gain * wash)
     velocity = ca.vertcat(*[(one @ circulation).T for one in by_strip])
-    inputs = [points, normals, edges, directions, core_squares, gain, wash, feedthrough]
     return ca.Function(
         "_".join(["horseshoes", *map(str, (wings, *sizes))]),
-        inputs,
+        [*inputs.values()],
         [circulation, ca.densify(velocity)],
-        ["points", "normals", "edges", "directions", "core_squares", "gain", "wash", "feedthrough"],
+        [*inputs],
         ["circulation", "velocity"],
         {"never_inline": True},
     )
@@ -423,6 +418,24 @@ class VortexSystem:
     lattice: Lattice
     motions: Sequence[StripMotion]
     ground: GroundPlane | None = None
+
+
+def vortex_system(
+    robot: Robot,
+    chains: Sequence[StripChain],
+    motion: tuple[ca.SX, ca.SX, ca.SX],
+    ground: ca.SX,
+) -> VortexSystem:
+    """Strips of a moving robot and their trailing vortices.
+
+    Args:
+        robot: The machine.
+        chains: Chains of strips that share legs.
+        motion: q, v and the wind, world axes, (3,) or (3, n_strips) [m/s].
+        ground: Height of the ground, (1,) [m]; empty: there is none.
+    """
+    net, motions = _lattice(robot, chains, *motion), strip_motions(robot, *motion)
+    return VortexSystem(chains, net, motions, _ground_plane(robot, motion[0], ground))
 
 
 @dataclass(frozen=True)
