@@ -146,7 +146,7 @@ def _cell_notes(
 ) -> list[str]:
     """Warnings about unit, clock, sign and zero of the load cell that holds a robot."""
     place = list(found.robot.floating_dofs[:3])  # x, y, z
-    known = np.isfinite(found.force[:, place]).all(axis=1)
+    known = np.asarray(np.isfinite(found.force[:, place]).all(axis=1))
     if known.sum() < 2:
         return ["no two samples have a force that is known"]
     weight = found.robot.flying.mass * found.robot.scale_gravity
