@@ -82,7 +82,7 @@ def diagnose_step(
     ) -> StepTooLong | None:
         places = np.unique(np.linspace(first, last, SAMPLES).astype(np.int64))
         states = [state_of(samples, k) for k in places]
-        slopes = rate_slopes(equations, states, rows, began + step * places)
+        slopes = rate_slopes(equations, states, rows, (began + step * places).astype(float))
         return tightest_limit(slopes, time_step)
 
     first = max(0, broken - REACH)
