@@ -361,10 +361,8 @@ def _outwards(robot: Robot, strips: Sequence[Strip], place: int) -> Array:
     strip = strips[place]
     span = np.cross(strip.normal, strip.forward)
     near = [one for one in strips[max(place - 1, 0) : place + 2] if one.body == strip.body]
-    if len(near) > 1:
-        side = float(span @ np.subtract(near[-1].quarter_chord, near[0].quarter_chord))
-    else:
-        side = sides_of(robot)[robot.strips.index(strip)]
+    way = span @ np.subtract(near[-1].quarter_chord, near[0].quarter_chord)
+    side = float(way) or sides_of(robot)[robot.strips.index(strip)]
     return np.asarray(span if side >= 0 else -span)
 
 

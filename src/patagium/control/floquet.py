@@ -83,12 +83,8 @@ class Floquet:
     @property
     def multipliers(self) -> NDArray[np.complex128]:
         """Multipliers of all modes, both of a pair, least stable first, (n - 4,) [1]."""
-        found = []
-        for mode in self.modes:
-            found.append(mode.multiplier)
-            if mode.multiplier.imag:
-                found.append(mode.multiplier.conjugate())
-        return np.array(found)
+        pairs = ((one.multiplier, one.multiplier.conjugate()) for one in self.modes)
+        return np.array([each for pair in pairs for each in dict.fromkeys(pair)])
 
     @property
     def stable(self) -> bool:

@@ -566,10 +566,7 @@ def _first_states(search: OrbitSearch, robot: Robot, start: Orbit | None) -> Arr
 
 @np.errstate(all="ignore")  # where the flight breaks the air stays at rest
 def _settled(search: OrbitSearch, states: Array) -> Array:
-    """States of the nodes with the air's own states as they repeat while the body does not change.
-
-    Newton's method for them alone: the last segment ends as the first begins.
-    """
+    """States of the nodes, the air's own as they repeat around the others, by Newton's method."""
     rows = search.family.rows(search.family.neutral, search.steps, search.map.aero.air)
     own, found = slice(search.map.moving, None), states.copy()
     for _ in range(_NEWTON):
