@@ -123,6 +123,11 @@ def setting(default: Any, text: str, **meaning: Any) -> Any:
     return field(default=default, metadata={"meaning": Meaning(text, **meaning)})
 
 
+def _samples(default: int, text: str, low: int = 1, **meaning: Any) -> Any:
+    """A field that is a number of samples."""
+    return setting(default, text, unit="samples", low=low, high=_MOST_SAMPLES, **meaning)
+
+
 def group(kind: type, text: str, **meaning: Any) -> Any:
     """A field that is a record of settings itself, or None where it is switched off."""
     return field(default=None, metadata={"meaning": Meaning(text, **meaning), "group": kind})
@@ -190,13 +195,7 @@ class Screening(_Checked):
     outlier_std: float = setting(
         5.0, "Innovations beyond this many predicted standard deviations are down-weighted", low=2.0
     )
-    stuck_samples: int = setting(
-        50,
-        "Repeated values after which a channel is left out",
-        unit="samples",
-        low=2,
-        high=_MOST_SAMPLES,
-    )
+    stuck_samples: int = _samples(50, "Repeated values after which a channel is left out", low=2)
 
 
 @dataclass(frozen=True)
@@ -223,12 +222,10 @@ class NoiseEstimation(_Checked):
         EM algorithm; Cappé & Moulines (2009), On-line expectation-maximization algorithm.
     """
 
-    memory: int = setting(
+    memory: int = _samples(
         200,
         "Memory over which the measurement noise is estimated",
-        unit="samples",
         low=10,
-        high=_MOST_SAMPLES,
         option="noise-memory",
     )
 
@@ -286,20 +283,12 @@ class ChangeDetection(_Checked):
         high=1.0,
         below=True,
     )
-    window: int = setting(
-        100,
-        "Window of recent samples that is tested for a change",
-        unit="samples",
-        low=1,
-        high=_MOST_SAMPLES,
-        option="change-window",
+    window: int = _samples(
+        100, "Window of recent samples that is tested for a change", option="change-window"
     )
-    reference: int = setting(
+    reference: int = _samples(
         1000,
         "Samples before the window that it is compared with, a wingbeat or more",
-        unit="samples",
-        low=1,
-        high=_MOST_SAMPLES,
         option="change-reference",
     )
     reopening: float = setting(
@@ -444,11 +433,7 @@ class FilterSettings(_Checked):
         Args:
             learner: Kind of the learner; settings of others are left out.
         """
-        return {
-            one.name: _described(getattr(self, one.name))
-            for one in fields(self)
-            if learner in one.metadata["meaning"].learners
-        }
+        return {one.name: _described(getattr(self, one.name)) for one in settings_of(learner)}
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> FilterSettings:
@@ -499,13 +484,12 @@ def settings_from(learner: str, values: Mapping[str, Any]) -> FilterSettings:
     Raises:
         ParameterError: If the learner has no such setting, or a value is out of its range.
     """
-    known = {one.name: one for one in settings_of(learner)}
+    known = [one.name for one in settings_of(learner)]
     for name, value in values.items():
         if name not in known:
             inner = next(iter(value), name) if isinstance(value, Mapping) else name
             raise ParameterError(inner, f"nothing: the {learner} learner has none", value)
-    made = {name: _made(known[name], value) for name, value in values.items()}
-    return FilterSettings(**made)
+    return FilterSettings.from_description(values)
 
 
 def chosen_settings(
