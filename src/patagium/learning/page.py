@@ -56,7 +56,7 @@ def write_identification(
     address = replay.address if isinstance(replay, Picture) else replay
     moving = [Link("The flight in three dimensions", address)] if address else []
     tables = [score_table(scores), *forecast_tables(scores)]
-    loud = [name for name in record["output"].values if name not in scores["silent"]]
+    loud = _loud(scores, record)
     told = f"Measured, and {_sample_words(scores)[1]}.{_not_drawn(loud)}"
     sections = [
         PageSection("Scores", [*moving, summary(scores), *tables, *_remarks(scores)]),
@@ -82,7 +82,7 @@ def _opening(scores: Mapping[str, Any], record: xr.Dataset) -> list[Block]:
     """First screen: the end of one prediction, and three numbers with what they should be."""
     if "nmse_second_half_mean" not in scores:
         return []
-    loud = [str(name) for name in record["output"].values if name not in scores["silent"]]
+    loud = _loud(scores, record)
     name = "z" if "z" in loud else loud[0]
     late = record.isel(time=slice(-max(2, record.sizes["time"] // _SHOWN), None)).sel(output=[name])
     with figures_for("phone"):
@@ -127,8 +127,7 @@ def _parameters(scores: Mapping[str, Any], record: xr.Dataset) -> list[PageSecti
             record["parameter_value"].values,
             record["parameter_std"].values,
             list(scores["parameter_prior"].values()),
-            names=[str(name) for name in record["parameter"].values],
-            units=[str(unit) for unit in record["parameter_unit"].values],
+            **_labels(record, "parameter", "parameter_unit"),
         )
         shown.append(picture(figure, "After each update, within two deviations; dashed: before."))
     return [PageSection("Physical parameters", shown)]
@@ -265,6 +264,16 @@ def _calibration(scores: Mapping[str, Any]) -> list[Any]:
     return [Note(words), *shown]
 
 
+def _loud(scores: Mapping[str, Any], record: xr.Dataset) -> list[str]:
+    """Names of the outputs that are not silent."""
+    return [str(name) for name in record["output"].values if name not in scores["silent"]]
+
+
+def _labels(record: xr.Dataset, names: str = "output", units: str = "unit") -> dict[str, list[str]]:
+    """Names and units of curves, from two coordinates of a record."""
+    return {"names": [*map(str, record[names].values)], "units": [*map(str, record[units].values)]}
+
+
 def _not_drawn(outputs: Sized) -> str:
     """Sentence on the outputs that a figure leaves out; empty where it has all."""
     rest = len(outputs) - DRAWN
@@ -276,8 +285,7 @@ def _compared(record: xr.Dataset) -> Figure:
         record["time"].values,
         record["measurement"].values,
         {"predicted": record["prediction"].values},
-        names=[str(name) for name in record["output"].values],
-        units=[str(unit) for unit in record["unit"].values],
+        **_labels(record),
         truth_name="measured",
     )
 
@@ -292,14 +300,13 @@ def _innovation_picture(scores: Mapping[str, Any], record: xr.Dataset) -> Any:
     looked = np.isfinite(record["largest_variance"].values)
     if not looked.any():
         looked = np.ones_like(looked)
-    loud = [name for name in record["output"].values if name not in scores["silent"]]
+    loud = _loud(scores, record)
     chosen = record.sel(output=loud[:DRAWN]).isel(update_time=looked)
     figure = innovation_and_covariance(
         chosen["update_time"].values,
         chosen["innovation"].values,
         chosen["largest_variance"].values,
-        names=[str(name) for name in chosen["output"].values],
-        units=[str(unit) for unit in chosen["unit"].values],
+        **_labels(chosen),
     )
     words = "Innovation at the updates, and the largest variance of a weight."
     return picture(figure, words + _not_drawn(loud))

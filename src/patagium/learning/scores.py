@@ -154,10 +154,8 @@ class IntervalSums:
             heard: Outputs to score, (n_y,) of bool; the others are NaN. None: all.
         """
         count, inside = self.counts[:2]
-        chosen = (count > 0) & (True if heard is None else np.asarray(heard, bool))
-        if self.unknown:
-            chosen[:] = False
-        return np.where(chosen, inside / np.where(count > 0, count, 1.0), np.nan)
+        chosen = not self.unknown and (True if heard is None else np.asarray(heard, bool))
+        return np.where(chosen, _per(inside, count), np.nan)
 
     @property
     def coverage_in_all(self) -> float:
@@ -169,7 +167,7 @@ class IntervalSums:
     def nis(self) -> Array:
         """Mean square of errors over their standard deviations, (n_y,); NaN before any."""
         count, squares = self.counts[-2:]
-        return np.where(count > 0, squares / np.where(count > 0, count, 1.0), np.nan)
+        return _per(squares, count)
 
     def reliability(self, heard: ArrayLike | None = None) -> Array:
         """Share of errors in the interval of each of `NOMINAL`, (len(NOMINAL),); NaN before any.
@@ -236,7 +234,7 @@ class InnovationSums:
         """
         count, ratio, inside = self.totals.tolist()
         product, power = self.products[0], np.sqrt(self.products[1] * self.products[2])
-        color = np.where(power > 0, product / np.where(power > 0, power, 1.0), np.nan)
+        color = _per(product, power)
         chosen = np.flatnonzero(heard).tolist()
         return {
             "nis_per_channel": ratio / count if count else np.nan,
@@ -451,6 +449,11 @@ def mean_heard(values: Array) -> float:
     """
     heard = values[~np.isnan(values)]
     return float(heard.mean()) if heard.size else math.nan
+
+
+def _per(values: Array, counts: Array) -> Array:
+    """Values over counts, NaN where nothing was counted."""
+    return np.where(counts > 0, values / np.where(counts > 0, counts, 1.0), np.nan)
 
 
 def _table(name: str, values: ArrayLike) -> Array:

@@ -57,10 +57,9 @@ def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[
     found += _coefficient(robot, flight, density) + _downwash(flight)
     if ground is None and f'"{WindShear.name}"' in told:
         ground = 0.0
-    if f'"{Inflow.name}"' in told:
-        found += _descent(robot, flight if beats is None else flight.isel(time=beats))
-    found += _clap(robot, flight if beats is None else flight.isel(time=beats))
-    return found + _slow(flight) + _ground(flight, ground)
+    part = flight if beats is None else flight.isel(time=beats)
+    found += _descent(robot, part) if f'"{Inflow.name}"' in told else []
+    return found + _clap(robot, part) + _slow(flight) + _ground(flight, ground)
 
 
 def _power(flight: xr.Dataset, beats: slice) -> list[str]:

@@ -269,9 +269,9 @@ def audits(flight: xr.Dataset, robot: Robot) -> dict[str, float]:
     return {
         "energy_exchanged": energy,
         "impulse_exchanged": impulse,
-        "energy_audit": float(residual / energy) if energy else float(residual),
-        "fluid_energy_audit": float(unexplained / energy) if energy else float(unexplained),
-        "momentum_audit": float(drift / impulse) if impulse else float(drift),
+        "energy_audit": float(residual / (energy or 1.0)),
+        "fluid_energy_audit": float(unexplained / (energy or 1.0)),
+        "momentum_audit": float(drift / (impulse or 1.0)),
         "aero_power_largest": float(flight["aero_power"].to_numpy().max()),
     }
 

@@ -203,26 +203,20 @@ class WeightFilter:
             misfit = self.screen.misfit  # of the last error, what is still there at this sample
             mean = found.mean + misfit.parts["carried"] if misfit.floor else found.mean
             prediction = mean, stated
-            sample = self._screened(found, y)
-            if isinstance(sample, Outcome):
-                return sample, prediction
-            return self._learn(before, look, root, *sample), prediction
+            return self._learn(before, look, root, found, y), prediction
         except MatrixLost as lost:
             return lost.outcome, prediction
 
-    def _screened(self, found: Moments, y: Array) -> tuple[Moments, Array] | Outcome:
-        """Moments of y and innovation as the filter uses them, or why it uses none."""
+    def _learn(self, before: Any, look: Look, root: Array, found: Moments, y: Array) -> Outcome:
+        """Mean and covariance after the sample; MatrixLost if they would not be finite."""
         if not (np.isfinite(found.mean).all() and np.isfinite(found.covariance).all()):
             return Outcome.NOT_FINITE
         sample = self.screen.screened(found, y)
         if sample is None:
             return Outcome.BLIND
-        return sample if np.isfinite(sample[1]).all() else Outcome.NOT_FINITE
-
-    def _learn(
-        self, before: Any, look: Look, root: Array, moments: Moments, innovation: Array
-    ) -> Outcome:
-        """Mean and covariance after the sample; MatrixLost if they would not be finite."""
+        moments, innovation = sample
+        if not np.isfinite(innovation).all():
+            return Outcome.NOT_FINITE
         inverse = inverse_root(moments.covariance).T
         whitened = inverse @ innovation
         stated = inverse @ self.screen.stated_innovation(innovation)

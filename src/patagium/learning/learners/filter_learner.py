@@ -271,9 +271,9 @@ class FilterLearner(Learner):
         if (rows := real_array("x", x)).ndim == 2:
             return row_by_row(lambda x: self.predict(x, std, time), rows, self._network.outputs)
         sample = as_input(self._network, rows)
-        nothing, misfit = np.zeros(0), self._screen.misfit
+        misfit = self._screen.misfit
         if not np.isfinite(sample).all():
-            raise diverged(Outcome.NOT_FINITE, self.count, sample, nothing)
+            raise diverged(Outcome.NOT_FINITE, self.count, sample)
         usual = misfit.parts["usual"]
         try:
             with self._noisier(std), lent(usual, self._usual if time is None else usual):
@@ -282,9 +282,9 @@ class FilterLearner(Learner):
                     of_kind("time", time, float)
                     mean, covariance = misfit.carry(mean, covariance, time)
         except MatrixLost as lost:
-            raise diverged(lost.outcome, self.count, sample, nothing) from None
+            raise diverged(lost.outcome, self.count, sample) from None
         if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
-            raise diverged(Outcome.NOT_FINITE, self.count, sample, nothing)
+            raise diverged(Outcome.NOT_FINITE, self.count, sample)
         return mean, covariance
 
     def carried(self, times: Array) -> Array:
@@ -431,7 +431,7 @@ class FilterLearner(Learner):
         try:
             self._filter.drift(1.0 - share, share * self._numbers.prior_variance)
         except MatrixLost as lost:
-            raise diverged(lost.outcome, self.count, np.zeros(0), np.zeros(0)) from None
+            raise diverged(lost.outcome, self.count) from None
 
     def describe(self) -> dict[str, Any]:
         """Kind, network and settings of the learner as JSON values, without the weights."""

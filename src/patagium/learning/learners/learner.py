@@ -150,9 +150,9 @@ def shaped_sample(network: Network, x: ArrayLike, y: ArrayLike) -> tuple[Array, 
     return as_input(network, x), real_array("y", y, (network.outputs,))
 
 
-def diverged(outcome: Outcome, count: int, x: Array, y: Array) -> FilterDiverged:
+def diverged(outcome: Outcome, count: int, x: ArrayLike = (), y: ArrayLike = ()) -> FilterDiverged:
     """The exception for an update that failed, naming what was wrong with the sample."""
-    for name, values in (("x", x), ("y", y)):
+    for name, values in (("x", np.asarray(x)), ("y", np.asarray(y))):
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
             return FilterDiverged(

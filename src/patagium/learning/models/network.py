@@ -7,14 +7,14 @@ memory in `memory`, physical parameters in `physical`, quantities of a flight in
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from patagium.arrays import Array, Indices, real_array
+from patagium.arrays import Array, real_array
 from patagium.errors import ParameterError, ShapeError
+from patagium.learning.models.structure import Layered
 from patagium.limits import LARGEST
 from patagium.robot.model import Robot
 
@@ -53,7 +53,7 @@ class FlightTerms(NamedTuple):
 
 
 @runtime_checkable
-class Network(Protocol):
+class Network(Layered, Protocol):
     """A function of x with weights to learn.
 
     A network gives its size, encoding, values, slopes and description; the rest follows.
@@ -91,21 +91,6 @@ class Network(Protocol):
     def outputs(self) -> int:
         """Length of y, n_y."""
         return len(self.output_names)
-
-    @property
-    def size(self) -> int:
-        """Number of weights, n."""
-        ...
-
-    @property
-    def neurons(self) -> Sequence[Sequence[Indices]]:
-        """Weights of each neuron in rising order, layer by layer."""
-        ...
-
-    @property
-    def fan_in(self) -> Array:
-        """Fan-in of the neuron of each weight, 1 for a bias, (n,)."""
-        ...
 
     @property
     def hidden(self) -> tuple[int, ...]:

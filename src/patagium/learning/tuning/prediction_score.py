@@ -228,20 +228,14 @@ def _frozen(learner: FilterLearner, prior: Array, fold: Fold) -> _Part:
         for weights in (learner.weights, prior)
     )
     try:
-        found = [learner.predict(one) for one in x]
+        mean, covariance = learner.predict(x)
     except (FilterDiverged, MatrixLost) as problem:
         return _Part(reason=f"{flown.name}: {problem}")
     truth = np.where(flown.scored, flown.y, nan)[:, heard]
     spread = np.nanstd(truth, axis=0)
     counted = truth[rows] / spread
-    mean, std = (
-        np.array(values)[:, heard] / spread
-        for values in (
-            [one for one, _ in found],
-            [np.sqrt(np.diagonal(one)) for _, one in found],
-        )
-    )
-    error = counted - mean
+    error = counted - mean[:, heard] / spread
+    std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, heard] / spread
     with np.errstate(over="ignore", invalid="ignore"):
         at_prior = counted - network.evaluate(x_prior, prior)[:, heard] / spread
         nmse, zero, physics = (_mean(part**2) for part in (error, counted, at_prior))
@@ -297,21 +291,15 @@ def score_predictions(
         updates = [one for _, one in loop if one]
     except (FilterDiverged, MatrixLost) as problem:
         return PredictionScore(learner.count, outcome=problem.outcome, reason=str(problem))
-    error = np.array([innovation for innovation, _, _ in updates])
-    variance = np.array([std for _, std, _ in updates]) ** 2
     heard = flown.scored.any(axis=0)
-    y, scored = flown.y[rows][:, heard], flown.scored[rows][:, heard]
-    return _known(y, error[:, heard], variance[:, heard], scored)
-
-
-def _known(truth: Array, error: Array, variance: Array, scored: Bools) -> PredictionScore:
-    """Scores of innovations and their variances, (N, m) each; some may be nan."""
+    error, std = (np.array([one[k] for one in updates])[:, heard] for k in (0, 1))
+    truth, scored = flown.y[rows][:, heard], flown.scored[rows][:, heard]
     counted = np.where(scored, truth, nan)
     mean = np.nanmean(counted, axis=0)
     spread = np.nanvar(counted, axis=0)
     used = np.isfinite(error)
     miss = np.where(used, error, truth - mean)
-    allowed = np.where(used, variance, spread)
+    allowed = np.where(used, std**2, spread)
     with np.errstate(over="ignore"):
         ratio = miss**2 / allowed
     late = slice(len(truth) // 2, None)
