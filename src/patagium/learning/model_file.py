@@ -277,23 +277,19 @@ def load_model(path: str | Path) -> Model:
         found = shown(found)
         raise LogError(file, f"a file of format {FORMAT!r}", found)
     with made_again(f"{file}: the model"):
-        return _model(words)
-
-
-def _model(words: Mapping[str, Any]) -> Model:
-    inputs, covariance, usual = words["inputs"], words["covariance"], words.get("usual_std")
-    network = network_from_description(words["network"])
-    noise = words["measurement_std"]
-    return Model(
-        network,
-        real_array("weights", words["weights"]),
-        None if covariance is None else _unpacked(network, covariance),
-        None if noise is None else real_array("measurement_std", noise),
-        None if inputs is None else tuple(inputs),
-        dict(words["learner"]),
-        str(words["source"]),
-        None if usual is None else real_array("usual_std", usual),
-    )
+        inputs, covariance = words["inputs"], words["covariance"]
+        noise, usual = words["measurement_std"], words.get("usual_std")
+        network = network_from_description(words["network"])
+        return Model(
+            network,
+            real_array("weights", words["weights"]),
+            None if covariance is None else _unpacked(network, covariance),
+            None if noise is None else real_array("measurement_std", noise),
+            None if inputs is None else tuple(inputs),
+            dict(words["learner"]),
+            str(words["source"]),
+            None if usual is None else real_array("usual_std", usual),
+        )
 
 
 def _kept(learner: Learner) -> BlockCovariance | None:

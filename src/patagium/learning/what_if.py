@@ -10,7 +10,7 @@ their joint.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations, product
@@ -263,7 +263,8 @@ def _changes(robot: Robot) -> Iterator[_Change]:
     """Mistakes of laboratories: signs of joints and of their forces, axes of the world, sides."""
     own, ones = np.arange(robot.dof), np.ones(robot.dof)
     free = {robot.dof_names[k] for k in robot.floating_dofs}
-    for names, words in _groups(robot, free):
+    joints = [name for name in robot.dof_names if name not in free]
+    for names, words in _groups(robot, joints):
         signs = ones.copy()
         signs[[robot.index(name) for name in names]] = -1.0
         forces = f"the {'force' if len(names) == 1 else 'forces'} of {words}"
@@ -271,7 +272,10 @@ def _changes(robot: Robot) -> Iterator[_Change]:
         yield _Change(f"{forces} had the other sign", ones, signs, own, own)
         if not free.issuperset(names):
             yield _Change(f"{words} and {forces} had the other sign", signs, signs, own, own)
-    for exchanged, words, alone in _exchanges(robot, free):
+    columns = [([pair], " and ".join(pair), True) for pair in combinations(joints, 2)]
+    if sides := _pairs(robot, robot.dof_names):
+        columns.insert(0, (sides, "left and right", False))
+    for exchanged, words, alone in columns:  # whether angles alone may be exchanged, too
         order = own.copy()
         for one, other in exchanged:
             places = [robot.index(one), robot.index(other)]
@@ -286,26 +290,14 @@ def _changes(robot: Robot) -> Iterator[_Change]:
             yield _Change(f"{axis} (another sign of {', '.join(names)})", signs, ones, own, own)
 
 
-def _exchanges(
-    robot: Robot, free: Collection[str]
-) -> Iterator[tuple[Sequence[tuple[str, str]], str, bool]]:
-    """Pairs of columns that may be exchanged together, their name, and whether angles alone may."""
-    if sides := _pairs(robot, robot.dof_names):
-        yield sides, "left and right", False
-    joints = [name for name in robot.dof_names if name not in free]
-    for one, other in combinations(joints, 2):
-        yield [(one, other)], f"{one} and {other}", True
-
-
 def _pairs(robot: Robot, names: Sequence[str]) -> list[tuple[str, str]]:
     """Joints of the left, and the same of the right."""
     both = [(name, robot.twin(name)) for name in names if robot.split_side(name)[0] > 0]
     return [(left, right) for left, right in both if right != left and right in names]
 
 
-def _groups(robot: Robot, free: Collection[str]) -> Iterator[tuple[Sequence[str], str]]:
+def _groups(robot: Robot, joints: Sequence[str]) -> Iterator[tuple[Sequence[str], str]]:
     """Coordinates that may have a wrong sign together, and their name."""
-    joints = [name for name in robot.dof_names if name not in free]
     yield from (([name], name) for name in robot.dof_names)
     yield from ((pair, f"{pair[0]} and {pair[1]}") for pair in _pairs(robot, joints))
     for side, word in ((1, "left"), (-1, "right")):

@@ -9,7 +9,7 @@ where noise is added between samples, of the covariance itself; and by neurons s
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -404,21 +404,19 @@ def _neuron_arrays(numbers: FilterNumbers, lanes: int) -> dict[str, Array]:
     }
     arrays = {name: aligned((*shape, lanes), real) for name, shape in reals.items()}
     arrays |= {name: aligned(shape, np.dtype(float)) for name, shape in doubles.items()}
-    _lay_out(numbers.process_noise, widths, arrays["drift"])
+    _lay_out(network.perceptron.layers(numbers.process_noise), arrays["drift"])
     return arrays
 
 
-def _lay_out(values: Array, widths: Sequence[int], rows: Array) -> None:
-    """Numbers of the weights, (n,), as rows of groups, (rows, lanes)."""
-    start, row, lanes = 0, 0, rows.shape[1]
-    for below, above in pairwise(widths):
-        middle, end = start + below * above, start + (below + 1) * above
-        layer = np.vstack([values[start:middle].reshape(above, below).T, values[middle:end]])
-        for first in range(0, above, lanes):
+def _lay_out(layers: Iterable[tuple[Array, Array]], rows: Array) -> None:
+    """Numbers of the weights, layer by layer, as rows of groups, (rows, lanes)."""
+    row, lanes = 0, rows.shape[1]
+    for matrix, bias in layers:
+        layer = np.vstack([matrix.T, bias])
+        for first in range(0, len(bias), lanes):
             part = layer[:, first : first + lanes]
-            rows[row : row + below + 1, : part.shape[1]] = part
-            row += below + 1
-        start = end
+            rows[row : row + len(part), : part.shape[1]] = part
+            row += len(part)
 
 
 def _entries(size: int) -> int:

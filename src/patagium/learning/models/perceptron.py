@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -81,13 +82,8 @@ class Perceptron:
     @property
     def neurons(self) -> tuple[tuple[Indices, ...], ...]:
         """Weights of each neuron, its bias last, layer by layer, (below + 1,) each."""
-        layers, start = [], 0
-        for below, above in pairwise(self.widths):
-            rows = start + np.arange(below * above).reshape(above, below)
-            start += (below + 1) * above
-            biases = start - above + np.arange(above)
-            layers.append(tuple(np.append(*pair) for pair in zip(rows, biases, strict=True)))
-        return tuple(layers)
+        places: Any = np.arange(self.size)
+        return tuple(tuple(np.column_stack([matrix, bias])) for matrix, bias in self.layers(places))
 
     def forward(self, features: Array, weights: Array) -> Array:
         """Outputs for many inputs.
@@ -102,7 +98,7 @@ class Perceptron:
         """
         function = ACTIVATIONS[self.activation][0]
         z = features
-        for number, (matrix, bias) in enumerate(self._layers(weights)):
+        for number, (matrix, bias) in enumerate(self.layers(weights)):
             z = function(z) if number else z
             z = z @ np.swapaxes(matrix, -1, -2) + (bias if weights.ndim == 1 else bias[:, None])
         return z
@@ -121,7 +117,7 @@ class Perceptron:
             (m, n_out), and (m, n_out, size).
         """
         function, slope = ACTIVATIONS[self.activation][:2]
-        layers, inputs, sums = list(self._layers(weights)), [features], list[Array]()
+        layers, inputs, sums = list(self.layers(weights)), [features], list[Array]()
         for matrix, bias in layers:
             sums.append(inputs[-1] @ matrix.T + bias)
             inputs.append(function(sums[-1]))
@@ -135,7 +131,12 @@ class Perceptron:
                 seed = (seed @ layers[number][0]) * slope(sums[number - 1])[:, None, :]
         return sums[-1], np.concatenate(parts, axis=-1)
 
-    def _layers(self, weights: Array) -> Iterator[tuple[Array, Array]]:
+    def layers(self, weights: Array) -> Iterator[tuple[Array, Array]]:
+        """Matrix, (..., above, below), and bias, (..., above), of each layer.
+
+        Args:
+            weights: Weights, (..., n) [1].
+        """
         start, leading = 0, weights.shape[:-1]
         for below, above in pairwise(self.widths):
             middle = start + below * above
