@@ -269,7 +269,7 @@ def _loud(scores: Mapping[str, Any], record: xr.Dataset) -> list[str]:
     return [str(name) for name in record["output"].values if name not in scores["silent"]]
 
 
-def _labels(record: xr.Dataset, names: str = "output", units: str = "unit") -> dict[str, list[str]]:
+def _labels(record: xr.Dataset, names: str = "output", units: str = "unit") -> dict[str, Any]:
     """Names and units of curves, from two coordinates of a record."""
     return {"names": [*map(str, record[names].values)], "units": [*map(str, record[units].values)]}
 

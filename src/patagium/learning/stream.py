@@ -111,11 +111,8 @@ def check_samples(intervals: list[Hold]) -> list[tuple[int, ...]]:
     golden = 0.6180339887498949
     checks: list[tuple[int, ...]] = []
     for number, hold in enumerate(intervals):
-        if number not in chosen:
-            checks.append(())
-            continue
         inside = hold.begin + int((number * golden) % 1.0 * (hold.end - hold.begin))
-        checks.append(tuple(sorted({inside, hold.end - 1})))
+        checks.append(tuple(sorted({inside, hold.end - 1})) if number in chosen else ())
     return checks
 
 

@@ -334,8 +334,7 @@ class FilterLearner(Learner):
         """
         started = perf_counter_ns()
         sample, measured = shaped_sample(self._network, x, y)
-        screen = self._filter.screen
-        screen.stamp(time)
+        self._screen.stamp(time)
         with self._noisier(std):
             outcome, (mean, covariance) = self._filter.update(sample, measured)
         if outcome is not Outcome.COMPLETED:
@@ -345,7 +344,7 @@ class FilterLearner(Learner):
         self._innovation_covariance = covariance
         self._act_on_alarm(self.count + 1)
         self._stopwatch.add(perf_counter_ns() - started)
-        return np.where(screen.left_out, np.nan, measured - mean)
+        return np.where(self._screen.left_out, np.nan, measured - mean)
 
     def _noisier(self, std: ArrayLike | None) -> AbstractContextManager[None]:
         """More noise of the measurement for one sample; where the filter's C code looks for it."""
@@ -396,14 +395,13 @@ class FilterLearner(Learner):
             self.reopen(monitor.detection.reopening)
 
     def _refuse(self, outcome: Outcome, x: Array, y: Array) -> None:
-        screen = self._filter.screen
         if outcome in REFUSALS:
             return
         # a root is definite: what was not is P_yy, at an input beyond all reason
         lost = outcome is Outcome.COVARIANCE_LOST and self.settings.square_root == "cholesky"
-        if screen.believes or lost:
+        if self._screen.believes or lost:
             raise diverged(outcome, self.count, x, y)
-        screen.note("refused")
+        self._screen.note("refused")
         self._refused_run += 1
         self._reset_if_lost()
 

@@ -144,8 +144,7 @@ class GreyBox(Network):
     @property
     def inputs(self) -> int:
         """Length of x, lag states included."""
-        lags = self.lag_equations
-        return self.measured_inputs + (0 if lags is None else row_size(lags))
+        return self.measured_inputs + self._memory_size
 
     @property
     def measured_inputs(self) -> int:

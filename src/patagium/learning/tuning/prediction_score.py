@@ -152,11 +152,11 @@ def moving(y: Array, scale: ArrayLike = 1.0) -> Bools:
     """
     measured = np.isfinite(y)
     truth = np.where(measured, y, 0.0)
-    count = measured.sum(axis=0)
-    center = truth.sum(axis=0) / np.maximum(count, 1)
-    size = np.sqrt((truth**2).sum(axis=0) / np.maximum(count, 1))
+    count = np.maximum(measured.sum(axis=0), 1)
+    center = truth.sum(axis=0) / count
+    size = np.sqrt((truth**2).sum(axis=0) / count)
     truth = np.where(measured, y - center, 0.0)
-    std = np.sqrt((truth**2).sum(axis=0) / np.maximum(count, 1))
+    std = np.sqrt((truth**2).sum(axis=0) / count)
     alive = std / scale > SILENT_RATIO * (size / scale).max(initial=0.0)
     truth = truth / np.where(alive, std, 1.0)
     span = max(len(y) // SPANS, 2)
@@ -164,7 +164,8 @@ def moving(y: Array, scale: ArrayLike = 1.0) -> Bools:
         uniform_filter1d(values, span, axis=0)
         for values in (measured.astype(float), truth, truth**2)
     )
-    local = square / np.maximum(share, 1e-9) - (mean / np.maximum(share, 1e-9)) ** 2
+    share = np.maximum(share, 1e-9)
+    local = square / share - (mean / share) ** 2
     return np.asarray(alive & measured & (local > STILL**2))
 
 
