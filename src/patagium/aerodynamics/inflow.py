@@ -30,7 +30,15 @@ from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import Pose, Twist, body_poses, body_velocities
 from patagium.errors import positive
 from patagium.robot.model import Robot, Strip
-from patagium.robot.planform import BOTH_SIDES, inwards, mirror_body, placed, poses, strip_corners
+from patagium.robot.planform import (
+    BOTH_SIDES,
+    hinge_of,
+    inwards,
+    mirror_body,
+    placed,
+    poses,
+    strip_corners,
+)
 
 NUMBERS = ("induced_factor", "apparent_mass", "memory")
 """Parameters that follow those of the model, in their order."""
@@ -205,7 +213,7 @@ def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
         strips = [robot.strips[i] for i in wing]
         edges = np.vstack([_edges(bodies, s) for s in strips]) @ axes
         root, tip = ((x - origin) @ axes for x in (bodies[hinge][0], _edges(bodies, strips[-1])[1]))
-        held = _on_both_sides(robot, strips, hinge) or not _turned(robot, wing)
+        held = _on_both_sides(robot, strips) or not _turned(robot, wing)
         spread = root + [0.0, reach if root[1] + tip[1] > 0 else -reach, 0.0]
         found.append((wing, hinge, held, edges if held else np.array([root, spread])))
     return tuple(_stroke(robot, base, group) for group in _gathered(found, _close))
@@ -248,16 +256,11 @@ def _edges(bodies: Any, strip: Strip) -> Array:
     return placed(bodies[strip.body], strip_corners(strip)[:2])
 
 
-def _on_both_sides(robot: Robot, strips: Sequence[Strip], hinge: int) -> bool:
+def _on_both_sides(robot: Robot, strips: Sequence[Strip]) -> bool:
     """Whether what the innermost joint of a wing turns as a whole lies on both sides of it."""
-
-    def jointed(strip: Strip) -> list[int]:
-        return [k for k in inwards(robot, strip.body) if robot.bodies[k].joints]
-
-    bodies = poses(robot)
-    joint = bodies[next(iter(jointed(strips[0])), hinge)][0]
-    rigid = [s for s in strips if jointed(s) == jointed(strips[0])]
-    along = (np.vstack([_edges(bodies, s) for s in rigid]) - joint) @ _span(bodies, strips[0])
+    bodies, joint = poses(robot), hinge_of(robot, strips[0].body)
+    rigid = [_edges(bodies, s) for s in strips if hinge_of(robot, s.body) == joint]
+    along = (np.vstack(rigid) - bodies[joint][0]) @ _span(bodies, strips[0])
     near, far = sorted((along.max(), -along.min()))
     return bool(near > BOTH_SIDES * far)
 
@@ -367,10 +370,7 @@ class _Moving:
     def others(self, stroke: Stroke, means: ca.SX, halves: Sequence[ca.SX]) -> list[ca.SX]:
         """Number of other wings on its side that sweep the sector of each wing, 0 to all [1].
 
-        Args:
-            stroke: The stroke.
-            means: Mean direction of each wing in the axes that its hinge is fixed to, (3, n) [1].
-            halves: Half of the angle that each wing sweeps [rad].
+        Their mean directions are those in the axes of what their hinges are fixed to, (3, n) [1].
         """
         count = [ca.SX(0)] * len(halves)
         axes = [self.poses[self._places[fixed]].rotation for _, fixed in stroke.hinges]

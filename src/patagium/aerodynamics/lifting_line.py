@@ -180,7 +180,7 @@ class LiftingLine(Aerodynamics):
         p = _Numbers(self, parameters)
         vortices = vortex_system(robot, self.chains, (q, v, wind), p.ground)
         motions, net = vortices.motions, vortices.lattice
-        geometric = ca.vertcat(*[_normalwash(motion, p) for motion in motions])
+        geometric = ca.vertcat(*[normalwash(one) - _camber(one, p) for one in motions])
         wash = solve_normalwash(vortices, geometric, state, p.lags, p.lift_slopes(motions))
         gains = surface_gains(self.robot, robot, p.surface_constant)
         late = geometric - wash.effective
@@ -356,11 +356,6 @@ class _Numbers:
     def lift_slopes(self, motions: Sequence[StripMotion]) -> list[Any]:
         """Lift slope of the section of each strip [1/rad]."""
         return [self.of(motion).numbers["lift_slope"] for motion in motions]
-
-
-def _normalwash(motion: StripMotion, p: _Numbers) -> ca.SX:
-    """Air through the strip at three quarters of its chord, camber included [m/s]."""
-    return normalwash(motion) - _camber(motion, p)
 
 
 def _camber(motion: StripMotion, p: _Numbers) -> Any:

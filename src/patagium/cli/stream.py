@@ -149,7 +149,8 @@ def stream(
             except Exception as error:
                 problem = error
             finally:  # whatever ended it, what was learned is saved first
-                if _is_worth_keeping(problem, status):
+                lost = not status.counters.samples or isinstance(problem, FilterDiverged)
+                if problem is None or not lost:
                     outputs.attempt("state", lambda: keep_state(student, state))
                 ending.set()
             if problem is not None and not status.counters.samples:
@@ -235,12 +236,6 @@ def _noting(queue: PacketQueue, air: Air) -> Rhythm:
             tell(note + "." * (note[-1] not in ".?"))
 
     return Rhythm(_LINE_PERIOD, note_changes)
-
-
-def _is_worth_keeping(problem: Exception | None, status: Status) -> bool:
-    """Whether a state is to be kept: no learner that diverged, none that learned nothing."""
-    learned = status.counters.samples > 0 and not isinstance(problem, FilterDiverged)
-    return problem is None or learned
 
 
 def _tell(chosen: Mapping[str, str], intake: Intake) -> None:

@@ -465,7 +465,7 @@ def trim(
         search.steps = max(search.steps, min(_BEARABLE, needed))
     at, trouble = _searched(search, states, conditions, start.turn_rate if start else 0.0)
     if trouble == "stalled" and start is None and flight.moving < flight.size:
-        search.still[:] = False  # air at rest was too far from that which the wings move
+        search.still[:] = False  # air at rest was too far
         at, trouble = _searched(search, _settled(search, states), conditions, 0.0)
     if trouble:
         return _not_found(search, at, trouble)
@@ -564,7 +564,7 @@ def _first_states(search: OrbitSearch, robot: Robot, start: Orbit | None) -> Arr
     return states
 
 
-@np.errstate(all="ignore")  # where the flight breaks the air stays at rest
+@np.errstate(all="ignore")  # a flight may break
 def _settled(search: OrbitSearch, states: Array) -> Array:
     """States of the nodes, the air's own as they repeat around the others, by Newton's method."""
     rows = search.family.rows(search.family.neutral, search.steps, search.map.aero.air)

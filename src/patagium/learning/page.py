@@ -169,7 +169,10 @@ def forecast_tables(scores: Mapping[str, Any]) -> list[Table]:
         if not key.startswith("forecast_") or not all(present.values()):
             continue
         names = [name for name in scores["nmse"] if name not in scores["silent"]]
-        ways = {name: _mostly(counts) for name, counts in scores[f"{key}_ways"].items()}
+        ways = {}
+        for name, counts in scores[f"{key}_ways"].items():
+            way = max(counts, key=counts.__getitem__, default="")
+            ways[name] = f"{way} ({counts[way]} of {sum(counts.values())})" if way else ""
         rows = [
             [name, *(each[name] for each in present.values() if each), ways[name]] for name in names
         ]
@@ -184,12 +187,6 @@ def forecast_tables(scores: Mapping[str, Any]) -> list[Table]:
             )
         )
     return tables
-
-
-def _mostly(counts: Mapping[str, int]) -> str:
-    """Way that most forecasts of an output took, in words."""
-    way = max(counts, key=counts.__getitem__, default="")
-    return f"{way} ({counts[way]} of {sum(counts.values())})" if way else ""
 
 
 def score_table(scores: Mapping[str, Any]) -> Table:

@@ -163,6 +163,8 @@ def write_replay(path: str | Path, replay: Replay) -> Path:
     Returns:
         The path written.
     """
+    words = _content(replay)
+    content = json.dumps(words, allow_nan=False, separators=(",", ":"), default=np.ndarray.tolist)
     text = template("replay/page.html").render(
         title=replay.title,
         subtitle=replay.subtitle,
@@ -173,16 +175,10 @@ def write_replay(path: str | Path, replay: Replay) -> Path:
         style=Markup(_text("style.css")),
         license=Markup(_text("three.LICENSE.txt")),
         three=Markup(gzip.decompress(_file("three.min.js.gz").read_bytes()).decode()),
-        content=Markup(_json(_content(replay))),
+        content=Markup(content.replace("<", "\\u003c")),  # within a script element
         scripts=Markup("\n".join(_text(name) for name in _SCRIPTS)),
     )
     return write_whole(path, text)
-
-
-def _json(words: dict[str, Any]) -> str:
-    """JSON that may stand inside a script element."""
-    text = json.dumps(words, allow_nan=False, separators=(",", ":"), default=np.ndarray.tolist)
-    return text.replace("<", "\\u003c")
 
 
 def _content(replay: Replay) -> dict[str, Any]:

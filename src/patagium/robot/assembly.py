@@ -496,7 +496,10 @@ def _strips(file: RobotFile, robot: Robot) -> tuple[Strip, ...]:
             if segment.body not in index:
                 path = f"wings.{i}.segments.{j}.body"
                 raise AssemblyError(_unknown(path, list(index), segment.body))
-        cut = [_on_piece(robot, strip) for strip in cut_wing(wing, index)]
+        cut = []
+        for strip in cut_wing(wing, index):
+            body, point = robot.place(robot.bodies[strip.body].name, strip.quarter_chord)
+            cut.append(replace(strip, body=body, quarter_chord=_triple(point)))
         strips += from_the_root(robot, cut)
     _check_wing_names(file)
     for i, mirror in enumerate(file.mirror):
@@ -508,12 +511,6 @@ def _strips(file: RobotFile, robot: Robot) -> tuple[Strip, ...]:
                 raise AssemblyError((f"mirror.{i}", "names that are not taken yet", f"wing {name}"))
             strips.append(_reflected_strip(robot, strip, name, mirror))
     return tuple(strips)
-
-
-def _on_piece(robot: Robot, strip: Strip) -> Strip:
-    """A strip on the piece that holds its quarter chord, where its body is flexible."""
-    body, point = robot.place(robot.bodies[strip.body].name, strip.quarter_chord)
-    return replace(strip, body=body, quarter_chord=_triple(point))
 
 
 def _check_wing_names(file: RobotFile) -> None:

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from patagium.arguments import checked
 from patagium.arrays import Array, real_array
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, check_names
 from patagium.robot.amendment import amended_source, composed_source, source_with_attitude
 from patagium.robot.attitude import quaternion_from_angles, rotation_from_angles
 
@@ -615,7 +615,8 @@ class Robot:
         Raises:
             ParameterError: If there is none of that name.
         """
-        return _index_of("coordinate", dof_name, self.dof_names)
+        check_names("coordinate", [dof_name], self.dof_names, near=True)
+        return self.dof_names.index(dof_name)
 
     def body_index(self, name: str) -> int:
         """Index of a body by name.
@@ -623,7 +624,9 @@ class Robot:
         Raises:
             ParameterError: If there is no such body.
         """
-        return _index_of("body", name, [body.name for body in self.bodies])
+        names = [body.name for body in self.bodies]
+        check_names("body", [name], names, near=True)
+        return names.index(name)
 
     def place(self, body: str, point: ArrayLike) -> tuple[int, Array]:
         """Index of the body that holds a point, and the point in its axes, (3,) [m].
@@ -676,12 +679,6 @@ class Robot:
         """Roll, pitch, yaw in v of every body whose attitude is a quaternion."""
         turning = [body.floating_dofs for body in self.bodies if body.by_quaternion]
         return [dofs[3:] for dofs in turning if dofs is not None]
-
-
-def _index_of(what: str, name: str, known: Sequence[str]) -> int:
-    if not isinstance(name, str) or name not in known:
-        raise ParameterError(what, f"one of {', '.join(known)}", name, known)
-    return known.index(name)
 
 
 def _with_values(robot: Robot, values: Mapping[str, Any]) -> Robot:

@@ -105,10 +105,10 @@ def placed(pose: tuple[Array, Array], points: Array) -> Array:
 
 
 def hinge_of(robot: Robot, body: int) -> int:
-    """Body inwards from one whose joints move both, or that floats; else the root."""
-    chain = inwards(robot, body)
-    moved = (k for k in chain if robot.bodies[k].joints or robot.bodies[k].floating_dofs)
-    return next(moved, chain[-1])
+    """Body inwards from one whose joints move both, that floats or is mounted; else the root."""
+    chain = [(k, robot.bodies[k]) for k in inwards(robot, body)]
+    moved = (k for k, one in chain if one.joints or one.floating_dofs or one.mounted)
+    return next(moved, chain[-1][0])
 
 
 def sides_of(robot: Robot) -> tuple[int, ...]:

@@ -86,14 +86,7 @@ def chain_words(robot: Robot) -> str:
 def _way(
     robot: Robot, chains: Sequence[StripChain], pair: Pair, places: list[Pose] | None = None
 ) -> tuple[StripChain, StripChain] | None:
-    """Two chains whose ends at the roots of two wings face each other, or their nearest ends.
-
-    Args:
-        robot: The machine.
-        chains: Chains in one direction.
-        pair: Names of the wings.
-        places: Poses in which ends are the nearest; None: roots.
-    """
+    """Two chains whose ends at the roots of two wings face each other; in poses the nearest."""
     both = [way for chain in chains for way in (chain, chain.reverse)]
 
     def far(way: tuple[StripChain, StripChain]) -> tuple[float, ...]:

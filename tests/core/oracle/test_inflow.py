@@ -19,7 +19,7 @@ from patagium.aerodynamics.inflow import strokes_of
 from patagium.errors import ParameterError
 from patagium.robot import Robot, load_robot_text
 from patagium.robot.files import preset_text, write_template
-from patagium.robot.planform import poses
+from patagium.robot.planform import poses, sides_of
 from patagium.robot.strip_chains import strip_chains
 
 HOVERER = """
@@ -482,6 +482,7 @@ def test_a_glider_on_an_arm_has_the_strokes_of_the_free_one() -> None:
     free, arm = load_robot_text(GLIDER), pt.load_robot("ur5e")
     held = free.mounted_on(arm, "tool", orientation=(0.2, -pi / 2, 0.4))
     assert strokes_of(held) == tuple(replace(k, base="body") for k in strokes_of(free))
+    assert sides_of(held) == sides_of(free)
 
 
 @pytest.mark.parametrize("order", ["abc", "bac", "acb"])

@@ -141,9 +141,12 @@ def filter_numbers(network: Network, settings: FilterSettings, learner: str) -> 
 def compact_settings(numbers: FilterNumbers) -> FilterSettings:
     """Settings as a learner describes them: equal numbers as one, the spread that is used."""
     settings, spread = numbers.settings, None if numbers.linear else numbers.rule.spread
-    names = ("prior_std", "measurement_std", "process_std")
-    changed = {name: _compact(getattr(settings, name)) for name in names}
-    return replace(settings, spread=spread, **changed)  # type: ignore[arg-type]
+    changed = {}
+    for name in ("prior_std", "measurement_std", "process_std"):
+        value = getattr(settings, name)
+        alike = isinstance(value, tuple) and len(set(value)) == 1
+        changed[name] = value[0] if alike else value
+    return replace(settings, spread=spread, **changed)
 
 
 def _prior_variance(network: Network, std: Numbers | None) -> Array:
@@ -156,8 +159,3 @@ def _prior_variance(network: Network, std: Numbers | None) -> Array:
     if getattr(network, "scaled_prior", False):
         return (own * stated) ** 2
     return np.where(np.isnan(own), stated**2 / network.fan_in, own**2)
-
-
-def _compact(value: Numbers | None) -> Numbers | None:
-    """One number for several that are equal."""
-    return value[0] if isinstance(value, tuple) and len(set(value)) == 1 else value

@@ -53,7 +53,8 @@ class WingNetwork(PerceptronNetwork):
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return partial(type(self), **self._arguments()), ()
+        names = ("robot", *self.shared, *self.options)
+        return partial(type(self), **{name: getattr(self, name) for name in names}), ()
 
     @property
     def output_names(self) -> tuple[str, ...]:
@@ -111,8 +112,3 @@ class WingNetwork(PerceptronNetwork):
         """Address of the compiled encoder and its constants; None without a compiler."""
         address = self._encode.address
         return None if address is None else (address, self._parameters)
-
-    def _arguments(self) -> dict[str, Any]:
-        """Arguments that make the network again."""
-        names = (*self.shared, *self.options)
-        return {"robot": self.robot, **{name: getattr(self, name) for name in names}}

@@ -182,7 +182,7 @@ class MotionFilter:
             if done is None:
                 raise _diverged(observations)
             return Corrected(self.estimate_of(done[0]), *done[1:])
-        now, change = estimate, np.zeros(self.size)
+        now, change, n = estimate, np.zeros(self.size), len(self.columns)
         linear = all(self._models[one.name].linear for one in observations)
         for _ in range(_MOST_ITERATIONS):
             residual, slope, variance = self._residuals(now, observations)
@@ -197,7 +197,8 @@ class MotionFilter:
             if not np.isfinite(change).all():
                 raise _diverged(observations)
             now = self.corrected(estimate, change)
-            if linear or not self._is_far(change - before):
+            moved = (change - before)[: self.order * n].reshape(self.order, n)[:3]
+            if linear or not (np.abs(moved).max(axis=1) > _NEAR).any():
                 break
         root = estimate.root - gain @ _solved(factor + noise, seen)
         after = MotionEstimate(now.motion, now.biases, root)
@@ -207,12 +208,6 @@ class MotionFilter:
         """Multiply the density of the driving noise by a factor."""
         self.density *= factor
         self._cached.clear()
-
-    def _is_far(self, change: Array) -> bool:
-        """Whether a change is so large that the measurements must be linearized again."""
-        n = len(self.columns)
-        moved = np.abs(change[: self.order * n].reshape(self.order, n)[:3]).max(axis=1)
-        return bool((moved > _NEAR).any())
 
     def _residuals(
         self, estimate: MotionEstimate, observations: Sequence[Observation]

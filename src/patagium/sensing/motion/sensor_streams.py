@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 from scipy.spatial.transform import Rotation
 
-from patagium.arrays import Array, Bools, Indices, median_step, stored
+from patagium.arrays import Array, Bools, median_step, stored
 from patagium.errors import LogError, check_names
 from patagium.robot import Robot
 from patagium.sensing.motion.frame_model import FrameModel
@@ -275,7 +275,8 @@ def streams_of(log: SensorLog, robot: Robot, shifts: Mapping[str, float]) -> lis
     for name, model in measurement_models(log.sensors, robot).items():
         reading = log[name]
         stamps = stored(reading, "time")
-        kept = _advancing(stamps)
+        finite = np.where(np.isfinite(stamps), stamps, -np.inf)
+        kept = np.flatnonzero(finite > np.maximum.accumulate(np.r_[-np.inf, finite[:-1]]))
         if len(kept) < max(2, 0.5 * len(stamps)):
             raise LogError(name, "stamps that advance", f"{len(kept)} that do")
         stamps = stamps[kept]
@@ -299,13 +300,6 @@ def _check_rate(name: str, stamps: Array, rate: float) -> None:
     hint = f"are the stamps in {near}?" if near else "stamp in seconds, and state the true rate"
     expected = f"expected stamps {1 / rate:g} s apart (the sensor says {rate:g} Hz)"
     raise LogError(f"{name}: {expected}, found {step:g} s: {hint}")
-
-
-def _advancing(stamps: Array) -> Indices:
-    """Places of the stamps that are later than all before them."""
-    finite = np.where(np.isfinite(stamps), stamps, -np.inf)
-    before = np.concatenate([[-np.inf], np.maximum.accumulate(finite)[:-1]])
-    return np.flatnonzero(finite > before)
 
 
 def common_times(streams: Sequence[Stream]) -> Array:
