@@ -95,7 +95,7 @@ def test_an_airspeed_that_is_smoothed_over_is_told_with_its_similar_flow() -> No
 
 @pytest.mark.parametrize("kind", [pt.LiftingLine, pt.DeLaurier])
 def test_the_effective_incidence_of_a_cambered_section_is_that_of_its_chord(kind: type) -> None:
-    """The lifting line's counted from the incidence of no lift, 4 degrees more."""
+    """The effective incidence of a lifting line counted from no lift, 4 degrees more."""
     camber = np.radians(-4.0)
     if kind is pt.LiftingLine:
         given = {"section": pt.air.Section(zero_lift_angle=camber)}

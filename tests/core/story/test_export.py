@@ -153,7 +153,7 @@ def test_what_is_exported_is_read_with_all_its_rows(flight: xr.Dataset, tmp_path
 
 
 def test_states_of_the_air_have_their_names_and_units() -> None:
-    """All were said to have the unit 1."""
+    """States of the air were all said to have the unit 1."""
     robot = pt.load_robot("aerobat")
     for aero, units in (
         (pt.DeLaurier(robot), "m/s"),

@@ -238,7 +238,7 @@ def with_clock_set(motion: MotionPackets, rows: Array, sensors, by: float, at: f
 def test_the_clock_of_one_sensor_that_is_set_ends_no_learning(
     log: pt.sensing.SensorLog, flight: xr.Dataset, robot: pt.Robot
 ) -> None:
-    """Nothing was learned from there on, because its samples were out of the tracker's memory."""
+    """A sensor whose clock was set ended learning: its samples were out of the tracker's time."""
     motion, made = MotionPackets(robot, sensors_text(log)), []
     rows = with_clock_set(motion, sensor_rows(log), ["prime_x_13"], -1.1, 1.1)
     for block in [rows[k : k + 300] for k in range(0, len(rows), 300)]:

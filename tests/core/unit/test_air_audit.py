@@ -186,7 +186,7 @@ def test_wings_that_clap_are_told(lowest: float, told: bool) -> None:
 @pytest.mark.parametrize("angle, told", [(90, False), (170, True)])
 @pytest.mark.usefixtures("interpreted")
 def test_a_wing_that_folds_over_itself_is_told(angle: float, told: bool) -> None:
-    """Only wings were compared, so that a hand over its arm had its own lift without a word."""
+    """Only different wings were compared: a hand over its arm had its own lift, untold."""
     plate = "{type: plate, chord: 5 cm, span: 8 cm, thickness: 1 mm}"
     text = "name: x\ngravity: 0 m/s^2\nbodies:\n  body: {mass: 12 g, shape: {type: point}}\n"
     edges = "leading: 1 cm, trailing: -4 cm}"

@@ -143,7 +143,7 @@ def test_only_real_numbers_are_learned(learner, values):
 
 
 def test_a_flight_in_place_of_samples_is_told_where_it_is_taken(learner):
-    """xarray's own advice on its conversion stood there as what was found."""
+    """A flight given as numbers was refused with xarray's own advice on conversions."""
     with pytest.raises(ParameterError, match="pt.evaluate.*found 'a Dataset'$"):
         learner.predict(xr.Dataset({"q": ("time", [1.0])}))
 

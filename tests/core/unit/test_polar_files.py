@@ -98,7 +98,7 @@ def test_a_side_that_ends_before_its_stall_is_refused() -> None:
 
 @pytest.mark.parametrize("zero", range(-4, 5))
 def test_a_polar_that_reaches_just_six_degrees_is_taken(zero: int) -> None:
-    """It was refused where rounding had it below."""
+    """A polar that reaches six degrees was refused where rounding had it below."""
     angle = np.radians(np.arange(zero - 6, zero + 7))
     lift = 2 * np.pi * (angle - np.radians(zero))
     section = pt.air.measured_section(angle, lift, 0.01 + 0.01 * lift**2)
