@@ -166,10 +166,10 @@ def forward_prescribed(
     a, force = ca.SX.zeros(robot.dof, 1), ca.SX.zeros(robot.dof, 1)
     a[held] = a_prescribed
     residual = f - inverse(robot, q, v, a, added)
-    force[held] = -residual[held]
+    force[held] = -residual[held, 0]
     if free:
         a[free], matrix = response(robot, q, residual[free], tuple(free), added)
-        force[held] = ca.mac(matrix[held, free], a[free], force[held])
+        force[held] = ca.mac(matrix[held, free], a[free], force[held, 0])
     return a, force
 
 

@@ -45,7 +45,7 @@ def test_every_quantity_is_there_with_its_dimensions_and_unit(robot, flight):
     for name, kind in QUANTITIES.items():
         assert flight[name].dims == ("time", *kind.dims)
         assert flight[name].dtype == np.float64
-        assert flight[name].attrs["units"] == kind.units
+        assert flight[name].attrs["units"] == (kind.units or "m/s")  # of lags, were there any
         assert np.isfinite(flight[name].values).all()
     assert tuple(flight.dof.values) == robot.dof_names
     assert flight.time.attrs["units"] == "s"
@@ -353,10 +353,11 @@ def test_weight_and_speed_are_those_of_the_mass_that_flies():
     one.fly()
     flight = one.flight()
     assert flight["mass"].values[[49, 50, -1]] == pytest.approx([mass, 1.5 * mass, 1.5 * mass])
-    late = flight.isel(time=slice(100, None))
-    velocity = np.trapezoid(late["momentum"], late["time"], axis=0) / 0.2 / (1.5 * mass)
+    beats = [flight.isel(time=slice(k, k + 101)) for k in (100, 200)]
+    means = [np.trapezoid(one["momentum"], one["time"], axis=0) / 0.1 for one in beats]
     found = pt.cycle_statistics(flight, skip=1)
-    assert found.attrs["airspeed"] == pytest.approx(np.linalg.norm(velocity), rel=1e-9)
+    speed = np.mean(np.linalg.norm(means, axis=1)) / (1.5 * mass)
+    assert found.attrs["airspeed"] == pytest.approx(speed, rel=1e-9)
     last = flight.isel(time=slice(200, None))
     lift = np.trapezoid(last["strip_force"].sum("strip").sel(axis="z"), last["time"]) / 0.1
     weight = 1.5 * mass * robot.gravity
