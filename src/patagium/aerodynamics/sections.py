@@ -348,7 +348,7 @@ class MeasuredSection(StripSection):
         return flow.forward_sign * self._read(1, flow, parameters)
 
     def _read(self, table: int, flow: SectionFlow, parameters: Any) -> Any:
-        """Value of the first or the second table of `inputs` at an angle of attack."""
+        """Value at an angle of attack of one of the two tables in `inputs`."""
         count = len(self.separated)
         first, angles = len(self.numbers) + table * count, len(self.inputs())
         knots, values = parameters[angles : angles + count], parameters[first : first + count]

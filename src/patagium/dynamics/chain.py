@@ -81,7 +81,7 @@ def chain_of(robot: Robot, body: Body) -> tuple[Step, ...]:
 
 @dataclass(frozen=True)
 class _JointAxes(Step):
-    """Turn from the parent's axes to those of the joint, the same at any coordinates."""
+    """Constant rotation from the parent's axes to those of the joint."""
 
     matrix: ca.SX
 

@@ -131,7 +131,7 @@ def packet_doubts(robot: Robot, packets: Array) -> list[str]:
 
 
 class _Run(NamedTuple):
-    """Stamps of a sensor out of their time, each later than the last [s], and their number.
+    """Stamps in a row that do not fit the clock of a sensor, each later than the last [s].
 
     The newest time of the other sensors is that when the run began.
     """

@@ -471,7 +471,7 @@ def test_time_flown_is_that_of_packets_in_order(packets, pipeline, block):
 
 @pytest.mark.parametrize("block", [1, 20, 512])
 def test_gaps_do_not_depend_on_the_size_of_the_calls(block):
-    """One median judged the gaps of a block: 25 of them one by one, none in blocks of 100."""
+    """Gaps in a block were judged by one median step: 25 packet by packet, none by hundreds."""
     stamps = np.r_[np.arange(800) * 2e-4, 0.16 + np.arange(200) * 2e-3]  # 5 kHz, then 500 Hz
     status, rows = Status(Counters(14, 500.0)), np.zeros((len(stamps), 3 * 14 + 4))
     for begin in range(0, len(stamps), block):
