@@ -127,7 +127,8 @@ def _bones(robot: Robot, index: int, strips: list[Strip], radius: float) -> list
     body = robot.bodies[index]
     ends = [np.array(k.position, float) for k in robot.bodies if k.parent == index]
     if strips and not ends:
-        ends = [outer_end(robot, strips[-1])]
+        last = robot.strips.index(strips[-1])
+        ends = [outer_end(strips[-1], sides_of(robot)[last])]
     if not ends and not strips:
         ends = [2.0 * np.array(body.center_of_mass, float)]
     long = [end for end in ends if np.linalg.norm(end) > radius]
@@ -139,14 +140,13 @@ def _bones(robot: Robot, index: int, strips: list[Strip], radius: float) -> list
     return [tube(index, np.zeros(3), *one) for one in zip(long, stout, strict=True)]
 
 
-def outer_end(robot: Robot, strip: Strip) -> Array:
-    """Quarter chord of a strip at its edge away from its hinge, body axes (3,) [m]."""
-    span = np.cross(np.array(strip.normal), np.array(strip.forward))
-    middle = np.array(strip.quarter_chord, float)
-    outward = sides_of(robot)[robot.strips.index(strip)] or 1
-    return middle + outward * float(strip.width) / 2 * span
+def outer_end(strip: Strip, side: int) -> Array:
+    """Quarter chord of a strip of a side at its edge away from its hinge, body axes (3,) [m]."""
+    half = (side or 1) * strip.width / 2 * np.cross(strip.normal, strip.forward)
+    return np.asarray(strip.quarter_chord + half)
 
 
 def wing_tips(robot: Robot) -> dict[str, tuple[int, Array]]:
     """Wing -> the body that carries its last strip, and that strip's outer end, (3,) [m]."""
-    return {strip.wing: (strip.body, outer_end(robot, strip)) for strip in robot.strips}
+    sides = zip(robot.strips, sides_of(robot), strict=True)
+    return {strip.wing: (strip.body, outer_end(strip, side)) for strip, side in sides}
