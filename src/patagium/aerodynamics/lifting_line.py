@@ -359,7 +359,7 @@ class _Numbers:
 
 
 def _camber(motion: StripMotion, p: _Numbers) -> Any:
-    """Normalwash that camber takes away: with it, alone, there is no lift [m/s]."""
+    """Normal velocity at which a cambered section has no lift [m/s]."""
     return p.of(motion).numbers["zero_lift_angle"] * motion.forward * smooth_sign(motion.forward)
 
 

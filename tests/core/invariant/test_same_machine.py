@@ -1,4 +1,4 @@
-"""Same machine, written differently: the air must not know how its file was written."""
+"""One machine in different robot files: each model of the air gives the same force."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def written(bodies: dict[str, Any], **parts: Any) -> Robot:
 
 
 def segment(body: str, strips: int, root: float, tip: float, sweep: float = 0.0) -> dict[str, Any]:
-    """Segment from root to tip along y of its body [m], swept back [rad]."""
+    """Segment of a wing between two spans along y of its body [m], with a sweep angle [rad]."""
     stations = [
         {"span": y, "leading": 0.025 - tan(sweep) * back, "trailing": -0.075 - tan(sweep) * back}
         for y, back in ((root, root), (tip, tip))
