@@ -129,6 +129,7 @@ _STYLE: Any = {
     "ytick.major.width": 0.7,
     "figure.facecolor": "white",
 }
+_LETTERS = ("font.size", "titlesize", "labelsize", "fontsize")
 
 
 Arguments = ParamSpec("Arguments")
@@ -149,11 +150,12 @@ def styled(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]
 
 
 def _sized(look: Look) -> Any:
-    sizes = {"font.size", "axes.titlesize", "axes.labelsize", "legend.fontsize"}
-    sizes |= {"xtick.labelsize", "ytick.labelsize"}
-    scales = dict.fromkeys(sizes, look.letters)
-    scales |= {key: look.lines for key in _STYLE if key.endswith(("width", ".size"))}
-    return {k: scales.get(k, 1) * value if k in scales else value for k, value in _STYLE.items()}
+    sized = {
+        key: look.letters if key.endswith(_LETTERS) else look.lines
+        for key in _STYLE
+        if key.endswith(("size", "width"))
+    }
+    return _STYLE | {key: scale * _STYLE[key] for key, scale in sized.items()}
 
 
 def panels(rows: int, columns: int = 1, row_height: float = 1.7) -> tuple[Figure, NDArray[Any]]:

@@ -8,13 +8,14 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
+from matplotlib.figure import Figure
 
 import patagium as pt
 from patagium.cli import words
 from patagium.cli.main import run
 from patagium.errors import ParameterError
 from patagium.learning.model_file import save_model
-from patagium.report.style import LOOKS, figures_for, width
+from patagium.report.style import LOOKS, figures_for, styled, width
 from patagium.robot import load_robot_text
 from patagium.viewer.flight_figures import flight_figures
 
@@ -36,6 +37,9 @@ def test_letters_and_widths_are_those_of_the_place(look: str, flight: xr.Dataset
         assert figure.get_figwidth() == LOOKS[look].width
         sizes = [axes.yaxis.label.get_fontsize() for axes in figure.axes]
         assert sizes == pytest.approx([9.0 * LOOKS[look].letters] * len(sizes))
+    with figures_for(look):  # texts without a size of their own were scaled as lines
+        text = styled(lambda: Figure().text(0, 0, "text").get_fontsize())()
+    assert text == pytest.approx(9.0 * LOOKS[look].letters)
     assert width() == LOOKS["page"].width  # as before
 
 
