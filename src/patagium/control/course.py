@@ -3,7 +3,8 @@
 A beat moves the flight and turns its heading. Nothing depends on the place or the heading, so that
 departures are seen along the heading with which the orbit began the beat, as in the first one.
 Nor does anything depend on how far a flight has come: it is compared with the orbit where that is
-as far, straight ahead or along the circle of a turn. The time decides of the height alone.
+as far, straight ahead or along the circle of a turn. The time decides of the height alone, and in
+hover, where nothing is ahead, of the place.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ CLOSED, TURNS = 1e-4, 1e-6
 """Largest change of a state, but for place and heading, over a beat, and over its largest value
 where that is above one [m/s, rad, rad/s]; and the change of the heading from which it turns, more
 than other time steps make of a straight orbit [rad]."""
+STANDS = 1e-6
+"""Largest horizontal way of a beat of a hover, more than other time steps make of one [m]."""
 
 
 class Course:
@@ -38,6 +41,7 @@ class Course:
         states: Those but the end, (parts, n) [SI].
         travel: Way of a beat along x, y and z, (3,) [m].
         turn: Change of the heading in a beat [rad].
+        stands: Whether it hovers, maybe climbing, so that no way is ahead.
         origin: Way by which the course is moved, (3,) [m]; zero to begin with.
         heading: Angle by which it is turned about the vertical [rad]; zero to begin with.
         lead: Angle by which the flight is ahead of the time on the circle of a turn [rad].
@@ -57,8 +61,9 @@ class Course:
         self.turn = turned if abs(turned) > TURNS else 0.0
         self.origin, self.heading, self.lead, self.center = np.zeros(3), 0.0, 0.0, 0j
         self.ahead = np.zeros_like(self.states)
-        self.ahead[:, self.places[0]] = 1.0
-        if abs(self.travel[0]) > abs(self.travel[1]):  # a robot that is not symmetric may crab
+        self.stands = bool(np.hypot(*self.travel[:2]) <= STANDS)
+        self.ahead[:, self.places[0]] = not self.stands
+        if not self.stands and abs(self.travel[0]) > abs(self.travel[1]):  # who is lopsided crabs
             self.ahead[:, self.places[1]] = self.travel[1] / self.travel[0]
         if self.turn:
             self._bend()
@@ -128,7 +133,7 @@ class Course:
         return found
 
     def apart(self, first: int, states: Array) -> Array:
-        """Departures of states from the orbit at an interval, (..., n) [SI]; that of x is zero."""
+        """Departures of states from the orbit at an interval, (..., n) [SI]; x: only in hover."""
         found = self.seen(first, states - self.along(first))
         if self.turn:  # headings are known but for whole turns
             found[..., self.yaw] = np.remainder(found[..., self.yaw] + np.pi, 2 * np.pi) - np.pi

@@ -237,7 +237,8 @@ class StuckEvent(Event):
     Args:
         time: When it sticks [s].
         command: Name of the command, as `SteeredGait` takes it.
-        value: What it goes to and holds [unit of the command]; None for what was commanded last.
+        value: What it goes to and holds, within the range of its actuator and the limits of its
+            joints [unit of the command]; None for what was commanded last.
     """
 
     command: str

@@ -30,6 +30,7 @@ from patagium.limits import MOST_STEPS
 from patagium.reading import json_ready
 from patagium.robot import Robot
 from patagium.simulation.simulator import FlightState, Simulator, check_robots, period_of
+from patagium.simulation.steered_gait import SteeredGait
 
 TIME_STEP = 1e-4
 """Longest time step of the truth where none is given [s]."""
@@ -126,6 +127,19 @@ def fly(
     return flight
 
 
+def _check_stuck(gait: SteeredGait, event: StuckEvent) -> None:
+    """Refuse a value that the gait, which it goes to, does not hold."""
+    places, limited, value = gait.places(event.command), gait.limited, event.value
+    if value is None:
+        return
+    gait.command(event.time, {event.command: value})
+    held = gait.target[places] / gait.scale(event.command)
+    if gait.limited > limited:
+        end = held[np.abs(held - value).argmax()]
+        most = f"at {'most' if value > end else 'least'} {end:.4g}"
+        raise ParameterError("value", f"{most}, as its range and its joints allow", value)
+
+
 @dataclass
 class _Loop:
     """Loop of one flight.
@@ -177,7 +191,7 @@ class _Loop:
                     expected = f"within the flight of {self.duration:g} s"
                     raise ParameterError("time", expected, event.time)
                 if isinstance(event, StuckEvent):
-                    self.simulator.steered.places(event.command)
+                    _check_stuck(self.simulator.steered.copied(), event)
                 after = event.changed(machine, aero)
             same = after[0] is machine and after[1] is aero
             machine, aero = after

@@ -201,9 +201,9 @@ def lagged(sharpness: float, time: Array, integrated: bool) -> tuple[Array, Arra
 class OrbitModel:
     """Flight near a periodic orbit, its commands as they are answered: linear, periodic in time.
 
-    The state is the departure of [passive coordinates but x, velocities, lag states of the air]
-    from the orbit, then of each command the departure of value, rate and second rate, of the
-    frequency before them that of the gait's own time [s]. The input is the departure of the
+    The state is the departure of [passive coordinates, x in hover alone, velocities, lag states of
+    the air] from the orbit, then of each command the departure of value, rate and second rate, of
+    the frequency before them that of the gait's own time [s]. The input is the departure of the
     commands, in the units of `SteeredGait`'s responses. Derivatives are exact (`FlightMap`) at
     every phase, and seen as `Course` sees departures. Neglected: second order in departures, rate
     limits inside an interval; the way along the course, on which nothing depends.
@@ -215,6 +215,7 @@ class OrbitModel:
         steered: Gait that is flown and that the orbit's is reached from by `parameters`; by
             default one that begins as the orbit's.
         parameters: Values of the commands on the orbit, where the steered gait's own are others.
+        kept: Places of the states; by default all in hover, and all but x otherwise.
 
     Raises:
         ParameterError: If a command is none of the gait, its joints answer it at different
@@ -238,6 +239,7 @@ class OrbitModel:
         parts: int = 10,
         steered: SteeredGait | None = None,
         parameters: Mapping[str, float] = MappingProxyType({}),
+        kept: NDArray[np.intp] | None = None,
     ) -> None:
         flight = orbit.map
         robot = flight.robot
@@ -267,24 +269,27 @@ class OrbitModel:
         if "frequency" in parameters:
             self.pace = float(self.neutral[self.commands.index("frequency")])
             self.period /= self.pace
-        self.kept = np.array([k for k, name in enumerate(self.names) if name != "x"])
-        self.lags = np.flatnonzero(np.isin(self.names, flight.aero.state_names)[self.kept])
-        self.size = len(self.kept) + sum(self.chains)
-        states = np.zeros((parts + 1, flight.size))
+        n, total = flight.size, sum(self.chains)
+        states = np.zeros((parts + 1, n))
         states[0] = orbit.states[0]
-        self.by_state = np.zeros((parts, self.size, self.size))
-        self.by_input = np.zeros((parts, self.size, len(commands)))
+        self.by_state = np.zeros((parts, n + total, n + total))
+        self.by_input = np.zeros((parts, n + total, len(commands)))
         slopes = []
         for part in range(parts):
             states[part + 1], found = self._fly(flight, states[part], rows, part, steps)
             slopes.append(found)
         self.course = Course(self.names, states)
-        n, total = len(self.kept), sum(self.chains)
-        known = np.r_[self.kept, flight.size : flight.size + total]
         for part, found in enumerate(slopes):
-            after = self.course.after(part, found)[self.kept]
-            self.by_state[part, :n] = after[:, known]
-            self.by_input[part, :n] = after[:, flight.size + total :]
+            after = self.course.after(part, found)
+            self.by_state[part, :n], self.by_input[part, :n] = np.split(after, [n + total], axis=1)
+        if kept is None:
+            kept = np.flatnonzero(self.course.stands | (np.array(self.names) != "x"))
+        self.kept: NDArray[np.intp] = kept
+        known = np.r_[self.kept, n : n + total]
+        self.lags = np.flatnonzero(np.isin(self.names, flight.aero.state_names)[self.kept])
+        self.size = len(known)
+        self.by_state = self.by_state[:, known][:, :, known]
+        self.by_input = self.by_input[:, known]
 
     def _rows(
         self, flight: FlightMap, steps: int, parameters: Mapping[str, float]
@@ -320,7 +325,7 @@ class OrbitModel:
         inside = slice(2 * steps * part, 2 * steps * (part + 1) + 1)
         given = rows.slopes[inside].reshape(2 * steps + 1, len(self.commands), 3, -1)
         times: Array = 0.5 * rows.time_step * np.arange(2.0 * steps + 1)
-        n, total = len(self.kept), sum(self.chains)
+        n, total = flight.size, sum(self.chains)
         matrix, slopes, forced = self.by_state[part], [], []
         first = 0
         for i, size in enumerate(self.chains):
@@ -605,14 +610,12 @@ class OrbitController:
             first: Number of the interval.
 
         Raises:
-            ParameterError: If it is no orbit, or the commands cannot hold it; the one before is
-                followed on then.
+            ParameterError: If it is no orbit, the commands cannot hold it, or it is nowhere within
+                soft limits; the one before is followed on then.
         """
         last = self.model
         beat = range(first, first + last.parts)
-        model = OrbitModel(orbit, last.commands, last.parts, last.steered, parameters)
-        costs, gains = self._law(model)
-        gains[..., model.lags] = 0.0
+        model = OrbitModel(orbit, last.commands, last.parts, last.steered, parameters, last.kept)
         course, model.begun = model.course, (first, last.time(first))
         former, own = (np.mean([one.along(k) for k in beat], axis=0)
                        for one in (last.course, course))  # fmt: skip
@@ -620,6 +623,8 @@ class OrbitController:
             course.heading = float(former[course.yaw] - own[course.yaw])
             own = np.mean([course.along(k) for k in beat], axis=0)
         course.origin = (former - own)[course.places]
+        costs, gains = self._law(model)
+        gains[..., model.lags] = 0.0
         self._followed = True
         self.before = self.before + last.neutral - model.neutral
         self.model, self.costs, self.gains = model, costs, gains
@@ -684,8 +689,8 @@ class OrbitController:
         inputs = self.answer(first, start, self.before)
         if inputs is None:
             return self._hold("not solved")
-        self.before = inputs
-        values = inputs + model.neutral
+        values = np.clip(inputs + model.neutral, self.low, self.high)  # a program's, to rounding
+        self.before = values - model.neutral
         room = np.minimum(values - self.low, self.high - values) / self.half
         self._answers += 1
         self.limited.update(np.array(model.commands)[room < _AT_END].tolist())
@@ -782,11 +787,12 @@ class PredictiveController(OrbitController):
             as a command over half its range [SI]; by default .1 m, .1 rad, .3 m/s and
             2 rad/s, which are for robots of about a meter: other sizes need their own.
         limits: Soft limits by name of a state, least and most [SI]; None where there is none. Of
-            horizontal velocities along and across the heading of the orbit.
+            horizontal velocities along and across the heading of the orbit, of y from its line (in
+            hover of x and y from its place).
 
     Raises:
-        ParameterError: If a name is none, a command has no range, or the commands cannot hold
-            the orbit.
+        ParameterError: If a name is none, a command has no range, the commands cannot hold
+            the orbit, or it is nowhere within the limits.
 
     Attributes:
         iteration: The optimal control problem; `states` are departures predicted.
@@ -803,23 +809,30 @@ class PredictiveController(OrbitController):
         tolerable: Mapping[str, float] | None = None,
         limits: Mapping[str, tuple[float | None, float | None]] | None = None,
     ) -> None:
-        super().__init__(orbit, commands, parts, tolerable)
         self._limits = {}
         for name, (least, most) in (limits or {}).items():
             low, high = -np.inf if least is None else least, np.inf if most is None else most
             if low >= high:
                 raise ParameterError(f"limits: {name}", "the least first", (low, high))
-            if self.model.course.turn and name in ("y", "yaw"):
-                expected = "a state that a turn brings back, such as z or velocity of y"
+            self._limits[name] = low, high
+        super().__init__(orbit, commands, parts, tolerable)
+        self._horizon = horizon
+        self._begin()
+
+    def _law(self, model: OrbitModel) -> tuple[Array, Array]:
+        """Costs to go and gains of a model, whose orbit has to be within the limits."""
+        course, (first, _) = model.course, model.begun
+        along = self._along(model, range(first, first + model.parts))
+        lost = ("x", "y", "yaw") if course.turn else () if course.stands else ("x",)
+        for name, (low, high) in self._limits.items():
+            own = along[:, self._state(name)]
+            if name in lost:
+                expected = "a state that the orbit brings back, such as z or velocity of y"
                 raise ParameterError("limits", expected, name)
-            place = self._state(name)
-            self._limits[place] = low, high
-            own = self._along(range(parts))[:, place]
             if own.min() > high or own.max() < low:
                 expected = f"limits that hold the orbit's {own.min():.3g} to {own.max():.3g}"
                 raise ParameterError(f"limits: {name}", expected, (low, high))
-        self._horizon = horizon
-        self._begin()
+        return super()._law(model)
 
     def restart(self) -> None:
         """Start anew, without a prediction; see `OrbitController.restart`."""
@@ -832,7 +845,7 @@ class PredictiveController(OrbitController):
         self.iteration = RealTimeIteration(model.predict, self._horizon, *costs)
         program = self.iteration.program
         self._place_ranges()
-        for place in self._limits:
+        for place in map(self._state, self._limits):
             program["weight"][:, place] = SOFT * max(self.weights[place], 1.0)
         self._last: int | None = None
 
@@ -859,22 +872,28 @@ class PredictiveController(OrbitController):
                 self.iteration.shift()
         self._last = first
         if self._limits:
-            self._place_limits(first)
+            program = self.iteration.program
+            ahead = self._along(self.model, range(first, first + len(program["x"])))
+            for name, (low, high) in self._limits.items():
+                k = self._state(name)
+                program["least"][:, k] = low - ahead[:, k]
+                program["most"][:, k] = high - ahead[:, k]
         self.iteration.final_cost = self.costs[(first + self._horizon) % self.model.parts]
         status = self.iteration.iterate(first, start, before)
         if status is not ProgramStatus.SOLVED:
             return None
         return np.array(self.iteration.inputs[0])
 
-    def _place_limits(self, first: int) -> None:
-        """Soft limits about the orbit, at each interval of the horizon."""
-        program = self.iteration.program
-        ahead = self._along(range(first, first + len(program["x"])))
-        for place, (low, high) in self._limits.items():
-            along = ahead[:, place]
-            program["least"][:, place], program["most"][:, place] = low - along, high - along
+    @staticmethod
+    def _along(model: OrbitModel, intervals: range) -> Array:
+        """States that are kept, on the orbit at the beginning of intervals, (N, n) [SI].
 
-    def _along(self, intervals: range) -> Array:
-        """States that are kept, on the orbit at the beginning of intervals, (N, n) [SI]."""
-        course = self.model.course
-        return np.array([course.seen(k, course.along(k)) for k in intervals])[:, self.model.kept]
+        Horizontal vectors are seen along the heading of each beat, y from the line of the orbit.
+        """
+        course, parts = model.course, np.array(intervals) % model.parts
+        own, level = course.states[parts], course.pairs.ravel()
+        found = np.array([course.along(k) for k in intervals])
+        found[:, level] = own[:, level]
+        x, y, _ = course.places
+        found[:, y] -= own[:, x] * course.ahead[parts, y]
+        return found[:, model.kept]

@@ -31,8 +31,8 @@ class Route(OuterController):
             and commands of the controller as free parameters.
 
     Raises:
-        ParameterError: If a leg begins before the one before, or has another robot, another gait
-            or a free parameter that is no command.
+        ParameterError: If a leg begins before the one before, has another robot, another gait
+            or a free parameter that is no command, or cannot be followed by the controller.
 
     Attributes:
         legs: Orbit of each leg by its time [s].
@@ -43,10 +43,17 @@ class Route(OuterController):
         self._first = controller
         self.legs = dict(legs)
         self._legs: dict[float, tuple[Orbit, Mapping[str, float]]] = {}
+        self.restart()
         for time, orbit in legs.items():
             if not time > max(self._legs, default=0.0):
                 raise ParameterError("legs", "rising times, in seconds above 0", list(legs))
-            self._legs[time] = orbit, self._parameters(f"legs: {time:g} s", orbit)
+            name = f"legs: {time:g} s"
+            self._legs[time] = orbit, self._parameters(name, orbit)
+            try:
+                self.controller.follow(*self._legs[time], self.model.number(time))
+            except ParameterError as error:
+                name = f"{name}: {error.name}"
+                raise ParameterError(name, error.expected, error.found) from error
         self.restart()
 
     def _parameters(self, name: str, orbit: Orbit) -> Mapping[str, float]:

@@ -280,6 +280,10 @@ def test_a_stuck_drive_holds_and_a_learner_is_told(orbit):
     [
         ({"events": [StuckEvent(time=0.1, command="tail_offset")]}, "tail_offset"),
         ({"events": [StuckEvent(time=9.0, command="frequency")]}, "within the flight of"),
+        (  # flown at the end of the range, and told as 60 degrees
+            {"events": [StuckEvent(time=0.1, command="rudder_offset", value=-1.0472)]},
+            "stuck at -1.0472: value: expected at least -0.5236, as its range and its joints allow",
+        ),
         ({"events": ["gust"]}, "Event such as"),
         ({"duration": -1.0}, "duration"),
         ({"orbit": None}, "Orbit such as"),

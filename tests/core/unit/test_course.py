@@ -111,6 +111,17 @@ def test_a_flight_that_crabs_and_is_late_is_on_its_line():
     assert np.abs(course.apart(6, late)[1:]).max() < 1e-12
 
 
+def test_a_hover_has_no_way_ahead():
+    """Its way of 1e-17 m made y of x, by any factor up to one."""
+    names = ("x", "y", "z", "yaw", "velocity of x", "velocity of y")
+    states = np.zeros((5, 6))
+    states[-1, :3] = 2.6e-17, -1.9e-17, 0.02
+    course = Course(names, states)
+    assert course.stands and not course.ahead.any()
+    away = np.array([0.5, 0.2, 0.0, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(course.apart(6, course.along(6) + away), away, atol=1e-15)
+
+
 @pytest.mark.parametrize(
     ("kind", "angle"),
     [(control.LinearRegulator, 2.1 * np.pi), (control.PredictiveController, 0.5 * np.pi)],
@@ -253,6 +264,48 @@ def test_legs_that_cannot_be_flown_are_named(aerobat, straight, turn, ornithopte
             control.Route(law, legs)
 
 
+@pytest.mark.parametrize(("name", "bend"), [("y", True), ("yaw", True), ("velocity of z", False)])
+def test_limits_that_a_leg_cannot_keep_are_refused_before_the_flight(aerobat, straight, name, bend):
+    """They were checked on the first orbit alone: a turn of .6 rad/s flew 1.0 with one of y."""
+    begin = {"gait": straight.gait, "speed": straight.speed, "start": straight}
+    to = {"turn_rate": 0.6} if bend else {"climb": -0.6}
+    leg = pt.trim(aerobat, free=("frequency", *STEERING), **begin, **to)
+    first = OrbitModel(straight, ("frequency",)).course.states
+    most = np.abs(first[:, straight.names.index(name)]).max() if not bend else 0.5
+    limits = {name: (-0.5 if bend else most - 0.05, most + 0.05)}
+    law = control.PredictiveController(straight, ("frequency", *STEERING), limits=limits)
+    told = f"expected a state that the orbit .* '{name}'" if bend else f"{name}: .* the orbit's"
+    with pytest.raises(ParameterError, match=f"^legs: 2 s: limits: {told}"):
+        control.Route(law, {1.0: straight, 2.0: leg})
+
+
+def test_a_limit_of_y_is_one_across_the_line_of_the_orbit(straight):
+    """It was about the origin of the world, which another line leaves ever further."""
+    law = control.PredictiveController(
+        straight, ("frequency", *STEERING), limits={"y": (-0.5, 0.5), "z": (-2.0, 9.0)}
+    )
+    course, program = law.model.course, law.iteration.program
+    course.origin, course.heading = np.array([3.0, 5.0, 1.0]), 0.3
+    names = [law.model.names[k] for k in law.model.kept]
+    for first in (0, 1007):
+        law.answer(first, np.zeros(law.model.size), np.zeros(len(law.ends)))
+        y, z = (program["least"][:, names.index(name)] for name in ("y", "z"))
+        np.testing.assert_allclose(y, -0.5, atol=1e-9)  # an orbit without side force
+        assert np.abs(z + 3.0).max() < 0.1  # heights are the world's; less than a stroke moves it
+
+
+def test_a_command_that_ends_at_its_range_is_given(aerobat, straight):
+    """A program keeps ranges to rounding: an amplitude of -1e-12 ended the flight."""
+    commands, limits = ("frequency", *STEERING), {"velocity of z": (-0.3, 0.3)}
+    law = control.PredictiveController(straight, commands, limits=limits)
+    law.answer = lambda *given: law.low - law.model.neutral - 1e-12
+    start = straight.start()
+    found = law(0.0, FlightState(aerobat, 0.0, start["q"], start["v"]))
+    scales = [law.model.steered.scale(name) for name in commands]
+    np.testing.assert_allclose(list(found.values()), law.low / scales, rtol=1e-15)  # of a product
+    assert found["left_plunge_amplitude"] == 0.0
+
+
 @pytest.mark.filterwarnings("ignore:LinearRegulator. called after")  # ticks are samples' stamps
 def test_an_autopilot_flies_a_turn_as_the_regulator_does(turn):
     from patagium.live import Autopilot
@@ -313,7 +366,7 @@ def test_what_is_no_course_is_refused(turn):
         ParameterError, match="returns after a beat.*'velocity of x changes by 0.1'"
     ):
         Course(names, faster)
-    told = re.escape("limits: expected a state that a turn brings back, such as z")
+    told = re.escape("limits: expected a state that the orbit brings back, such as z")
     with pytest.raises(ParameterError, match=told):
         control.PredictiveController(turn, ("frequency", *STEERING), limits={"yaw": (-1.0, 1.0)})
 

@@ -18,6 +18,7 @@ from patagium.control.trimming import Conditions, OrbitSearch, _not_found, state
 from patagium.errors import ParameterError
 from patagium.robot import load_robot_text
 from patagium.robot.model import Actuator
+from patagium.simulation import FlightState
 
 from ...spoken import say
 
@@ -175,6 +176,29 @@ def test_one_robot_hovers_and_glides_another(tmp_path):
     glide = pt.trim(hawk, climb=None, free=("elevation_offset",))
     assert glide.found and glide.climb < -0.5 and glide.speed > 2.0
     assert np.ptp(glide.states[:, glide.names.index("pitch")]) < 1e-12
+
+
+def test_a_hover_holds_its_place_and_goes_over_to_a_cruise():
+    """No controller saw how far a hovering robot was from its place along x."""
+    drives = {"plunge_amplitude": (0.1, 1.3), "feather_offset": (-0.7, 0.7)}
+    actuators = {
+        f"{side}_{pair}_{drive}": Actuator("rad", ends, 9.0, None, 1.0)
+        for side in ("left", "right") for pair in ("fore", "hind") for drive, ends in drives.items()
+    } | {"frequency": Actuator("Hz", (10.0, 30.0), 100.0, 0.06, 1.0)}  # fmt: skip
+    robot, commands = replace(pt.load_robot("dragonfly"), actuators=actuators), tuple(actuators)
+    hover = pt.trim(robot, speed=0.0)
+    tolerable, start = {"x": 0.1, "y": 0.1}, hover.start()
+    law = pt.control.LinearRegulator(hover, commands, tolerable=tolerable)
+    assert np.abs(law.multipliers).max() < 0.95  # x and y are neutral where they cost nothing
+    q = start["q"] + 0.5 * (np.array(robot.dof_names) == "x")
+    away = law.model.departure(0, law.measured(FlightState(robot, 0.0, q, start["v"]), 0), 0.0)
+    assert away[:2] == pytest.approx([0.5, 0.0], abs=1e-12)  # rounding; y was up to .087
+    cruise = pt.trim(robot, gait=hover.gait, speed=1.0, free=commands, start=hover)
+    size = law.model.size
+    route = pt.control.Route(law, {1.0: cruise, 2.0: hover})
+    assert route.model.size == size and route.model.course.stands
+    with pytest.raises(ParameterError, match="^state: expected one of y, "):
+        pt.control.LinearRegulator(cruise, commands, tolerable=tolerable)
 
 
 def test_the_orbit_is_the_nearest_by_what_is_tolerable(orbit):
