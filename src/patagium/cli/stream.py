@@ -183,17 +183,17 @@ def _robot_and_air(source: str, robot: str | None) -> tuple[Robot, Air]:
     from patagium.sensing.logs.record import LogRecord, is_log, stated_air
     from patagium.sensing.sensors.sense import is_sensor_log
 
-    machine, air = None if robot is None else load_robot(robot), Air()
+    machine, air, file = None if robot is None else load_robot(robot), Air(), Path(source)
     if is_log(source):
         with LogRecord(source) as record:
             machine, air = machine or record.robot, record.air
-    elif source != "-" and "://" not in source and is_sensor_log(source):
+    elif not (source == "-" or "://" in source or file.is_fifo()) and is_sensor_log(source):
         log = load_sensor_log(source)
         machine, air = machine or log.robot, log.air
-    elif Path(source).is_file():
-        refuse_other_kinds(Path(source))
-        with Path(source).open("rb") as file:
-            air = stated_air(file.readline(1 << 10)) or air
+    elif file.is_file():
+        refuse_other_kinds(file)
+        with file.open("rb") as text:
+            air = stated_air(text.readline(1 << 10)) or air
     if machine is None:
         raise ParameterError("--robot", "a preset or a robot file: the source carries none", None)
     return machine, air

@@ -185,7 +185,7 @@ class TextPackets:
             return None
 
     def _read_header(self, fields: list[bytes]) -> list[int]:
-        names = [name.strip().decode("utf-8-sig", "replace") for name in fields]
+        names = [one.decode("utf-8-sig", "replace").strip().strip('"') for one in fields]
         missing = [name for name in self._columns if names.count(name) != 1]
         if missing:
             kinds = (".specific_force.", ".quaternion.", ".current.")

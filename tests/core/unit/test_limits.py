@@ -12,6 +12,7 @@ from tests.flights import stored
 
 import patagium as pt
 from patagium import scratch
+from patagium.cli.stream import _robot_and_air
 from patagium.errors import LogError, ParameterError, PatagiumError, RobotFileError, Unreadable
 from patagium.learning.tuning import search
 from patagium.limits import NESTING, PROBLEMS, YAML_TEXT
@@ -260,6 +261,15 @@ def test_nothing_waits_at_a_pipe(what, tmp_path):
     os.mkfifo(path)
     with pytest.raises(PatagiumError, match=r"pipe\.csv"):
         READERS[what](path)
+
+
+@pytest.mark.usefixtures("ended_after_10_s")
+def test_a_pipe_to_stream_is_answered_with_the_way(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    source = str(tmp_path / "pipe")
+    assert _robot_and_air(source, "aerobat")[0].name == "aerobat"
+    with pytest.raises(LogError, match="give - and pipe it to the program"):
+        source_of(source, ["time"])
 
 
 @pytest.mark.usefixtures("ended_after_10_s")

@@ -294,8 +294,10 @@ def test_digits_with_underscores_are_no_number():
     assert not len(found) and intake.examples == ["line 2: expected a number, found '1_000'"]
 
 
-def test_a_byte_order_mark_is_no_part_of_a_name():
-    text = b"\xef\xbb\xbf" + ",".join(NAMES).encode() + b"\n1,2,3,4,5\n"
+@pytest.mark.parametrize("mark", ["", '"'])
+def test_marks_of_bytes_and_quotes_are_no_part_of_a_name(mark):
+    text = b"\xef\xbb\xbf" + ",".join(mark + name + mark for name in NAMES).encode()
+    text += b"\n1,2,3,4,5\n"
     np.testing.assert_array_equal(TextPackets(NAMES, Intake()).take(text), [[1, 2, 3, 4, 5]])
 
 
