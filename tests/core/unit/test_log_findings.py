@@ -47,6 +47,9 @@ def guess(unit: str, rms: list[float], largest: float) -> str:
         ("rad/s", [5.0, 2.0, 3.0], 30.0, ""),
         ("deg/s", [0.5, 0.2, 0.3], 3.0, "rad/s"),
         ("deg/s", [50.0, 20.0, 30.0], 300.0, ""),
+        ("deg/s", [2395.0], 3386.0, ""),  # asked for what is stated
+        ("mm", [1e6], 2e6, ""),
+        ("mm/s", [9e5], 1e6, ""),
         ("rad", [20.0], 45.0, "deg"),
         ("rad", [0.5], 1.5, ""),
         ("deg", [0.5], 1.5, "rad"),

@@ -567,7 +567,7 @@ def unit_findings(where: str, sizes: Sizes, *, still: bool = False) -> list[Find
             guess = "m"
     elif sizes.si == "m/s" and sizes.largest > _QUICKEST:
         guess = "mm/s"
-    if not guess:
+    if not guess or _is(sizes, conversion(guess, None, "unit")[0]):  # and is in it
         return []
     size = float(np.linalg.norm(sizes.rms)) / sizes.factor
     text = f"in {sizes.unit} it reaches {written:.4g} (rms {size:.4g}); is it in {guess}?"
