@@ -85,17 +85,21 @@ def inspect(
 
 
 def _mapping(found: Inspection, topics: Sequence[str]) -> str:
-    """Mapping to begin from: forces and moments of the topics, or the last field, are outputs."""
+    """Mapping to begin from: forces and moments of the topics, or the last field, are outputs.
+
+    Numbers without stamps, beside others that have them, are none of it.
+    """
     from patagium.sensing.logs.mapping import si_of
 
     chosen = [one for one in found.topics if one.name in topics]
+    chosen = [one for one in chosen if one.stamps != "rows"] or chosen[:1]
     rates = [one.rate for one in chosen if one.rate > 0]
     time = f"{{rate: {max(rates, default=100.0):.4g} Hz}}"
-    if not found.topics[0].name:
-        time = f"{{column: {json.dumps(found.topics[0].stamps)}}}"
-        if found.topics[0].stamps == "rows":
-            time = '{restamp: "??? Hz"}  # rate of the rows: no column of the table is read as time'
-            time += "; else {column: NAME, unit: s}"
+    if not chosen[0].name:
+        time = f"{{column: {json.dumps(chosen[0].stamps)}}}"
+    if chosen[0].stamps == "rows":
+        time = '{restamp: "??? Hz"}  # rate of the rows: no column of the table is read as time'
+        time += "; else {column: NAME, unit: s}"
     inputs, outputs = list[str](), list[str]()
     count = Counter(field.name for one in chosen for field in one.channels)
     for one in chosen:
@@ -103,7 +107,7 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
         if one.name:
             place = f"topic: {json.dumps(one.name)}, field"
         if one.kind == "table" and one.name:  # some columns of a table, by their stamps
-            other = one.stamps != found.topics[0].stamps
+            other = one.stamps != chosen[0].stamps
             place = f"stamp: {json.dumps(one.stamps)}, " * other + "column"
         for field in one.channels:
             if re.fullmatch(r"(\.\d+)?", field.name) or not field.low <= field.high:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
+from patagium.cli.main import run
 from patagium.errors import LogError
 from patagium.robot import load_robot_text
 from patagium.sensing.logs.files import table_files
@@ -721,6 +722,47 @@ def test_values_that_netcdf_fills_with_are_numbers_in_hdf5(writer: str, tmp_path
     top = np.nan if writer == "netCDF" else 65535
     expected = [[0, 1, top, top, 2], [0, np.nan, 65535, 65535, 2]]
     np.testing.assert_array_equal(block.values.T, expected)
+
+
+CELLS = zlib.decompress(
+    base64.b85decode(
+        "c-rgqaB<`1lHy_j0S*oZ76t(ZWbhvf7<ke6P>=wn8KHCslwQFE6K4d=NkGK~q2{Bj3kh;{1*!gz24MC?us~=Ih"
+        "EXsQfrqPO05}~$`5I9A1QV*d5-6RTTToI7q?L<O(~6ZD7?M+Sa*C1CsR5DpGBU72^f1Eskd(~G2oYd~s)NzYKz"
+        "Wdipn^R#tvWE6a5I?vXNIZc0LwEmF)>2YGsHY*Mgta9pE022sKE#>*hA<CQ2GUw{$L;M=kLM@EKOkf{s0?lIq?"
+        "F@=ir3U3NUeQ{5HZ$rv<F|)xpXM1?Hih?im@_@TNal@@ImlKLM~(0eBcV5J-0$*ib_j0(clKp!V?s*&GbMjv+p"
+        "dPVum81y;?76w-`n^#B7y0G+}Id;Nl*z6jMX3%Ew>m(ltKQNO@)g9az6x<s^e?m=<-WhF6xlUu(`;KG*A2Y3Af"
+        "t4A2&`Lcm?G_BGiouQZC%+Pcs4lNULr>h@4*h|hCgE~B5=?DP6s$xL"
+    )
+)
+"""HDF5 file with `t`, five quarters of a second, and cells and an empty array as MATLAB has them:
+references into the group #refs#, and the two sizes."""
+
+
+def test_cells_and_empty_arrays_of_matlab_are_told(tmp_path: Path) -> None:
+    """Cells of 7.3 were absent without a word; the sizes of an empty array were two numbers."""
+    path = tmp_path / "log.mat"
+    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512, b"\0") + CELLS)
+    (table,) = inspect_log(path).topics
+    assert [one.name for one in table.channels] == ["t"] and table.rows == 5
+    assert "empty array" in table.unplaced["empty"] and "cells" in table.unplaced["#refs#"]
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_arrays_without_stamps_are_not_in_the_mapping_beside_others(
+    timed: bool, tmp_path: Path
+) -> None:
+    """Gains beside the samples became the output, with `rows`, which is no column, as stamp."""
+    t = 0.005 * np.arange(300)
+    held = {"t" if timed else "x": t, "y": np.sin(t), "gains": np.arange(3.0)}
+    savemat(tmp_path / "log.mat", held)
+    words = tmp_path / "map.yaml"
+    with pytest.raises(SystemExit) as left:
+        run(["inspect", str(tmp_path / "log.mat"), "-o", str(words)])
+    assert left.value.code in (0, None)
+    written = words.read_text("utf-8").replace("??? Hz", "200 Hz")  # as it asks for
+    assert "gains" not in written and ("200 Hz" in written)
+    words.write_text(written, "utf-8")
+    assert import_log(tmp_path / "log.mat", words, tmp_path / "log.nc").samples == 300
 
 
 @pytest.mark.parametrize("matlab", [False, True])

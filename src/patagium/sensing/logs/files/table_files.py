@@ -16,7 +16,7 @@ import io
 import os
 import re
 import warnings
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, redirect_stdout
 from dataclasses import replace
@@ -975,13 +975,15 @@ def _hdf5_columns(
             (f"{at}{name}", one) for at, group in groups for name, one in group.variables.items()
         ]
         check_room(path, sum(8 * one.size for _, one in found))
+        if "#refs#" in file.groups:
+            unplaced["#refs#"] = "cells or arrays of structures, no array of numbers"
         for name, one in found:
-            known = set(columns)
-            if isinstance(one.datatype, VLType) or getattr(one, "MATLAB_class", "") in (
-                "char",
-                "cell",
-            ):
+            known, kind = set(columns), getattr(one, "MATLAB_class", "")
+            if isinstance(one.datatype, VLType) or kind in ("char", "cell"):
                 unplaced[name] = "text, lists or half precision, no array of numbers"
+                continue
+            if hasattr(one, "MATLAB_empty"):  # its numbers are its sizes
+                unplaced[name] = "an empty array, no samples"
                 continue
             if not hasattr(file, "_NCProperties") and missing.isdisjoint(one.ncattrs()):
                 one.set_auto_mask(False)  # netCDF's own fill values are numbers of other programs
@@ -1050,16 +1052,18 @@ class UlogFile(_HeldFile):
                 log = ULog(watched)
             if watched.cut:
                 self.notes.append("the file ends within a record: it was cut off")
-            self._tables = {}
+            parts = defaultdict[str, list[Any]](list)
             for part in sorted(log.data_list, key=lambda p: (p.name, p.multi_id)):
                 name = f"{part.name}/{part.multi_id}" if part.multi_id else part.name
                 if "timestamp" in part.data:
-                    self._tables[name] = part.data
+                    parts[name].append(part.data)
                 else:
                     self.notes.append(f"{name}: without a field `timestamp`; it is not read")
+            self._tables = {name: _in_turn(found) for name, found in parts.items()}
         self.topics = {name: _topic(name, part) for name, part in self._tables.items()}
         if log.file_corruption:
-            self.notes.append("the file is damaged: what could not be read was left out")
+            cause = "has data appended" if log.has_data_appended else "is damaged"
+            self.notes.append(f"the file {cause}: what could not be read was left out")
         lost = [gap.duration for gap in log.dropouts]
         if lost:
             self.notes.append(
@@ -1083,6 +1087,19 @@ class _Watched:
             raise EOFError("its messages lead back to where they began")
         self.cut = 0 < len(content) < size
         return content
+
+
+def _in_turn(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Columns of a topic that was subscribed one time or several, by time; NaN where one is not."""
+    if len(parts) == 1:
+        return parts[0]
+    order = np.argsort(np.concatenate([part["timestamp"] for part in parts]), kind="stable")
+
+    def whole(name: str) -> NDArray[Any]:
+        held = [part.get(name, np.full(len(part["timestamp"]), np.nan)) for part in parts]
+        return np.concatenate(held)[order]
+
+    return {name: whole(name) for part in parts for name in part}
 
 
 def _topic(name: str, columns: Any) -> Topic:
