@@ -171,7 +171,7 @@ def test_keys_of_json_may_hold_dots(tmp_path: Path) -> None:
         found = import_log(path, parse_mapping(words), tmp_path / "log.nc")
         read = load_log(found.path)["f"].to_numpy()
         np.testing.assert_allclose(read, slope * np.arange(50.0), atol=1e-9)  # rounding of times
-    told = inspect_log(_json_messages(tmp_path / "b.mcap", held[:1] + [{"q": 1.0}] * 9))
+    told = inspect_log(_json_messages(tmp_path / "b.mcap", held[:1] + [{"q": "?"}] * 9))
     assert "no rows" in {one.kind for one in told.findings}
 
 
@@ -197,7 +197,7 @@ def test_nulls_of_json_are_missing_numbers(first: int, tmp_path: Path) -> None:
 def test_a_number_that_is_always_null_is_said_to_be(tmp_path: Path) -> None:
     """The reason shown for a missing field was the name of a Python type."""
     path = _json_messages(tmp_path / "log.mcap", [{"x": 1.0, "y": None}] * 300)
-    assert inspect_log(path).topics[0].unplaced == {"y": "null in the first messages"}
+    assert inspect_log(path).topics[0].unplaced == {"y": "absent or null in the first messages"}
 
 
 @pytest.mark.parametrize("kind", ["mcap", "csv"])
@@ -217,8 +217,13 @@ def test_stamps_that_no_unit_makes_nanoseconds(kind: str, tmp_path: Path) -> Non
     assert found.duration == pytest.approx(0.99)
 
 
-def _joint_states(folder: Path, states: list[tuple[list[str], list[float]]]) -> Path:
-    """ROS 2 bag with one message every 10 ms on the topic `s`: names and positions of joints."""
+def _joint_states(
+    folder: Path, states: list[tuple[list[str], list[float]]], unset: int = 0
+) -> Path:
+    """ROS 2 bag with one message every 10 ms on the topic `s`: names and positions of joints.
+
+    The first `unset` of them have no stamp.
+    """
     from rosbags.rosbag2 import Writer
     from rosbags.typesys import Stores, get_typestore
 
@@ -227,7 +232,8 @@ def _joint_states(folder: Path, states: list[tuple[list[str], list[float]]]) -> 
     with Writer(folder, version=9) as writer:
         connection = writer.add_connection("s", kind, typestore=store)
         for k, (names, angles) in enumerate(states):
-            stamp = make["builtin_interfaces/msg/Time"](sec=1, nanosec=k * 10**7)
+            known = k >= unset
+            stamp = make["builtin_interfaces/msg/Time"](int(known), k * 10**7 * known)
             header = make["std_msgs/msg/Header"](stamp=stamp, frame_id="")
             state = make[kind](header, names, np.array(angles), velocity=empty, effort=empty)
             writer.write(connection, k * 10**7, store.serialize_cdr(state, kind))
@@ -370,13 +376,115 @@ def test_the_mapping_to_begin_from_names_joints(recordings: Any, tmp_path: Path)
     assert units == {"position[x]": "", "velocity[z]": "", "position[roll]": "rad"}
 
 
-def test_stamps_of_a_header_may_begin_at_zero(tmp_path: Path) -> None:
-    held = [{"header": {"stamp": {"sec": 0, "nsec": k * 10**7}}, "x": float(k)}
-            for k in range(100)]  # fmt: skip
-    _json_messages(tmp_path / "log.mcap", held)
-    words = {"time": {"base": "header"}, "channels": [{"topic": "s", "field": "x", "unit": "1"}]}
-    found = import_log(tmp_path / "log.mcap", mapping(words), tmp_path / "log.nc")
-    assert found.duration == pytest.approx(0.99)
+@pytest.mark.parametrize("base", [None, "header"])
+@pytest.mark.parametrize("kind", ["bag", "mcap"])
+def test_a_stamp_of_zero_is_none_and_the_others_are_taken(
+    kind: str, base: str | None, tmp_path: Path
+) -> None:
+    """Where a driver had no time for its first message, all were stamped as received, untold."""
+    if kind == "bag":
+        path = _joint_states(tmp_path / "bag", [(["x"], [float(k)]) for k in range(100)], unset=3)
+    else:
+        held = [{"header": {"stamp": {"sec": int(k > 2), "nsec": k * 10**7 * (k > 2)}},
+                 "position": [float(k)]} for k in range(100)]  # fmt: skip
+        path = _json_messages(tmp_path / "log.mcap", held)
+    words = {"channels": [{"topic": "s", "field": "position[0]", "unit": "1", "name": "x"}]}
+    found = import_log(path, mapping(words, **({"base": base} if base else {})), tmp_path / "a.nc")
+    log = load_log(found.path)
+    with LogRecord(found.path) as record:
+        assert int(record._file.time_origin_ns) == 10**9 + 3 * 10**7 and found.samples == 97
+    np.testing.assert_allclose(log["x"], 3 + 100 * log["time"].to_numpy(), atol=1e-9)  # rounding
+    assert [(one.kind, one.text[:8]) for one in warnings(found)] == [("missing stamps", "3 of 100")]
+    assert inspect_log(path).topics[0].stamps == "header"
+
+
+def test_stamps_that_are_always_zero_are_told(tmp_path: Path) -> None:
+    held = [{"header": {"stamp": {"sec": 0, "nsec": 0}}, "x": float(k)} for k in range(100)]
+    found = inspect_log(_json_messages(tmp_path / "log.mcap", held))
+    assert found.topics[0].stamps == "received"
+    assert found.notes == ("s: its stamps are 0; it is stamped as received",)
+
+
+def test_parts_of_a_ulog_topic_are_one(recordings: Any, tmp_path: Path) -> None:
+    """Of a topic that is subscribed twice, as merged files have it, all but one part were lost."""
+    whole = recordings.ulog(tmp_path / "a.ulg").read_bytes()
+    row, head = 37, len(whole) - 300 * 37  # 3 bytes of a message's head, 2 of an id, 32 of numbers
+    again = whole[head - 9 : head - 5] + b"\7\0" + whole[head - 3 : head]  # its id is 7
+    rows = [whole[k : k + row] for k in range(head, len(whole), row)]
+    later = [one[:3] + b"\7\0" + one[5:] for one in rows[200:]]
+    path = tmp_path / "b.ulg"
+    path.write_bytes(b"".join([whole[:head], again, *rows[:100], *later, *rows[100:200]]))
+    words = {"channels": [{"topic": "imu", "field": "gyro[0]", "unit": "rad/s", "name": "rate"}]}
+    log = load_log(import_log(path, parse_mapping(words), tmp_path / "log.nc").path)
+    times = log["time"].to_numpy()
+    assert len(times) == 300
+    expected = [recordings.rolling(t) for t in times]
+    np.testing.assert_allclose(log["rate"], expected, atol=1e-6)  # float32
+
+
+def _telemetry(path: Path, *, top_first: bool) -> Path:
+    """MCAP file of Protobuf: a oneof of imu and motor, by turns, and `volt` in every fourth."""
+    pytest.importorskip("google.protobuf", reason="Protobuf needs the extra patagium[logs]")
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+    from google.protobuf.text_format import Parse
+    from mcap.writer import Writer
+
+    vec = """name: "vec.proto" package: "p" syntax: "proto3" message_type {name: "Vec"
+        field {name: "x" number: 1 type: TYPE_DOUBLE label: LABEL_OPTIONAL}}"""
+    top = """name: "top.proto" package: "p" syntax: "proto3" dependency: "vec.proto" message_type {
+        name: "T" oneof_decl {name: "payload"} oneof_decl {name: "_volt"}
+        field {name: "imu" number: 1 type: TYPE_MESSAGE type_name: ".p.Vec" label: LABEL_OPTIONAL
+            oneof_index: 0}
+        field {name: "motor" number: 2 type: TYPE_MESSAGE type_name: ".p.Vec" label: LABEL_OPTIONAL
+            oneof_index: 0}
+        field {name: "volt" number: 3 type: TYPE_DOUBLE label: LABEL_OPTIONAL oneof_index: 1
+            proto3_optional: true}
+        field {name: "plain" number: 4 type: TYPE_DOUBLE label: LABEL_OPTIONAL}
+        field {name: "extra" number: 5 type: TYPE_MESSAGE type_name: ".p.T.E" label: LABEL_REPEATED}
+        nested_type {name: "E" options {map_entry: true}
+            field {name: "key" number: 1 type: TYPE_INT32 label: LABEL_OPTIONAL}
+            field {name: "value" number: 2 type: TYPE_DOUBLE label: LABEL_OPTIONAL}}}"""
+    files = [Parse(words, descriptor_pb2.FileDescriptorProto()) for words in (vec, top)]
+    pool = descriptor_pool.DescriptorPool()
+    for one in files:
+        pool.Add(one)
+    make = message_factory.GetMessageClass(pool.FindMessageTypeByName("p.T"))
+    held = descriptor_pb2.FileDescriptorSet(file=files[:: -1 if top_first else 1])
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("p.T", "protobuf", held.SerializeToString())
+        channel = writer.register_channel("s", "protobuf", schema)
+        for k in range(100):
+            message = make(**{"motor" if k % 2 else "imu": {"x": 9.8}})
+            message.extra[7] = float(k)
+            if k % 4 == 1:
+                message.volt = 11.1
+            writer.add_message(channel, k * 10**7, message.SerializeToString(), 0, k)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize("kind", ["json", "protobuf", "protobuf, top first"])
+def test_what_a_message_lacks_is_not_zero(kind: str, tmp_path: Path) -> None:
+    """Absent parts of Protobuf were 0, and those absent in the first message of JSON not found.
+
+    A schema whose top file comes first, as in the C++ example of MCAP, and a map were refused.
+    """
+    path = tmp_path / "log.mcap"
+    if kind == "json":
+        held = [{"motor" if k % 2 else "imu": {"x": 9.8}, "plain": 0.0, "extra": {"7": float(k)},
+                 **({"volt": 11.1} if k % 4 == 1 else {})} for k in range(100)]  # fmt: skip
+        _json_messages(path, held)
+    else:
+        _telemetry(path, top_first=kind != "protobuf")
+    seen = {one.name: (topic.rows, one.missing, round(one.mean, 6))
+            for topic in inspect_log(path).topics for one in topic.channels}  # fmt: skip
+    assert seen == {"imu.x": (50, 0, 9.8), "motor.x": (50, 0, 9.8), "volt": (25, 0, 11.1),
+                    "plain": (100, 0, 0.0), "extra.7": (100, 0, 49.5)}  # fmt: skip
+    words = {"channels": [{"topic": "s", "field": "volt", "unit": "V"}]}
+    log = load_log(import_log(path, parse_mapping(words), tmp_path / "log.nc").path)
+    np.testing.assert_allclose(log["time"], 0.04 * np.arange(25), atol=1e-9)  # ns of stamps
 
 
 def test_a_clock_that_wraps_is_said_and_restamped(tmp_path: Path) -> None:

@@ -110,7 +110,8 @@ class Topic:
         guess: Note about stamps that had to be guessed without a mapping.
         unplaced: Content that is not read, by path, with the reason.
         hint: Remedy where a mapping names a path that the topic does not have.
-        stamped: Whether its messages have stamps, of which the first may be zero.
+        stamped: Whether its messages have stamps, which may be zero.
+        varied: Whether some of its messages have numbers that others lack.
     """
 
     name: str
@@ -125,6 +126,7 @@ class Topic:
     unplaced: Mapping[str, str] = field(default_factory=dict)
     hint: str = ""
     stamped: bool = False
+    varied: bool = False
 
 
 class LogFile(Protocol):

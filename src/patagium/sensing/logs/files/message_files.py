@@ -3,8 +3,8 @@
 Numbers inside messages are named by dotted path, whatever library decoded the message. Paths are
 `pose.pose.position.x` or `position[2]`. Brackets also take a name: that of a joint where
 the message lists names beside its arrays, that of a frame or an id where the message holds parts
-(`transforms[base_link]`); those of the first messages of a topic are listed. All else of a message
-is expected to be as in the first one.
+(`transforms[base_link]`). What the first message lacks is found in the first 200 of a topic: named
+parts, parts that are absent or null in JSON or Protobuf, and a stamp that is not 0, which is none.
 Message definitions that a log lacks come from rosbags' collections, and a note says so. The parts
 of one recording are read as one log. Attachments and metadata of MCAP files are not read.
 """
@@ -17,7 +17,7 @@ import math
 import re
 from bz2 import BZ2Decompressor
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
@@ -49,11 +49,11 @@ _MOST_PARTS = 16
 _MOST_WORDS = 200
 """Characters of an error in a description."""
 _FIRST = 200
-"""Messages of a topic among which named parts, and numbers where the first has null, are found."""
+"""Messages of a topic among which what the first of them lacks is found."""
 _ROWS = 4096
 _NAMES = ("name", "names", "joint_names")
 _KEYS = ("child_frame_id", "name", "id")
-_NULL = "null in the first messages"
+_NULL = "absent or null in the first messages"
 NO_MESSAGE = "no message in the log"
 """Problem of a topic without messages."""
 _SECONDS = ("sec", "secs", "seconds")
@@ -80,7 +80,7 @@ class Message(NamedTuple):
 def message_topic(
     name: str, kind: str, count: int | None, decode: Callable[[], Any], known: Topic | None = None
 ) -> Topic:
-    """Topic of messages, described by its first message and the named parts of others.
+    """Topic of messages, described by its first message and by what that lacks and others have.
 
     A message that cannot be decoded makes a topic with a `problem`, so that one damaged topic
     does not prevent the others from being read.
@@ -94,32 +94,41 @@ def message_topic(
     """
     held = known or unreadable_topic(name, kind, count, "")
     channels, aliases, unplaced = dict(held.channels), dict(held.aliases), dict(held.unplaced)
+    own = set[str]()
     try:
         first = decode()
         for path, dtype, other in _leaves(first, "", None):
             if not dtype:
                 unplaced[path] = other
                 continue
+            own.add(path)
             channels.setdefault(path, Channel(path, dtype, unit_in_message(kind, path)))
             if other:
                 aliases.setdefault(other, path)
     except Exception as problem:  # decoders raise their own errors
-        own = isinstance(problem, LogError)
-        reason = str(problem) if own else f"cannot be decoded: {one_line(problem, _MOST_WORDS)}"
+        ours = isinstance(problem, LogError)
+        reason = str(problem) if ours else f"cannot be decoded: {one_line(problem, _MOST_WORDS)}"
         return known or unreadable_topic(name, kind, count, reason)
     parts = {path[: mark.start()] for path in channels for mark in _END.finditer(path)}
     unplaced = {path: why for path, why in unplaced.items() if path not in parts}
-    if known is not None:
-        return replace(known, channels=channels, aliases=aliases, unplaced=unplaced)
     stamp = _stamp(first, _stamp_path(first, list(channels)))
-    base = StampSource("header" if stamp not in (None, 0) else "received")
-    topic = Topic(name, kind, count, channels, base, stamped=stamp is not None)
-    return replace(topic, aliases=aliases, unplaced=unplaced)
+    stamped, headed = held.stamped or stamp is not None, held.base.kind == "header" or bool(stamp)
+    return replace(
+        held,
+        channels=channels,
+        base=StampSource("header" if headed else "received"),
+        aliases=aliases,
+        guess=f"{name}: its stamps are 0; it is stamped as received" * (stamped and not headed),
+        unplaced=unplaced,
+        stamped=stamped,
+        varied=held.varied or bool(aliases) or (known is not None and own != {*held.channels}),
+    )
 
 
-def _is_open(topic: Topic) -> bool:
-    """Whether messages may have numbers that those before lack: named parts, or one for a null."""
-    return bool(topic.aliases) or _NULL in topic.unplaced.values()
+def _is_open(topic: Topic, encoding: str = "") -> bool:
+    """Whether messages may have what those before lack: parts, or a stamp that is not 0."""
+    lacks = topic.varied or _NULL in topic.unplaced.values() or encoding == "json"
+    return not topic.problem and (lacks or bool(topic.guess))
 
 
 def message_blocks(
@@ -178,7 +187,7 @@ class _Rows:
         values = [math.nan] * len(self.getters)
         found = not values
         for k, get in enumerate(self.getters):
-            with suppress(KeyError, IndexError):
+            with suppress(KeyError, IndexError, TypeError):  # a part, where others have a number
                 value = get(content)
                 values[k], found = math.nan if value is None else float(value), True
         if not found:
@@ -202,9 +211,8 @@ class _Rows:
                 return _as_stamp(getter(self.wanted.base.column)(content), self.wanted.base.factor)
             return NO_STAMP
         if self._path is None:
-            self._path = _stamp_path(content, list(self.wanted.fields)) or ""
-        stamp = _stamp(content, self._path)
-        return NO_STAMP if stamp is None else stamp
+            self._path = _stamp_path(content, list(self.wanted.fields))
+        return _stamp(content, self._path) or NO_STAMP
 
 
 def getter(path: str) -> Getter:
@@ -238,17 +246,22 @@ def getter(path: str) -> Getter:
 
 
 def member(value: Any, name: str) -> Any:
-    """Part of a message or a dict by its name.
+    """Part of a message or a dict by its name; a map of Protobuf is a dict with keys of text.
 
     Raises:
-        KeyError: If there is no such part.
+        KeyError: If there is no such part, or Protobuf has a default in place of an absent one.
     """
     if isinstance(value, dict):
         return value[name]
+    if described := getattr(value, "DESCRIPTOR", None):
+        field = described.fields_by_name[name]
+        if field.has_presence and not (field.has_default_value or value.HasField(name)):
+            raise KeyError(name)
     try:
-        return getattr(value, name)
+        part = getattr(value, name)
     except AttributeError:
         raise KeyError(name) from None
+    return {str(key): one for key, one in part.items()} if isinstance(part, Mapping) else part
 
 
 def _entry(above: Any, value: Any, key: str) -> Any:
@@ -327,12 +340,15 @@ def _is_list(value: Any) -> bool:
 
 
 def _members(value: Any) -> Iterable[tuple[str, Any]]:
-    """Parts of a dict, of a message of rosbags, which is a dataclass, or of one of Protobuf."""
+    """Parts of a dict, of a message of rosbags, which is a dataclass, or of one of Protobuf.
+
+    One that is absent in Protobuf is null.
+    """
     if isinstance(value, dict):
         return value.items()
     names = [n for n in getattr(value, "__dataclass_fields__", ()) if not n.startswith("_")]
     names += [field.name for field in getattr(getattr(value, "DESCRIPTOR", None), "fields", ())]
-    return [(name, getattr(value, name)) for name in names]
+    return [(name, next(_held(value, [name]), None)) for name in names]
 
 
 def _stamp_path(message: Any, fields: list[str]) -> str | None:
@@ -574,7 +590,7 @@ class BagFile(_Recording):
             raise LogError(NO_MESSAGE)
 
         topic, known = message_topic(name, kind, count, following), None
-        while topic.aliases and topic is not known:  # to the last message, or a damaged one
+        while _is_open(topic) and topic is not known:  # to the last message, or a damaged one
             topic, known = message_topic(name, kind, count, following, topic), topic
         return replace(topic, count=0) if topic.problem == NO_MESSAGE else topic
 
@@ -626,8 +642,9 @@ class McapFile(_Recording):
         for path in self._parts:
             for schema, channel, message in self._records(path, None, counts):
                 known = topics.get(channel.topic)
-                if known is None or (_is_open(known) and looked[channel.topic] < _FIRST):
-                    kind = schema.name if schema is not None else channel.message_encoding
+                encoding = channel.message_encoding
+                if known is None or (_is_open(known, encoding) and looked[channel.topic] < _FIRST):
+                    kind = schema.name if schema is not None else encoding
                     decode = partial(self._decoded, schema, channel, message)
                     looked[channel.topic] += 1
                     topics[channel.topic] = message_topic(channel.topic, kind, None, decode, known)
@@ -640,8 +657,8 @@ class McapFile(_Recording):
     ) -> Iterator[tuple[Any, Any, Any]]:
         """Messages by the time they were logged, or as they come if the file has no index.
 
-        With `counts`, only the first message of each topic, or the first ones if they have named
-        parts or nulls, are read where the index states how many there are.
+        With `counts`, only the first message of each topic, or the first ones if others may have
+        what it lacks, are read where the index states how many there are.
         """
         from mcap.reader import SeekingReader
 
@@ -661,7 +678,7 @@ class McapFile(_Recording):
                 counts[channel.topic] += summary.statistics.channel_message_counts.get(key, 0)
                 for record in islice(reader.iter_messages(topics=[channel.topic]), _FIRST):
                     yield record
-                    if not _is_open(self.topics[channel.topic]):
+                    if not _is_open(self.topics[channel.topic], channel.message_encoding):
                         break
 
     def _summary(self, path: Path, file: Any) -> Any:
@@ -724,11 +741,20 @@ class McapFile(_Recording):
 
 
 def _protobuf(schema: Any) -> Decoder:
-    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
 
     pool = descriptor_pool.DescriptorPool()
-    files = descriptor_pb2.FileDescriptorSet.FromString(schema.data)
-    for file in files.file:
-        pool.Add(file)
+    stamp = descriptor_pb2.FileDescriptorProto.FromString(timestamp_pb2.DESCRIPTOR.serialized_pb)
+    files = descriptor_pb2.FileDescriptorSet.FromString(schema.data).file
+    waiting = {file.name: file for file in [stamp, *files]}
+
+    def add(name: str) -> None:
+        if file := waiting.pop(name, None):
+            for one in file.dependency:
+                add(one)
+            pool.Add(file)
+
+    while waiting:  # in any order
+        add(next(iter(waiting)))
     kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
     return kind.FromString  # type: ignore[no-any-return]

@@ -242,7 +242,7 @@ def filled_in_turn(log: LogFile, wanted: Request, beside: Sequence[str] = ()) ->
     fields = [name for name in wanted.fields if name != wanted.base.column]
     found: list[tuple[Bools, list[str]]] = []
     skips, first, topic = False, None, log.topics[wanted.topic]
-    stamped = wanted.base.kind == "column" if topic.kind == "table" else bool(topic.aliases)
+    stamped = wanted.base.kind == "column" if topic.kind == "table" else topic.varied
     if stamped and fields:
         with suppress(LogError):  # of a column of text, which is told where it is read
             first = next(iter(log.blocks((wanted._replace(fields=tuple(fields)),))), None)
