@@ -25,6 +25,8 @@ from patagium.aerodynamics.air import Air, air_from_description
 from patagium.aerodynamics.local_flow import normalwash, strip_axes, strip_motions
 from patagium.aerodynamics.named_descriptions import check_keys
 from patagium.aerodynamics.of_wings import wings_of
+from patagium.aerodynamics.polars import section_flow
+from patagium.aerodynamics.sections import Section
 from patagium.arguments import check_fields
 from patagium.arrays import Array, real_array
 from patagium.dynamics.added_mass import BodyAddedMass
@@ -162,9 +164,12 @@ class AddedMass:
         carried = self._carried(robot, parameters)
         motions = strip_motions(robot, q, v, wind)
         for motion, (strip, mass, _) in zip(motions, carried, strict=True):
-            forward, _, span = strip_axes(strip)
-            wash = normalwash(motion)
-            force = forward * (mass * motion.pitch_rate * wash)
+            forward, normal, span = strip_axes(strip)
+            wash, flow = normalwash(motion), section_flow(motion.forward, motion.normal)
+            sine, cosine = flow.normal / flow.speed, flow.forward / flow.speed
+            lost = sine * _SECTION.separated_share(flow, _SECTION.parameters)
+            force = forward * (1.0 - lost * sine) + normal * (lost * cosine)
+            force = force * (mass * motion.pitch_rate * wash)
             # nose down: the span points left of a wing that flies forward
             moment = span * (mass * motion.forward * wash)
             moment = moment + ca.cross(vector(strip.quarter_chord), force)
@@ -266,6 +271,10 @@ def added_mass_from_description(robot: Robot, description: Mapping[str, Any]) ->
     """
     check_keys("added mass", description, ("air", "factor"))
     return AddedMass(robot, air_from_description(description["air"]), factor=description["factor"])
+
+
+_SECTION = Section()
+"""Section whose stall angles say where flow separates, under any model of the air."""
 
 
 def _carried(strip: Strip, density: Any) -> tuple[Any, Any]:
