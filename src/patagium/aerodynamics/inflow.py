@@ -43,14 +43,14 @@ from patagium.robot.planform import (
 NUMBERS = ("induced_factor", "apparent_mass", "memory")
 """Parameters that follow those of the model, in their order."""
 TANDEM = 0.5
-"""Distance of two roots along the body below which their strokes are one, over the length."""
+"""Distance of two held wings along the body below which their streams are one, over the length."""
 
 
 @dataclass(frozen=True)
 class Inflow(OnModel):
     """Model of the air with the velocity that its own forces induce through the strokes.
 
-    Wings whose roots are close (left and right, fore and hind) sweep one stroke. With F the
+    All wings that sweep share one stroke, held ones a stream if they are close. With F the
     force of the air on them, V their velocity through the air, u the induced velocity (world
     axes, the same for all of their strips) and w what the model itself says of its downwash,
 
@@ -60,8 +60,9 @@ class Inflow(OnModel):
     flight it fades as Glauert's 1/V, and what a lifting line, or the wing on which a polar was
     measured, induces itself is not counted twice. A is the area from which
     the stroke takes its air: what the wings sweep, 1/2 Phi R^2 each but once for what wings of
-    one side sweep both, where the stream goes through the stroke, and the circle on the span
-    where it goes along it; R and the span are those of the pose. Phi is found on the
+    one side sweep both (less with the distance of their hinges, nothing from R on), where the
+    stream goes through the stroke, and the circle on the span where it goes along it (at any
+    stagger: Munk's theorem); R and the span are those of the pose. Phi is found on the
     way from the directions of each wing from root to tip, e, over the angle that it has
     swept, (|de/dt|^2 + |V|^2/R^2)^(1/2) dt: ds = (e - s)/memory of it, |s| = sin(Phi/2) / (Phi/2).
     Wings that sweep less than their own area have no stroke: of F, the part along u - V counts
@@ -80,7 +81,7 @@ class Inflow(OnModel):
     References:
         Ellington (1984), The aerodynamics of hovering insect flight V, Philosophical
         Transactions B 305, 115-144 (area swept); Glauert (1935) in Durand, Aerodynamic Theory IV;
-        Pitt & Peters (1981), Vertica 5, 21-34 (inertia of the inflow).
+        Pitt & Peters (1981), Vertica 5, 21-34 (inertia of the inflow); Munk (1921), NACA TR 121.
     """
 
     induced_factor: float = 1.0
@@ -205,7 +206,7 @@ class Stroke:
 
 
 def strokes_of(robot: Robot) -> tuple[Stroke, ...]:
-    """Strokes of a robot: wings whose hinges, or edges if held, are close along the body."""
+    """Strokes of a robot: that of all wings that sweep, and held wings close along the body."""
     bodies, base = poses(robot), _base(robot)
     origin, axes = bodies[base] if base >= 0 else (np.zeros(3), np.eye(3))
     found: list[_Placed] = []
@@ -278,12 +279,11 @@ def _turned(robot: Robot, wing: Wing) -> bool:
 
 
 def _close(one: _Placed, other: _Placed) -> bool:
-    """Whether two wings are close seen from the side: roots, or if held, edges."""
+    """Whether two wings share a stream: both sweep, or both are held and close from the side."""
     held, points = one[2:]
-    cut = slice(None) if held else slice(1)  # left and right are one
-    apart = np.linalg.norm(points[cut, None, ::2] - other[3][cut, ::2], axis=-1).min()
+    apart = np.linalg.norm(points[:, None, ::2] - other[3][:, ::2], axis=-1).min()
     length = min(np.linalg.norm(np.ptp(x, axis=0)) for x in (points, other[3]))
-    return bool(held == other[2] and apart < TANDEM * length)
+    return bool(held == other[2] and (not held or apart < TANDEM * length))
 
 
 def _stroke(robot: Robot, base: int, group: list[_Placed]) -> Stroke:
@@ -367,13 +367,16 @@ class _Moving:
         between = ca.mmax(ca.vertcat(*roots)) - ca.mmin(ca.vertcat(*roots))
         return lengths, pi * ((len({*stroke.left}) * longest + between) / 2) ** 2
 
-    def others(self, stroke: Stroke, means: ca.SX, halves: Sequence[ca.SX]) -> list[ca.SX]:
+    def others(
+        self, stroke: Stroke, means: ca.SX, halves: Sequence[ca.SX], lengths: Sequence[Any]
+    ) -> list[ca.SX]:
         """Number of other wings on its side that sweep the sector of each wing, 0 to all [1].
 
         Their mean directions are those in the axes of what their hinges are fixed to, (3, n) [1].
         """
         count = [ca.SX(0)] * len(halves)
         axes = [self.poses[self._places[fixed]].rotation for _, fixed in stroke.hinges]
+        roots = [self.poses[self._places[hinge]].position for hinge, _ in stroke.hinges]
         vectors = [turn @ means[:, k] for k, turn in enumerate(axes)]
         units = [x / smooth_norm(ca.sumsqr(x), _SLIGHT) for x in vectors]
         for j, k in permutations(range(len(halves)), 2):
@@ -382,6 +385,8 @@ class _Moving:
                 apart = apart * (1 + apart**2 / 24 + 3 * apart**4 / 640)  # arc over its chord
                 both = halves[j] + halves[k]
                 common = smooth_step((both - apart) * both / (4 * halves[j] * halves[k]))
+                shift = ca.sumsqr(roots[j] - roots[k]) / ca.fmin(lengths[j], lengths[k]) ** 2
+                common *= smooth_step(1.0 - smooth_norm(shift, _SLIGHT))
                 squares = halves[j] ** 2, halves[k] ** 2
                 count[k] += common * 2 * squares[0] / (squares[0] + squares[1])
         return count
@@ -433,7 +438,7 @@ def _relaxation(
     met = moving.wind - velocity
     halves = [_half_angle(ca.sumsqr(means[:, k])) for k in range(len(stroke.swept))]
     sectors = [half * length**2 for half, length in zip(halves, lengths, strict=True)]
-    others = moving.others(stroke, means, halves)
+    others = moving.others(stroke, means, halves, lengths)
     swept = sum((area / (1 + more) for area, more in zip(sectors, others, strict=True)), ca.SX(0))
     rates, targets = [], []
     for length, wing, hinge in zip(lengths, stroke.swept, stroke.hinges, strict=False):

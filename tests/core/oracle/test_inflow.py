@@ -529,14 +529,16 @@ SEGMENT = """\
 FRAME = "  left_frame:\n    parent: body\n    at: [0, 1 cm, 0]\n    massless: true\n    {joints}\n"
 
 
-def sectors(*names: str, frame: bool = False) -> Robot:
-    """Wings on one root, those named fore sweep forward and others backward."""
+def sectors(*names: str, frame: bool = False, apart: float = 0.0) -> Robot:
+    """Wings on one root, those named fore sweep forward and others, so many lengths aft, back."""
     place = {"parent": "left_frame", "place": ""}
     if not frame:
         place = {"parent": "body", "place": "\n    at: [0, 1 cm, 0]"}
     wings = [SECTOR.format(name=k, axis="-z" if k == "fore" else "z", **place) for k in names]
     twisted = FRAME.format(joints="joints: [{name: left_twist, axis: y}]") if frame else ""
     segments = "".join(SEGMENT.format(name=k) for k in names)
+    if apart:
+        wings[-1] = wings[-1].replace("at: [0", f"at: [{-14 * apart} cm")
     text = SECTORS.format(frame=twisted, wings="".join(wings), segments=segments)
     return load_robot_text(text, "sectors")
 
@@ -576,6 +578,16 @@ def test_wings_that_sweep_apart_share_no_area() -> None:
     assert one == pytest.approx(2 * apart, rel=1e-4)  # band of the norm at equal directions
     near = induced(robot, 0.2, -0.2)[2]
     assert apart[2] < near < one[2]
+
+
+def test_wings_in_tandem_share_less_area_the_farther_apart_they_are() -> None:
+    """At half a wing's length one stroke became two: the lift jumped by a quarter."""
+    robots = [sectors("fore", "hind", apart=x) for x in (0.0, 0.3, 0.49, 0.51, 0.99, 1.01, 3.0)]
+    found = [induced(robot, 0.0, 0.0)[2] for robot in robots]
+    assert found == sorted(found, reverse=True)
+    assert found[0] == pytest.approx(2 * found[-1], rel=1e-4)  # band of the norm, as above
+    assert found[3] == pytest.approx(found[2], rel=0.05)  # smooth: 4 % a fiftieth of the length
+    assert found[4] == pytest.approx(found[-1], rel=1e-6)  # fourth power of the hundredth left
 
 
 def test_a_held_joint_under_two_wings_of_a_side_changes_no_inflow() -> None:
