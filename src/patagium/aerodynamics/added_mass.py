@@ -26,7 +26,7 @@ from patagium.aerodynamics.local_flow import normalwash, strip_axes, strip_motio
 from patagium.aerodynamics.named_descriptions import check_keys
 from patagium.aerodynamics.of_wings import wings_of
 from patagium.aerodynamics.polars import section_flow
-from patagium.aerodynamics.sections import Section
+from patagium.aerodynamics.sections import held_share
 from patagium.arguments import check_fields
 from patagium.arrays import Array, real_array
 from patagium.dynamics.added_mass import BodyAddedMass
@@ -46,7 +46,8 @@ class AddedMass:
     mid-chord and rho pi/8 (c/2)^4 ds about its span, relative to the air. With U forward,
     Q the normalwash at three quarters of the chord, m the carried mass and r the pitch
     rate, circulation takes back the moment m U Q and gives the chordwise force m r Q:
-    together they do no work, and lift and moment become Theodorsen's.
+    together they do no work, and lift and moment become Theodorsen's. Where no flow stays
+    attached, the force loses its part across the path, which does no work by itself.
 
     Args:
         robot: The machine.
@@ -167,7 +168,7 @@ class AddedMass:
             forward, normal, span = strip_axes(strip)
             wash, flow = normalwash(motion), section_flow(motion.forward, motion.normal)
             sine, cosine = flow.normal / flow.speed, flow.forward / flow.speed
-            lost = sine * _SECTION.separated_share(flow, _SECTION.parameters)
+            lost = sine * (1.0 - held_share(flow))
             force = forward * (1.0 - lost * sine) + normal * (lost * cosine)
             force = force * (mass * motion.pitch_rate * wash)
             # nose down: the span points left of a wing that flies forward
@@ -271,10 +272,6 @@ def added_mass_from_description(robot: Robot, description: Mapping[str, Any]) ->
     """
     check_keys("added mass", description, ("air", "factor"))
     return AddedMass(robot, air_from_description(description["air"]), factor=description["factor"])
-
-
-_SECTION = Section()
-"""Section whose stall angles say where flow separates, under any model of the air."""
 
 
 def _carried(strip: Strip, density: Any) -> tuple[Any, Any]:
