@@ -583,7 +583,11 @@ def _bare(robot: Robot) -> list[int]:
 def _kind(robot: Robot, wing: str) -> str:
     """Name of a wing, the same for its mirror image, on the left and on the right."""
     originals = {image: name for name, image in robot.mirrored_wings}
-    return robot.split_side(originals.get(wing, wing))[1]
+    each = (zip(*(k.split("_") for k in pair), strict=False) for pair in robot.mirrored_wings)
+    told = {k for words in each for k in words if k[0] != k[1] and "".join(k).isalpha()}
+    sides = {"left", "right", *(told.pop() if len(told) == 1 else ())}
+    own = originals.get(wing, wing)
+    return "_".join(k for k in own.split("_") if k not in sides) or own
 
 
 def surfaces_of(robot: Robot) -> tuple[str, ...]:

@@ -36,8 +36,7 @@ class Mode:
             stays; a drift of states by others grows as time does, though its multiplier is 1.
         multiplier: Factor of a beat; of a pair the one with the positive angle [1].
         rate: Growth rate and angular frequency, log(multiplier) / period [1/s].
-        shares: Share of each state in the mode at the beginning of the beat, by name, largest
-            first [1].
+        shares: Share of each state in the mode, mean over the beat, by name, largest first [1].
         averaged: Rate by the mean of the beat's linearization [1/s].
         first_order: Rate by averaging of first order [1/s]; nan where it has no equilibrium.
     """
@@ -155,11 +154,12 @@ def floquet(orbit: Orbit) -> Floquet:
     rates = np.emath.log(np.where(values == 0, 1e-300, values)[kept]) / period  # of 0: rounding
     averaged, first = (np.where(np.abs(x) * period < STILL, 0.0, x) for x in (averaged, first))
     near, nearer = _matched(rates, averaged), _matched(rates, first)
-    shares = [_shares(frame.names, vectors[:, k], sizes) for k in kept]
+    carried = _carried(orbit, frame)
+    shares = [_shares(frame.names, carried @ vectors[:, k] / sizes) for k in kept]
     names = _names(shares, rates, orbit)
     for k, vector in zip(still, driven.T, strict=True):
         if vector.any():
-            place, moved = kept.index(k), _shares(frame.names, vector, sizes)
+            place, moved = kept.index(k), _shares(frame.names, carried @ vector / sizes)
             names[place] = f"drift of {_of(moved)} by {_of(shares[place])}"
     modes = tuple(
         Mode(name, complex(values[k]), complex(rate), part, one, other)
@@ -254,12 +254,26 @@ def _sizes(orbit: Orbit, names: tuple[str, ...]) -> Array:
     return np.where(faster, 5.0 / 3.0 / period * sizes, sizes)
 
 
-def _shares(
-    names: tuple[str, ...], vector: NDArray[np.complex128], sizes: Array
-) -> dict[str, float]:
-    """Share of each state in a mode by name, the largest first."""
-    parts = np.abs(vector) / sizes
-    parts = parts / parts.sum()
+def _carried(orbit: Orbit, frame: Frame) -> Array:
+    """Derivative of the state as each segment begins by the first, (m, n - 4, n - 4) [SI]."""
+    found, slope = [], np.eye(frame.size)
+    for state, step in zip(orbit.states, orbit.segments.by_state, strict=True):
+        found.append((frame.seen(state)[1] @ slope)[np.ix_(frame.kept, frame.kept)])
+        slope = step @ slope
+    return np.array(found)
+
+
+def _shares(names: tuple[str, ...], motion: NDArray[np.complex128]) -> dict[str, float]:
+    """Share of each state in a mode by name, the largest first.
+
+    Args:
+        names: Names of the states.
+        motion: Mode over the beat, in sizes of the states, (m, n) [1].
+    """
+    parts = np.abs(motion)
+    sums = parts.sum(axis=1, keepdims=True)
+    left = sums[:, 0] > GONE * sums.max()  # of what faded within the beat only rounding is left
+    parts = (parts[left] / sums[left]).mean(axis=0)
     order = np.argsort(-parts, kind="stable")
     return {names[k]: float(parts[k]) for k in order}
 

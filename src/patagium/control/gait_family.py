@@ -268,7 +268,7 @@ def _direction(robot: Robot, base: FourierGait, still: bool, name: str) -> Array
         if block is None or one not in answering:
             continue
         if one in base.moving or not needs_motion:
-            side = robot.split_side(one)[0]
+            side = robot.side(one)
             way[1 + block * n + k] = side / 2 if name.endswith(DIFFERENCE) else 1.0
     if not way.any() or (name.endswith(DIFFERENCE) and np.count_nonzero(way) != 2):
         flapping = ", ".join(base.moving) or "none"

@@ -213,7 +213,7 @@ def _loaded(robot: Robot, in_plane: bool) -> _Loads:
         for k, i in enumerate(robot.actuated if limits else ()):
             name, turning = robot.dof_names[i], robot.dof_units[i] == "rad"
             twin = robot.index(robot.twin(name))
-            mirrored = in_plane and twin != i and robot.split_side(name)[0] < 0
+            mirrored = in_plane and twin != i and robot.side(name) < 0
             if np.isinf(limits[i]) or (mirrored and limits[twin] <= limits[i]):
                 continue
             what = "power" if first else "torque" if turning else "force"

@@ -274,7 +274,7 @@ def coefficients(robot: Robot, gait: Gait, harmonics: int) -> tuple[str, ...]:
     base = fourier_series(gait)
     series = base.cosine - 1j * base.sine
     moving = np.abs(series).max(axis=0, initial=0.0) > 0
-    own = {robot.split_side(name)[1] for name in robot.actuators}
+    own = {robot.paired(name) for name in robot.actuators}
     found, phased = ["frequency"] if gait.period else [], False
     for name, joints in robot.joint_groups.items():
         k, i = base.joints.index(joints[0]), robot.index(joints[0])
@@ -338,13 +338,15 @@ def _optimal(
 
 
 def _in_plane(family: GaitFamily, start: Orbit) -> GaitFamily:
-    """Family without the parameters that lead out of the plane of symmetry, such as a rudder's.
+    """Family without what leads out of the plane of symmetry and is still, such as a rudder.
 
     It is the whole family where the orbit leaves that plane anyway, or where none would be left.
     """
     rows = family.rows(family.neutral, start.steps, start.aero.air)
     lateral, slopes = lateral_states(start.names), start.map.fly(start.states, rows).by_parameter
     kept = np.abs(slopes[:, lateral]).max(axis=(0, 1)) < IN_PLANE
+    ways = family.directions[:, 1:].reshape(len(kept), -1, len(family.base.joints))
+    kept |= ways[..., np.isin(family.base.joints, family.base.moving)].any(axis=(1, 2))
     if np.abs(start.states[:, lateral]).max() > IN_PLANE or not kept.any():
         return family
     chosen = tuple(name for name, stays in zip(family.names, kept, strict=True) if stays)

@@ -507,7 +507,7 @@ def free_parameters(robot: Robot, gait: Gait, turn_rate: float = 0.0) -> tuple[s
         turn_rate: Mean rate of the heading [rad/s].
     """
     every = symmetric_parameters(robot, gait)
-    own = {name: robot.split_side(name)[1] for name in robot.actuators}
+    own = {name: robot.paired(name) for name in robot.actuators}
     if not turn_rate:
         return tuple(name for name in every if name in own.values()) or every
     pairs = [name for name in every if len(robot.command(name)[1]) == 2 and "_" in name]

@@ -292,7 +292,7 @@ def _changes(robot: Robot) -> Iterator[_Change]:
 
 def _pairs(robot: Robot, names: Sequence[str]) -> list[tuple[str, str]]:
     """Joints of the left, and the same of the right."""
-    both = [(name, robot.twin(name)) for name in names if robot.split_side(name)[0] > 0]
+    both = [(name, robot.twin(name)) for name in names if robot.side(name) > 0]
     return [(left, right) for left, right in both if right != left and right in names]
 
 
@@ -301,7 +301,7 @@ def _groups(robot: Robot, joints: Sequence[str]) -> Iterator[tuple[Sequence[str]
     yield from (([name], name) for name in robot.dof_names)
     yield from ((pair, f"{pair[0]} and {pair[1]}") for pair in _pairs(robot, joints))
     for side, word in ((1, "left"), (-1, "right")):
-        group = [name for name in joints if robot.split_side(name)[0] == side]
+        group = [name for name in joints if robot.side(name) == side]
         if len(group) > 1:
             yield group, f"all joints of the {word}"
     if len(joints) > 1:

@@ -37,6 +37,7 @@ from patagium.robot.model import (
 )
 from patagium.robot.planform import (
     from_the_root,
+    image_joints,
     inwards,
     mirror_body,
     placed,
@@ -159,7 +160,32 @@ def _joined(file: RobotFile, robot: Robot) -> Robot:
     images += [k for k in combinations(left, 2) if mirror_body(robot, *k) is not None]
     told = {wing.name for wing in file.wings if wing.joins is not None}
     near = joined_images(robot, [pair for pair in images if not {*pair} & told])
-    return replace(robot, joined_wings=(*pairs, *near), mirrored_wings=tuple(images))
+    robot = replace(robot, joined_wings=(*pairs, *near), mirrored_wings=tuple(images))
+    return replace(robot, mirrored_joints=_mirrored_joints(file, robot))
+
+
+def _mirrored_joints(file: RobotFile, robot: Robot) -> tuple[tuple[str, str], ...]:
+    """Joints of the left and right: by the words left and right, by `mirror`, or of their wings."""
+    aside: dict[str, float] = {}
+    for body, pose in zip(robot.bodies, poses(robot), strict=True):
+        y = placed(pose, np.array(body.center_of_mass))[1]
+        aside |= {joint.name: -y for joint in body.joints}
+    words = [["right" if k == "left" else k for k in name.split("_")] for name in aside]
+    images = [(k, _renamed(k, m.source, m.target)) for m in file.mirror for k in aside]
+    for joint, other, _, mirrored in image_joints(robot):
+        if np.abs(other.axis - mirrored).max() < _SAME_AXIS:
+            images.append((joint.name, other.name))
+    pairs = [*zip(aside, map("_".join, words), strict=True)]
+    pairs += [k if aside[k[0]] <= aside[k[1]] else k[::-1] for k in images if k[1] in aside]
+    found: dict[str, str] = {}
+    for left, right in pairs:
+        if left != right in aside and not {left, right} & {*found, *found.values()}:
+            found[left] = right
+    return tuple(found.items())
+
+
+_SAME_AXIS = 1e-6
+"""Distance of unit axes that is rounding's, as is that of wings which are mirror images."""
 
 
 def _cruise(robot: Robot, part: CruisePart | None) -> Cruise | None:

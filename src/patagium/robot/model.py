@@ -263,6 +263,7 @@ class Robot:
         cruise: How it flies where nothing else is asked for, or None.
         joined_wings: Wings that one lifting line runs through, as pairs of names.
         mirrored_wings: Wings and their mirror images, as pairs of names.
+        mirrored_joints: Joints of the left and their mirror images on the right, likewise.
         actuators: Limits of the commands of a gait, by their names in `SteeredGait`.
     """
 
@@ -285,6 +286,7 @@ class Robot:
     cruise: Cruise | None = field(default=None, repr=False, compare=False)
     joined_wings: tuple[tuple[str, str], ...] = ()
     mirrored_wings: tuple[tuple[str, str], ...] = ()
+    mirrored_joints: tuple[tuple[str, str], ...] = field(default=(), repr=False)
     actuators: Mapping[str, Actuator] = field(default_factory=dict, repr=False, compare=False)
     stiffness: tuple[Any, ...] = ()
     rest: tuple[Any, ...] = ()
@@ -554,40 +556,33 @@ class Robot:
         return vector
 
     @cached_property
-    def _sides(self) -> dict[str, int]:
-        """Words in names that tell a side, 1 for left and -1 for right."""
-        each = (zip(*(k.split("_") for k in pair), strict=False) for pair in self.mirrored_wings)
-        told = {k for words in each for k in words if k[0] != k[1] and "".join(k).isalpha()}
-        left, right = told.pop() if len(told) == 1 else ("left", "right")
-        return {left: 1, right: -1, "left": 1, "right": -1}
+    def _images(self) -> dict[str, tuple[int, str]]:
+        """Side of each joint that has a mirror image, and that image."""
+        both = [(side, pair[::side]) for pair in self.mirrored_joints for side in (1, -1)]
+        return {name: (side, image) for side, (name, image) in both}
 
-    @checked
-    def split_side(self, name: str) -> tuple[int, str]:
-        """Side that a name tells, 1 left, -1 right and 0 neither, and the name without it.
-
-        Besides `left` and `right`, words by which a wing and its mirror image differ tell a side.
-        """
-        words = name.split("_")
-        found = next((k for k in words if k in self._sides), None)
-        if found is None or len(words) == 1:
-            return 0, name
-        words.remove(found)
-        return self._sides[found], "_".join(words)
+    def side(self, name: str) -> int:
+        """Side of a degree of freedom: 1 left, -1 right, 0 without a mirror image."""
+        return self._images.get(name, (0, name))[0]
 
     def twin(self, name: str) -> str:
         """Degree of freedom of the other side, `right_plunge` for `left_plunge`, or the same."""
-        side, own = self.split_side(name)
-        there = (k for k in self.dof_names if side and self.split_side(k) == (-side, own))
-        return next(there, name)
+        return self._images.get(name, (0, name))[1]
 
     @cached_property
     def joint_groups(self) -> dict[str, tuple[str, ...]]:
-        """Actuated joints by the name that addresses them: `plunge` those of both sides."""
-        groups: dict[str, tuple[str, ...]] = {}
-        for joint in (self.dof_names[i] for i in self.actuated):
-            name = self.split_side(joint)[1]
-            groups[name] = (*groups.get(name, ()), joint)
-        return groups
+        """Actuated joints by the name that addresses them: `plunge` those of both sides.
+
+        It is the words that both names have but left and right, or both names where it is taken.
+        """
+        joints = [self.dof_names[i] for i in self.actuated]
+        groups = [tuple(k for k in joints if k in (name, self.twin(name))) for name in joints]
+        short = {}
+        for group in groups:
+            common = {*group[0].split("_")}.intersection(group[-1].split("_")) - {"left", "right"}
+            short[group] = "_".join(k for k in group[0].split("_") if k in common)
+        names = [*short.values()]
+        return {k if k and names.count(k) == 1 else "_".join(g): g for g, k in short.items()}
 
     @checked
     def joints_named(self, name: str) -> tuple[str, ...]:
@@ -608,6 +603,12 @@ class Robot:
         if name in ("frequency", "amplitude"):
             return name, tuple(self.dof_names[i] for i in self.actuated)
         return kind, self.joints_named(joint) if kind in COMMANDS else ()
+
+    def paired(self, name: str) -> str:
+        """Command of both sides: `plunge_offset` for `left_plunge_offset`."""
+        kind, joints = self.command(name)
+        groups = (group for group, own in self.joint_groups.items() if {*joints} <= {*own})
+        return name if kind == name else f"{next(groups)}_{kind}"
 
     def index(self, dof_name: str) -> int:
         """Index of a degree of freedom by name.
@@ -780,6 +781,7 @@ def _mounted(
         source=composed_source(robot.source, arm.source, at, (position, orientation), prefix),
         joined_wings=pairs("joined_wings"),
         mirrored_wings=pairs("mirrored_wings"),
+        mirrored_joints=pairs("mirrored_joints"),
         actuators=robot.actuators,
         **capacities,
     )

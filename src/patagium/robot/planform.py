@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arrays import Array, real_array
-from patagium.robot.model import Body, Robot, Strip
+from patagium.robot.model import Body, Joint, Robot, Strip
 
 BOTH_SIDES = 0.5
 """Reach on one side of the hinge over that on the other, beyond which a wing goes to both sides."""
@@ -196,6 +196,30 @@ def mirror_body(robot: Robot, one: str, other: str) -> int | None:
         if np.abs(apart).max() < 1e-6 * np.ptp(seen, axis=(0, 1)).max():
             return body
     return None
+
+
+def image_joints(robot: Robot) -> Iterator[tuple[Joint, Joint, Array, Array]]:
+    """Joints of wings that are mirror images, each with that of the image, outermost first.
+
+    Beside them are the axis of the first, and its reflection, in axes of the second's body, (3,).
+
+    Args:
+        robot: The machine, in numbers.
+    """
+    turns = [*(turn for _, turn in poses(robot)), np.eye(3)]  # the last is the world's
+    for wings in map(sorted, robot.mirrored_wings):
+        bodies = ([s.body for s in robot.strips if s.wing == wing] for wing in wings)
+        common = turns[-1 if (base := mirror_body(robot, *wings)) is None else base]
+        for pair in dict.fromkeys(zip(*bodies, strict=True)):
+            one, other = (
+                [(j, turns[k]) for k in inwards(robot, body) for j in robot.bodies[k].joints[::-1]]
+                for body in pair
+            )
+            for (joint, turn), (image, own) in zip(one, other, strict=False):
+                if joint is not image and joint.kind == image.kind:
+                    axis = turn @ joint.axis
+                    mirrored = common @ reflected_axis(joint.kind, common.T @ axis)
+                    yield joint, image, own.T @ axis, own.T @ mirrored
 
 
 def mirrored_bodies(robot: Robot) -> set[int]:

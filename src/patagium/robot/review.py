@@ -15,12 +15,11 @@ import yaml
 from patagium.reading import lines_of
 from patagium.robot.model import Robot
 from patagium.robot.planform import (
+    image_joints,
     inwards,
-    mirror_body,
     mirrored_bodies,
     placed,
     poses,
-    reflected_axis,
     strip_corners,
 )
 
@@ -160,24 +159,12 @@ def _wide_bodies(robot: Robot, images: set[int]) -> Iterator[str]:
 
 def _same_axes(robot: Robot) -> Iterator[str]:
     """Joints of a written right wing, image of the left one, on an axis that is not mirrored."""
-    places = [*poses(robot), (np.zeros(3), np.eye(3))]  # the last is the world
-    joints = {k.name: (k, places[i][1]) for i, b in enumerate(robot.bodies) for k in b.joints}
-    for wings in robot.mirrored_wings:
-        left, right = ([s for s in robot.strips if s.wing == name][-1] for name in sorted(wings))
-        base = mirror_body(robot, *wings)
-        common = places[-1 if base is None else base][1]
-        for joint in (k for body in inwards(robot, left.body) for k in robot.bodies[body].joints):
-            name = robot.twin(joint.name)
-            if right.mirrored or name == joint.name or name not in joints:
-                continue
-            image, turn = joints[name]
-            axis, own = (common.T @ at @ k.axis for k, at in (joints[joint.name], joints[name]))
-            mirrored = np.array(reflected_axis(joint.kind, axis))
-            apart, wrong = np.linalg.norm(own - axis), np.linalg.norm(own - mirrored)
-            if apart < _AXIS < wrong and image.dof in robot.actuated:
-                best = ", ".join(f"{k + 0.0:.3g}" for k in np.round(turn.T @ common @ mirrored, 3))
-                seen = "it is that of the left side, so the wings do not move as mirror images"
-                yield f"joint {name}: axis: {seen}; write axis: [{best}]"
+    for _, image, axis, mirrored in image_joints(robot):
+        apart, wrong = (np.linalg.norm(image.axis - k) for k in (axis, mirrored))
+        if apart < _AXIS < wrong and image.dof in robot.actuated:
+            best = ", ".join(f"{k + 0.0:.3g}" for k in np.round(mirrored, 3))
+            seen = "it is that of the left side, so the wings do not move as mirror images"
+            yield f"joint {image.name}: axis: {seen}; write axis: [{best}]"
 
 
 def _elsewhere(robot: Robot) -> Iterator[str]:

@@ -431,7 +431,7 @@ def _chosen(robot: Robot, force: Array) -> list[str]:
     own = [robot.dof_names[joint.dof] for body in carried for joint in body.joints]
     order = [*("x", "z", "pitch"), *own, *robot.dof_names]
     names = [n for n in dict.fromkeys(order) if n in robot.dof_names and loud[robot.index(n)]]
-    return [n for n in names if n not in _SIDEWAYS and robot.split_side(n)[0] >= 0][:_PLOTTED]
+    return [n for n in names if n not in _SIDEWAYS and robot.side(n) >= 0][:_PLOTTED]
 
 
 def _axes(arrows: Arrows | None) -> list[str]:

@@ -387,3 +387,56 @@ def test_sides_have_the_words_of_the_mirror(sides: tuple[str, str]) -> None:
         for one, gait in zip((usual, robot), gaits, strict=True)
     ]
     np.testing.assert_array_equal(*ways)
+
+
+@pytest.mark.parametrize("sides", [("w1_", "w2_"), ("one", "two")])
+def test_joints_of_wings_that_are_images_are_pairs_whatever_their_names(
+    sides: tuple[str, str],
+) -> None:
+    """Sides without words of letters alone made no pairs: a trim freed each side by itself."""
+    usual = _by_hand(_described(2, 2))
+    robot = _robot(_copy(usual, left_=sides[0], right_=sides[1]))
+    one, other = sides
+    joints = ("plunge", "feather", "fold")
+    assert {*robot.mirrored_joints} == {(one + k, other + k) for k in joints}
+    assert {*robot.joint_groups.values()} == {*robot.mirrored_joints}
+    named = [k if one[-1] == "_" else f"{one}{k}_{other}{k}" for k in joints]
+    assert [*robot.joint_groups] == named
+    assert robot.paired(f"{other}fold_offset") == f"{named[-1]}_offset"
+    assert all(robot.joints_named(name) == robot.joint_groups[name] for name in named)
+
+
+def test_the_left_is_where_it_lies() -> None:
+    """Where a file began with the right wing, differences of left and right had the other sign."""
+    usual = _by_hand(_described(2, 2))
+    for name in ("bodies", "wings"):
+        parts = usual[name]
+        listed = isinstance(parts, list)
+        usual[name] = parts[::-1] if listed else dict(reversed(parts.items()))
+    robot = _robot(_copy(usual, left_="port_", right_="starboard_"))
+    assert robot.mirrored_wings == (("starboard_wing", "port_wing"),)
+    assert robot.side("port_plunge") == 1 and robot.side("starboard_plunge") == -1
+
+
+def test_joints_on_axes_that_are_not_mirrored_are_told_and_no_pair() -> None:
+    """Equal values of both are no symmetric motion."""
+    text = _copy(_by_hand(_described(2, 2)), left_="w1_", right_="w2_")
+    text["bodies"]["w2_arm"]["joints"][0]["axis"] = "x"
+    robot = _robot(text)
+    assert robot.twin("w1_plunge") == "w1_plunge" and robot.twin("w1_fold") == "w2_fold"
+    assert any("joint w2_plunge: axis" in one for one in robot_warnings(robot))
+
+
+def test_each_rule_of_a_mirror_makes_pairs() -> None:
+    """Two rules made none: a gait of `lf_plunge` alone flew, and trims freed each side."""
+    usual = pt.load_robot("dragonfly")
+    text = usual.source[: usual.source.index("cruise:")]
+    rules = "{from: lf, to: rf}\n  - {from: lh, to: rh}"
+    text = text.replace("left_fore", "lf").replace("left_hind", "lh")
+    robot = load_robot_text(text.replace("{from: left, to: right}", rules))
+    pairs = ("lf_plunge", "rf_plunge"), ("lh_plunge", "rh_plunge")
+    assert {*pairs} <= {*robot.mirrored_joints} and len(robot.mirrored_joints) == 4
+    free = symmetric_parameters(robot, pt.gaits.sinusoidal(robot, frequency=16.0, lf_plunge=0.1))
+    gait = pt.gaits.sinusoidal(usual, frequency=16.0, left_fore_plunge=0.1)
+    assert len(free) == len(symmetric_parameters(usual, gait))
+    assert "lf_plunge_rf_plunge_offset" in free

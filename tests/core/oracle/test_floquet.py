@@ -117,6 +117,21 @@ def test_modes_bear_the_fields_names_where_they_are_that():
     assert all(" of " in mode.name for mode in hover.modes)
 
 
+def test_names_and_shares_do_not_depend_on_the_phase_where_the_beat_begins():
+    """The phugoid was an oscillation of pitch and two velocities where the clock began later."""
+    robot, modes = pt.load_robot("ornithopter"), []
+    for phase in (0.0, 0.7):
+        gait = pt.gaits.sinusoidal(
+            robot, frequency=4.0, plunge=0.784, offset={"elevation": -0.015},
+            phase={"plunge": phase},
+        )  # fmt: skip
+        orbit = pt.trim(robot, gait=gait, speed=4.5, free=("frequency", "elevation_offset"))
+        modes.append(floquet(orbit).modes)
+    for one, other in zip(*modes, strict=True):
+        assert one.name == other.name
+        assert one.shares == pytest.approx(other.shares, abs=0.01)  # other steps over jumps
+
+
 def test_robots_that_are_alike_have_the_same_names_and_shares():
     """Sizes were those of one robot, so that names changed with the scale of the same flight."""
     robot = pt.load_robot("dragonfly")

@@ -225,6 +225,13 @@ def test_the_usual_parameters_are_those_of_actuators(ornithopter):
     assert coefficients(hawk, gait, 1) == ("frequency", "elevation_offset")
 
 
+def test_a_side_of_a_beating_pair_is_kept_and_a_rudder_is_not(ornithopter, best):
+    """All coefficients of wings that were no pair were left out, and 37 % more power was best."""
+    names = ("frequency", "left_plunge_sine_1", "right_plunge_sine_1", "rudder_offset")
+    family = gait_family(ornithopter, best.orbit.gait, names)
+    assert optimal_gait._in_plane(family, best.orbit).names == names[:-1]
+
+
 def test_a_front_has_gaits_and_sinusoids_at_each_speed(ornithopter, tmp_path, capsys):
     words = ("optimize", "ornithopter", "--front", "4,4.4", "--harmonics", "2")
     picture = tmp_path / "front.svg"
