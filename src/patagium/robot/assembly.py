@@ -173,7 +173,7 @@ def _mirrored_joints(file: RobotFile, robot: Robot) -> tuple[tuple[str, str], ..
     words = [["right" if k == "left" else k for k in name.split("_")] for name in aside]
     images = [(k, _renamed(k, m.source, m.target)) for m in file.mirror for k in aside]
     for joint, other, _, mirrored in image_joints(robot):
-        if np.abs(other.axis - mirrored).max() < _SAME_AXIS:
+        if np.allclose(other.axis, mirrored):
             images.append((joint.name, other.name))
     pairs = [*zip(aside, map("_".join, words), strict=True)]
     pairs += [k if aside[k[0]] <= aside[k[1]] else k[::-1] for k in images if k[1] in aside]
@@ -182,10 +182,6 @@ def _mirrored_joints(file: RobotFile, robot: Robot) -> tuple[tuple[str, str], ..
         if left != right in aside and not {left, right} & {*found, *found.values()}:
             found[left] = right
     return tuple(found.items())
-
-
-_SAME_AXIS = 1e-6
-"""Distance of unit axes that is rounding's, as is that of wings which are mirror images."""
 
 
 def _cruise(robot: Robot, part: CruisePart | None) -> Cruise | None:

@@ -201,7 +201,7 @@ def mirror_body(robot: Robot, one: str, other: str) -> int | None:
 def image_joints(robot: Robot) -> Iterator[tuple[Joint, Joint, Array, Array]]:
     """Joints of wings that are mirror images, each with that of the image, outermost first.
 
-    Beside them are the axis of the first, and its reflection, in axes of the second's body, (3,).
+    Beside them are axis of the first and its reflection, in axes of the second's body, (3,) [1].
 
     Args:
         robot: The machine, in numbers.
