@@ -12,7 +12,7 @@ wind (an orbit is relative to the air), stops of joints but as limits of the gai
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -463,14 +463,18 @@ def trim(
     if steps is None and robot.stiffness:
         needed = stable_steps(search, search.family.neutral, states)
         search.steps = max(search.steps, min(_BEARABLE, needed))
-    at, trouble = _searched(search, states, conditions, start.turn_rate if start else 0.0)
-    if trouble == "stalled" and start is None and flight.moving < flight.size:
-        search.still[:] = False  # air at rest was too far
-        at, trouble = _searched(search, _settled(search, states), conditions, 0.0)
+    guesses = [states]
+    if flight.moving < flight.size and (start is None or states is not start.states):
+        guesses.insert(0, _settled(search, states))
+    for guess in guesses:
+        search.still[:], search.points = False, 0
+        at, trouble = _searched(search, guess, conditions, start.turn_rate if start else 0.0)
+        if not trouble:
+            break
     if trouble:
         return _not_found(search, at, trouble)
     if tolerable:
-        at = search.nearest(at, search.point(states, family.neutral, conditions), conditions)
+        at = search.nearest(at, search.point(guess, family.neutral, conditions), conditions)
     return orbit_of(search, at, added_mass)
 
 
@@ -564,20 +568,34 @@ def _first_states(search: OrbitSearch, robot: Robot, start: Orbit | None) -> Arr
     return states
 
 
-@np.errstate(all="ignore")  # a flight may break
 def _settled(search: OrbitSearch, states: Array) -> Array:
-    """States of the nodes, the air's own as they repeat around the others, by Newton's method."""
+    """States of the nodes, the air's own as they repeat around the others, or at rest."""
     rows = search.family.rows(search.family.neutral, search.steps, search.map.aero.air)
-    own, found = slice(search.map.moving, None), states.copy()
+    found = _repeating(search.map, states, rows)
+    if found is None:  # from rest it went too far: a beat is flown first
+        own, flown, length = search.map.moving, states.copy(), 2 * rows.steps // len(states)
+        for k in range(len(flown)):
+            part = slice(length * k, length * (k + 1) + 1)
+            taken = replace(rows, table=rows.table[part], slopes=rows.slopes[part])
+            end = search.map.fly(flown[k : k + 1], taken).ends[0]
+            flown[(k + 1) % len(flown), own:] = end[own:]
+        found = _repeating(search.map, flown, rows)
+    return states if found is None else found
+
+
+@np.errstate(all="ignore")  # a flight may break
+def _repeating(flight: FlightMap, states: Array, rows: PrescribedRows) -> Array | None:
+    """States whose air repeats around the others, by Newton's method; None where it breaks."""
+    own, found = slice(flight.moving, None), states.copy()
     for _ in range(_NEWTON):
-        flown = search.map.fly(found, rows)
+        flown = flight.fly(found, rows)
         slopes = flown.by_state[:, own, own]
         rest = flown.ends[:, own] - np.einsum("kij,kj->ki", slopes, found[:, own])
         through, end = np.eye(rest.shape[1]), np.zeros(rest.shape[1])
         for slope, more in zip(slopes, rest, strict=True):
             through, end = slope @ through, slope @ end + more
         if not np.isfinite(through).all():
-            return states
+            return None
         now, former = np.linalg.lstsq(np.eye(len(end)) - through, end)[0], found[:, own].copy()
         for k, (slope, more) in enumerate(zip(slopes, rest, strict=True)):
             found[k, own], now = now, slope @ now + more

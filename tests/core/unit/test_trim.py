@@ -12,7 +12,7 @@ import pytest
 from tests.robots import FLAPPER
 
 import patagium as pt
-from patagium.control import FlightMap, free_parameters, gait_family
+from patagium.control import FlightMap, free_parameters, gait_family, trimming
 from patagium.control.orbit import Frame
 from patagium.control.trimming import Conditions, OrbitSearch, _not_found, state_sizes
 from patagium.errors import ParameterError
@@ -88,6 +88,61 @@ def test_a_hover_is_found_from_a_gait_whose_inflow_is_far_from_rest():
     """The search began in air at rest, and stalled where the wings move a strong stream."""
     moth = hinged_moth()
     hovering(moth, pt.gaits.sinusoidal(moth, frequency=60.0, sweep=np.radians(60)))
+
+
+HOVERER = """
+name: hoverer
+gravity: 9.81 m/s^2
+bodies:
+  body: {floating: true, mass: 15 g, shape: {type: box, size: [2 cm, 2 cm, 7 cm]}}
+  left_wing:
+    parent: body
+    at: [0, 1 cm, 3 cm]
+    joints: [{name: left_sweep, axis: -z}, {name: left_feather, axis: -y}]
+    mass: 0.3 g
+    center_of_mass: [-0.8 cm, 3.5 cm, 0]
+    shape: {type: plate, axis: y, chord: 2.7 cm, span: 7.5 cm, thickness: 0.1 mm}
+wings:
+  - name: left_wing
+    segments: [{body: left_wing, strips: 8, stations: [
+      {span: 0 cm, leading: 0.4 cm, trailing: -2.0 cm},
+      {span: 3 cm, leading: 0.4 cm, trailing: -2.6 cm},
+      {span: 7.5 cm, leading: 0.4 cm, trailing: -1.6 cm}]}]
+mirror: [{from: left, to: right}]
+"""
+
+
+def hoverer_at(frequency):
+    """Robot of 16 g with wings of 75 mm, its gait and air with inflow."""
+    robot = load_robot_text(HOVERER)
+    turned = {"phase": {"feather": -np.pi / 2}, "offset": {"feather": np.pi / 2}}
+    sweep, feather = np.radians([80, 50])
+    gait = pt.gaits.sinusoidal(robot, frequency=frequency, sweep=sweep, feather=feather, **turned)
+    return robot, pt.air.Inflow(pt.QuasiSteady(robot)), gait
+
+
+def test_a_hover_with_inflow_follows_the_gait_that_the_search_begins_from():
+    """The first search began in air at rest: 38.2, 37.6 and 30.3 Hz came of 20, 21 and 22 Hz."""
+    found = [pt.trim(*hoverer_at(f), speed=0.0).values for f in (20.0, 21.0, 22.0)]
+    middle = 0.5 * (found[0] + found[2])
+    # the bend of the branch over 1 Hz: .02 of 23.8 Hz, 5e-4 of the other parameters
+    assert found[1] == pytest.approx(middle, rel=2e-3, abs=2e-3)
+
+
+def test_a_second_search_has_flights_of_its_own(monkeypatch):
+    """It began with the budget that the first had spent, and ended at once."""
+    searched, most = trimming._searched, 20  # flights; from air at rest it takes 12
+
+    def spent(search, *given):
+        first, found = search.points == 0 and not done, searched(search, *given)
+        done.append(search.points)
+        search.points = most + 1
+        return (found[0], "stalled") if first else found
+
+    done = []
+    monkeypatch.setattr(trimming, "_POINTS", most)
+    monkeypatch.setattr(trimming, "_searched", spent)
+    assert pt.trim(*hoverer_at(22.0), speed=0.0).found and len(done) == 2
 
 
 def test_a_machine_that_is_smaller_and_faster_has_the_same_hover():
