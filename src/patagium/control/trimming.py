@@ -463,10 +463,10 @@ def trim(
     if steps is None and robot.stiffness:
         needed = stable_steps(search, search.family.neutral, states)
         search.steps = max(search.steps, min(_BEARABLE, needed))
-    guesses = [states]
-    if flight.moving < flight.size and (start is None or states is not start.states):
-        guesses.insert(0, _settled(search, states))
-    for guess in guesses:
+    settles = flight.moving < flight.size and (start is None or states is not start.states)
+    first = settles and not robot.stiffness  # on springs that rest, the air would repeat elsewhere
+    for settled in dict.fromkeys((first, settles and not first)):
+        guess = _settled(search, states) if settled else states
         search.still[:], search.points = False, 0
         at, trouble = _searched(search, guess, conditions, start.turn_rate if start else 0.0)
         if not trouble:
