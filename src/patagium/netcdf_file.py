@@ -162,6 +162,7 @@ _KINDS = {
 }
 """Kinds of files by their format, else by what only they hold."""
 _FORMAT = re.compile(rb"(?:\{\s*\"format\": \")?(patagium (?:model|learner)) ")
+_SETTINGS = re.compile(rb"^(every|network|learner):", re.MULTILINE)
 _MAPPING = re.compile(rb"^(inputs|outputs|channels|time):", re.MULTILINE)
 
 
@@ -173,6 +174,8 @@ def kind_of(path: str | Path) -> str:
     if file.suffix.lower() in (".yaml", ".yml", ".urdf"):
         if _MAPPING.search(head):
             return "a mapping, which the option --mapping takes"
+        if _SETTINGS.search(head):
+            return "settings of a learner, which the option --settings takes"
         return command("a robot; fly it first: patagium simulate {}", path)
     if head.startswith(b"\x89HDF"):
         with suppress(OSError, RuntimeError, PatagiumError), open_netcdf(file) as opened:

@@ -266,11 +266,7 @@ def parsed_yaml(text: str, name: str, *, aliases: bool = True) -> Any:
     try:
         return yaml.load(text, Loader=partial(_Loader, aliases=aliases))  # type: ignore[arg-type] # noqa: S506
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        where = f"line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        found = _indented(text, mark.line if mark else 0, str(error.problem))
-        found = found or shown(error.problem or error.context, 200)
-        raise Unreadable(name, where, "readable YAML", found) from None
+        raise Unreadable(name, *_yaml_fault(text, error)) from None
     except (
         yaml.YAMLError,
         ValueError,
@@ -282,6 +278,35 @@ def parsed_yaml(text: str, name: str, *, aliases: bool = True) -> Any:
     ) as error:
         found = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
         raise Unreadable(name, "", "readable YAML", found) from None
+
+
+_UNENDED = {
+    "simple key": "`key: value` with a colon and a space",
+    "flow mapping": "a comma between entries, or a } that closes the { of this line",
+    "flow sequence": "a comma between entries, or a ] that closes the [ of this line",
+    "quoted scalar": "a quote that closes the one of this line",
+}
+"""What a text lacks from the line on where YAML says that it began to read one of these."""
+
+
+def _yaml_fault(text: str, error: yaml.MarkedYAMLError) -> tuple[str, str, str]:
+    """Place of a fault in a YAML text, what is expected there, and what was found."""
+    mark, problem, rows = error.problem_mark or error.context_mark, error.problem, text.splitlines()
+    line, part = mark.line if mark else 0, str(error.context).rpartition(" a ")[2]
+    begun = error.context_mark.line if error.context_mark else line
+    if str(problem).startswith("mapping values"):  # of a text that goes on from the line before
+        begun = max([k for k in range(line) if rows[k].split("#")[0].strip()], default=line)
+        part = "" if begun == line or re.search(r":(\s|$)", rows[begun]) else "simple key"
+    where = f"line {line + 1}, column {mark.column + 1}" if mark else ""
+    if part in _UNENDED:
+        found = f"none up to {where if line < len(rows) else 'the end'}"
+        found = shown(rows[begun].strip()) if part == "simple key" else found
+        return f"line {begun + 1}", _UNENDED[part], found
+    if found := _indented(text, line, str(problem)):
+        return where, "readable YAML", found
+    if str(problem).startswith("mapping values"):
+        return where, "one `key: value` a line", "a second colon"
+    return where, "readable YAML", shown(problem or error.context, 200)
 
 
 def _indented(text: str, line: int, problem: str) -> str:
@@ -348,13 +373,16 @@ def _fault(error: Any, model: Any) -> tuple[str, str, str]:
         return where, f"one of {', '.join(names)}", shown(seen) + similar(seen, names)
     said = _SENTENCE.fullmatch(error["msg"].removeprefix("Value error, "))
     if said:  # of a validator of our own
-        return ".".join(filter(None, (where, said[1]))), said[2], said[3]
+        own = said[1] if [said[1]] != loc[-1:] else ""
+        return ".".join(filter(None, (where, own))), said[2], said[3]
     words = _EXPECTED.get(kind, error["msg"].removeprefix("Value error, "))
     words = re.sub("^(greater|less)", r"a number \1", words.removeprefix("Input should be "))
     found = [f for k in parts for name, f in _fields(k) if loc and loc[-1] in (name, f.alias)]
-    example = next((str(one) for f in found for one in f.examples or ()), "")
+    known = next((f for f in found if f.examples), None)
+    example = str(known.examples[0]) if known else ""
     if kind == "missing":
-        return where, f"`{loc[-1]}: {example}`" if example else "a value here", "nothing"
+        such = known and f"{known.description or 'a value'} such as `{loc[-1]}: {example}`"
+        return where, such or "a value here", "nothing"
     seen = "nothing" if error["input"] is None else shown(error["input"])
     return where, f"{words} such as {example}" if example else words, seen
 

@@ -9,7 +9,7 @@ import typer
 
 from patagium.cli.options import JsonOption, MappingOption
 from patagium.cli.words import MEANING, answer, existing
-from patagium.errors import ParameterError, PatagiumError, command
+from patagium.errors import LogError, ParameterError, PatagiumError, command
 
 if TYPE_CHECKING:
     from patagium.robot import Robot
@@ -39,6 +39,7 @@ def check(
     """
     from patagium.aerodynamics.polar_files import is_polar
     from patagium.learning import load_model
+    from patagium.netcdf_file import kind_of
     from patagium.robot import load_robot, preset_names
 
     ending = file.suffix.lower()
@@ -56,6 +57,8 @@ def check(
         facts = {"kind": "model", "network": repr(model.network), "learned from": model.source}
     elif ending in (".yaml", ".yml") and (plan := _plan_facts(file)):
         facts = plan
+    elif "the option" in (kind := kind_of(file)):
+        raise LogError(file, "a robot or a plan", kind)
     elif ending in (".yaml", ".yml", ".urdf") or str(file) in preset_names():
         facts = {"kind": "robot", **robot_facts(load_robot(str(file)))}
     else:

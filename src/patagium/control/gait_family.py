@@ -271,11 +271,14 @@ def _direction(robot: Robot, base: FourierGait, still: bool, name: str) -> Array
             side = robot.side(one)
             way[1 + block * n + k] = side / 2 if name.endswith(DIFFERENCE) else 1.0
     if not way.any() or (name.endswith(DIFFERENCE) and np.count_nonzero(way) != 2):
-        flapping = ", ".join(base.moving) or "none"
+        groups = robot.joint_groups | {one: (one,) for one in joints}
+        moving = [one for one, own in groups.items() if own[0] in base.moving]
+        valid = [f"{k}_{kind}" for kind in COMMANDS for k in (groups, moving)[kind != "offset"]]
+        known = {k.rpartition("_")[0]: k for k in valid[::-1]} | {k: k for k in valid}
         expected = (
             "frequency, amplitude, or <joint>_offset, _cosine_1, _sine_1 ... of "
-            f"{', '.join(joints)}; <joint>_amplitude or _phase of {flapping}; "
+            f"{', '.join(groups)}; <joint>_amplitude or _phase of {', '.join(moving) or 'none'}; "
             f"<pair>_<kind>{DIFFERENCE}"
         )
-        raise ParameterError("gait parameter", expected, name, ("frequency", *joints))
+        raise ParameterError("free", expected, name, {"frequency": "frequency", **known})
     return way

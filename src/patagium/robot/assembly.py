@@ -39,6 +39,7 @@ from patagium.robot.planform import (
     from_the_root,
     image_joints,
     inwards,
+    loop_of,
     mirror_body,
     placed,
     poses,
@@ -363,8 +364,11 @@ def _in_tree_order(drafts: list[_Draft]) -> list[_Draft]:
     while waiting:
         first = next((draft for draft in waiting if draft.parent in placed), None)
         if first is None:
-            loop = ", ".join(draft.name for draft in waiting)
-            raise AssemblyError(("bodies", "a tree that starts at the world", f"a loop: {loop}"))
+            loop = loop_of({draft.name: str(draft.parent) for draft in waiting}, waiting[0].name)
+            path = next(draft.path for draft in waiting if draft.name == loop[0])
+            expected = "a chain of parents that ends at a floating body or the world"
+            found = f"the loop {' -> '.join(loop)}; give one of them another parent"
+            raise AssemblyError((f"{path}.parent", expected, found))
         ordered.append(first)
         placed.add(first.name)
         waiting = [draft for draft in waiting if draft is not first]

@@ -144,6 +144,14 @@ def inwards(robot: Robot, body: int) -> list[int]:
     return found
 
 
+def loop_of(parents: Mapping[str, str], name: str) -> list[str]:
+    """Loop that a walk from a name to its parent and so on ends in; its first name twice."""
+    walk = [name]
+    while walk.count(walk[-1]) < 2:
+        walk.append(parents[walk[-1]])
+    return walk[walk.index(walk[-1]) :]
+
+
 def from_the_root(robot: Robot, strips: Sequence[Strip]) -> list[Strip]:
     """Strips of one wing from the root outward, numbered anew.
 

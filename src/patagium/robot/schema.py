@@ -199,12 +199,15 @@ def _joint_units(kind: object) -> dict[str, tuple[str, str]]:
     }
 
 
+_AXIS = "the axis of the joint (about x a wing flaps, about y it feathers),"
+
+
 class JointPart(_Part):
     """One coordinate of a body's chain of joints."""
 
     name: Name
     type: Literal["revolute", "prismatic"] = "revolute"
-    axis: Direction
+    axis: Annotated[Direction, Field(description=_AXIS, examples=["x"])]
     limits: tuple[float, float] | None = None
     speed_limit: float | None = None
     acceleration_limit: float | None = None

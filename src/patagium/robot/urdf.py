@@ -31,6 +31,7 @@ from patagium.errors import RobotFileError
 from patagium.limits import TURN
 from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import FLOATING_COORDINATES, INERTIA, inertia_tensor, moments_of
+from patagium.robot.planform import loop_of
 
 Problem = tuple[str, str, str]
 
@@ -161,8 +162,10 @@ class _Reader:
             links.append(_Link(name, elements[name], *above.get(name, (None, None))))
             waiting += reversed(below.get(name, []))
         if len(links) < len(elements):
-            lost = ", ".join(sorted(set(elements) - {link.name for link in links}))
-            self._refuse("", "a tree", f"a loop: {lost}")
+            lost = next(name for name in elements if name not in {link.name for link in links})
+            loop = loop_of({child: parent for child, (_, parent) in above.items()}, lost)
+            found = f"the loop {' -> '.join(loop)}; give one of them another parent"
+            self._refuse("", f"a tree that starts at {roots[0]}", found)
         return links
 
     def _named(self, kind: str) -> dict[str, Element]:

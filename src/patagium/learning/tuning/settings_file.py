@@ -30,6 +30,7 @@ _HEAD = """\
 #   patagium identify FILE --settings THIS_FILE
 # where command-line options override it.
 """
+_HIDDEN = "the neurons of each hidden layer, [] for linear_strip,"
 
 
 class NetworkSettings(BaseModel):
@@ -44,8 +45,8 @@ class NetworkSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    kind: str
-    hidden: tuple[Count, ...]
+    kind: Annotated[str, Field(examples=["linear_strip"])]
+    hidden: Annotated[tuple[Count, ...], Field(description=_HIDDEN, examples=["[]"])]
     activation: Literal["softplus", "tanh"] | None = None
     options: dict[str, Any] = Field(default_factory=dict)
 
@@ -112,9 +113,9 @@ class Settings(BaseModel):
 
     format: Literal["patagium settings 1"] = "patagium settings 1"
     flight: str = ""
-    every: Count
-    network: NetworkSettings
-    learner: LearnerSettings
+    every: Annotated[Count, Field(examples=[10])]
+    network: Annotated[NetworkSettings, Field(examples=["{kind: linear_strip, hidden: []}"])]
+    learner: Annotated[LearnerSettings, Field(examples=["{kind: extended, prior_std: 0.3}"])]
     prediction: Annotated[dict[str, Any], Field(default_factory=dict)]
     search: Annotated[dict[str, Any], Field(default_factory=dict)]
     trials: Annotated[list[dict[str, Any]], Field(default_factory=list)]
