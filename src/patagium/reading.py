@@ -344,7 +344,8 @@ def faults(errors: Sequence[Any], model: Any) -> list[tuple[str, str, str]]:
     found = [
         _fault(error, model)
         for error in errors
-        if error["type"] != "too_short" or error["loc"] not in inner
+        if (error["type"] != "too_short" or error["loc"] not in inner)
+        and not (error["type"] == "dict_type" and "[" in str(error["loc"][-1]))  # a union's other
     ]
     meant = {
         (where.rpartition(".")[0], seen.rpartition("did you mean ")[2].removesuffix("?"))
@@ -373,21 +374,28 @@ def _fault(error: Any, model: Any) -> tuple[str, str, str]:
         return where, f"one of {', '.join(names)}", shown(seen) + similar(seen, names)
     said = _SENTENCE.fullmatch(error["msg"].removeprefix("Value error, "))
     if said:  # of a validator of our own
-        own = said[1] if [said[1]] != loc[-1:] else ""
-        return ".".join(filter(None, (where, own))), said[2], said[3]
+        own, given = said[1] if [said[1]] != loc[-1:] else "", error["input"]
+        seen = said[3] or (_parts_of(given, own) if own else shown(given))
+        return ".".join(filter(None, (where, own))), said[2] or said[4], seen
     words = _EXPECTED.get(kind, error["msg"].removeprefix("Value error, "))
     words = re.sub("^(greater|less)", r"a number \1", words.removeprefix("Input should be "))
     found = [f for k in parts for name, f in _fields(k) if loc and loc[-1] in (name, f.alias)]
-    known = next((f for f in found if f.examples), None)
-    example = str(known.examples[0]) if known else ""
+    meant = next((f for f in found if f.examples), None)
+    example = str(meant.examples[0]) if meant else ""
     if kind == "missing":
-        such = known and f"{known.description or 'a value'} such as `{loc[-1]}: {example}`"
+        such = meant and f"{meant.description or 'a value'} such as `{loc[-1]}: {example}`"
         return where, such or "a value here", "nothing"
     seen = "nothing" if error["input"] is None else shown(error["input"])
     return where, f"{words} such as {example}" if example else words, seen
 
 
-_SENTENCE = re.compile(r"(?:([^:]+): )?expected (.*), found (.*)", re.DOTALL)
+def _parts_of(given: Any, names: str) -> str:
+    """Values of keys such as "column, field" of what was given, in words."""
+    found = {k: given[k] for k in names.split(", ") if isinstance(given, dict) and k in given}
+    return shown(found if len(found) > 1 else [*found.values()][0]) if found else "nothing"
+
+
+_SENTENCE = re.compile(r"(?:([^:]+): )?expected (?:(.*), found (.*)|(.*))", re.DOTALL)
 _EXPECTED = {
     "model_type": "a mapping of keys to values",
     "dict_type": "a mapping of names to values",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TypeAlias, 
 import typer
 
 from patagium.cli.words import named_quantities, say_json, tell
-from patagium.errors import ParameterError, PatagiumError, similar
+from patagium.errors import LogError, ParameterError, PatagiumError, similar
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -204,6 +204,10 @@ def chosen_air(
     if polars or inflow:
         raise ParameterError("--polar, --inflow", "nothing beside a learned model", word)
     model = load_model(word)
+    if not hasattr(model.network, "air_at"):
+        expected = "a model of the air, which patagium identify makes of a flight of a robot with "
+        kind = model.network.describe().get("kind")
+        raise LogError(word, f"{expected}wings (network linear_strip)", f"a network of kind {kind}")
     learned, _ = model.air(machine)
     air = replace(learned.air, **{"wind": Air().wind, **known})
     told = f"Air of {word}, learned from {model.source or 'a log'}: {air.density:.4g} kg/m^3"
@@ -235,15 +239,29 @@ def orbit_air(
     return found
 
 
-def refuse_missing(found: Any, as_json: bool) -> NoReturn:
+NEARBY_HERE = (
+    "ask for another --speed or --climb, let other parameters change (--free NAME, which may be "
+    "repeated), or change the cruise in the robot's file"
+)
+"""Remedy of a failed search on the command line, in place of `NEARBY` with Python's arguments."""
+
+
+def refuse_missing(found: Any, as_json: bool, nearby: str = NEARBY_HERE) -> NoReturn:
     """Say why no orbit or gait was found; its `summary` goes to stdout for a program.
+
+    Args:
+        found: What the search returned.
+        as_json: Whether stdout gets its summary.
+        nearby: Remedy in place of `NEARBY`, which names arguments of Python.
 
     Raises:
         PatagiumError: Always, with what it tells of itself.
     """
+    from patagium.control.trimming import NEARBY
+
     if as_json:
         say_json(found.summary())
-    raise PatagiumError(repr(found))
+    raise PatagiumError(repr(found).replace(NEARBY, nearby))
 
 
 def tell_unseen(learned: Model | None, orbit: Orbit) -> None:
@@ -301,8 +319,11 @@ def left_open(
     units = dict(zip(orbit.family.names, orbit.family.units, strict=True))
     named = zip(orbit.parameters, sizes, strict=True)
     told = [f"{name} {size:.2g} {units[name].removesuffix('1')}".strip() for name, size in named]
-    text = f"The log leaves open, by trims with {DRAWS} draws of the weights: {', '.join(told)}"
-    tell(text + f"; {lost}" * (len(apart) < DRAWS) + ".")
+    tell(
+        f"What is learned leaves this orbit uncertain. Of {DRAWS} trims with other weights that "
+        f"the log allows, {len(apart)} found an orbit, and these differ from it by (rms): "
+        f"{', '.join(told)}."
+    )
     return dict(zip(orbit.parameters, sizes, strict=True))
 
 
@@ -329,9 +350,13 @@ def air_model(
         elif key and polar not in named and (key == "section" or Path(polar).is_file()):
             given[wing] = models.measured_section(*models.read_polar(polar))
         else:
-            expected = f"{', '.join(named)} or a file with quasi-steady air, a file with a lifting "
-            expected += f"line, for one wing after its name ({', '.join(wings)}) and ="
-            raise ParameterError("--polar", expected, text)
+            expected = (
+                f"{', '.join(named)} or a file of a polar (with --aero lifting-line a file), "
+            )
+            expected += f"for one wing alone as {wings[0] if wings else 'WING'}=FILE"
+            name, equals, _ = text.partition("=")
+            found = f"no wing {name!r}" if equals else f"{text!r}, which is no file here"
+            raise PatagiumError("--polar", expected, f"{found} (wings: {', '.join(wings)})")
     if any(isinstance(one, models.ReynoldsPolar) for one in given.values()) and not (
         0.5 <= air.density <= 2.0
     ):

@@ -9,7 +9,8 @@ import typer
 
 from patagium.cli.options import LogArgument, MappingOption, ReportOption, ScoresOption
 from patagium.cli.outputs import Outputs
-from patagium.cli.words import existing, tell
+from patagium.cli.words import existing, say_next, tell
+from patagium.errors import command
 
 EXAMPLES = (
     "patagium evaluate model.json another-flight.nc --report report.html",
@@ -45,3 +46,6 @@ def evaluate(
         tell(f"The report is in {report}")
     outputs.attempt("scores on stdout", lambda: show_scores(result.scores, as_json=as_json))
     outputs.check()
+    if not as_json:
+        seen = command("patagium view {} --model {}", file, model)
+        say_next(seen if table is None else "the same with --report report.html, a page")

@@ -127,7 +127,8 @@ def identify(
                 result = estimates.refined(result, flight, result.scores["every"], before)
         if result.outcome is Outcome.COMPLETED:
             outputs.attempt("state", lambda: keep_state(made, state, of_course=long))
-    result.scores["chosen"] |= learner_choices(made, given=bool(estimate) or not choice.default)
+    by_hand = {*choice.chosen, *["network"] * bool(estimate)}
+    result.scores["chosen"] |= learner_choices(made, given=by_hand)
     if table is not None:
         tell(f"{file}: {result.scores['gaps_found']}")
     model = model or file.with_name("model.json")

@@ -59,6 +59,8 @@ def inspect(
     unknown = [name for name in topic or () if name not in names]
     if unknown:
         raise LogError(f"{found.path}: holds no topic {unknown[0]!r}, but {', '.join(names)}")
+    if names == [""] and found.topics[0].problem:  # a table of which nothing can be shown
+        raise LogError(f"{found.path}: {found.topics[0].problem}")
     tables = all(one.kind == "table" for one in found.topics)
     shown = topic or (names if tables or len(names) == 1 else ())
     if output is not None:  # before stdout, which may fail
@@ -81,7 +83,8 @@ def inspect(
     mapping = output or "map.yaml"
     words = "patagium import" + " {}" * len(files) + " --mapping {}"
     bring = command(words, *files, mapping)
-    say_next(f"say in {mapping} what the fields mean (docs/logs.md), then {bring}")
+    rate = "write the rate of the rows in place of ??? and " * (found.topics[0].stamps == "rows")
+    say_next(f"{rate}say in {mapping} what the fields mean (docs/logs.md), then {bring}")
 
 
 def _mapping(found: Inspection, topics: Sequence[str]) -> str:

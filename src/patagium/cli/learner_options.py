@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from patagium.cli.words import Numbers, WholeNumbers, existing, numbers, whole_numbers
-from patagium.errors import ParameterError, similar
+from patagium.errors import ParameterError, PatagiumError, similar
 from patagium.learning.settings import BLOCKS, FILTERS, Meaning, leaves, settings_from, settings_of
 
 if TYPE_CHECKING:
@@ -58,8 +58,8 @@ class LearnerChoice:
         options: Other arguments of the network, from a file of settings.
         seed: Seed of the initial weights.
         every: Stride of the samples that are used; None where no file states it.
-        given: Whether any option was given.
-        default: Whether network and learner are the default ones.
+        given: Words of the options that were given, such as "--network".
+        chosen: Which of "network" and "learner" these options and the file choose.
     """
 
     kind: str = "extended"
@@ -70,8 +70,8 @@ class LearnerChoice:
     options: Mapping[str, Any] | None = None
     seed: int = 0
     every: int | None = None
-    given: bool = False
-    default: bool = False
+    given: tuple[str, ...] = ()
+    chosen: frozenset[str] = frozenset()
 
     def learner(self, network: Any) -> Any:
         """New learner of a network.
@@ -233,16 +233,21 @@ def _chosen(found: dict[str, Any]) -> LearnerChoice:
         if value is not None:
             several = type(value) is list
             settings[dotted] = [_plain(v) for v in value] if several else _plain(value)
-    given_one = bool(shape or settings or path)
-    unchosen = given.keys().isdisjoint(("learner", "network", "hidden", "activation"))
+    words_given = tuple(f"--{k.replace('_', '-')}" for k in (*given, *["settings"] * bool(path)))
     own = {one.name for one in settings_of("extended")}
-    if path is None:
-        if {name.partition(".")[0] for name in settings} <= own:
-            shape["default"] = unchosen
-        elif "learner" not in given:
-            shape["kind"] = "cubature"
-    choice = LearnerChoice(settings=settings, given=given_one, **shape)
-    return choice if path is None else _completed(choice, set(shape), path)
+    alone = {name.partition(".")[0] for name in settings} - own  # of the cubature filter
+    if path is None and alone and "learner" not in given:
+        shape["kind"] = "cubature"
+    choice = LearnerChoice(settings=settings, given=words_given, **shape)
+    if path is not None:
+        choice = _completed(choice, set(shape), path)
+    deciding = {"network": {"network", "hidden", "activation"}, "learner": {"kind"}}
+    by_hand = frozenset(name for name, words in deciding.items() if path or words & {*shape})
+    choice = replace(choice, chosen=by_hand)
+    if {"misfit", "noise_estimation"} <= {name.partition(".")[0] for name in choice.settings or ()}:
+        expected = "one of the two, as each finds the noise"
+        raise PatagiumError("--misfit, --noise-memory", expected, "both; leave one of them out")
+    return choice
 
 
 def _plain(value: Any) -> Any:

@@ -15,7 +15,8 @@ import typer
 from patagium.cli.options import OUTPUT, MappingOption, ResultOption, RobotOption, output_file
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import existing, say_json, say_next, show_table
-from patagium.errors import ParameterError, command
+from patagium.errors import LogError, ParameterError, command
+from patagium.netcdf_file import kind_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from patagium.sensing import ForceSamples, SensorLog
 
 EXAMPLES = (
-    "patagium motion flight.nc --robot brick.yaml --plot flight.png",
+    "patagium motion log.nc --robot aerobat --plot motion.png",
     "patagium motion flight.bag --mapping rig.yaml --robot aerobat -o motion.nc",
     "patagium motion flight.nc --robot aerobat --body imu2=left_plate --json",
 )
@@ -86,6 +87,9 @@ def _measured(log: Path, robot: str | None, mapping: Path | None, words: list[st
         record.close()
         return sensor_log(log, machine, bodies=bodies)
     if log.suffix.lower() == ".nc" and mapping is None:
+        if kind_of(log).startswith("a flight"):
+            known = "a simulated flight, whose motion is known: patagium identify {}"
+            raise LogError(log, "a log of sensors", command(known, log))
         kept = load_sensor_log(existing(log))
         return kept if machine is None else replace(kept, robot=machine)
     if mapping is None:

@@ -54,9 +54,7 @@ def optimize(
     polar: options.PolarOption = None,
     inflow: options.InflowOption = False,
     density: options.DensityOption = None,
-    output: Annotated[
-        Path | None, options.output_file("File for a flight with the gait (.nc).", *options.OUTPUT)
-    ] = None,
+    output: options.OrbitOutput = None,
     beats: Annotated[
         float, typer.Option(min=1e-3, max=1e4, help="Wingbeats of that flight.")
     ] = 10.0,

@@ -35,14 +35,20 @@ ReportOption = Annotated[Path | None, output_file("File for an HTML page.")]
 LogArgument = Annotated[Path, typer.Argument(help="Flight or imported log (.nc), or another log.")]
 
 
-def netcdf(path: Path) -> Path:
-    """Name of a flight's file; one with another ending is refused."""
+def netcdf(path: Path | None) -> Path | None:
+    """Name of a flight's file, which ends in .nc; one with another ending is refused."""
+    if path is None:
+        return None
     if path.suffix not in ("", ".nc"):
         raise typer.BadParameter(f"expected a name that ends in .nc (netCDF), found {str(path)!r}")
-    return path
+    kept = path.suffix or str(path) == "-" or (path.exists() and not path.is_file())
+    return path if kept else path.with_name(f"{path.name}.nc")
 
 
 FlightOutput = Annotated[Path, output_file("File for the flight (.nc).", *OUTPUT, callback=netcdf)]
+OrbitOutput = Annotated[
+    Path | None, output_file("File for a flight on the orbit (.nc).", *OUTPUT, callback=netcdf)
+]
 _FILES = "A CSV, Parquet, MAT, HDF5, ULog, ArduPilot or MCAP file, a ROS bag, or parts of one."
 FilesArgument = Annotated[list[Path], typer.Argument(help=_FILES)]
 MappingOption = Annotated[

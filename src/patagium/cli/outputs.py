@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from typer.models import ArgumentInfo
 from typer.utils import get_params_from_function
 
 from patagium.cli.interruption import stop_repeating
@@ -31,8 +32,8 @@ def check_files(verb: Callable[..., object], given: Mapping[str, Any]) -> None:
         ParameterError: If it is of no kind that can be, or is named twice.
     """
     named: dict[str, str] = {}
-    known = get_params_from_function(verb).items()
-    outputs = {name for name, one in known if getattr(one.default, "writable", False)}
+    known = get_params_from_function(verb)
+    outputs = {name for name, one in known.items() if getattr(one.default, "writable", False)}
     for name in sorted(given, key=outputs.__contains__):
         value = given[name]
         for word in value if isinstance(value, list) else [value]:
@@ -43,7 +44,9 @@ def check_files(verb: Callable[..., object], given: Mapping[str, Any]) -> None:
             place = os.path.realpath(word)
             written = name in outputs
             if written and place in named:
-                wanted = f"a file of its own, not that of {named[place]}"
+                info: Any = known[named[place]].default
+                taken = named[place].upper() if isinstance(info, ArgumentInfo) else f"--{named[place]}"
+                wanted = f"another file than that of {taken}, which it would replace"
                 raise ParameterError(name, wanted, str(word))
             there = os.path.exists(place)
             if os.path.isfile(place) or (written and not there):

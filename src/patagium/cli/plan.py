@@ -35,7 +35,7 @@ from patagium.control.lqr import LinearRegulator
 from patagium.control.orbit import NoOrbit, Orbit
 from patagium.control.predictive import OrbitController, PredictiveController
 from patagium.control.route import Route
-from patagium.control.trimming import free_parameters, trim
+from patagium.control.trimming import NEARBY, free_parameters, trim
 from patagium.errors import LogError, ParameterError, PatagiumError, positive
 from patagium.limits import ROBOT_FILE
 from patagium.reading import beside, parsed_yaml, refused, text_of
@@ -386,7 +386,10 @@ def prepared(plan: Plan) -> Prepared:
     tell_unseen(learned, orbit)
     named = plan.controller.commands or tuple(robot.actuators)
     if not named:
-        expected = "`actuators` in the robot's file, such as {frequency: {range: [2 Hz, 5 Hz]}}"
+        expected = (
+            "`actuators` in the robot's file for what steers it (frequency, amplitudes of both "
+        )
+        expected += "sides, an offset: patagium robots --new writes a file with them)"
         raise ParameterError("controller: commands", expected, None)
     law = _controller(plan.controller, orbit, named)
     controller = _route(plan.legs, law, orbit) if plan.legs else law
@@ -410,7 +413,9 @@ def _air_words(part: TrimPart | TruthPart, usual: float) -> str:
 
 def _found(orbit: Orbit | NoOrbit, of: str = "") -> Orbit:
     if isinstance(orbit, NoOrbit):
-        raise PatagiumError(f"{of}{orbit!r}")
+        nearby = "ask for another speed or climb, or let other parameters change, in the section "
+        nearby += "`trim` of a plan, or change the cruise in the robot's file"
+        raise PatagiumError(f"{of}{orbit!r}".replace(NEARBY, nearby))
     return orbit
 
 

@@ -26,7 +26,7 @@ from patagium.cli.words import (
     tell,
     vector,
 )
-from patagium.errors import ParameterError, command
+from patagium.errors import ParameterError, PatagiumError, command
 from patagium.limits import SWING, TILT
 
 if TYPE_CHECKING:
@@ -211,7 +211,9 @@ def simulate(
 
     shown = live_options.served(live, live_address)
     if choice.given and not shown:
-        raise ParameterError("options of a learner", "--live with it", "none")
+        expected = "--live with it, as only such a flight is learned"
+        told = "none; add --live, or leave the other out"
+        raise PatagiumError(", ".join(choice.given), expected, told)
     machine = load_robot(robot)
     if attitude is not None:
         machine = machine.with_attitude(attitude)
@@ -437,4 +439,5 @@ def keep(flight: Any, output: Path, figure: Path | None, as_json: bool) -> None:
         tell(f"patagium: {flight.attrs['message']}; the flight is kept in {where}")
         raise typer.Exit(130 if flight.attrs["outcome"] == "INTERRUPTED" else 2)
     if not as_json:
-        say_next(*(command(f"patagium {verb} {{}}", output) for verb in ("view", "identify")))
+        verbs = ("view", "identify")[: 1 + bool(flight.sizes.get("strip"))]
+        say_next(*(command(f"patagium {verb} {{}}", output) for verb in verbs))

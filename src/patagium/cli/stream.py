@@ -158,7 +158,7 @@ def stream(
             facts = summary(status, queue, pipeline)
             if recording is not None:
                 recording.close(facts)
-            facts["chosen"] = learner_choices(student, given=not choice.default)
+            facts["chosen"] = learner_choices(student, given=choice.chosen)
             outputs.attempt("model", lambda: keep_model(model, student, pipeline.inputs, source))
             _tell(facts["chosen"], intake)
             outputs.answer("summary", facts if as_json else _flat(facts), as_json)

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from patagium.cli import options
-from patagium.cli.estimates import AirOption, left_open, orbit_air, refuse_missing, tell_unseen
+from patagium.cli.estimates import (
+    NEARBY_HERE,
+    AirOption,
+    left_open,
+    orbit_air,
+    refuse_missing,
+    tell_unseen,
+)
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import (
     for_person,
@@ -76,9 +83,7 @@ def trim(
     figure: Annotated[
         Path | None, options.output_file("File for a picture of the branch (.svg, .png, .pdf).")
     ] = None,
-    output: Annotated[
-        Path | None, options.output_file("File for a flight on the orbit (.nc).", *options.OUTPUT)
-    ] = None,
+    output: options.OrbitOutput = None,
     as_json: options.JsonOption = False,
 ) -> None:
     """Periodic flight of a robot: gait, attitude, stability; or what it lacks."""
@@ -106,7 +111,8 @@ def trim(
     with progress_bar("Beats of the search, of 250 at most") as progress:
         orbit = search(model, added_mass=added, progress=progress)
     if not isinstance(orbit, control.Orbit):
-        refuse_missing(orbit, as_json)
+        slowly = "follow the branch of orbits with --along in place of --speed or --climb, "
+        refuse_missing(orbit, as_json, slowly + NEARBY_HERE)
     tell_unseen(learned, orbit)
     unknown = left_open(learned, orbit, search)
     if along is not None:

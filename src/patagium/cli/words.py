@@ -294,7 +294,7 @@ def no_robot(path: Path) -> Path:
         raise LogError(path, "a flight", "none; make it: patagium simulate aerobat")
     kind = f"a robot; fly it first: patagium simulate {path}"
     kind = kind if str(path) in preset_names() else kind_of(path)
-    if kind.startswith(("a robot", "a mapping", "a learne", "predictions")):
+    if kind.startswith(("a robot", "a mapping", "a learne", "predictions", "settings")):
         raise LogError(path, "a flight or log", kind)
     return path
 

@@ -526,6 +526,8 @@ def _check(robot: Robot, aero: Aerodynamics) -> None:
         expected = "a robot with a floating body, or passive slides x, y and z"
         raise ParameterError("robot", expected, robot.name)
     check_attitude(robot)
+    if not robot.strips:
+        raise ParameterError("robot", "a robot whose file has a section wings", robot.name)
     if aero.air.gust is not None or np.any(aero.air.wind):
         raise ParameterError("aero", "air at rest (an orbit is relative to the air)", aero.air)
 
@@ -651,7 +653,7 @@ def orbit_of(search: OrbitSearch, at: Point, added_mass: AddedMass | None) -> Or
     )  # fmt: skip
 
 
-NEARBY = "begin from an orbit nearby (start=), another gait or cruise, or free other ones (free)"
+NEARBY = "begin from an orbit nearby (start=) or another gait, or free other parameters (free=)"
 _COMPONENTS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
 
 
@@ -672,10 +674,13 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
         remedy = f"ask for a speed or a climb at which it flies flatter, {NEARBY}"
     elif not np.isfinite(at.residual) and search.map.robot.stiffness:
         needed = stable_steps(search, at.values, at.states) or 2 * search.steps
-        remedy = f"take {needed} time steps of a beat (steps=, up to {MOST_STEPS}), as springs ask "
-        remedy += "for, or springs of less stiffness and damping"
+        remedy = (
+            "take springs of less stiffness and damping, or in Python the time steps that they "
+        )
+        remedy += f"ask for: steps={needed}, of {MOST_STEPS} at most"
     elif not np.isfinite(at.residual):
-        remedy = "begin nearer to a flight that goes on (gait=, start=, or the file's cruise)"
+        remedy = "begin nearer to a flight that goes on: change the cruise in the robot's file, or "
+        remedy += "in Python give gait= or start="
     if at.residual > TOLERANCE and np.isfinite((system := search.system(at))[0]).all():
         left, sizes, _ = np.linalg.svd(system[0])
         asked = left.T @ system[1]

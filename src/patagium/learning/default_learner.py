@@ -5,7 +5,7 @@ What was chosen, and from what, is kept with the scores of an identification (`c
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from math import ceil, nan
 from typing import Any
 
@@ -248,32 +248,32 @@ def choices(
     used = "every sample" if every == 1 else f"one sample in {every}"
     rate = f"{used}, {1 / (every * step):.4g} updates a second"
     found = f"from {1 / step:.4g} samples a second, the wingbeat and the number of weights"
-    words = learner_choices(learner, given=learner_given)
+    words = learner_choices(learner, given=("network", "learner") if learner_given else ())
     share = _setting(learner, "prior_share", 0.0)
     if share:
         words["memory"] = f"{every * step / share:.4g} s, prior_share {share:.3g}"
     return words | {"every": f"{rate}; {'set by you' if every_given else found}"}
 
 
-def learner_choices(learner: Learner, *, given: bool) -> dict[str, str]:
+def learner_choices(learner: Learner, *, given: Collection[str]) -> dict[str, str]:
     """Choices of network, learner and its settings in words; see `choices`.
 
     Args:
         learner: After it learned.
-        given: Whether network and learner were chosen by hand.
+        given: Which of "network" and "learner" were chosen by hand.
     """
     described, network = learner.describe(), learner.network
-    by = "set by you" if given else "the default"
+    by = {k: "set by you" if k in given else "the default" for k in ("network", "learner")}
     layers = ",".join(map(str, network.hidden)) or "linear in its weights"
     kind, air = described["network"]["kind"], getattr(network, "air", None)
     ground = {"ground": "not known to the network, whose error its effect is"}
-    told = "" if given else "; the first wingbeat"
+    told = "" if "network" in given else "; the first wingbeat"
     line = {"flow": f"attached, so a lifting line with lags{told}"}
     return {
         **(ground if air and air.ground is not None else {}),
         **(line if getattr(network, "attached", False) else {}),
-        "network": f"{kind}, {layers}, {network.size} weights; {by}",
-        "learner": f"{described['kind']}; {by}",
+        "network": f"{kind}, {layers}, {network.size} weights; {by['network']}",
+        "learner": f"{described['kind']}; {by['learner']}",
         **_found_words(described, own=bool(np.isfinite(own_prior(network)).all())),
     }
 

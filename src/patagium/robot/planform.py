@@ -6,7 +6,7 @@ own kinematics, `patagium.dynamics.kinematics`, on symbols; a test holds the two
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 

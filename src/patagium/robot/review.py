@@ -57,6 +57,7 @@ def robot_warnings(robot: Robot) -> list[str]:
     """Sentences on likely slips, each with what to write; none for a robot without."""
     images = mirrored_bodies(robot)  # the other side is told
     every = (
+        _no_wings(robot),
         _bare_numbers(robot.source),
         _wide_limits(robot, images),
         _masses_of_wings(robot, images),
@@ -68,6 +69,11 @@ def robot_warnings(robot: Robot) -> list[str]:
         _overlaps(robot),
     )
     return [*dict.fromkeys(sentence for check in every for sentence in check)]
+
+
+def _no_wings(robot: Robot) -> Iterator[str]:
+    if robot.cruise is not None and not robot.strips:
+        yield "wings: there is no such section, so that no air acts on the robot; write its wings"
 
 
 def _bare_numbers(text: str) -> Iterator[str]:
@@ -92,11 +98,12 @@ def _written(node: Any, keys: list[str], place: str = "", own: bool = False) -> 
 
 def _wide_limits(robot: Robot, images: set[int]) -> Iterator[str]:
     for joint in (k for i, b in enumerate(robot.bodies) if i not in images for k in b.joints):
-        limits = (robot.lower[joint.dof], robot.upper[joint.dof])
-        far = [k for k in limits if isfinite(k) and abs(k) > 2 * pi]
+        low, high = robot.lower[joint.dof], robot.upper[joint.dof]
+        far = [k for k in (low, high) if isfinite(k) and abs(k) > 2 * pi]
         if joint.kind == "revolute" and far:
             turns = f"{far[0]:g} rad are {degrees(far[0]):.0f} deg, more than a turn"
-            yield f"joint {joint.name}: limits: {turns}; are degrees meant? Write '{far[0]:g} deg'"
+            remedy = f"are degrees meant? Write [{low:g} deg, {high:g} deg]"
+            yield f"joint {joint.name}: limits: {turns}; {remedy}"
 
 
 def _masses_of_wings(robot: Robot, images: set[int]) -> Iterator[str]:
@@ -120,7 +127,8 @@ def _masses_of_wings(robot: Robot, images: set[int]) -> Iterator[str]:
         others = {*range(len(robot.bodies))} - images - {index}
         rest = sum(float(robot.bodies[k].mass) for k in others)
         if robot.floating and body.mass > _HEAVY * rest:
-            heavy = f"{1000 * body.mass:.3g} g, and all but its image {1000 * rest:.3g} g together"
+            own, less = (f"{float(f'{1000 * m:.3g}'):g} g" for m in (body.mass, rest))
+            heavy = f"{own}, all other bodies but its mirror image only {less} together"
             yield f"body {body.name}: mass: it has {heavy}; check its unit"
         if ranges := mass_beside_strips(robot, index):
             there, here = (f"{100 * a:.3g} to {100 * b:.3g} cm" for a, b in ranges)

@@ -21,7 +21,7 @@ from patagium.aerodynamics import AddedMass
 from patagium.arguments import checked
 from patagium.arrays import Array, real_array, rising
 from patagium.dynamics import equations
-from patagium.errors import FlightError, LogError, ParameterError, check_names
+from patagium.errors import FlightError, LogError, ParameterError
 from patagium.native import NativeFunction, load_functions, named_function
 from patagium.robot import Robot
 from patagium.simulation import quantities, robot_of
@@ -232,7 +232,10 @@ def state_columns(robot: Robot, inputs: Sequence[str]) -> list[int]:
         ParameterError: If there is no such name.
     """
     names = state_names(robot)
-    check_names("inputs", inputs, names, "names among")
+    for name in inputs:
+        if name not in names:
+            expected = f"coordinates and velocities of {robot.name}, {names[0]} to {names[-1]}"
+            raise ParameterError("inputs", expected, name)
     return [names.index(name) for name in inputs]
 
 
