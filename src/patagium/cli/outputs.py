@@ -45,7 +45,9 @@ def check_files(verb: Callable[..., object], given: Mapping[str, Any]) -> None:
             written = name in outputs
             if written and place in named:
                 info: Any = known[named[place]].default
-                taken = named[place].upper() if isinstance(info, ArgumentInfo) else f"--{named[place]}"
+                taken = (
+                    named[place].upper() if isinstance(info, ArgumentInfo) else f"--{named[place]}"
+                )
                 wanted = f"another file than that of {taken}, which it would replace"
                 raise ParameterError(name, wanted, str(word))
             there = os.path.exists(place)

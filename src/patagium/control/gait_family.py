@@ -277,7 +277,8 @@ def _direction(robot: Robot, base: FourierGait, still: bool, name: str) -> Array
         known = {k.rpartition("_")[0]: k for k in valid[::-1]} | {k: k for k in valid}
         expected = (
             "frequency, amplitude, or <joint>_offset, _cosine_1, _sine_1 ... of "
-            f"{', '.join(groups)}; <joint>_amplitude or _phase of {', '.join(moving) or 'none'}; "
+            f"{', '.join(robot.joint_groups)}, or of one side, such as {joints[0]}; _amplitude or "
+            f"_phase of {', '.join(k for k in moving if k in robot.joint_groups) or 'none'}; "
             f"<pair>_<kind>{DIFFERENCE}"
         )
         raise ParameterError("free", expected, name, {"frequency": "frequency", **known})

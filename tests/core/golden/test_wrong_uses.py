@@ -33,6 +33,14 @@ FILES = {
     "joins.yaml": ORNITHOPTER.replace(
         "- name: tailplane\n", "- name: tailplane\n    joins: [fn]\n"
     ),
+    "turns.yaml": ORNITHOPTER.replace("left_plunge, axis: x", "left_plunge", 1),
+    "colon.yaml": ORNITHOPTER.replace("mass: 45 g", "mass 45 g"),
+    "space.yaml": ORNITHOPTER.replace("floating: true", "floating:true"),
+    "brace.yaml": ORNITHOPTER.replace("8 cm]}", "8 cm]"),
+    "loop.yaml": ORNITHOPTER.replace("parent: body\n", "parent: left_wing\n", 1),
+    "nohead.csv": "0.0,1,2\n0.1,2,3\n0.2,3,4\n",
+    "empty_map.yaml": "time: {restamp: '??? Hz'}\ninputs: [{column: a, unit: m}]\n",
+    "brief.yaml": "every: 10\nnetwork: dense\n",
     "still.yaml": ORNITHOPTER[: ORNITHOPTER.index("# nearly level")],
     "command.yaml": ORNITHOPTER.replace("elevation_offset: {range", "elevation_ofset: {range"),
     "rate.yaml": ORNITHOPTER.replace("rate_limit: 10 Hz/s", "rate_limt: 10 Hz/s"),
@@ -67,6 +75,12 @@ simulate strips.yaml
 simulate limits.yaml
 simulate cruise.yaml
 simulate joins.yaml
+simulate turns.yaml
+simulate colon.yaml
+simulate space.yaml
+simulate brace.yaml
+simulate loop.yaml
+simulate aerobat --network linear_strip
 simulate still.yaml
 simulate broken.yaml
 simulate empty.yaml
@@ -102,6 +116,8 @@ identify typo.yaml
 identify log.csv
 identify log.csv --mapping map.yaml
 identify flight.nc --settings settings.yaml
+identify flight.nc --settings brief.yaml
+identify flight.nc --misfit 0.1 --noise-memory 100
 identify flight.nc --network flow
 identify flight.nc --hidden 8,x
 identify flight.nc --prior-std -1
@@ -132,6 +148,10 @@ fly aerobat --duration 0
 trim aerobat --along sped=2:6
 trim aerobat --along speed=2:a
 trim aerobat --free frequncy
+trim aerobat --free plunge
+trim aerobat --free left_elbow
+trim aerobat --polar flat
+trim aerobat --polar flat=dickinson
 trim aerobat --aero published
 trim aerobat --figure branch.png
 trim yeo-wing
@@ -150,6 +170,8 @@ simulate dimension.yaml
 simulate ur5e
 export flight.nc -o flight.csv
 inspect flight.nc
+inspect nohead.csv
+motion flight.nc
 send flight.nc tcp://127.0.0.1:9000
 stream udp://127.0.0.1 --robot aerobat
 cycles flight.nc --skip 100
@@ -160,8 +182,12 @@ robots aerobat --draw a.bmp
 robots --draw a.png
 check figure.png
 check log.csv
+check map.yaml
+check settings.yaml
 evaluate flight.nc model.json
 import log.csv
+import log.csv --map map.yaml -o log.csv
+import log.csv --map empty_map.yaml
 """
 PACKAGE = """
 pt.Quasisteady

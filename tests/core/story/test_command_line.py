@@ -15,9 +15,12 @@ import pytest
 
 import patagium as pt
 from patagium.cli import trim
-from patagium.cli.estimates import orbit_air
+from patagium.cli.estimates import orbit_air, refuse_missing
 from patagium.cli.main import app, run
-from patagium.errors import RobotFileError
+from patagium.cli.options import netcdf
+from patagium.control import NoOrbit
+from patagium.control.trimming import NEARBY
+from patagium.errors import PatagiumError, RobotFileError
 from patagium.learning.identify import identify
 from patagium.sensing.logs.importing.import_log import read_table
 from patagium.sensing.logs.mapping import load_mapping
@@ -494,12 +497,15 @@ def test_a_linkage_without_a_frequency_is_asked_for_no_amplitude(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("identify {0} --predictions {0}", "--predictions: expected a file of its own, not that"),
-        ("identify {0} --predictions {1}", "not that of file"),  # a link to it
-        ("identify {0} --model {2} --state {2}", "not that of model"),
-        ("stream {0} --robot aerobat --record {0}", "not that of source"),
-        ("cycles {0} --table {0}", "not that of flight"),
-        ("trim aerobat -o {2}.nc --figure {2}.nc", "not that of output"),
+        (
+            "identify {0} --predictions {0}",
+            "--predictions: expected another file than that of FILE",
+        ),
+        ("identify {0} --predictions {1}", "than that of FILE,"),  # a link to it
+        ("identify {0} --model {2} --state {2}", "than that of --model"),
+        ("stream {0} --robot aerobat --record {0}", "than that of SOURCE"),
+        ("cycles {0} --table {0}", "than that of FLIGHT"),
+        ("trim aerobat -o {2}.nc --figure {2}.nc", "than that of --output"),
         ("trim aerobat -o {2}/none/x.nc", "make its folder first"),
         ("cycles {0} --figure {0}.txt", "a name ending in .pdf"),
     ],
@@ -646,7 +652,9 @@ def test_identify_needs_nothing_and_says_what_it_chose(flight: Path, speak: Spea
     assert set(chosen) == {"network", "learner", "noise", "prior", "every"}
     assert chosen["learner"].endswith("the default") and "innovations" in chosen["noise"]
     assert "linear_strip" in chosen["network"] and "the network" in chosen["prior"]
-    half = speak("identify", flight, "--prior-std", "0.3", "--every", "50").out
+    some = ("--prior-std", "0.3", "--every", "50", "--learner", "extended")
+    half = speak("identify", flight, *some).out
+    assert "learner: extended; set by you" in half and "weights; the default" in half
     assert "prior: 0.3; set by you" in half and "every: one sample in 50" in half
     assert "noise" in half and "from the samples and the innovations" in half
 
@@ -668,3 +676,15 @@ def test_numbers_are_read_where_letters_lack(
     print("−0.69 3×10⁻⁴ – \u4e2d", file=shown, flush=True)
     told = shown.buffer.getvalue().decode(encoding).splitlines()[-1]  # type: ignore[attr-defined]
     assert told.replace("×", "x").replace("–", "-") == "-0.69 3x10^-4 - \\u4e2d"
+
+
+def test_a_flight_is_written_with_the_ending_that_readers_go_by(tmp_path: Path) -> None:
+    """`-o a` wrote a file that no other verb took for a flight."""
+    assert netcdf(tmp_path / "a") == tmp_path / "a.nc" and netcdf(None) is None
+    assert netcdf(tmp_path) == tmp_path  # a folder, which is refused by its name
+
+
+def test_a_failed_search_is_told_with_options_of_the_command_line() -> None:
+    found = NoOrbit("stalled", f"widen that limit, {NEARBY}", {}, 1.0, 3, {})
+    with pytest.raises(PatagiumError, match=r"limit, ask for another --speed .* \(--free NAME"):
+        refuse_missing(found, as_json=False)

@@ -115,7 +115,11 @@ def test_a_glider_holds_its_glide(tmp_path, capsys):
             "plunge_amplitude, value: 30 deg",
             "line 13, events.5.stuck.value: expected a quantity such as '0.5'",
         ),
-        ("robot: ornithopter\n", "", "robot: expected `robot: ornithopter`, found nothing"),
+        (
+            "robot: ornithopter\n",
+            "",
+            "robot: expected a value such as `robot: ornithopter`, found nothing",
+        ),
     ],
 )
 def test_wrong_words_of_a_plan_are_told_with_their_line(tmp_path, old, new, where):

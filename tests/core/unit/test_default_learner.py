@@ -177,7 +177,9 @@ def test_the_first_wingbeat_says_whether_flow_is_attached(
 def test_air_that_no_network_knows_is_said() -> None:
     robot = pt.load_robot("aerobat")
     for air, told in ((pt.Air(ground=-1.0), True), (pt.Air(), False)):
-        words = learner_choices(default_learner(robot, air), given=False)
+        words = learner_choices(default_learner(robot, air), given=["learner"])
+        assert words["learner"] == "extended; set by you"
+        assert words["network"].endswith("; the default")  # it was "set by you" too
         assert ("ground" in words) is told
 
 

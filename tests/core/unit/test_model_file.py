@@ -62,7 +62,7 @@ def test_an_output_that_was_never_measured_takes_no_interval_of_the_others(
     model = load_model(save_model(tmp_path / "model.json", learner))
     assert model.measurement_std is not None and model.learner["found"]["measurement_std"][0] > 0
     np.testing.assert_array_equal(model.measurement_std[0], learner.measurement_std[0])
-    assert model.measurement_std[1] == 0.0 and learner_choices(learner, given=False)["noise"]
+    assert model.measurement_std[1] == 0.0 and learner_choices(learner, given=())["noise"]
     later = compare(model, time, x, y)
     assert later.scores["coverage_by_output"]["lift"] == pytest.approx(0.95, abs=0.1)  # it was NaN
     assert later.scores["not_measured"] == ["drag"]

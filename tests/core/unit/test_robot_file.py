@@ -420,7 +420,7 @@ def test_a_fault_is_named_with_its_place(fault):
         ("mass: 5 g", "mas: 5 g", "line 16, bodies.left_tip.mas: expected one of the keys"),
         ("axis: -z", "axis: w", "line 15, bodies.left_tip.joints.1.axis: expected an axis"),
         ("strips: 2", "strip: 2", "line 38, wings.0.segments.0.strip: expected one of the keys"),
-        ("mass: 5 g", "", "line 5, bodies.left_tip.mass: expected `mass: 20 g`, found nothing"),
+        ("mass: 5 g", "", "line 5, bodies.left_tip.mass: expected a value such as `mass: 2"),
         ("from: left", "form: left", "line 56, mirror.0.form: expected one of the keys from, to"),
         ("parent: hull", "parent: hul", "line 25, bodies.fin.parent: expected one of fin, hull"),
         ("    parent: hull\n", "", "line 24, bodies.fin.parent: expected `parent: hull`, or `pare"),
@@ -438,7 +438,7 @@ SLIPS = {
     "radians meant as degrees": (
         "limits: [-45 deg, 60 deg]",
         "limits: [-45, 60]",
-        "joint left_plunge: limits: -45 rad are -2578 deg, .*Write '-45 deg'$",
+        r"joint left_plunge: limits: -45 rad are -2578 deg, .*Write \[-45 deg, 60 deg\]$",
     ),
     "grams without a unit": (
         "mass: 380 g",
@@ -473,7 +473,7 @@ SLIPS = {
     "kilograms for a wing in grams": (
         "mass: 45 g",
         "mass: 45 kg",
-        "body left_wing: mass: it has 4.5e[+]04 g, and all but its image .* g together; check its",
+        "body left_wing: mass: it has 45000 g, all other bodies but its mirror image only .* g",
     ),
     "a wing on another body": (
         "      - body: left_wing\n        strips: 8",
@@ -598,7 +598,7 @@ def test_a_loop_of_parents_is_named():
     text = load_robot("yeo-wing").source.replace(
         "left_wing:\n", "left_wing:\n    parent: left_wing\n", 1
     )
-    with pytest.raises(RobotFileError, match="a tree that starts at the world, found a loop"):
+    with pytest.raises(RobotFileError, match="found the loop left_wing -> left_wing; give one of"):
         load_robot_text(text)
 
 
@@ -629,7 +629,11 @@ def test_a_duplicate_key_is_refused_with_its_line():
             "line 4, .* found a line indented by 3 spaces after one by 4$",
         ),
         ("a:\n  b: 1\n   c: 2\n", "line 3, .* found a line indented by 3 spaces after one by 2$"),
-        ("a:\n  b: 1\nc: d: e\n", "line 3, .* found 'mapping values are not allowed here'$"),
+        ("a:\n  b: 1\nc: d: e\n", "line 3, .*: expected one `key: value` a line, found a second"),
+        ("a:\n  b:1\n  c: 2\n", "line 2: expected `key: value` .*, found 'b:1'$"),
+        ("a:\n  b: 1\n  c 2\n  d: 3\n", "line 3: expected `key: value` .*, found 'c 2'$"),
+        ("a: {b: 1\nc: 2\n", "line 1: expected a comma .*, found none up to line 2, column 2$"),
+        ("a: 'b\nc: 2\n", "line 1: expected a quote .*, found none up to the end$"),
         ("[", 'line 1, .* found "expected the node content'),
     ],
 )

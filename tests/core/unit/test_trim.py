@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 import warnings
 from dataclasses import replace
 
@@ -15,8 +16,8 @@ import patagium as pt
 from patagium.control import FlightMap, free_parameters, gait_family, trimming
 from patagium.control.orbit import Frame
 from patagium.control.trimming import Conditions, OrbitSearch, _not_found, state_sizes
-from patagium.errors import ParameterError
-from patagium.robot import load_robot_text
+from patagium.errors import ParameterError, RobotFileWarning
+from patagium.robot import load_robot_text, preset_text
 from patagium.robot.model import Actuator
 from patagium.simulation import FlightState
 
@@ -508,7 +509,7 @@ def test_a_speed_beyond_that_of_sound_is_refused(aerobat, name):
 def test_refusals(aerobat):
     with pytest.raises(ParameterError, match="at least 2"):
         pt.trim(aerobat, free=("frequency",), speed=4.0)
-    with pytest.raises(ParameterError, match="gait parameter"):
+    with pytest.raises(ParameterError, match="^free: expected frequency"):
         pt.trim(aerobat, free=("tail_offset",))
     with pytest.raises(ParameterError, match="air at rest"):
         pt.trim(aerobat, pt.QuasiSteady(aerobat, pt.Air(wind=(1.0, 0.0, 0.0))))
@@ -642,3 +643,28 @@ def test_a_robot_without_fin_whose_sides_differ_is_told_so():
     assert "what the free parameters hardly reach is" in failed.reason
     assert "of moment_x" in failed.reason
     assert failed.remedy.startswith("if left and right differ, free a command that differs")
+
+
+def test_a_robot_without_wings_is_refused_before_the_search():
+    """No joint limit, which the failed search asked to widen, gives it air."""
+    text = re.sub(r"(?s)\nwings:.*(?=\nmirror:)", "", preset_text("ornithopter"))
+    with pytest.warns(RobotFileWarning, match="wings: there is no such section, so that no air"):
+        robot = load_robot_text(text)
+    with pytest.raises(ParameterError, match="^robot: expected a robot whose file has a section w"):
+        pt.trim(robot)
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("plunge", "plunge_amplitude"),
+        ("left_elbow", "left_elbow_offset"),
+        ("frequncy", "frequency"),
+    ],
+)
+def test_a_name_near_a_gait_parameter_is_answered_by_one_that_trim_takes(aerobat, name, meant):
+    """It was answered by the name of a joint, also where that was what had been written."""
+    gait = pt.gaits.cruise(aerobat)
+    with pytest.raises(ParameterError, match=f"; did you mean {meant}[?]$"):
+        gait_family(aerobat, gait, (name,))
+    assert gait_family(aerobat, gait, (meant,)).names == (meant,)

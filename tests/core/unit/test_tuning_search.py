@@ -305,8 +305,8 @@ def test_settings_written_by_hand_make_a_learner_and_come_back(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("every: 10", "every: 0", "every: expected a number greater than 0, found 0"),
-        ("every: 10", "", "every: expected a value here, found nothing"),
+        ("every: 10", "every: 0", "every: expected a number greater than 0 such as 10, found 0"),
+        ("every: 10", "", "every: expected a value such as `every: 10`, found nothing"),
         (
             "kind: dense",
             "kind: deep",
@@ -322,9 +322,9 @@ def test_settings_written_by_hand_make_a_learner_and_come_back(tmp_path: Path) -
             "noise_estimation: {span: 9}",
             "noise_estimation: expected none, or",
         ),
-        (SETTINGS, "a: b: c", "expected readable YAML"),
+        (SETTINGS, "a: b: c", "expected one `key: value` a line"),
         # true was taken for 1
-        ("every: 10", "every: true", "every: expected a whole number, found True"),
+        ("every: 10", "every: true", "every: expected a whole number such as 10, found True"),
         ("[3]", "[true, 4]", "network.hidden.0: expected a whole number, found True"),
         (": 0.5", ": 0.5, seed: true", "learner.seed: expected a whole number, found True"),
         (": 0.5", ": true", "prior_std: expected real numbers, found 'True or False'"),

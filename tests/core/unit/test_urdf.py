@@ -138,7 +138,7 @@ BROKEN = {
     "a loop": (
         ARM.replace('<parent link="base_link"/>', '<parent link="slider"/>'),
         "",
-        "a loop: Upper-Arm, slider, tool0",
+        "the loop Upper-Arm -> slider -> Upper-Arm",
     ),
     "two parents": (
         ARM.replace('<child link="tool0"/>', '<child link="slider"/>'),
