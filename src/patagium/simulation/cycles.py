@@ -73,9 +73,9 @@ def cycle_statistics(
     stamps = ends[:-1, None] + np.diff(ends)[:, None] * phase
     counted = flight.isel(time=np.flatnonzero((time >= ends[0]) & (time <= ends[-1])))
     through = air_velocity(flight, robot).T
-    velocity = np.stack([_cycle_means(each, time, ends) for each in through])
+    velocity = np.stack([cycle_means(each, time, ends) for each in through])
     signals = _signals(flight, robot, time, _forward(flight, robot, time, ends, velocity))
-    by_cycle = {name: _cycle_means(signal, time, ends) for name, signal in signals.items()}
+    by_cycle = {name: cycle_means(signal, time, ends) for name, signal in signals.items()}
     weight = float(robot.gravity * flying_mass(counted, robot).mean())
     weights = np.diff(ends)
     averaged = by_cycle | {"airspeed": np.linalg.norm(velocity, axis=0)}
@@ -113,7 +113,7 @@ def _ends(time: Array, beat: float, skip: int, steered: Array | None) -> Array:
     return np.asarray(begin + beat * np.arange(count + 1))
 
 
-def _cycle_means(signal: Array, time: Array, ends: Array) -> Array:
+def cycle_means(signal: Array, time: Array, ends: Array) -> Array:
     """Means of a signal, (N,), between the ends of cycles, (cycles + 1,) [s], by the trapezoid."""
     stamps = np.union1d(ends, time[(time > ends[0]) & (time < ends[-1])])
     values = np.interp(stamps, time, signal)

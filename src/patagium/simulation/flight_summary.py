@@ -22,7 +22,7 @@ from patagium.robot import Robot
 from patagium.robot.model import CAPACITIES, capacity_units
 from patagium.robot.planform import inwards, poses
 from patagium.simulation.air_audit import air_findings
-from patagium.simulation.cycles import air_force, air_velocity
+from patagium.simulation.cycles import air_force, air_velocity, cycle_means
 from patagium.simulation.flight import (
     WINGBEATS,
     aero_words,
@@ -102,21 +102,21 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     """
     robot, time, beat = robot_of(flight), flight["time"].to_numpy(), gait_period(flight)
     steered = flight[WINGBEATS].to_numpy() if WINGBEATS in flight else None
-    chosen, beats = _averaged(time, beat, steered)
+    begin, beats = _averaged(time, beat, steered)
+    chosen = slice(int(np.searchsorted(time, begin + 1e-9 * (begin - time[-1]))), None)
     if steered is not None and beats:
-        beat = float(time[-1] - time[chosen][0]) / beats
+        beat = (time[-1] - begin) / beats
     words = {0: "its second half", 1: "its last wingbeat"}.get(beats, f"its last {beats} wingbeats")
-    weight = float(robot.gravity) * _mean(flying_mass(flight, robot), time, chosen)
-    lift = _mean(air_force(flight, robot, time)[:, 2], time, chosen)
-    span = time[chosen][-1] - time[chosen][0]
-    work = flight["joint_work"].to_numpy()[chosen]
+    weight = float(robot.gravity) * _mean(flying_mass(flight, robot), time, begin)
+    lift = _mean(air_force(flight, robot, time)[:, 2], time, begin)
+    power = (flight["u1"] * flight["v"]).sum("dof").to_numpy()
     facts: dict[str, Any] = {
         "means_over": f"{words}; it is shorter than a wingbeat" if beat and not beats else words,
         **({"frequency": 1.0 / beat} if beat else {}),
         "force_over_weight": float(lift / weight) if weight else float("nan"),
-        "joint_power": float((work[-1] - work[0]) / span) if span else 0.0,
+        "joint_power": _mean(power, time, begin),
     }
-    facts |= _of_body(robot, flight, chosen)
+    facts |= _of_body(robot, flight, begin)
     warnings: list[str] = []
     with made_again("the flight's held commands and audit", FlightError):
         told = json_object(flight.attrs.get("held", "{}"), "held")
@@ -143,26 +143,24 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     return FlightSummary(facts, flight)
 
 
-def _averaged(time: Array, beat: float | None, steered: Array | None) -> tuple[slice, int]:
-    """Samples of the second half, in whole wingbeats where there is one, and how many it has."""
+def _averaged(time: Array, beat: float | None, steered: Array | None) -> tuple[float, int]:
+    """Begin [s] of the second half, in whole wingbeats where there is one, and how many it has."""
     half, beats = 0.5 * (time[-1] - time[0]), 0
     if beat:
         passed = (time - time[0]) / beat if steered is None else steered
         before = np.interp(time[-1] - half, time, passed)
         beats = int(passed[-1] - before + 1e-9) or int(passed[-1] - passed[0] + 0.01)  # to a sample
-    if beats:
-        half = float(time[-1] - np.interp(passed[-1] - beats, passed, time))
-    first = int(np.searchsorted(time, time[-1] - half * (1 + 1e-9)))
-    return slice(min(first, max(len(time) - 2, 0)), None), beats
+    begin = np.interp(passed[-1] - beats, passed, time) if beats else time[-1] - half
+    return float(begin), beats
 
 
-def _mean(values: Array, time: Array, chosen: slice) -> float:
-    """Mean over the time of the chosen samples, whose first and last are the same of a wingbeat."""
-    span = time[chosen][-1] - time[chosen][0]
-    return float(np.trapezoid(values[chosen], time[chosen]) / span if span else values[-1])
+def _mean(values: Array, time: Array, begin: float) -> float:
+    """Mean over the time from `begin` on [s]."""
+    ends = np.array([begin, time[-1]])
+    return float(cycle_means(values, time, ends)[0] if begin < time[-1] else values[-1])
 
 
-def _of_body(robot: Robot, flight: xr.Dataset, chosen: slice) -> dict[str, Any]:
+def _of_body(robot: Robot, flight: xr.Dataset, begin: float) -> dict[str, Any]:
     """Speed, height and attitude of the floating body; empty where none floats."""
     if not robot.floating:
         return {}
@@ -178,8 +176,8 @@ def _of_body(robot: Robot, flight: xr.Dataset, chosen: slice) -> dict[str, Any]:
         "yaw": np.unwrap(np.arctan2(turned[:, 1, 0], turned[:, 0, 0])),
     }
     return {
-        "speed": _mean(ahead, time, chosen),
-        "climb_rate": _mean(velocity[:, 2], time, chosen),
+        "speed": _mean(ahead, time, begin),
+        "climb_rate": _mean(velocity[:, 2], time, begin),
         "height_change": float(height[-1] - height[0]),
         **{name: (float(a.min()), float(a.max())) for name, a in angles.items()},
     }
