@@ -84,7 +84,7 @@ def comparison(
     actual = None if truth is None else _columns("truth", truth, t.size, len(names))
     main = next(iter(drawn.values())) if actual is None else actual
     band = None if std is None else _columns("std", std, t.size, len(names))
-    figure, axes = _grid(len(names), columns)
+    figure, axes = _over_time(names, units, columns)
     for k, panel in enumerate(axes):
         if actual is not None:
             _curve(panel, t, actual[:, k], truth_name, color=TRUTH, linewidth=2.4)
@@ -93,8 +93,6 @@ def comparison(
                 _band(panel, t, value[:, k], 1.96 * band[:, k])
             _curve(panel, t, value[:, k], label, color=color(i), linestyle=dash(i))
         _fit_to(panel, main[:, k])
-        _name(panel, names[k], units[k])
-    _time_axis(axes, columns)
     legend_above(figure, axes[0])
     return figure
 
@@ -111,15 +109,14 @@ def histories(
         events: Times [s] and what happened then.
     """
     t = np.asarray(time, float)
-    figure, axes = _grid(len(groups), 1)
-    for panel, (title, unit, signals) in zip(axes, groups, strict=True):
+    titles, units = ([group[k] for group in groups] for k in (0, 1))
+    figure, axes = _over_time(titles, units)
+    for panel, (_, _, signals) in zip(axes, groups, strict=True):
         for i, (label, signal) in enumerate(signals.items()):
             _curve(panel, t, np.asarray(signal, float), label, color=color(i), linestyle=dash(i))
         for when, words in events:
             panel.axvline(when, color=TRUTH, ls=":", label=words)
-        _name(panel, title, unit)
         panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), fontsize="small")
-    _time_axis(axes, 1)
     return figure
 
 
@@ -146,16 +143,14 @@ def innovation_and_covariance(
     """
     t = np.asarray(time, float)
     found = _columns("innovation", innovation, t.size, len(names))
-    figure, axes = _grid(len(names) + 1, 1)
+    titles = [*(f"Innovation of {name}" for name in names), "Largest variance of a weight"]
+    figure, axes = _over_time(titles, [*units, "1"])
     for k, panel in enumerate(axes[:-1]):
         _curve(panel, t, found[:, k], "innovation", color=color(1))
         _fit_to(panel, found[:, k])
-        _name(panel, f"Innovation of {names[k]}", units[k])
     variance = _columns("largest_variance", largest_variance, t.size, 1)
     _curve(axes[-1], t, variance[:, 0], "largest", color=color(0))
     axes[-1].set_yscale("log")
-    _name(axes[-1], "Largest variance of a weight", "1")
-    _time_axis(axes, 1)
     return figure
 
 
@@ -186,13 +181,11 @@ def paths(
     found = _columns("value", value, t.size, len(names))
     spread = _columns("std", std, t.size, len(names))
     start = real_array("prior", prior, (len(names),))
-    figure, axes = _grid(len(names), 1)
+    figure, axes = _over_time(names, units)
     for k, (panel, before) in enumerate(zip(axes, start, strict=True)):
         _band(panel, t, found[:, k], 2 * spread[:, k])
         _curve(panel, t, found[:, k], "estimate", color=color(1))
         panel.axhline(before, color="0.5", linestyle="--", linewidth=0.8)
-        _name(panel, names[k], units[k])
-    _time_axis(axes, 1)
     return figure
 
 
@@ -218,37 +211,35 @@ def curves(
         ShapeError: If an array does not fit the abscissa.
     """
     along = np.asarray(x, float)
-    figure, axes = _grid(1, 1, height=3.0)
+    figure, axes = panels(1, row_height=3.0)
+    panel = axes[0, 0]
     marker = "o" if along.size < 12 else ""
     row = real_array("expected", expected, along.shape)
-    axes[0].plot(along, row, label="expected", color=TRUTH, marker=marker)
+    panel.plot(along, row, label="expected", color=TRUTH, marker=marker)
     for i, (name, values) in enumerate(found.items()):
         row = real_array(name, values, along.shape)
-        axes[0].plot(along, row, label=name, color=color(i), linestyle=dash(i), marker=marker)
-    axes[0].set(xlabel=abscissa, ylabel=ordinate)
-    legend_above(figure, axes[0])
+        panel.plot(along, row, label=name, color=color(i), linestyle=dash(i), marker=marker)
+    panel.set(xlabel=abscissa, ylabel=ordinate)
+    legend_above(figure, panel)
     return figure
 
 
-def _grid(count: int, columns: int, height: float = 1.7) -> tuple[Figure, list[Axes]]:
-    rows = -(-count // columns)
-    figure, axes = panels(rows, columns, height)
-    for spare in axes.flat[count:]:
+def _over_time(
+    titles: Sequence[str], units: Sequence[str], columns: int = 1
+) -> tuple[Figure, list[Axes]]:
+    """Figure of a panel for each title, and the panels, with time below the last row."""
+    figure, grid = panels(-(-len(titles) // columns), columns)
+    axes: list[Axes] = list(grid.flat[: len(titles)])
+    for spare in grid.flat[len(titles) :]:
         spare.set_visible(False)
-    return figure, list(axes.flat[:count])
-
-
-def _name(panel: Axes, title: str, unit: str) -> None:
-    panel.set(title=title, ylabel=f"[{unit}]")
-
-
-def _time_axis(axes: Sequence[Axes], columns: int) -> None:
-    for panel in axes:
+    for panel, title, unit in zip(axes, titles, units, strict=True):
+        panel.set(title=title, ylabel=f"[{unit}]")
         panel.margins(x=0.0)
     for panel in axes[:-columns]:
         panel.tick_params(labelbottom=False)
     for panel in axes[-columns:]:
         panel.set_xlabel("time [s]")
+    return figure, axes
 
 
 def _curve(panel: Axes, time: Array, values: Array, label: str, **look: Any) -> None:
@@ -282,7 +273,7 @@ def _columns(name: str, values: ArrayLike, rows: int, width: int) -> Array:
 
 _ATTITUDE = ("roll", "pitch", "yaw")
 _QUATERNION = ("qw", "qx", "qy", "qz")
-_ABOVE, _BEHIND, _LEFT = (1, 0), (1, 2), (0, 2)  # the two axes of a view, across then up the page
+_ABOVE, _BEHIND, _LEFT = [1, 0], [1, 2], [0, 2]  # the two axes of a view, across then up the page
 
 _Group: TypeAlias = tuple[str, str, dict[str, Array]]
 
@@ -348,10 +339,10 @@ def machine(
     above, behind, left = figure.subplots(3, 1, height_ratios=heights.tolist())
     for panel, view in ((above, _ABOVE), (behind, _BEHIND), (left, _LEFT)):
         for outline in outlines:
-            _draw_hull(panel, outline[:, list(view)])
+            _draw_hull(panel, outline[:, view])
         _draw_wings(panel, view, corners, lines)
         _draw_joints(panel, view, list(joints.values()), 2.0 * room)
-        masses = np.concatenate([np.zeros((0, 3)), *spots])[:, list(view)]
+        masses = np.concatenate([np.zeros((0, 3)), *spots])[:, view]
         panel.plot(*masses.T, "P", color=color(3), markersize=6, label="center of mass")
         panel.set_aspect("equal")
         panel.set_xlim(high[view[0]], low[view[0]])  # y to the left, or x
@@ -410,7 +401,7 @@ def wingbeat(statistics: Any) -> Figure:
             panel.fill_between(phase, mean - spread, mean + spread, color=color(i), alpha=0.25)
             label = "at the mount, inertia included" if i else "of the air"
             panel.plot(phase, mean, color=color(i), linestyle=dash(i), label=label)
-        _name(panel, title, unit)
+        panel.set(title=title, ylabel=f"[{unit}]")
         panel.margins(x=0.0)
     axes[-1, 0].set_xlabel("share of a wingbeat [1]; bands: one deviation between beats")
     legend_above(figure, axes[0, 0])
@@ -456,11 +447,8 @@ def off_reference(flight: Any) -> Array:
     """Coordinates less their reference, straight between samples of a controller, (N, n_q)."""
     t, known = flight["time"].values, flight["control_time"].values
     q, wanted = flight["q"].values.T, flight["reference"].values.T
-    off = []
-    for own, aim in zip(q, wanted, strict=False):
-        gap = np.interp(known, t, own) - aim
-        off.append(np.interp(t, known, gap))
-    return np.array(off).T
+    gaps = [np.interp(known, t, own) - aim for own, aim in zip(q, wanted, strict=False)]
+    return np.array([np.interp(t, known, gap) for gap in gaps]).T
 
 
 def events_of(flight: Any) -> list[tuple[float, str]]:
@@ -505,33 +493,31 @@ def _draw_hull(panel: Axes, points: Array) -> None:
 
 
 def _draw_wings(
-    panel: Axes, view: tuple[int, int], corners: Mapping[str, Array], lines: Sequence[Array]
+    panel: Axes, view: list[int], corners: Mapping[str, Array], lines: Sequence[Array]
 ) -> None:
     from matplotlib.collections import PolyCollection
 
     for i, (wing, value) in enumerate(corners.items()):
-        outlines = list(value[:, :, list(view)])
+        outlines = list(value[:, :, view])
         panel.add_collection(
             PolyCollection(outlines, facecolor=color(i), edgecolor=color(i), alpha=0.35, label=wing)
         )
     for i, line in enumerate(lines):
         label = "lifting line" if i == 0 else None
-        panel.plot(*line[:, list(view)].T, color=TRUTH, lw=0.8, ls=(0, (1, 1)), label=label)
+        panel.plot(*line[:, view].T, color=TRUTH, lw=0.8, ls=(0, (1, 1)), label=label)
 
 
-def _draw_joints(
-    panel: Axes, view: tuple[int, int], joints: Sequence[Hinge], length: float
-) -> None:
+def _draw_joints(panel: Axes, view: list[int], joints: Sequence[Hinge], length: float) -> None:
     """Places, ways between limits, and the axes that lie in the plane of the view."""
-    swept = [k.sweep[:, list(view)] for k in joints if len(k.sweep)]
+    swept = [k.sweep[:, view] for k in joints if len(k.sweep)]
     for i, way in enumerate(swept):
         label = "path of the tip between its limits" if i == 0 else None
         panel.plot(*way.T, color=color(1), linewidth=1.0, label=label)
-    places = np.array([k.place for k in joints]).reshape(-1, 3)[:, list(view)]
+    places = np.array([k.place for k in joints]).reshape(-1, 3)[:, view]
     panel.plot(*places.T, "o", color=TRUTH, markersize=4, label="joint")
     numbered = [k for k in joints if k.words]
     for number, joint in enumerate(numbered, 1):
-        start, way = joint.place[list(view)], joint.axis[list(view)]
+        start, way = joint.place[view], joint.axis[view]
         if np.linalg.norm(way) > _IN_PLANE:
             look = {"arrowstyle": "<-", "color": TRUTH, "shrinkA": 1, "shrinkB": 0}
             tip = start + length * way
