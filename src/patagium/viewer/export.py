@@ -55,7 +55,7 @@ def topics_of(record: xr.Dataset) -> list[Topic]:
     for name, variable in record.data_vars.items():
         if variable.dims[:1] != ("time",) or variable.dtype.kind not in "fiub":
             continue
-        axes = [_names(record, str(dim)) for dim in variable.dims[1:]]
+        axes = [map(str, record[dim].to_numpy()) for dim in variable.dims[1:]]  # or their numbers
         labels = tuple("/".join(names) for names in product(*axes)) if axes else ("value",)
         values = variable.to_numpy().reshape(len(variable), -1).astype(float)
         if values.shape[1]:
@@ -109,16 +109,18 @@ def export(record: xr.Dataset, path: str | Path) -> Path:
         OutputError: If the file cannot be written.
     """
     target = Path(path)
-    kinds = {".mcap": ("mcap.writer", _write_mcap), ".rrd": ("rerun", _write_rerun)}
+    kinds = {
+        ".mcap": ("mcap.writer", "export", _write_mcap),
+        ".rrd": ("rerun", "rerun", _write_rerun),
+    }
     if target.suffix.lower() not in kinds:
         table = "a table, in Python: flight.q.to_pandas().to_csv('q.csv')"
         raise ParameterError("out", f"a file of the kind .mcap or .rrd ({table})", target.name)
-    package, write = kinds[target.suffix.lower()]
+    package, extra, write = kinds[target.suffix.lower()]
     try:
         library = import_module(package)
     except ImportError:
-        name, extra = ("rerun",) * 2 if package == "rerun" else ("mcap", "export")
-        expected = f"{name}: pip install 'patagium[{extra}]'"
+        expected = f"{package.partition('.')[0]}: pip install 'patagium[{extra}]'"
         raise ParameterError("export", expected, None) from None
     if not record.sizes.get("time"):
         raise LogError("file", "samples", "none")
@@ -141,13 +143,6 @@ def _check_clock(time: Array) -> None:
             f"file: expected times that advance, found a clock reset by {back[row]:.3g} s; cut it "
             f"at sample {row}, as with ncks -d time,{row},"
         )
-
-
-def _names(record: xr.Dataset, dim: str) -> list[str]:
-    """Names along an axis; numbers where it has none."""
-    if dim in record.coords:
-        return [str(name) for name in record[dim].to_numpy()]
-    return [str(k) for k in range(record.sizes[dim])]
 
 
 def _write_mcap(library: Any, path: Path, record: xr.Dataset, topics: list[Topic]) -> None:

@@ -5,7 +5,8 @@ Neglected: sound, and a camera that moves otherwise than with the robot.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,9 @@ def film(
     kind = Path(path).suffix.lower()
     if kind not in (".gif", ".mp4"):
         raise ParameterError("film", "a name ending in .gif or .mp4", Path(path).name)
-    write = _write_gif if kind == ".gif" else _mp4_writer()
+    if kind == ".mp4" and find_spec("imageio_ffmpeg") is None:
+        raise ParameterError("film", ".gif, or patagium[film] for .mp4", "no imageio-ffmpeg")
+    write = _write_gif if kind == ".gif" else _write_mp4
     shown = replay_content(flight, predicted, None, start, end)
     with whole_file(path) as draft:
         write(draft, _pictures(shown, progress))
@@ -83,24 +86,14 @@ def _write_gif(draft: Path, pictures: Iterator[NDArray[np.uint8]]) -> None:
     first.save(draft, "GIF", save_all=True, append_images=others, duration=1000 // RATE, loop=0)
 
 
-def _mp4_writer() -> Callable[[Path, Iterator[NDArray[np.uint8]]], None]:
-    """Function that writes pictures as a film, if the extra `film` is there."""
-    try:
-        import imageio_ffmpeg
-    except ImportError:
-        raise ParameterError(
-            "film", ".gif, or patagium[film] for .mp4", "no imageio-ffmpeg"
-        ) from None
+def _write_mp4(draft: Path, pictures: Iterator[NDArray[np.uint8]]) -> None:
+    import imageio_ffmpeg
 
-    def write(draft: Path, pictures: Iterator[NDArray[np.uint8]]) -> None:
-        first = next(pictures)
-        video = imageio_ffmpeg.write_frames(
-            str(draft), first.shape[1::-1], fps=RATE, macro_block_size=2,
-            output_params=["-f", "mp4"],
-        )  # fmt: skip
-        video.send(None)
-        for one in (first, *pictures):
-            video.send(one)
-        video.close()
-
-    return write
+    first = next(pictures)
+    video = imageio_ffmpeg.write_frames(
+        str(draft), first.shape[1::-1], fps=RATE, macro_block_size=2, output_params=["-f", "mp4"]
+    )
+    video.send(None)
+    for one in (first, *pictures):
+        video.send(one)
+    video.close()
