@@ -213,24 +213,20 @@ class Feed:
         packets, records = self._waiting[-1]
         q, v, *_ = packet_parts(packets[-1], self._subject.robot)
         trace = self._trace()
-        found = {"time": packets[-1, 0], "q": q, "v": v, "traced": len(trace)}
+        room = ((0, TRACE - len(trace)), (0, 0))
+        found = {"time": packets[-1, 0], "q": q, "v": v}
+        found |= {"trace": np.pad(trace, room), "traced": len(trace)}
         found |= {name: getattr(records, name)[-1] for name in FORCES}
         if self._learner is not None and self._subject.network is not None:
             found["weights"] = self._learner.weights
-        room = np.zeros((TRACE, trace.shape[1]))
-        room[: len(trace)] = trace
-        return found | {"trace": room}
+        return found
 
     def _trace(self) -> Array:
         """Samples since the last frame, thinned: time and forces, (at most TRACE, 1 + 3 m)."""
-        blocks = self._waiting[:: -(-len(self._waiting) // TRACE)]
-        each = max(1, TRACE // len(blocks))
-        thin = [slice(None, None, -(-len(packets) // each)) for packets, _ in blocks]
-        times = [packets[k, :1] for (packets, _), k in zip(blocks, thin, strict=True)]
-        rows = [records.rows[k] for (_, records), k in zip(blocks, thin, strict=True)]
-        chosen = Records(np.concatenate(rows))
-        forces = [getattr(chosen, name) for name in FORCES]
-        return np.hstack([np.concatenate(times), *forces])[:TRACE]
+        times = np.concatenate([packets[:, :1] for packets, _ in self._waiting])
+        records = Records(np.concatenate([records.rows for _, records in self._waiting]))
+        lines = np.hstack([times, *(getattr(records, name) for name in FORCES)])
+        return lines[:: -(-len(lines) // TRACE)]
 
 
 def records_without_learner(force: Array) -> Records:
