@@ -20,7 +20,7 @@ import viser
 from jinja2 import Environment, StrictUndefined, Template
 from PIL.ImageColor import getrgb as rgb
 
-from patagium.arrays import Array
+from patagium.arrays import Array, Indices
 from patagium.dynamics.dynamics import Poses
 from patagium.learning.scores import INTERVAL
 from patagium.report.still import solid_faces
@@ -200,19 +200,17 @@ class LiveScene:
         self._span = beat or _STILL
         position, rotation = self._poses(robot.coordinates()[None])
         tips = wing_tips(robot).values()
-        reaches = [position[0, b] - position[0, 0] + rotation[0, b] @ tip for b, tip in tips]
-        reaches += list(position[0] - position[0, 0])
-        self.reach = float(max(np.linalg.norm(place) for place in reaches)) or 0.5
+        ends = [*position[0], *(position[0, b] + rotation[0, b] @ tip for b, tip in tips)]
+        self.reach = float(np.linalg.norm(ends - position[0, 0], axis=1).max()) or 0.5
         self.following = True
         self.scales: dict[str, float] = {}
         self._largest: dict[str, float] = {}
         self._anchor, self._time, self._ground = position[0, 0].copy(), np.nan, np.inf
         self._before, self._velocity = self._anchor, np.zeros(3)
         self._trail: list[Array] = []
-        carriers = {s.body for s in robot.strips}
-        self._carried = {
-            b: [k for k, s in enumerate(robot.strips) if s.body == b] for b in carriers
-        }
+        self._carried: dict[int, list[int]] = {}
+        for k, strip in enumerate(robot.strips):
+            self._carried.setdefault(strip.body, []).append(k)
         self._quarter = np.array([s.quarter_chord for s in robot.strips], float).reshape(-1, 3)
         self._build()
 
@@ -328,9 +326,7 @@ class LiveScene:
     def _add_solid(self, name: str, solid: Solid) -> None:
         corners = solid_faces(*solid[1:])
         points, places = np.unique(corners.reshape(-1, 3).round(9), axis=0, return_inverse=True)
-        quads = places.reshape(-1, 4)
-        faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-        self._scene.add_mesh_simple(name, points, faces, color=rgb(_BODIES))
+        self._scene.add_mesh_simple(name, points, _triangles(places), color=rgb(_BODIES))
 
     def _add_wing(self, name: str, body: int) -> None:
         """Add the strips of a body to the scene, colored above and below."""
@@ -338,8 +334,7 @@ class LiveScene:
         if not corners:
             return
         points = np.concatenate(corners)
-        first = 4 * np.arange(len(corners))[:, None]
-        faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
+        faces = _triangles(np.arange(len(points)))
         for side, color in (("front", _UPPER), ("back", _LOWER)):
             self._scene.add_mesh_simple(
                 f"{name}/{side}",
@@ -429,6 +424,11 @@ class LiveScene:
         return self._scene.add_arrows(name, points, color, shaft_radius=width, **sizes)
 
 
+def _triangles(places: Indices) -> Indices:
+    """Triangles of quadrangles whose corners are points in a row, by the places of these."""
+    return places.reshape(-1, 4)[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+
+
 def _drawn(force: Array) -> bool:
     return bool(force.size) and bool(np.isfinite(force).all())
 
@@ -473,7 +473,6 @@ class LivePage:
         }
         network = subject.network
         self._strips = None if network is None else strip_force_network(network, subject.robot)
-        self._measured = {name: k for k, name in enumerate(subject.outputs)}
         self._last: Any = None
         self._numbered = self._plotted = -np.inf
         self._seen: list[tuple[float, float, int]] = []  # wall clock, time, samples
@@ -606,10 +605,8 @@ class LivePage:
 
     def _total(self, force: Array) -> Array | None:
         """Force along x, y and z, (3,) [N]; None where a component is not measured."""
-        places = [self._measured.get(name) for name in "xyz"]
-        if None in places:
-            return None
-        total = np.array([force[k] for k in places if k is not None])
+        known = dict(zip(self._subject.outputs, force, strict=True))
+        total = np.array([known.get(name, np.nan) for name in "xyz"])
         return total if np.isfinite(total).all() else None
 
     def _count(self, now: float, sent: int) -> None:

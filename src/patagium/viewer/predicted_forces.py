@@ -28,7 +28,6 @@ from patagium.learning.samples import in_flight, samples
 from patagium.robot import Robot
 from patagium.sensing import training_data
 
-Frames = Indices
 Predicted: TypeAlias = Trained | Identification
 
 _WINGED = (StripNetwork, LinearStripNetwork)
@@ -58,7 +57,7 @@ class Prediction:
 
 
 def predict_flight(
-    flight: xr.Dataset, robot: Robot, predicted: Predicted, frames: Frames
+    flight: xr.Dataset, robot: Robot, predicted: Predicted, frames: Indices
 ) -> Prediction:
     """Predicted forces of a flight.
 
@@ -103,7 +102,7 @@ def _check_forces(flight: xr.Dataset, robot: Robot, result: Identification) -> N
 
 
 def _from_identification(
-    flight: xr.Dataset, robot: Robot, result: Identification, frames: Frames
+    flight: xr.Dataset, robot: Robot, result: Identification, frames: Indices
 ) -> Prediction:
     """Prediction that an identification made before it used each sample."""
     record = result.prediction
@@ -129,7 +128,7 @@ def _interpolate(known: Array, values: Array, time: Array) -> Array | None:
     return np.column_stack([np.interp(time, known, column) for column in values.T])
 
 
-def _from_model(flight: xr.Dataset, robot: Robot, model: Trained, frames: Frames) -> Prediction:
+def _from_model(flight: xr.Dataset, robot: Robot, model: Trained, frames: Indices) -> Prediction:
     """Prediction by a learner or a model with the weights that it has."""
     if isinstance(model.network, _WINGED):
         names, expected = ([s.name for s in one.strips] for one in (model.network.robot, robot))

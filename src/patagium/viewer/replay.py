@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from patagium.arguments import checked
@@ -32,7 +33,7 @@ from patagium.robot.solids import Solid, carried_body, solids, tube, wing_tips
 from patagium.sensing import training_data
 from patagium.simulation import air_of, carrier_of, gait_period, robot_of
 from patagium.simulation.flight import Carrier, aero_words
-from patagium.viewer.predicted_forces import Frames, Predicted, Prediction, predict_flight
+from patagium.viewer.predicted_forces import Predicted, Prediction, predict_flight
 
 
 class CarryingArm(NamedTuple):
@@ -69,28 +70,27 @@ def carrying_arm(robot: Robot, carrier: Carrier | None, frames: Indices) -> Carr
         (*(f"{arm.name} {body.name}" for body in arm.bodies), f"{arm.name} foot"),
         np.concatenate([position, ground[0]], axis=1),
         np.concatenate([rotation, ground[1]], axis=1),
-        [*drawn, *_foot(arm, drawn, len(arm.bodies)), *_flange(carrier, drawn)],
+        [
+            *drawn,
+            *_foot(arm, drawn, len(arm.bodies)),
+            *_rod(drawn, arm.body_index(carrier.at), carrier.position),  # from the tool
+        ],
     )
 
 
 def _foot(arm: Robot, drawn: list[Solid], body: int) -> list[Solid]:
     """Column from the ground to the first joint."""
-    first = np.array(arm.bodies[0].position, float)
-    if not np.linalg.norm(first) > 0:
+    found = _rod(drawn, body, arm.bodies[0].position, 1.4)
+    return [one._replace(kind="cylinder") for one in found]
+
+
+def _rod(drawn: list[Solid], body: int, end: ArrayLike, thicker: float = 1.0) -> list[Solid]:
+    """Rod from the origin of a body, as thick as those drawn or thicker; none of no length."""
+    along = np.array(end, float)
+    if not np.linalg.norm(along) > 0:
         return []
-    return [tube(body, np.zeros(3), first, 1.4 * _radius(drawn))._replace(kind="cylinder")]
-
-
-def _flange(carrier: Carrier, drawn: list[Solid]) -> list[Solid]:
-    """Rod from the tool to the robot."""
-    if not np.linalg.norm(carrier.position) > 0:
-        return []
-    tool = carrier.arm.body_index(carrier.at)
-    return [tube(tool, np.zeros(3), carrier.position, _radius(drawn))]
-
-
-def _radius(drawn: list[Solid]) -> float:
-    return max(solid.size[0] for solid in drawn if solid.kind == "capsule")
+    radius = max(solid.size[0] for solid in drawn if solid.kind == "capsule")
+    return [tube(body, np.zeros(3), along, thicker * radius)]
 
 
 _SINGULAR = 1e-3  # cosine of a pitch beyond which the angles say nothing of one direction
@@ -140,13 +140,9 @@ def total_force(
         return force, None
     if not body.by_quaternion:
         angles = q[:, list(robot.floating_coordinates(body))[3:]]
-        columns = [body_rates(angles, np.broadcast_to(e, angles.shape)) for e in np.eye(3)]
-        # rows e of J^T: what a rate of one angle is in body axes
-        turning = (np.linalg.pinv(np.stack(columns, axis=1), rcond=_SINGULAR) @ turning[..., None])[
-            ..., 0
-        ]
-    about_origin = (rotation @ turning[..., None])[..., 0]
-    return force, about_origin - np.cross(arm, force)
+        each = body_rates(angles[:, None], np.eye(3))  # J^T: a rate of one angle in body axes
+        turning = np.einsum("nij,nj->ni", np.linalg.pinv(each, rcond=_SINGULAR), turning)
+    return force, np.einsum("nij,nj->ni", rotation, turning) - np.cross(arm, force)
 
 
 _BYTES = 1.4e6
@@ -322,7 +318,7 @@ def quaternions(rotation: Array) -> Array:
     return without_flips(found.reshape(*rotation.shape[:-2], 4))
 
 
-def _span(time: Array, start: float | None, end: float | None) -> Frames:
+def _span(time: Array, start: float | None, end: float | None) -> Indices:
     first = time[0] if start is None else start
     last = time[-1] if end is None else end
     tiny = 1e-9 * max(1.0, abs(last))
@@ -333,7 +329,7 @@ def _span(time: Array, start: float | None, end: float | None) -> Frames:
     return found
 
 
-def _frames(span: Frames, time: Array, period: float | None, each: int) -> Frames:
+def _frames(span: Indices, time: Array, period: float | None, each: int) -> Indices:
     """Samples of the span at one stride, as many as the page has room for."""
     most = _BYTES / each
     if period is not None:
@@ -370,10 +366,8 @@ def _arrows(
     force = point = guess = None
     strips = bool(robot.strips) and "strip_force" in shown  # of a log only the total is known
     if strips:
-        force, point = (
-            np.asarray(shown[name].transpose("time", "strip", "axis").values, float)
-            for name in ("strip_force", "strip_point")
-        )
+        names = "strip_force", "strip_point"
+        force, point = (stored(shown, name, "time", "strip", "axis") for name in names)
         whole = whole or (force.sum(axis=1), None)
         point = point - origin[:, None]
         guess = None if prediction is None else prediction.strips
@@ -457,7 +451,7 @@ def _wind(shown: xr.Dataset) -> list[str]:
 def _sampling(
     robot: Robot,
     time: Array,
-    inside: Frames,
+    inside: Indices,
     position: Array,
     rotation: Array,
 ) -> str:
@@ -485,17 +479,14 @@ def _sampling(
 
 
 def _tip_error(
-    robot: Robot, time: Array, inside: Frames, position: Array, rotation: Array
+    robot: Robot, time: Array, inside: Indices, position: Array, rotation: Array
 ) -> float:
     """Largest distance of interpolated from computed wing tips, midway between frames [m]."""
     middle = inside[:-1] + int(inside[1] - inside[0]) // 2
     first, last = time[inside[:-1]], time[inside[1:]]
     part = ((time[middle] - first) / (last - first))[:, None, None]
-    turns = quaternions(rotation[inside])
-    mixed = turns[:-1] + part * (turns[1:] - turns[:-1])
-    mixed /= np.linalg.norm(mixed, axis=-1, keepdims=True)
-    places = position[inside]
-    between = places[:-1] + part * (places[1:] - places[:-1])
+    turns, places = quaternions(rotation[inside]), position[inside]
+    mixed, between = (one[:-1] + part * np.diff(one, axis=0) for one in (turns, places))
     errors = [0.0]
     for body, offset in wing_tips(robot).values():
         guess = between[:, body] + Rotation.from_quat(mixed[:, body]).apply(offset)
