@@ -20,7 +20,7 @@ import logging
 import re
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from http import HTTPStatus
 from ipaddress import ip_address
@@ -123,12 +123,10 @@ class Door:
 
     def checked(self, raw: bytes | str) -> bytes | None:
         """Message that viser may read; None where it was refused."""
-        try:
+        with suppress(msgspec.MsgspecError, TypeError):
             message = _MESSAGE.decode(raw)
             if self._accepts(message):
                 return msgspec.msgpack.encode(message)
-        except (msgspec.MsgspecError, TypeError):
-            pass
         self.refused += 1
         return None
 

@@ -154,8 +154,6 @@ class LiveFlight:
             self._begin()
 
     def _steer(self, frequency: float, amplitude: float) -> None:
-        if self._gait is None:
-            return
         self._asked = frequency, amplitude
         self._simulator.command({"frequency": frequency, "amplitude": amplitude})
 

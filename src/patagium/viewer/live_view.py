@@ -14,10 +14,11 @@ import signal
 import socket
 import sys
 import time
+from contextlib import AbstractContextManager, suppress
 from importlib.util import find_spec
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from typing import Any, Self
+from typing import Any
 
 from patagium.errors import ParameterError
 from patagium.live.sources import is_loopback
@@ -31,7 +32,7 @@ _COURTESY = 5  # how much lower its priority is while others learn
 _COMMANDS = 4  # of which only the last counts
 
 
-class LiveView:
+class LiveView(AbstractContextManager["LiveView"]):
     """A live page, served until it is closed.
 
     Args:
@@ -86,11 +87,9 @@ class LiveView:
             return None
         self._told = True
         reason = f"exit code {self._process.exitcode}"
-        try:
+        with suppress(EOFError, OSError):
             if self._pipe.poll():
                 reason = str(self._pipe.recv()[1])
-        except (EOFError, OSError):
-            pass
         return reason
 
     def close(self) -> None:
@@ -101,9 +100,6 @@ class LiveView:
             self._process.kill()
             self._process.join()
         self._told = True
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
