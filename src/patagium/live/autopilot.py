@@ -10,6 +10,7 @@ import ctypes
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from patagium.arguments import checked
 from patagium.arrays import Array, Bools, real_array
 from patagium.control.lqr import LinearRegulator
 from patagium.errors import CompilerError, LogError, ParameterError, check_names
-from patagium.live.pipeline import Pipeline, Records
+from patagium.live.pipeline import Pipeline, Records, over_rows
 from patagium.native import load_kernel
 from patagium.native.structs import AUTOPILOT, MOTION_TRACK, REGULATOR
 from patagium.sensing.motion.frame_model import euler_function, floating_base
@@ -150,9 +151,7 @@ class Autopilot:
         )
         if chain is not None:
             self._struct.run, self._struct.pipeline = chain.native
-        self._function = kernel.autopilot_run
-        self._function.argtypes = [ctypes.c_void_p, ctypes.c_int64, *[ctypes.c_void_p] * 2]
-        self._function.restype = ctypes.c_int64
+        self._run = over_rows(kernel.autopilot_run, self._struct)
 
     def __repr__(self) -> str:
         return f"<Autopilot of {self._name}: {', '.join(self.places)}>"
@@ -287,12 +286,7 @@ class Autopilot:
         given = real_array("rows", rows, ("N", len(self._row)))
         given = np.where(np.abs(given) >= self._limits, np.nan, given)
         records = np.empty((len(given), self._struct.record))
-
-        def done(begin: int) -> int:
-            parts = given[begin:].ctypes.data, records[begin:].ctypes.data
-            address = ctypes.addressof(self._struct)
-            return int(self._function(address, len(given) - begin, *parts))
-
+        done = partial(self._run, given, records)
         if self._chain is None:
             done(0)
         else:

@@ -44,11 +44,8 @@ class AutoSave:
         try:
             self.save()
         except OutputError as problem:
-            self.failures += 1
-            self.problem = str(problem)
-            self._next = time.monotonic() + self.seconds
-            return False
-        return True
+            self.failures, self.problem = self.failures + 1, str(problem)
+        return not self.problem
 
     def save(self) -> Path:
         """Save the learner now, as at the end.
@@ -60,7 +57,9 @@ class AutoSave:
             OutputError: If it cannot be written; the file is then as it was.
         """
         count = self.learner.count
-        self.learner.save(self.path)
+        try:
+            self.learner.save(self.path)
+        finally:
+            self._next = time.monotonic() + self.seconds
         self.saves, self.problem, self._saved_count = self.saves + 1, "", count
-        self._next = time.monotonic() + self.seconds
         return self.path

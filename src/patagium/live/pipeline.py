@@ -241,6 +241,21 @@ def _check_network(network: Network, robot: Robot, inputs: Sequence[str] | None)
         raise ShapeError("inputs of the network", (count,), (measured_inputs(network),))
 
 
+def over_rows(function: Any, struct: Any) -> Callable[[Array, Array, int], int]:
+    """C function of a structure, as one of rows, their records, and the row from which it goes on.
+
+    It returns the number of rows that it took.
+    """
+    function.argtypes = [ctypes.c_void_p, ctypes.c_int64, *[ctypes.c_void_p] * 2]
+    function.restype = ctypes.c_int64
+
+    def run(rows: Array, records: Array, begin: int) -> int:
+        places = rows[begin:].ctypes.data, records[begin:].ctypes.data
+        return int(function(ctypes.addressof(struct), len(rows) - begin, *places))
+
+    return run
+
+
 class _CompiledChain:
     """Pipeline in C: a struct and all arrays that it points to.
 
@@ -257,9 +272,6 @@ class _CompiledChain:
         lags: CompiledLags | None,
     ) -> None:
         self.learner, self.lags = learner, lags
-        self._function = kernel.pipeline_run
-        self._function.argtypes = [ctypes.c_void_p, ctypes.c_int64, *[ctypes.c_void_p] * 2]
-        self._function.restype = ctypes.c_int64
         robot, parameters = form.robot, form.parameters
         places = {
             name: value if isinstance(value, int) else value.ctypes.data
@@ -278,17 +290,13 @@ class _CompiledChain:
             **places,
         )
         self._keep = form, compiled, parameters
-        function = ctypes.cast(self._function, ctypes.c_void_p).value or 0
+        self._run = over_rows(kernel.pipeline_run, self._struct)
+        function = ctypes.cast(kernel.pipeline_run, ctypes.c_void_p).value or 0
         self.native = function, ctypes.addressof(self._struct)
 
     def run(self, rows: Array, records: Array) -> None:
         """Turn packets, (N, columns), into records, (N, 3 n_y + 4)."""
-
-        def done(begin: int) -> int:
-            packets, found = rows[begin:].ctypes.data, records[begin:].ctypes.data
-            return int(self._function(self.native[1], len(rows) - begin, packets, found))
-
-        self.account_for(done, records)
+        self.account_for(partial(self._run, rows, records), records)
 
     def account_for(self, run: Callable[[int], int], records: Array) -> None:
         """Account for samples that C code learns through `native`; nan in records of those not due.

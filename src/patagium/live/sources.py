@@ -13,9 +13,8 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import nullcontext, suppress
-from functools import partial
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Protocol
@@ -316,18 +315,18 @@ class LogSource:
     """A recorded log, of which packets or raw rows are read as fast as they are learned.
 
     Args:
-        blocks: Function that reads them, some at a time, (k, columns) [units of the columns].
+        blocks: Some of them at a time, (k, columns) [units of the columns], read as they are taken.
         sensors: Description of the sensors of raw rows; empty of packets.
     """
 
-    def __init__(self, blocks: Callable[[], Iterator[Array]], sensors: str = "") -> None:
+    def __init__(self, blocks: Iterable[Array], sensors: str = "") -> None:
         self._blocks, self._sensors = blocks, sensors
 
     def read(self, queue: PacketQueue, stop: threading.Event) -> None:
         """Read the log's samples."""
         if self._sensors:
             queue.describe(self._sensors)
-        for rows in self._blocks():
+        for rows in self._blocks:
             if stop.is_set():
                 return
             queue.intake.received += len(rows)
@@ -379,10 +378,10 @@ def source_of(
     if is_log(path):
         with LogRecord(path) as record:
             record.values(tuple(columns[1:]), 0, 1)
-        return LogSource(partial(_record_blocks, columns, path))
+        return LogSource(_record_blocks(columns, path))
     if is_sensor_log(path):
         log = load_sensor_log(path)
-        return LogSource(partial(_raw_blocks, log), sensors_text(log))
+        return LogSource(_raw_blocks(log), sensors_text(log))
     refuse_other_kinds(path)
     return TextSource(columns, path, idle=idle)
 
