@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import io
 from collections import Counter
-from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
@@ -19,16 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patagium.errors import LogError
-from patagium.sensing.logs.files.channels import (
-    Block,
-    Channel,
-    LogFile,
-    Request,
-    StampSource,
-    Topic,
-    reading,
-)
-from patagium.sensing.logs.files.table_files import column_blocks
+from patagium.sensing.logs.files.channels import Channel, StampSource, Topic, reading
+from patagium.sensing.logs.files.table_files import ColumnsFile
 
 _CLOCKS = {"TimeUS": 1e3, "TimeMS": 1e6}
 """Columns of stamps and their units [ns]."""
@@ -41,7 +32,7 @@ _PADDING = 528
 """Most bytes that fill the last page of a whole log."""
 
 
-class ArdupilotFile(LogFile):
+class ArdupilotFile(ColumnsFile):
     """Open DataFlash log."""
 
     format = "ArduPilot DataFlash"
@@ -77,13 +68,6 @@ class ArdupilotFile(LogFile):
         if not self.topics:
             self.close()
             raise LogError(f"{path}: cannot be read as {self.format}: it holds no messages")
-
-    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
-        """Requested rows, topic by topic."""
-        for key, one in enumerate(wanted):
-            with reading(self.path, self.format):
-                columns = self._columns(*self._places[one.topic])
-            yield from column_blocks(key, one, columns, str(self.path))
 
     def close(self) -> None:
         """Close the file."""
@@ -123,7 +107,8 @@ class ArdupilotFile(LogFile):
         windows = np.lib.stride_tricks.sliding_window_view(self._content, dtype.itemsize)
         return np.ascontiguousarray(windows[places]).view(dtype)[:, 0]
 
-    def _columns(self, kind: int, instance: int | None) -> dict[str, NDArray[Any]]:
+    def _columns(self, topic: str) -> dict[str, NDArray[Any]]:
+        kind, instance = self._places[topic]
         found, rows = self._reader.formats[kind], self._rows(kind)
         if instance is not None:
             rows = rows[rows[found.instance_field] == instance]

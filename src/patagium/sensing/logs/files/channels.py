@@ -210,6 +210,12 @@ def reading(path: Path, kind: str, extra: str = "logs", otherwise: str = "") -> 
         raise LogError(f"{path}: cannot be read as {kind}: {reason}{remedy}") from problem
 
 
+def first_bytes(path: Path, count: int) -> bytes:
+    """Bytes at the beginning of a file, at most so many."""
+    with path.open("rb") as file:
+        return file.read(count)
+
+
 def one_line(problem: Exception, most: int) -> str:
     """Message of an error on one line of at most so many characters."""
     return " ".join(str(problem).split())[:most] or type(problem).__name__

@@ -12,7 +12,7 @@ from patagium.netcdf_file import kind_of
 from patagium.reading import check_room, regular_file
 from patagium.sensing.logs.files import table_files
 from patagium.sensing.logs.files.ardupilot_files import ArdupilotFile
-from patagium.sensing.logs.files.channels import LogFile
+from patagium.sensing.logs.files.channels import LogFile, first_bytes
 from patagium.sensing.logs.files.message_files import BagFile, McapFile
 
 _SINGLE: dict[str, Callable[[Path], LogFile]] = {
@@ -125,8 +125,7 @@ def _kind(path: Path) -> str:
     if path.is_dir():
         return ".db3"
     try:
-        with path.open("rb") as file:
-            head = file.read(16)
+        head = first_bytes(path, 16)
     except OSError as problem:
         raise LogError(f"{path}: cannot be read: {problem.strerror}") from problem
     if not head:

@@ -41,6 +41,7 @@ from patagium.sensing.logs.files.channels import (
     Request,
     StampSource,
     Topic,
+    first_bytes,
     nanoseconds,
     reading,
 )
@@ -475,6 +476,12 @@ class _RowsFile(LogFile):
             columns[name] = parsed[source][:, place] if source else self._column(part, name, row)
         return columns
 
+    def _entries(self, source: str, plain: str, size: int) -> list[str]:
+        """Names of the columns that the entries of the lists in a column are from now on."""
+        names = [f"{plain}[{k}]" for k in range(size)]
+        self._lists |= {name: (source, k) for k, name in enumerate(names)}
+        return names
+
     def _column(self, part: Any, name: str, row: int) -> Any:
         """Column of a part that begins with a row."""
         return part[name].to_numpy()
@@ -649,10 +656,9 @@ class CsvFile(_RowsFile):
                 types[name] = "float64" if name in commas else str(column.dtype)
             elif size:
                 plain, unit = _parted(name)
-                entries = {f"{plain}[{k}]": (name, k) for k in range(size)}
-                self._lists.update(entries)
-                types.update(dict.fromkeys(entries, "list"))
-                stated.update(dict.fromkeys(entries, units.get(name, unit)))
+                entries = self._entries(name, plain, size)
+                types |= dict.fromkeys(entries, "list")
+                stated |= dict.fromkeys(entries, units.get(name, unit))
             elif _calendar(column.astype(str)).notna().mean() > 0.5:
                 self._calendar.append(name)
                 types[name] = "timestamp"
@@ -688,8 +694,7 @@ class CsvFile(_RowsFile):
         return io.TextIOWrapper(binary, encoding=self._encoding, newline="")
 
     def _is_gzip(self) -> bool:
-        with self.path.open("rb") as file:
-            return file.read(2) == b"\x1f\x8b"
+        return first_bytes(self.path, 2) == b"\x1f\x8b"
 
 
 _TABLE = re.compile(
@@ -745,9 +750,8 @@ def csv_file(path: Path) -> LogFile:
     Raises:
         LogError: If the file cannot be read, or has no line of names.
     """
-    with path.open("rb") as file:
-        if _TABLE.match(file.read(_BEGINNING)) is None:
-            return CsvFile(path)
+    if _TABLE.match(first_bytes(path, _BEGINNING)) is None:
+        return CsvFile(path)
     check_room(path, path.stat().st_size)
     content = path.read_bytes()
     found = [*_TABLE.finditer(content)]
@@ -781,8 +785,8 @@ def _has_decimal_commas(column: Any) -> bool:
 
 
 def _numeric(column: Any) -> bool:
-    numbers = pd.to_numeric(column, errors="coerce").notna()
-    return column.dtype.kind in "fiub" or bool(numbers.mean() > 0.5)
+    known = pd.to_numeric(column, errors="coerce").notna()
+    return column.dtype.kind in "fiub" or bool(known.mean() > 0.5)
 
 
 def _calendar(column: Any) -> Any:
@@ -828,10 +832,9 @@ class ParquetFile(_RowsFile):
                     found[name] = str(kind)
                 elif _is_list_type(kind) and first is not None:
                     size = np.size(_flat(first[name].to_numpy()[0]))
-                    if size <= _MOST_COLUMNS:
-                        self._lists.update({f"{name}[{k}]": (name, k) for k in range(size)})
-                        found.update({f"{name}[{k}]": str(kind) for k in range(size)})
-                    if not 0 < size <= _MOST_COLUMNS:
+                    if 0 < size <= _MOST_COLUMNS:
+                        found |= dict.fromkeys(self._entries(name, name, size), str(kind))
+                    else:
                         unplaced[name] = f"a list of {size} entries; 1 to {_MOST_COLUMNS} are read"
                 else:
                     unplaced[name] = f"of type {kind}, no numbers"
@@ -880,7 +883,20 @@ def _is_list_type(kind: Any) -> bool:
     return listed and (_is_any(kind.value_type, *_NUMERIC) or _is_list_type(kind.value_type))
 
 
-class _HeldFile(LogFile):
+class ColumnsFile(LogFile):
+    """Log of tables whose columns are read whole."""
+
+    _columns: Callable[[str], Mapping[str, NDArray[Any]]]  # of a topic, by name
+
+    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
+        """Requested rows, topic by topic."""
+        for key, one in enumerate(wanted):
+            with reading(self.path, self.format):
+                columns = self._columns(one.topic)
+            yield from column_blocks(key, one, columns, str(self.path))
+
+
+class _HeldFile(ColumnsFile):
     """Log whose tables are in memory, as columns by name."""
 
     _tables: dict[str, dict[str, Any]]
@@ -903,10 +919,8 @@ class _HeldFile(LogFile):
         topic = table_topic(types, most, units, rows=own, unplaced=unplaced)
         self.topics, self._tables = {"": topic}, {"": columns}
 
-    def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
-        """Requested rows, one request after the other."""
-        for key, one in enumerate(wanted):
-            yield from column_blocks(key, one, self._tables[one.topic], str(self.path))
+    def _columns(self, topic: str) -> Mapping[str, NDArray[Any]]:
+        return self._tables[topic]
 
     def close(self) -> None:
         """Release the memory."""
@@ -920,9 +934,7 @@ class MatFile(_HeldFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        with path.open("rb") as file:
-            newer = b"7.3 MAT" in file.read(16)
-        if newer:
+        if b"7.3 MAT" in first_bytes(path, 16):
             with reading(path, "MAT 7.3", otherwise=_OLDER):
                 return self._hold(*_hdf5_columns(path, reversed_axes=True))
         columns: dict[str, Any] = {}
@@ -1093,13 +1105,8 @@ def _in_turn(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Columns of a topic that was subscribed one time or several, by time; NaN where one is not."""
     if len(parts) == 1:
         return parts[0]
-    order = np.argsort(np.concatenate([part["timestamp"] for part in parts]), kind="stable")
-
-    def whole(name: str) -> NDArray[Any]:
-        held = [part.get(name, np.full(len(part["timestamp"]), np.nan)) for part in parts]
-        return np.concatenate(held)[order]
-
-    return {name: whole(name) for part in parts for name in part}
+    whole = pd.concat(map(pd.DataFrame, parts)).sort_values("timestamp", kind="stable")
+    return {str(name): column.to_numpy() for name, column in whole.items()}
 
 
 def _topic(name: str, columns: Any) -> Topic:
