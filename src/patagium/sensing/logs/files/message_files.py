@@ -22,7 +22,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
 from importlib import import_module
-from itertools import islice
+from itertools import islice, product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -306,7 +306,7 @@ def _leaves(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]]
         yield path, "", f"text such as {value[:40]!r}"
     elif isinstance(value, bytes) or value is None:
         yield path, "", _NULL if value is None else "bytes"
-    elif isinstance(value, np.ndarray) or _is_list(value):
+    elif _is_list(value):
         yield from _entries(value, path, above)
     else:
         for name, inner in _members(value):
@@ -334,9 +334,9 @@ def _entries(value: Any, path: str, above: Any) -> Iterator[tuple[str, str, str]
 
 
 def _is_list(value: Any) -> bool:
-    return isinstance(value, list | tuple) or (
-        hasattr(value, "__len__") and hasattr(value, "__getitem__") and not isinstance(value, dict)
-    )
+    """Whether a value is a list, an array, or a repeated field of Protobuf."""
+    listed = hasattr(value, "__len__") and hasattr(value, "__getitem__")
+    return listed and not isinstance(value, dict)
 
 
 def _members(value: Any) -> Iterable[tuple[str, Any]]:
@@ -366,12 +366,9 @@ def _stamp_path(message: Any, fields: list[str]) -> str | None:
 def _stamp(message: Any, path: str | None) -> int | None:
     if not path:
         return None
-    try:
+    with suppress(KeyError, IndexError, TypeError):
         stamp = getter(path)(message)
-    except (KeyError, IndexError, TypeError):
-        return None
-    for seconds in _held(stamp, _SECONDS):
-        for nanos in _held(stamp, _NANOS):
+        for seconds, nanos in product(_held(stamp, _SECONDS), _held(stamp, _NANOS)):
             with suppress(TypeError, ValueError):
                 return int(seconds) * 10**9 + int(nanos)
     return None
@@ -498,19 +495,18 @@ class MessageTypes:
 
         if not self._ros2:
             return get_typestore(Stores.ROS1_NOETIC), "ROS 1 Noetic"
-        wanted = f"ros2_{(self._distribution or '').lower()}"
-        for store in Stores:
-            if store.value == wanted:
-                return get_typestore(store), f"ROS 2 {self._distribution}"
+        with suppress(ValueError):  # of one that rosbags does not know
+            wanted = Stores(f"ros2_{(self._distribution or '').lower()}")
+            return get_typestore(wanted), f"ROS 2 {self._distribution}"
         return get_typestore(Stores.LATEST), "the latest ROS 2"
 
 
 def _idl(definition: str, parse: Callable[[str], Any]) -> dict[str, Any]:
     line = "=" * 80 + "\n"
-    if not definition.startswith(f"{line}IDL: "):
-        return dict(parse(definition))
-    parts = [parse(part.partition("\n")[2]) for part in definition.split(line)[1:]]
-    return {name: found for part in parts for name, found in part.items()}
+    parts = [definition]
+    if definition.startswith(f"{line}IDL: "):
+        parts = [part.partition("\n")[2] for part in definition.split(line)[1:]]
+    return {name: found for part in parts for name, found in parse(part).items()}
 
 
 class _Recording(LogFile):
