@@ -8,13 +8,14 @@ Origins are not moved: a position stays relative to the point from which it was 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from patagium.arrays import Array, Bools
 from patagium.robot.attitude import without_flips
-from patagium.sensing.sensors import from_quaternion
+from patagium.sensing.sensors import as_quaternion, from_quaternion
 
 NAMED = {
     "flu": "x, y, z",
@@ -73,21 +74,22 @@ def attitude_in_ours(
         valid &= is_rotation(components)
     if not valid.any():
         return found
-    chosen = components[valid]
-    if order == "rpy":
-        theirs = Rotation.from_euler("ZYX", chosen[:, ::-1])
-    elif order == "rotvec":
-        theirs = Rotation.from_rotvec(chosen)
-    elif order == "matrix":
-        theirs = Rotation.from_matrix(chosen.reshape(-1, 3, 3))
-    else:
-        chosen = chosen / length[valid, None]
-        theirs = Rotation.from_quat(chosen if order == "xyzw" else chosen[:, [1, 2, 3, 0]])
+    theirs = _ROTATIONS[order](components[valid])
     if inverted:
         theirs = theirs.inv()
     ours = Rotation.from_matrix(world) * theirs * Rotation.from_matrix(body).inv()
-    found[valid] = ours.as_quat()[:, [3, 0, 1, 2]]
+    found[valid] = as_quaternion(ours)
     return continuous(found)
+
+
+_ROTATIONS: dict[str, Callable[[Array], Rotation]] = {
+    "wxyz": from_quaternion,
+    "xyzw": Rotation.from_quat,
+    "rpy": lambda angles: Rotation.from_euler("ZYX", angles[:, ::-1]),
+    "rotvec": Rotation.from_rotvec,
+    "matrix": lambda rows: Rotation.from_matrix(rows.reshape(-1, 3, 3)),
+}
+"""Rotations of attitudes by the order of their components."""
 
 
 def is_rotation(matrices: Array) -> Bools:

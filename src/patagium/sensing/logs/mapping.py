@@ -306,7 +306,8 @@ def conversion(unit: str, target: str | None, where: str) -> tuple[float, str]:
         raise LogError(where, expected, found) from problem
     if zero.magnitude != 0.0:
         raise LogError(where, "a unit that only scales", f"{unit!r}")
-    return float(size or 1) * float(one.magnitude), _written(f"{one.units:~}")
+    written = f"{one.units:~}".replace(" ** ", "^").replace(" * ", " ").replace(" / ", "/")
+    return float(size or 1) * float(one.magnitude), _DERIVED.get(written, written) or "1"
 
 
 def si_of(unit: str) -> tuple[float, str]:
@@ -328,11 +329,6 @@ def _unit(text: str, where: str) -> Any:
             f"{where}: expected a unit such as 'm/s^2', 'deg/s', 'g_0' or '1', or a number of one "
             f"such as '0.02 deg', found {shown(text)}"
         ) from problem
-
-
-def _written(unit: str) -> str:
-    plain = unit.replace(" ** ", "^").replace(" * ", " ").replace(" / ", "/")
-    return _DERIVED.get(plain, plain) or "1"
 
 
 def _dimension(dimension: Any) -> str:

@@ -236,15 +236,14 @@ class LogRecord(AbstractContextManager["LogRecord"]):
             parts.setdefault(name if apart else head, []).append(name)
         variables: dict[str, Any] = {}
         for whole, names in parts.items():
-            dims = {3: ("time", "axis"), 4: ("time", "quaternion")}.get(len(names))
+            dim, values = {3: "axis", 4: "quaternion"}.get(len(names)), self.values(tuple(names))
             facts: dict[str, Any] = {"units": self.units[names[0]]}
             for fact in ("step_in_log", "rounding_in_log"):
                 facts[fact] = max(getattr(self._columns[one], fact, 0.0) for one in names)
-            if dims is None:
-                for name in names:
-                    variables[name] = ("time", self.values((name,))[:, 0], facts)
-            else:
-                variables[whole] = (dims, self.values(tuple(names)), facts)
+            if dim is not None:
+                variables[whole] = (("time", dim), values, facts)
+                continue
+            variables |= {one: ("time", values[:, k], facts) for k, one in enumerate(names)}
         coordinates = {
             "time": ("time", self.time(), {"units": "s"}),
             "axis": list("xyz"),

@@ -272,11 +272,10 @@ def body_in(name: str, robot: Robot) -> str | None:
 def _both(
     parts: Mapping[str, tuple[str, Array]], one: str, other: str, body: str
 ) -> tuple[tuple[str, Array], tuple[str, Array]]:
-    for here, missing in ((one, other), (other, one)):
-        if missing not in parts:
-            words = missing.replace("_", " ")
-            raise LogError(
-                f"{parts[here][0]}: expected {words} of {body} to go with it; add its field to "
-                "the mapping"
-            )
-    return parts[one], parts[other]
+    if one in parts and other in parts:
+        return parts[one], parts[other]
+    here, missing = (one, other) if one in parts else (other, one)
+    raise LogError(
+        f"{parts[here][0]}: expected {missing.replace('_', ' ')} of {body} to go with it; add its "
+        "field to the mapping"
+    )

@@ -89,8 +89,8 @@ def _item_findings(item: Quantity, spool: Spool, known: bool, still: bool) -> li
     if known and item.si == "m/s^2":  # of a coordinate, which need not show gravity
         return found
     if item.norm is None:
-        beside = [one for one in spool.plan.items if one.stream == item.stream]
-        alike = [one for one in beside if one.column.unit == item.column.unit]
+        same = item.stream, item.column.unit
+        alike = [one for one in spool.plan.items if (one.stream, one.column.unit) == same]
         others = [place for one in alike for place in one.places]
         sizes = sizes_of(values, item.places, item.column.unit, item.column.offset, others=others)
         return found + unit_findings(name, sizes, still=still)
