@@ -109,8 +109,8 @@ def histories(
         events: Times [s] and what happened then.
     """
     t = np.asarray(time, float)
-    titles, units = ([group[k] for group in groups] for k in (0, 1))
-    figure, axes = _over_time(titles, units)
+    units = [unit for _, unit, _ in groups]
+    figure, axes = _over_time([title for title, *_ in groups], units)
     for panel, (_, _, signals) in zip(axes, groups, strict=True):
         for i, (label, signal) in enumerate(signals.items()):
             _curve(panel, t, np.asarray(signal, float), label, color=color(i), linestyle=dash(i))

@@ -71,7 +71,7 @@ def cell_text(value: Cell) -> str:
     number = float(value)
     if not _is_number(value):
         return "yes" if number else "no"
-    if isinstance(value, Integral) and abs(number) < 1e6:
+    if _is_whole(value) and abs(number) < 1e6:
         return f"{number:.0f}"
     if math.isnan(number):
         return "n/a"
@@ -90,6 +90,10 @@ def cell_text(value: Cell) -> str:
 def _is_number(value: object) -> bool:
     # NumPy's bool is neither Real nor Integral, so it falls out by itself.
     return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, Integral)
 
 
 if TYPE_CHECKING:
