@@ -312,8 +312,9 @@ class GaitProgram:
         rows = self._prescribed(family.neutral)
         self._swings = _limited(flight, family, rows)
         self._ranges = _linear_ranges(family)
-        self._samples = np.arange(_SAMPLES) * 2 * self.steps // _SAMPLES
-        motion = rows.table[self._samples][:, self._swings.columns]
+        samples = np.arange(_SAMPLES) * 2 * self.steps // _SAMPLES
+        self._sampled = np.ix_(samples, self._swings.columns)
+        motion = rows.table[self._sampled]
         self._peaks = motion.argmax(axis=0), motion.argmin(axis=0)
         self._beyond = np.full((2, len(self._swings.columns)), _CLOSE)
         self._loads = _Loads(np.zeros(0, np.int64), np.zeros(0), ())
@@ -331,7 +332,7 @@ class GaitProgram:
         self.begin = np.concatenate(parts) / self.scale
         self.iterations = 0
         self._progress: Progress | None = None
-        self._known: tuple[bytes, PrescribedRows, Segments] | None = None
+        self._known: tuple[bytes, Array, PrescribedRows, Segments] | None = None
         lateral = lateral_states(self.names)
         apart = np.abs(nodes[:, lateral]).max()
         moved = np.abs(flown.by_parameter[:, lateral]).max()
@@ -343,36 +344,36 @@ class GaitProgram:
         self._weight = 1.0
         self._weight /= max(abs(self.cost(self.begin)), 1e-9)
 
-    def _constraint_rows(self) -> tuple[list[slice], Array]:
+    def _constraint_rows(self) -> tuple[dict[str, slice], Array]:
         """Places of the kinds of constraints, and their scales."""
-        n, m, count = len(self.names), self.parts, len(self._swings.columns)
-        ends = self._cost.size_out(2)[0]
-        held = _SAMPLES * count
-        ranges = len(self._ranges.ways)
-        loads = m * len(self._loads.names)
-        counts = m * n, 1, ends, held, held, count, count, ranges, loads
-        at = np.cumsum([0, *counts])
-        scales = (
-            np.tile(self._sizes, m),
-            self.scale[self._work],
-            np.ones(ends),
-            np.tile(self._swings.sizes, 2 * _SAMPLES + 2),
-            np.ones(ranges + loads),
-        )
-        return [*map(slice, at, at[1:])], np.concatenate(scales)
+        swung = self._swings.sizes
+        scales = {
+            "defects": np.tile(self._sizes, self.parts),
+            "work": self.scale[self._work],
+            "ends": np.ones(self._cost.size_out(2)[0]),
+            "under": np.tile(swung, _SAMPLES),
+            "over": np.tile(swung, _SAMPLES),
+            "swings": swung,
+            "least": swung,
+            "ranges": np.ones(len(self._ranges.ways)),
+            "loads": np.ones(self.parts * len(self._loads.names)),
+        }
+        at = np.cumsum([0, *map(len, scales.values())])
+        places = dict(zip(scales, map(slice, at, at[1:]), strict=True))
+        return places, np.concatenate([*scales.values()])
 
     def _outside(self, z: Array) -> Array:
         """First and last state, work and parameters, (2 n + 1 + p,) [SI]."""
         return np.asarray((z * self.scale)[self._outer])
 
-    def _flown(self, z: Array) -> tuple[PrescribedRows, Segments]:
-        """Rows and flight of all segments; those of the last unknowns are known."""
+    def _flown(self, z: Array) -> tuple[Array, PrescribedRows, Segments]:
+        """Nodes, rows and flight of all segments; those of the last unknowns are known."""
         key = z.tobytes()
         if self._known is None or self._known[0] != key:
             w = z * self.scale
             rows = self._prescribed(w[self._values])
             nodes = w[self._nodes].reshape(self.parts + 1, -1)
-            self._known = key, rows, self._fly(nodes, rows)
+            self._known = key, nodes, rows, self._fly(nodes, rows)
         return self._known[1:]
 
     def _prescribed(self, values: Array) -> PrescribedRows:
@@ -403,23 +404,21 @@ class GaitProgram:
 
     def constraints(self, z: Array) -> Array:
         """Defects, work, conditions, samples below top and above bottom, swings, ranges, loads."""
-        rows, flown = self._flown(z)
-        w = z * self.scale
-        nodes = w[self._nodes].reshape(self.parts + 1, -1)
-        motion = rows.table[self._samples][:, self._swings.columns]
+        nodes, rows, flown = self._flown(z)
+        n, w, motion = len(self.names), z * self.scale, rows.table[self._sampled]
         top, bottom = w[self._top], w[self._bottom]
         high, low = self._peaks
         each = np.arange(motion.shape[1])
         parts = [
-            flown.ends[:, : len(self.names)] - nodes[1:],
-            flown.ends[:, len(self.names)].sum() - w[self._work],
+            flown.ends[:, :n] - nodes[1:],
+            flown.ends[:, n].sum() - w[self._work],
             np.array(self._cost(w[self._outer])[2]),
             top - motion,
             motion - bottom,
             top - bottom,
             motion[high, each] - motion[low, each],
             self._ranges.ways @ w[self._values],
-            flown.ends[:, len(self.names) + 1 :],
+            flown.ends[:, n + 1 :],
         ]
         return np.concatenate([np.ravel(part) for part in parts]) / self._row_scale
 
@@ -431,39 +430,34 @@ class GaitProgram:
             a, b = np.ones((m, size, n + 1)), np.ones((m, size, p))
             outer, motion = 1.0, np.ones((_SAMPLES, count, p))
         else:
-            rows, flown = self._flown(z)
+            _, rows, flown = self._flown(z)
             a, b = flown.by_state, flown.by_parameter
             outer = self._cost(self._outside(z))[3]
-            motion = rows.slopes[self._samples]
-            motion = motion[:, :, self._swings.columns].transpose(0, 2, 1)
-        defects, work, ends, under, over, swings, least, ranges, loads = self._rows
-        values, loaded = self._values, np.arange(loads.start, loads.stop).reshape(m, -1)
+            motion = rows.slopes.transpose(0, 2, 1)[self._sampled]
+        at, values = self._rows, self._values
         found = np.zeros((len(self._row_scale), len(self.scale)))
+        loads = found[at["loads"]].reshape(m, -1, len(self.scale))
         for k in range(m):
             own = slice(k * n, (k + 1) * n)
             after = slice((k + 1) * n, (k + 2) * n)
             found[own, own] = a[k, :n, :n]
             found[own, after] = -np.eye(n)
-            found[loaded[k], own] = a[k, n + 1 :, :n]
-        found[defects, values] = b[:, :n].reshape(m * n, p)
-        found[loads, values] = b[:, n + 1 :].reshape(-1, p)
-        found[work, : m * n] = a[:, n, :n].ravel()
-        found[work, values] = b[:, n].sum(axis=0)
-        found[work, self._work] = -1.0
-        found[ends, self._outer] = outer
-        one = np.eye(count)
-        every = np.tile(one, (_SAMPLES, 1))
-        found[under, values] = -motion.reshape(-1, p)
-        found[over, values] = motion.reshape(-1, p)
-        found[under, self._top] = every
-        found[over, self._bottom] = -every
-        found[swings, self._top] = one
-        found[swings, self._bottom] = -one
-        each = np.arange(count)
-        found[least, values] = motion[self._peaks[0], each]
+            loads[k, :, own] = a[k, n + 1 :, :n]
+        found[at["defects"], values] = b[:, :n].reshape(m * n, p)
+        loads[:, :, values] = b[:, n + 1 :]
+        found[at["work"], : m * n] = a[:, n, :n].ravel()
+        found[at["work"], values] = b[:, n].sum(axis=0)
+        found[at["work"], self._work] = -1.0
+        found[at["ends"], self._outer] = outer
+        each, one = np.arange(count), np.eye(count)
+        for kind, end, side in (("under", self._top, 1.0), ("over", self._bottom, -1.0)):
+            found[at[kind], values] = -side * motion.reshape(-1, p)
+            found[at[kind], end] = np.tile(side * one, (_SAMPLES, 1))
+            found[at["swings"], end] = side * one
+        found[at["least"], values] = motion[self._peaks[0], each]
         if z is not None:
-            found[least, values] -= motion[self._peaks[1], each]
-        found[ranges, values] = self._ranges.ways
+            found[at["least"], values] -= motion[self._peaks[1], each]
+        found[at["ranges"], values] = self._ranges.ways
         return np.asarray(found * self.scale / self._row_scale[:, None])
 
     def bends(self, z: Array, weight: float, multipliers: Array) -> Array:
@@ -475,26 +469,25 @@ class GaitProgram:
             multipliers: Those of the constraints.
         """
         n, m, w = len(self.names), self.parts, z * self.scale
-        own = multipliers / self._row_scale
-        defects, work, ends, under, over, _, least, _, loads = self._rows
-        parts = own[defects].reshape(m, n), np.full((m, 1), own[work]), own[loads].reshape(m, -1)
-        of_ends, count = np.hstack(parts), len(self._swings.columns)
-        of_motion = (own[over] - own[under]).reshape(_SAMPLES, count)
+        own = {kind: (multipliers / self._row_scale)[at] for kind, at in self._rows.items()}
+        parts = own["defects"], np.repeat(own["work"], m), own["loads"]
+        of_ends, count = np.hstack([x.reshape(m, -1) for x in parts]), len(self._swings.columns)
+        of_motion = (own["over"] - own["under"]).reshape(_SAMPLES, count)
         for peak, side in zip(self._peaks, (1.0, -1.0), strict=True):
-            of_motion[peak, np.arange(count)] += side * own[least]
+            of_motion[peak, np.arange(count)] += side * own["least"]
 
         def gradient(rows: PrescribedRows, flown: Segments) -> tuple[Array, Array]:
             """Gradient of the weighted ends by states, (m, n), and parameters, (m, p)."""
-            motion = rows.slopes[self._samples][:, :, self._swings.columns]
+            motion = rows.slopes.transpose(0, 2, 1)[self._sampled]
             found = np.einsum("ki,kij->kj", of_ends, flown.by_parameter)
-            found[0] += np.einsum("sl,spl->p", of_motion, motion)
+            found[0] += np.einsum("sl,slp->p", of_motion, motion)
             return np.einsum("ki,kij->kj", of_ends, flown.by_state)[:, :n], found
 
         found, values = np.zeros((len(z), len(z))), self._values
-        outer = np.r_[weight * self._weight, own[ends]]
+        outer = np.r_[weight * self._weight, own["ends"]]
         found[np.ix_(self._outer, self._outer)] = self._bends(w[self._outer], outer)
-        rows, flown = self._flown(z)
-        here, nodes = gradient(rows, flown), w[self._nodes].reshape(m + 1, n)
+        nodes, rows, flown = self._flown(z)
+        here = gradient(rows, flown)
         still = {*Frame(self.names).neutral[:3], *self.lateral}
         for i in set(range(n)) - still:
             step = _STEP * self._sizes[i]
@@ -552,8 +545,7 @@ class GaitProgram:
         """Excess of motions between samples beyond their limits, above and below, (2, l) [SI]."""
         swings, gait = self._swings, self.family.gait(values)
         motion = gait.motion(np.linspace(0.0, gait.period or 0.0, _BETWEEN))
-        every = np.hstack([*motion])
-        limited = every[:, swings.columns]
+        limited = np.hstack([*motion])[:, swings.columns]
         top, bottom = limited.max(axis=0), limited.min(axis=0)
         over = np.array([top - swings.high, swings.low - bottom])
         swung = (top - bottom - 2.0 * swings.most) / 2.0
@@ -562,38 +554,29 @@ class GaitProgram:
 
     def _bounds(self) -> tuple[Array, Array, Array, Array]:
         """Least and greatest of unknowns and of constraints, scaled."""
-        n, m, swings = len(self.names), self.parts, self._swings
+        m, swings, frame, at = self.parts, self._swings, Frame(self.names), self._rows
         high = np.full(len(self.scale), np.inf)
         low = -high
-        frame = Frame(self.names)
-        pitch = self.names.index("pitch")
-        low[pitch : (m + 1) * n : n] = -STEEPEST
-        high[pitch : (m + 1) * n : n] = STEEPEST
-        for k in frame.neutral:
-            low[k] = high[k] = 0.0
+        most = np.zeros(len(self._row_scale))
+        least = most.copy()
+        pitch, yaw = self.names.index("pitch"), len(frame.kept)
+        free = [k for k, place in enumerate(frame.kept) if place in self.lateral]
+        for side, unknowns, rows in ((-1.0, low, least), (1.0, high, most)):
+            nodes = unknowns[self._nodes].reshape(m + 1, -1)
+            nodes[:, pitch] = side * STEEPEST
+            nodes[0, frame.neutral] = 0.0
+            nodes[:, self.lateral] = 0.0  # no unknowns, no conditions
+            rows[at["defects"]].reshape(m, -1)[:, self.lateral] = side * np.inf
+            rows[at["ends"]][[*free, yaw] if self.lateral else []] = side * np.inf
+            rows[at["loads"]] = side * np.tile(1.0 - self._over, m)
         high[self._top] = swings.high - self._beyond[0]
         low[self._bottom] = swings.low + self._beyond[1]
-        least = np.zeros(len(self._row_scale))
-        most = least.copy()
-        _, _, ends, under, over, swing, wide, ranges, loads = self._rows
-        most[loads] = np.tile(1.0 - self._over, m)
-        least[loads] = -most[loads]
-        most[under] = most[over] = most[wide] = np.inf
-        most[swing] = 2.0 * swings.most - self._beyond.sum(axis=0)
-        least[wide] = np.where(swings.least > 0.0, 2.0 * swings.least, -np.inf)
-        least[ranges], most[ranges] = self._ranges.low, self._ranges.high
-        if self.lateral:
-            yaw = ends.start + len(frame.kept)
-            least[yaw], most[yaw] = -np.inf, np.inf
-        for k in self.lateral:  # no unknowns, no conditions
-            low[k : (m + 1) * n : n] = 0.0
-            high[k : (m + 1) * n : n] = 0.0
-            free = [*range(k, m * n, n)]
-            if k in frame.kept:
-                free.append(ends.start + frame.kept.index(k))
-            least[free], most[free] = -np.inf, np.inf
-        rows = self._row_scale
-        return low / self.scale, high / self.scale, least / rows, most / rows
+        most[at["under"]] = most[at["over"]] = most[at["least"]] = np.inf
+        most[at["swings"]] = 2.0 * swings.most - self._beyond.sum(axis=0)
+        least[at["least"]] = np.where(swings.least > 0.0, 2.0 * swings.least, -np.inf)
+        least[at["ranges"]], most[at["ranges"]] = self._ranges.low, self._ranges.high
+        scale, own = self.scale, self._row_scale
+        return low / scale, high / scale, least / own, most / own
 
     def _solver(self, warm: bool) -> tuple[ca.Function, list[_Callback]]:
         """IPOPT for this program, and functions that it calls and that must outlive it."""
@@ -664,10 +647,10 @@ class GaitProgram:
     @property
     def overloads(self) -> tuple[str, ...]:
         """Loads of the beginning that are beyond their limits, in words."""
-        loads = np.abs(self.constraints(self.begin)[self._rows[8]].reshape(self.parts, -1))
+        loads = self.constraints(self.begin)[self._rows["loads"]].reshape(self.parts, -1)
         return tuple(
             f"{own.max():.3g} times the limit of {name} at phase {own.argmax() / self.parts:.3g}"
-            for name, own in zip(self._loads.names, loads.T, strict=True)
+            for name, own in zip(self._loads.names, np.abs(loads.T), strict=True)
             if own.max() > 1.0
         )
 
@@ -690,22 +673,22 @@ class GaitProgram:
 
     def _held(self, of: Array, on: Array) -> tuple[str, ...]:
         """Limits that hold the gait back, in words."""
-        swings, found = self._swings, []
+        swings, at, found = self._swings, self._rows, list[str]()
         n = len(self.family.base.joints)
         kinds = ["", "speed of ", "acceleration of "]
+        limits = {
+            "{} at its upper limit": of[self._top],
+            "{} at its lower limit": of[self._bottom],
+            "amplitude of {} at its greatest": on[at["swings"]],
+            "amplitude of {} at its least": on[at["least"]],
+        }
         for k, (column, name) in enumerate(zip(swings.columns, swings.names, strict=True)):
             told = kinds[column // n] + name
-            for place, word in ((self._top, "upper"), (self._bottom, "lower")):
-                if abs(of[place][k]) > _ACTIVE:
-                    found.append(f"{told} at its {word} limit")
-            if abs(on[self._rows[5]][k]) > _ACTIVE:
-                found.append(f"amplitude of {told} at its greatest")
-            if abs(on[self._rows[6]][k]) > _ACTIVE:
-                found.append(f"amplitude of {told} at its least")
-        for multiplier, name in zip(on[self._rows[7]], self._ranges.names, strict=True):
+            found += [words.format(told) for words, own in limits.items() if abs(own[k]) > _ACTIVE]
+        for multiplier, name in zip(on[at["ranges"]], self._ranges.names, strict=True):
             if abs(multiplier) > _ACTIVE:
                 found.append(f"{name} at its {'greatest' if multiplier > 0 else 'least'}")
-        active = np.abs(on[self._rows[8]].reshape(self.parts, -1)) > _ACTIVE
+        active = np.abs(on[at["loads"]].reshape(self.parts, -1)) > _ACTIVE
         for chosen, name in zip(active.T, self._loads.names, strict=True):
             if chosen.any():
                 found.append(f"limit of {name} at {_phases(chosen)}")
