@@ -251,13 +251,14 @@ class OrbitModel:
         self.names = flight.names
         self.steered = SteeredGait(robot, orbit.gait) if steered is None else steered
         gait = self.steered.gait
-        every = [place for name in commands for place in self.steered.places(name)]
+        places = {name: self.steered.places(name) for name in commands}
+        every = [place for name in commands for place in places[name]]
         if len(set(every)) < len(every):
             expected = "each once, and not a pair beside one of its joints"
             raise ParameterError("commands", expected, tuple(commands))
-        self.places = [self.steered.places(name)[0] for name in commands]
-        for name in commands:
-            if np.ptp(self.steered.sharpness[self.steered.places(name)]):
+        self.places = [first for first, *_ in places.values()]
+        for name, own in places.items():
+            if np.ptp(self.steered.sharpness[own]):
                 expected = "joints that answer equally fast to one; name a command of each"
                 raise ParameterError("commands", expected, f"{name!r}, whose joints do not")
         beat = gait.period or 0.0
@@ -269,27 +270,22 @@ class OrbitModel:
         if "frequency" in parameters:
             self.pace = float(self.neutral[self.commands.index("frequency")])
             self.period /= self.pace
-        n, total = flight.size, sum(self.chains)
-        states = np.zeros((parts + 1, n))
-        states[0] = orbit.states[0]
-        self.by_state = np.zeros((parts, n + total, n + total))
-        self.by_input = np.zeros((parts, n + total, len(commands)))
-        slopes = []
+        n, end = flight.size, flight.size + sum(self.chains)
+        states, slopes = [orbit.states[0]], []
         for part in range(parts):
-            states[part + 1], found = self._fly(flight, states[part], rows, part, steps)
+            after, found = self._fly(flight, states[-1], rows, part, steps)
+            states.append(after)
             slopes.append(found)
-        self.course = Course(self.names, states)
+        self.course = Course(self.names, np.array(states))
         for part, found in enumerate(slopes):
-            after = self.course.after(part, found)
-            self.by_state[part, :n], self.by_input[part, :n] = np.split(after, [n + total], axis=1)
+            found[:n] = self.course.after(part, found[:n])
         if kept is None:
             kept = np.flatnonzero(self.course.stands | (np.array(self.names) != "x"))
         self.kept: NDArray[np.intp] = kept
-        known = np.r_[self.kept, n : n + total]
+        known = np.r_[self.kept, n:end]
         self.lags = np.flatnonzero(np.isin(self.names, flight.aero.state_names)[self.kept])
-        self.size = len(known)
-        self.by_state = self.by_state[:, known][:, :, known]
-        self.by_input = self.by_input[:, known]
+        self.size, whole = len(known), np.array(slopes)[:, known]
+        self.by_state, self.by_input = whole[:, :, known], whole[:, :, end:].copy()
 
     def _rows(
         self, flight: FlightMap, steps: int, parameters: Mapping[str, float]
@@ -307,28 +303,26 @@ class OrbitModel:
             self.neutral[self.commands.index(name)] += scale * (value - values[place])
             values[place] = value
         found = family.rows(values, steps, flight.aero.air)
-        places = [family.names.index(name) for name in leads]
-        own = found.slopes[:, places].sum(axis=1) * 2 * np.pi * base.frequency
-        slopes = [
-            own if name == "frequency" else found.slopes[:, family.names.index(name)]
-            for name in self.commands
-        ]
-        for k, name in enumerate(self.commands):
-            if name.endswith("_phase"):  # a response is a lead in the gait's own time
-                slopes[k] = slopes[k] * 2 * np.pi * base.frequency
+        slopes = []
+        for name in self.commands:
+            moved = leads if name == "frequency" else [name]
+            slope = found.slopes[:, [*map(family.names.index, moved)]].sum(axis=1)
+            if name == "frequency" or name.endswith("_phase"):  # in the gait's own time
+                slope = slope * 2 * np.pi * base.frequency
+            slopes.append(slope)
         return PrescribedRows(found.table, np.stack(slopes, 1), found.time_step, np.zeros(0))
 
     def _fly(
         self, flight: FlightMap, begin: Array, rows: PrescribedRows, part: int, steps: int
     ) -> tuple[Array, Array]:
-        """End of an interval of the beat, and its derivatives by state, lags and inputs."""
+        """End of an interval of the beat, and derivatives of state and lags by both and inputs."""
         inside = slice(2 * steps * part, 2 * steps * (part + 1) + 1)
         given = rows.slopes[inside].reshape(2 * steps + 1, len(self.commands), 3, -1)
         times: Array = 0.5 * rows.time_step * np.arange(2.0 * steps + 1)
-        n, total = flight.size, sum(self.chains)
-        matrix, slopes, forced = self.by_state[part], [], []
-        first = 0
-        for i, size in enumerate(self.chains):
+        n, firsts = flight.size, np.cumsum([flight.size, *self.chains])
+        end, count = firsts[-1], len(self.commands)
+        matrix, slopes, forced = np.zeros((end, end + count)), [], []
+        for i, (first, size) in enumerate(zip(firsts, self.chains, strict=False)):
             sharpness = float(self.steered.sharpness[self.places[i]])
             free, answer = lagged(sharpness, times, size == 4)
             ways = np.concatenate([free, answer[:, :, None]], axis=2)[:, :3].transpose(1, 0, 2)
@@ -342,14 +336,13 @@ class OrbitModel:
             both = np.concatenate(motion, axis=2)
             slopes.append(both[:, :size])
             forced.append(both[:, size:])
-            own = slice(n + first, n + first + size)
-            matrix[own, own], self.by_input[part, own, i] = free[-1], answer[-1]
-            first += size
-        whole = np.concatenate([*slopes, *forced], axis=1)
-        none = np.zeros(total + len(self.commands))
+            own = slice(first, first + size)
+            matrix[own, own], matrix[own, end + i] = free[-1], answer[-1]
+        whole, none = np.concatenate([*slopes, *forced], axis=1), np.zeros(end - n + count)
         task = PrescribedRows(rows.table[inside], whole, rows.time_step, none)
         found = flight.fly(begin[None], task)
-        return found.ends[0], np.hstack([found.by_state[0], found.by_parameter[0]])
+        matrix[:n] = np.hstack([found.by_state[0], found.by_parameter[0]])
+        return found.ends[0], matrix
 
     def departure(self, first: int, state: Array, time: float) -> Array:
         """Departure of the flight from the orbit, (n_x,).
@@ -666,13 +659,12 @@ class OrbitController:
         Raises:
             ParameterError: If it cannot start anew (`restart`).
         """
-        after, last = time - self._time, self._time
-        early = time - self._due
+        last, due = self._time, self._due
         if begins(time, last):
             self.restart()
-        elif last >= 0 and abs(early) > UNEVEN * self.period:
-            said = f"{type(self).__name__}: called after {after:.4g} s, not its period of"
-            wanted = f"{after - early:.4g} s (control_period of a flight)"
+        elif last >= 0 and abs(time - due) > UNEVEN * self.period:
+            said = f"{type(self).__name__}: called after {time - last:.4g} s, not its period of"
+            wanted = f"{due - last:.4g} s (control_period of a flight)"
             warnings.warn(f"{said} {wanted}", stacklevel=3)
         self._time, self._due = time, time + self.period
         model, period = self.model, self.period
