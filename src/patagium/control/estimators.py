@@ -219,7 +219,6 @@ class _Tracking:
             rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
             times = sensor.clock(0.0, duration)[1]
             self._samples[name] = times, sensor.errors(orbit.robot, len(times), rng)
-        self._shown = dict.fromkeys(self._by_name, 0)
         self._coming: list[tuple[float, float, str, Array]] = []
         self._tracker = self._started()
 
@@ -247,24 +246,18 @@ class _Tracking:
         """Take the samples of the truth since the last look."""
         if len(truth.q) < 4:
             return
-        due: dict[str, slice] = {}
-        earliest = now
-        for name, (times, _) in self._samples.items():
-            first = self._shown[name]
-            last = int(np.searchsorted(times, now + 1e-9, side="right"))
-            if last > first:
-                due[name], earliest = slice(first, last), min(earliest, times[first])
-            self._shown[name] = last
+        earliest = min([now, *(times[0] for times, _ in self._samples.values() if len(times))])
         begin = max(0, min(int(earliest / truth.time_step), len(truth.q)) - _BESIDE)
         time = truth.time_step * np.arange(begin, len(truth.q))
-        parts = {name: getattr(truth, name)[begin:] for name in ("q", "v", "a")}
-        series = {k: (("time", f"of_{k}"), part) for k, part in parts.items()}
+        series = {k: (("time", f"of_{k}"), getattr(truth, k)[begin:]) for k in ("q", "v", "a")}
         scene = Scene(xr.Dataset(series, {"time": time}), truth.robot)
-        for name, span in due.items():
-            sensor, (times, errors) = self._by_name[name], self._samples[name]
-            own = np.clip(times[span], time[0], time[-1])
-            reading = sensor.shown(scene, own, tuple(part[span] for part in errors))
+        for name, (times, errors) in self._samples.items():
+            sensor, count = self._by_name[name], np.searchsorted(times, now + 1e-9, side="right")
+            if count == 0:
+                continue
+            own = np.clip(times[:count], time[0], time[-1])
+            reading = sensor.shown(scene, own, tuple(part[:count] for part in errors))
             rows = np.hstack([one.values for one in reading.measured.values()])
-            arrivals = times[span] + sensor.delay
-            for arrival, stamp, row in zip(arrivals, times[span], rows, strict=True):
-                self._coming.append((float(arrival), float(stamp), name, row))
+            for stamp, row in zip(times[:count].tolist(), rows, strict=True):
+                self._coming.append((stamp + sensor.delay, stamp, name, row))
+            self._samples[name] = times[count:], tuple(part[count:] for part in errors)

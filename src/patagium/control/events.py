@@ -22,7 +22,7 @@ from patagium.arguments import check_fields, checked
 from patagium.arrays import Array
 from patagium.errors import ParameterError, check_names, finite, positive
 from patagium.robot import Robot
-from patagium.robot.model import Body, Strip
+from patagium.robot.model import INERTIA, Body, Strip, moments_of
 from patagium.robot.planform import sides_of
 from patagium.robot.review import mass_beside_strips
 
@@ -416,13 +416,13 @@ def _mass_of(body: Body, mass: float, center: Array, tensor: Array) -> dict[str,
     return {
         f"{body.name}.mass": mass,
         **_named(f"{body.name}.center_of_mass", center),
-        **_named(f"{body.name}.inertia", [*np.diag(tensor), *tensor[np.triu_indices(3, 1)]]),
+        **_named(f"{body.name}.inertia", moments_of(tensor)),
     }
 
 
 def _named(name: str, values: Any) -> dict[str, float]:
     """Numbers of a vector by name, rounding as zero."""
-    parts = "x y z".split() if len(values) == 3 else "xx yy zz xy xz yz".split()
+    parts = "xyz" if len(values) == 3 else INERTIA
     kept = np.where(np.abs(values) > _ROUNDING * np.abs(values).max(), values, 0.0)
     return {f"{name}.{part}": float(value) for part, value in zip(parts, kept, strict=True)}
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +26,7 @@ from patagium.arrays import Array, brief, real_array
 from patagium.control.wingbeat import PrescribedRows
 from patagium.errors import ParameterError
 from patagium.robot import Robot
-from patagium.robot.model import COMMANDS
+from patagium.robot.model import COMMANDS, Actuator
 from patagium.simulation.gait_models import FourierGait, Gait
 from patagium.simulation.gaits import check_gait
 
@@ -90,6 +90,15 @@ class GaitFamily:
         known = {"frequency": self.base.frequency, "amplitude": 1.0}
         found = np.array([known.get(name.rpartition("_")[2], 0.0) for name in self.names])
         found.setflags(write=False)
+        return found
+
+    @cached_property
+    def commanded(self) -> list[tuple[str, Actuator, str, int]]:
+        """Actuators with their names, the kind of their commands, and the place of each joint."""
+        found = []
+        for name, actuator in self.robot.actuators.items():
+            kind, joints = self.robot.command(name)
+            found += [(name, actuator, kind, self.base.joints.index(joint)) for joint in joints]
         return found
 
     @property
@@ -170,6 +179,7 @@ class GaitFamily:
         own = derived(shape.unscaled, 4)
         joints = paced * derived(shape.series, 3)
 
+        @cache
         def effect(kind: int) -> Array:
             """Derivative by amplitudes, offsets, phases, or a cosine or sine of the series."""
             if kind == 1:
@@ -180,15 +190,12 @@ class GaitFamily:
                 return np.tile(paced * derived(unit, 3), n)
             return paced * (shape.amplitude * own[:, 1:] if kind else own[:, :3])
 
-        effects: dict[int, Array] = {}
         slopes = np.zeros((len(phase), len(way), 3, n))
         for i in np.flatnonzero(way[:, 0]):
             slopes[:, i] = way[i, 0] * np.arange(3)[:, None] / frequency * joints
         for i, column in np.argwhere(way[:, 1:]):
             kind, k = divmod(column, n)
-            if kind not in effects:
-                effects[kind] = effect(kind)
-            slopes[:, i, :, k] += way[i, 1 + column] * effects[kind][:, :, k]
+            slopes[:, i, :, k] += way[i, 1 + column] * effect(int(kind))[:, :, k]
         flat = slopes.reshape(len(phase), len(way), 3 * n)
         position = joints.reshape(len(phase), 3 * n).copy()
         position[:, :n] += shape.mean

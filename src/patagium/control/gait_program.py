@@ -139,15 +139,12 @@ def _limited(flight: FlightMap, family: GaitFamily, rows: PrescribedRows) -> _Sw
     """Motions that the parameters change and something limits, each of a mirrored pair once."""
     robot, n = flight.robot, len(family.base.joints)
     moved: Array = np.abs(rows.slopes).max(axis=(0, 1))
+    ranges = {k: one.range for _, one, kind, k in family.commanded if kind == "amplitude"}
     found: dict[tuple[Any, ...], tuple[tuple[Any, ...], str]] = {}
     for k, (joint, i) in enumerate(zip(family.base.joints, robot.actuated, strict=True)):
-        swing = (0.0, np.inf)
-        for name, actuator in robot.actuators.items():
-            kind, answering = robot.command(name)
-            swing = actuator.range if kind == "amplitude" and joint in answering else swing
         own, mean = np.array([robot.lower[i], robot.upper[i]]), family.base.mean[k]
         ends = np.where(np.isfinite(own), own, (mean - FARTHEST, mean + FARTHEST))
-        limits = [(k, *ends, *swing)]
+        limits = [(k, *ends, *ranges.get(k, (0.0, np.inf)))]
         for order, rates in ((1, robot.speed_limit), (2, robot.acceleration_limit)):
             if rates and np.isfinite(rates[i]):
                 limits.append((k + order * n, -rates[i], rates[i], 0.0, np.inf))
@@ -168,19 +165,18 @@ def _linear_ranges(family: GaitFamily) -> _Ranges:
     Of an amplitude it is that it is not negative, as `_limited` keeps the swing in its range. A
     frequency without an actuator stays between half and twice that of the gait.
     """
-    robot, joints = family.robot, family.base.joints
+    joints = family.base.joints
     own, _, mean, lead, _ = family.swings(family.neutral)
     known = {"offset": ("mean", 1 + len(mean), mean), "phase": ("lead", 1 + 2 * len(mean), lead)}
     known["amplitude"] = "amplitude", 1, np.ones(len(mean))
     wanted = {"frequency": (0, own, (0.5 * own, 2.0 * own))}
-    for name, actuator in robot.actuators.items():
-        kind, answering = robot.command(name)
+    for name, actuator, kind, k in family.commanded:
         if kind == "frequency":
             wanted[name] = (0, own, actuator.range)
-        for k in map(joints.index, answering if kind in known else ()):
-            word, first, values = known[kind]
-            limits = (0.0, np.inf) if kind == "amplitude" else actuator.range
-            wanted[f"{word} of {joints[k]}"] = (first + k, float(values[k]), limits)
+            continue
+        word, first, values = known[kind]
+        limits = (0.0, np.inf) if kind == "amplitude" else actuator.range
+        wanted[f"{word} of {joints[k]}"] = (first + k, float(values[k]), limits)
     found: dict[tuple[float, ...], str] = {}
     for name, (place, own, (low, high)) in wanted.items():
         way = family.directions[:, place]

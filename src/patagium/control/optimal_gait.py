@@ -207,11 +207,11 @@ def optimize(
         own = getattr(start, name)
         if one is not None and (own is None or one.describe() != own.describe()):
             raise ParameterError(name, f"that of start (trim(..., {name}=..., start=start))", one)
-    if free is not None or given is not None or harmonics == 1:
-        return _optimal(start, conditions, goal, harmonics, free, progress)
-    sinusoid = _optimal(start, conditions, goal, 1, None, progress)
+    sinusoid = None
+    if free is None and given is None and harmonics > 1:
+        sinusoid = _optimal(start, conditions, goal, 1, None, progress)
     if not isinstance(sinusoid, OptimalGait):  # limits that no sinusoid keeps, harmonics may
-        return _optimal(start, conditions, goal, harmonics, None, progress)
+        return _optimal(start, conditions, goal, harmonics, free, progress)
     best = _optimal(sinusoid.orbit, conditions, goal, harmonics, None, progress)
     if not isinstance(best, OptimalGait):
         return best

@@ -112,10 +112,8 @@ class RealTimeIteration:
     @property
     def cost(self) -> float:
         """Cost of the last solution, its soft limits included."""
-        program, reference = self.program, self.state_reference
-        constant = np.einsum("ki,kij,kj", reference, program["Q"], reference)
-        wanted = self.input_reference
-        constant += np.einsum("ki,kij,kj", wanted, program["R"], wanted)
+        program, wanted = self.program, {"Q": self.state_reference, "R": self.input_reference}
+        constant = sum(np.einsum("ki,kij,kj", x, program[cost], x) for cost, x in wanted.items())
         return float(program["cost"] + constant / 2)
 
     def iterate(self, first: int, start: Array, before: Array) -> ProgramStatus:

@@ -95,17 +95,13 @@ class Conditions:
             Misfits, (c,) [rad, m]; slopes, (c, n) [SI], and (c,) [rad/s, m/s].
         """
         x, y, z, *yaw = frame.neutral
-        ways, rates = [np.eye(frame.size)[k] for k in yaw], [self.turn_rate for _ in yaw]
-        if self.climb is not None:
-            ways.append(np.eye(frame.size)[z])
-            rates.append(self.climb)
-        if self.speed is not None:
-            way = np.zeros(frame.size)
-            way[[x, y]] = _along_arc(self.turn_rate * period)
-            ways.append(way)
-            rates.append(self.speed)
-        slope, rate = np.array(ways).reshape(-1, frame.size), np.array(rates, float)
-        return slope @ end - rate * period, slope, -rate
+        each, forward = np.eye(frame.size), np.zeros(frame.size)
+        forward[[x, y]] = _along_arc(self.turn_rate * period)
+        asked = [*((each[k], self.turn_rate) for k in yaw), (each[z], self.climb)]
+        asked = [(way, rate) for way, rate in (*asked, (forward, self.speed)) if rate is not None]
+        slope = np.array([way for way, _ in asked]).reshape(-1, frame.size)
+        rates = np.array([rate for _, rate in asked], float)
+        return slope @ end - rates * period, slope, -rates
 
 
 def _along_arc(turned: float) -> Array:
@@ -157,11 +153,6 @@ class OrbitSearch:
         self.still = np.zeros(len(family.names), bool)
         self._scale = state_sizes(names, family.base.frequency)
         self._reach = parameter_sizes(family)
-        self._commands = []
-        for name, actuator in flight_map.robot.actuators.items():
-            kind, joints = flight_map.robot.command(name)
-            places = map(family.base.joints.index, joints)
-            self._commands += [(name, actuator, kind, place) for place in places]
         sizes = dict(zip(names, state_sizes(names) if tolerable else self._scale, strict=True))
         for name, value in tolerable.items():
             check_names("tolerable", [name], sizes, near=True)
@@ -353,7 +344,7 @@ class OrbitSearch:
         half = np.subtract(most, least) / 2 * np.copysign(1.0, amplitude)
         known = dict(zip(COMMANDS, (half, mean, lead), strict=True))
         margin = MARGIN / 2 if beyond else 0.0  # samples differ
-        for name, actuator, kind, k in self._commands:
+        for name, actuator, kind, k in self.family.commanded:
             low, high = actuator.range
             value = known[kind][k] if kind in known else frequency
             if (half[k] or kind == "offset") and not low - margin <= value <= high + margin:
