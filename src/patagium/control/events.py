@@ -106,9 +106,10 @@ class GustEvent(Event):
     @property
     def words(self) -> str:
         """Event in words."""
+        velocity = ", ".join(f"{value:.3g}" for value in self.velocity)
         if self.stays:
-            return f"a wind of {_listed(self.velocity)} m/s more, within {self.length_time:g} s"
-        return f"a gust of {_listed(self.velocity)} m/s, {self.length_time:g} s long"
+            return f"a wind of {velocity} m/s more, within {self.length_time:g} s"
+        return f"a gust of {velocity} m/s, {self.length_time:g} s long"
 
     def gust(self) -> Gust:
         """Gust that it adds to the air."""
@@ -429,7 +430,3 @@ def _named(name: str, values: Any) -> dict[str, float]:
 
 def _around(robot: Robot, aero: Aerodynamics) -> Machine:
     return robot, aero_from_description(robot, aero.describe())
-
-
-def _listed(values: Sequence[float]) -> str:
-    return ", ".join(f"{value:.3g}" for value in values)

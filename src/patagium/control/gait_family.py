@@ -104,14 +104,12 @@ class GaitFamily:
     @property
     def units(self) -> tuple[str, ...]:
         """Unit of each parameter; amplitudes are shares of the base's."""
-        joints = dict(zip(self.base.joints, self.robot.actuated, strict=True))
+        known, joints = {"frequency": "Hz", "amplitude": "1", "phase": "rad"}, self.robot.actuated
         found = []
         for name, way in zip(self.names, self.directions, strict=True):
             kind = name.removesuffix(DIFFERENCE).rpartition("_")[2]
-            place = int(np.flatnonzero(way)[0]) - 1
-            joint = self.base.joints[place % len(joints)]
-            unit = {"frequency": "Hz", "amplitude": "1", "phase": "rad"}.get(kind)
-            found.append(unit or self.robot.dof_units[joints[joint]])
+            joint = joints[(int(np.flatnonzero(way)[0]) - 1) % len(joints)]
+            found.append(known.get(kind) or self.robot.dof_units[joint])
         return tuple(found)
 
     def gait(self, values: ArrayLike) -> FourierGait:
@@ -196,12 +194,11 @@ class GaitFamily:
         for i, column in np.argwhere(way[:, 1:]):
             kind, k = divmod(column, n)
             slopes[:, i, :, k] += way[i, 1 + column] * effect(int(kind))[:, :, k]
-        flat = slopes.reshape(len(phase), len(way), 3 * n)
-        position = joints.reshape(len(phase), 3 * n).copy()
-        position[:, :n] += shape.mean
-        table = np.column_stack([position, air.uniform_wind_at(phase / pace)])
-        step = 1.0 / (frequency * steps)
-        return PrescribedRows(table, flat, step, -step / frequency * way[:, 0])
+        joints[:, 0] += shape.mean
+        motion = joints.reshape(len(phase), 3 * n)
+        table = np.column_stack([motion, air.uniform_wind_at(phase / pace)])
+        slopes, step = slopes.reshape(len(phase), len(way), 3 * n), 1.0 / (frequency * steps)
+        return PrescribedRows(table, slopes, step, -step / frequency * way[:, 0])
 
 
 @lru_cache(maxsize=4)
@@ -270,14 +267,13 @@ def _direction(robot: Robot, base: FourierGait, still: bool, name: str) -> Array
         block = 1 + 2 * int(series["harmonic"]) + (series["part"] == "sine")
     elif kind in COMMANDS:
         block = COMMANDS.index(kind)
-    needs_motion = kind not in ("offset", "series")
-    for k, one in enumerate(joints):
-        if block is None or one not in answering:
-            continue
-        if one in base.moving or not needs_motion:
+    moved = joints if kind in ("offset", "series") else base.moving
+    differs = name.endswith(DIFFERENCE)
+    for one in answering:
+        if block is not None and one in moved:
             side = robot.side(one)
-            way[1 + block * n + k] = side / 2 if name.endswith(DIFFERENCE) else 1.0
-    if not way.any() or (name.endswith(DIFFERENCE) and np.count_nonzero(way) != 2):
+            way[1 + block * n + joints.index(one)] = side / 2 if differs else 1.0
+    if not way.any() or (differs and np.count_nonzero(way) != 2):
         groups = robot.joint_groups | {one: (one,) for one in joints}
         moving = [one for one, own in groups.items() if own[0] in base.moving]
         valid = [f"{k}_{kind}" for kind in COMMANDS for k in (groups, moving)[kind != "offset"]]

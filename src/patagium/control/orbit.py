@@ -196,10 +196,9 @@ class Orbit:
         """Keywords of `simulate` that begin a flight on the orbit: q, v and states of the air."""
         robot, state = self.robot, self.states[0]
         q, v = robot.coordinates(), np.zeros(robot.dof)
-        motion = self.gait.motion(np.zeros(1))
-        passive = [i for i in range(robot.dof) if i not in robot.actuated]
+        passive = list(robot.passive)
         q[passive], v[passive] = np.split(state[: 2 * len(passive)], 2)
-        q[list(robot.actuated)] = motion.position[0]
+        q[list(robot.actuated)] = self.gait.motion(np.zeros(1)).position[0]
         return {"q": q, "v": v, "aero_state": state[2 * len(passive) :]}
 
     @cached_property

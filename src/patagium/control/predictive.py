@@ -188,12 +188,11 @@ def lagged(sharpness: float, time: Array, integrated: bool) -> tuple[Array, Arra
     *state, target = np.eye(4)
     responses = Responses.from_state(np.array(state), target, 0 * target, 0 * target + sharpness)
     found = np.stack(responses.at(time[:, None]), axis=1)
-    if not integrated:
-        return found[:, :, :3], found[:, :, 3]
-    whole = np.stack([responses.integral(time, k) for k in range(4)], axis=1)
-    found = np.concatenate([whole[:, None], found], axis=1)
-    own = np.broadcast_to(np.eye(4)[:, :1], (len(time), 4, 1))
-    return np.concatenate([own, found[:, :, :3]], axis=2), found[:, :, 3]
+    if integrated:
+        whole = np.stack([responses.integral(time, k) for k in range(4)], axis=1)
+        own = np.broadcast_to(np.eye(4)[:, :1], (len(time), 4, 1))
+        found = np.concatenate([own, np.concatenate([whole[:, None], found], axis=1)], axis=2)
+    return found[:, :, :-1], found[:, :, -1]
 
 
 class OrbitModel:
@@ -351,17 +350,14 @@ class OrbitModel:
             time: The time, for what the gait answered so far [s].
         """
         parts = [self.course.apart(first, state)[self.kept]]
+        beat = self.steered.gait.period or 0.0
+        due = first * beat / self.parts + self.pace * (time - self.time(first))  # on the orbit
         own, responses = self.steered.responses_at(time)
         for place, neutral, size in zip(self.places, self.neutral, self.chains, strict=True):
             if size == 4:
-                parts.append(np.array([own - self._own(first, time)]))
+                parts.append(np.array([own - due]))
             parts.append(responses[:, place] - np.array([neutral, 0.0, 0.0]))
         return np.concatenate(parts)
-
-    def _own(self, first: int, time: float) -> float:
-        """Time in the gait on the orbit, at an interval that begins about now [s]."""
-        beat = self.steered.gait.period or 0.0
-        return first * beat / self.parts + self.pace * (time - self.time(first))
 
     def number(self, time: float) -> int:
         """Number of the interval that begins next to a time [s]."""
