@@ -115,7 +115,7 @@ class _Swings:
     @property
     def sizes(self) -> Array:
         """Sizes that the motions are scaled by, (l,) [SI]."""
-        return np.maximum(1.0, np.where(np.isfinite(self.high), self.high, 1.0))
+        return np.maximum(1.0, self.high)
 
 
 @dataclass(frozen=True)
@@ -544,8 +544,7 @@ class GaitProgram:
         limited = np.hstack([*motion])[:, swings.columns]
         top, bottom = limited.max(axis=0), limited.min(axis=0)
         over = np.array([top - swings.high, swings.low - bottom])
-        swung = (top - bottom - 2.0 * swings.most) / 2.0
-        over = np.maximum(over, np.where(np.isfinite(swung), swung, -np.inf))
+        over = np.maximum(over, (top - bottom - 2.0 * swings.most) / 2.0)
         return np.where(over > 0.0, over + _CLOSE, 0.0)
 
     def _bounds(self) -> tuple[Array, Array, Array, Array]:

@@ -242,8 +242,7 @@ class _Loop:
         model = getattr(self.controller, "model", None)
         if not (isinstance(model, OrbitModel) and isinstance(model.orbit, Orbit)):
             return self.orbit.along(time)
-        own = time + model.begun[0] * model.period - model.begun[1]
-        return model.orbit.along(own, model.course.heading + model.course.lead)
+        return model.orbit.along(time - model.time(0), model.course.heading + model.course.lead)
 
     def _control(self, estimate: Estimate | None) -> None:
         """Have the controller answer an estimate."""

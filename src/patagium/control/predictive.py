@@ -350,12 +350,10 @@ class OrbitModel:
             time: The time, for what the gait answered so far [s].
         """
         parts = [self.course.apart(first, state)[self.kept]]
-        beat = self.steered.gait.period or 0.0
-        due = first * beat / self.parts + self.pace * (time - self.time(first))  # on the orbit
         own, responses = self.steered.responses_at(time)
         for place, neutral, size in zip(self.places, self.neutral, self.chains, strict=True):
             if size == 4:
-                parts.append(np.array([own - due]))
+                parts.append(np.array([own - self.pace * (time - self.time(0))]))
             parts.append(responses[:, place] - np.array([neutral, 0.0, 0.0]))
         return np.concatenate(parts)
 

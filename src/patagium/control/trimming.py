@@ -277,9 +277,8 @@ class OrbitSearch:
         kept = self.frame.kept
         for _ in range(_PROJECTIONS):
             matrix, _, nodes = self.system(at)
-            way = [(begin.states[0] - at.states[0])[kept] / self._size]
-            way += [np.where(self.still, 0.0, begin.values - at.values) / self._reach]
-            back = np.concatenate(way)
+            values = np.where(self.still, 0.0, begin.values - at.values) / self._reach
+            back = np.r_[(begin.states[0] - at.states[0])[kept] / self._size, values]
             back -= np.linalg.lstsq(matrix, matrix @ back, rcond=_RANK)[0]
             near = self.point(*self.moved(at, nodes, np.asarray(back, float)), conditions)
             trial, trouble = self.newton(near, conditions)
@@ -365,10 +364,7 @@ def _peaks(position: Array) -> Array:
     top = wave.argmax(axis=0)
     before, peak, after = (wave[(top + k) % len(wave), joints] for k in (-1, 0, 1))
     bend = 8 * (2 * peak - before - after)
-    found: Array = peak + np.divide(
-        (after - before) ** 2, bend, out=np.zeros(len(peak)), where=bend > 0
-    )
-    return found
+    return np.asarray(peak + (after - before) ** 2 / np.where(bend > 0, bend, np.inf))
 
 
 def _apart(unit: str, *values: float) -> list[str]:
