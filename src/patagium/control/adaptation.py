@@ -304,7 +304,6 @@ class AdaptiveController(OuterController):
         self._stds = np.r_[np.full(len(strips), EFFECTIVENESS_STD), WRENCH_STD * wrench]
         self._least = np.r_[np.zeros(len(strips)), -wrench]
         self._most = np.r_[np.full(len(strips), 2.0), wrench]
-        self._repeats = memory * model.parts
         self.learning, self._time = True, -np.inf
         self._begin()
 
@@ -555,7 +554,7 @@ class AdaptiveController(OuterController):
         former = ripple if self._ripple is None else self._ripple
         self._ripple = former + (np.minimum(ripple, 2.0 * former) - former) / RIPPLE_BEATS
         self._disturbance.take(measured - slopes @ self.learner.prior)
-        std = np.sqrt(self._repeats * (noise**2 + self._ripple))
+        std = np.sqrt(self._memory * self.model.parts * (noise**2 + self._ripple))
         of_mean = np.sqrt(noise**2 / len(apart) + self._disturbance.variance)
         whole = np.vstack([slopes[None] / of_mean[:, None], within / std[:, None]])
         told = np.vstack([measured / of_mean, apart / std])

@@ -175,7 +175,7 @@ class _Curve:
         names = orbit.family.names
         self.place = None
         if along not in ("speed", "climb"):
-            names = (*names, *(() if along in names else (along,)))
+            names = tuple(dict.fromkeys([*names, along]))
             self.place = names.index(along)
         try:
             family = gait_family(orbit.robot, orbit.family.base, names)
@@ -237,10 +237,8 @@ class _Curve:
         if rank < held + 1:
             expected = f"{held + 1} free parameters that move the conditions on their own"
             raise ParameterError("orbit", expected, ", ".join(self.family.names))
-        steps = 1e-3 * np.diag(self.search.reach)
-        for k, step in enumerate(steps):
-            sides = at.values + step, at.values - step
-            if any(map(self.search.excess, sides)):
+        for k, step in enumerate(1e-3 * np.diag(self.search.reach)):
+            if self.search.excess(at.values + step) or self.search.excess(at.values - step):
                 effect[:, k] *= 1e-6  # it stands at a limit: the last to be taken
         if self.place is not None:
             effect[:, self.place] *= 1e9  # always among them

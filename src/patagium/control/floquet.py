@@ -300,9 +300,8 @@ def _names(shares: list[dict[str, float]], rates: Array, orbit: Orbit) -> list[s
         found[next(k for k in across if rates[k].imag)] = "dutch roll"
     if straight and next(iter(shares[straight[0]])) == "roll":
         found[straight[0]] = "spiral"
-    last = straight[-1] if len(straight) > 1 else None
-    if last is not None and _part(shares[last], ("velocity of roll", "roll"), 0.5):
-        found[last] = "roll subsidence"
+    if len(straight) > 1 and _part(shares[straight[-1]], ("velocity of roll", "roll"), 0.5):
+        found[straight[-1]] = "roll subsidence"
     return found
 
 

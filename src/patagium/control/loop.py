@@ -211,7 +211,7 @@ class _Loop:
                 if learning and learner is not None and estimate is not None:
                     learner.learn(simulator.time, estimate.state, estimate.acceleration)
                 if control:
-                    self._control(estimate)
+                    self._control(None if estimate is None else estimate.state)
                     call += self.controller.period / simulator.time_step
             ahead = [round(call), done - done % every + every]
             ahead += [first for first, *_ in self.due[:1]]
@@ -244,14 +244,12 @@ class _Loop:
             return self.orbit.along(time)
         return model.orbit.along(time - model.time(0), model.course.heading + model.course.lead)
 
-    def _control(self, estimate: Estimate | None) -> None:
-        """Have the controller answer an estimate."""
-        known = np.full(self.robot.state_size, np.nan)
-        if estimate is not None:
-            known = np.concatenate([estimate.state.q, estimate.state.v])
-        self.estimates.append(known)
+    def _control(self, state: FlightState | None) -> None:
+        """Have the controller answer an estimate of the state."""
+        unknown = np.full(self.robot.state_size, np.nan)
+        self.estimates.append(unknown if state is None else np.concatenate([state.q, state.v]))
         self.called.append(time := self.simulator.time)
-        commands = self.controller(time, None if estimate is None else estimate.state)
+        commands = self.controller(time, state)
         of_kind("commands", commands, Mapping | None)
         if isinstance(model := getattr(self.controller, "model", None), OrbitModel):
             along = model.course.along(model.number(time))
