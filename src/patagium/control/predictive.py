@@ -258,8 +258,7 @@ class OrbitModel:
             if np.ptp(self.steered.sharpness[own]):
                 expected = "joints that answer equally fast to one; name a command of each"
                 raise ParameterError("commands", expected, f"{name!r}, whose joints do not")
-        beat = gait.period or 0.0
-        self.period = positive("period of the gait", beat) / parts
+        self.period = positive("period of the gait", gait.period or 0.0) / parts
         self.chains = [4 if name == "frequency" else 3 for name in commands]
         steps = -(-orbit.steps // parts)
         rows = self._rows(flight, parts * steps, parameters)
@@ -546,11 +545,10 @@ class OrbitController:
             expected = "a new one for each flight in which it learns"
             found = "one that has learned another orbit in the flight before"
             raise ParameterError("controller", expected, found)
-        steered = SteeredGait(self.model.robot, self.model.steered.gait)
-        self.model = copy(self.model)
-        self.model.steered = steered
-        self.model.course = copy(self.model.course)
-        self.model.course.lead = 0.0
+        self.model = model = copy(self.model)
+        model.steered = SteeredGait(model.robot, model.steered.gait)
+        model.course = copy(model.course)
+        model.course.lead = 0.0
         self.before = np.zeros(len(self.ends))
         self.held, self.limited, self._answers = Counter(), Counter(), 0
 
@@ -824,13 +822,11 @@ class PredictiveController(OrbitController):
         self._begin()
 
     def _begin(self) -> None:
-        model = self.model
         costs = self.state_cost, self.input_cost
-        self.iteration = RealTimeIteration(model.predict, self._horizon, *costs)
-        program = self.iteration.program
+        self.iteration = RealTimeIteration(self.model.predict, self._horizon, *costs)
         self._place_ranges()
         for place in map(self._state, self._limits):
-            program["weight"][:, place] = SOFT * max(self.weights[place], 1.0)
+            self.iteration.program["weight"][:, place] = SOFT * max(self.weights[place], 1.0)
         self._last: int | None = None
 
     def follow(self, orbit: Reference, parameters: Mapping[str, float], first: int) -> None:
@@ -863,10 +859,8 @@ class PredictiveController(OrbitController):
                 program["least"][:, k] = low - ahead[:, k]
                 program["most"][:, k] = high - ahead[:, k]
         self.iteration.final_cost = self.costs[(first + self._horizon) % self.model.parts]
-        status = self.iteration.iterate(first, start, before)
-        if status is not ProgramStatus.SOLVED:
-            return None
-        return np.array(self.iteration.inputs[0])
+        solved = self.iteration.iterate(first, start, before) is ProgramStatus.SOLVED
+        return self.iteration.inputs[0].copy() if solved else None
 
     @staticmethod
     def _along(model: OrbitModel, intervals: range) -> Array:

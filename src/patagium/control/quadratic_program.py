@@ -114,10 +114,8 @@ class QuadraticProgram:
         self._address = ctypes.c_void_p(self._memory.ctypes.data + first)
         self._held: Array | None = None
         self.data: Any = np.frombuffer(self._memory.data, dtype, 1, first)[0]
-        for name in _LOW:
-            self[name][...] = -np.inf
-        for name in _HIGH:
-            self[name][...] = np.inf
+        for low, high in zip(_LOW, _HIGH, strict=True):
+            self[low][...], self[high][...] = -np.inf, np.inf
 
     def __reduce__(self) -> tuple[Any, ...]:
         fields = set(self.data.dtype.names) - {"inverse", "held"}  # addresses
@@ -176,9 +174,8 @@ def _possible(program: QuadraticProgram) -> ProgramStatus:
         return ProgramStatus.NOT_FINITE
     low = high = program["before"]
     for k in range(program.sizes[0]):
-        lower, upper = program["lower"][k], program["upper"][k]
-        low = np.maximum(low + program["fall"][k], lower)
-        high = np.minimum(high + program["rise"][k], upper)
+        low = np.maximum(low + program["fall"][k], program["lower"][k])
+        high = np.minimum(high + program["rise"][k], program["upper"][k])
         if not (low <= high + TOLERANCE).all():
             return ProgramStatus.INFEASIBLE
     return ProgramStatus.SOLVED
