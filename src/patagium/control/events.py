@@ -23,7 +23,7 @@ from patagium.arrays import Array
 from patagium.errors import ParameterError, check_names, finite, positive
 from patagium.robot import Robot
 from patagium.robot.model import INERTIA, Body, Strip, moments_of
-from patagium.robot.planform import sides_of
+from patagium.robot.planform import sides_of, strip_corners
 from patagium.robot.review import mass_beside_strips
 
 Machine: TypeAlias = tuple[Robot, Aerodynamics]
@@ -392,13 +392,13 @@ def _scaled(body: Body, share: float, squares: Array, center: Array) -> dict[str
 def _plates(robot: Robot, place: int) -> tuple[float, Array, Array]:
     """Area of the strips of a body [m^2], its centroid [m] and its variances, (3,) [m^2]."""
     strips = [strip for strip in robot.strips if strip.body == place]
-    sizes = np.array([(strip.chord, strip.width) for strip in strips], float)
-    forward, normal = (np.array([getattr(one, k) for one in strips]) for k in ("forward", "normal"))
-    centers = np.array([one.quarter_chord for one in strips], float) - sizes[:, :1] / 4 * forward
-    along = (forward * sizes[:, :1]) ** 2 + (np.cross(normal, forward) * sizes[:, 1:]) ** 2
-    shares = sizes.prod(axis=1) / sizes.prod(axis=1).sum()
+    areas = np.array([strip.chord * strip.width for strip in strips], float)
+    corners = np.array([strip_corners(strip) for strip in strips])
+    chords, widths = corners[:, 0] - corners[:, 3], corners[:, 1] - corners[:, 0]
+    centers, shares = corners.mean(axis=1), areas / areas.sum()
     center = shares @ centers
-    return sizes.prod(axis=1).sum(), center, shares @ (along / 12 + centers**2) - center**2
+    spread = (chords**2 + widths**2) / 12 + centers**2
+    return areas.sum(), center, shares @ spread - center**2
 
 
 def _with_point(body: Body, mass: float, center: Array) -> dict[str, float]:

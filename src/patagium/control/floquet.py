@@ -111,11 +111,8 @@ class Floquet:
         for mode in self.modes:
             word = "doubles" if mode.time > 0 else "halves"
             swings = f", period {2 * np.pi / mode.rate.imag:.3g} s" if mode.rate.imag else ""
-            failing = [
-                words
-                for words, rate in (("mean", mode.averaged), ("first order", mode.first_order))
-                if mode.fails(rate)
-            ]
+            averages = {"mean": mode.averaged, "first order": mode.first_order}
+            failing = [words for words, rate in averages.items() if mode.fails(rate)]
             note = f"; averaging fails ({', '.join(failing)})" if failing else ""
             size = abs(mode.multiplier)
             told = f"{word} in {abs(mode.time):.3g} s{swings}"
@@ -161,12 +158,8 @@ def floquet(orbit: Orbit) -> Floquet:
         if vector.any():
             place, moved = kept.index(k), _shares(frame.names, carried @ vector / sizes)
             names[place] = f"drift of {_of(moved)} by {_of(shares[place])}"
-    modes = tuple(
-        Mode(name, complex(values[k]), complex(rate), part, one, other)
-        for name, k, rate, part, one, other in zip(
-            names, kept, rates, shares, near, nearer, strict=True
-        )
-    )
+    numbers = np.array([values[kept], rates], complex).tolist()
+    modes = tuple(map(Mode, names, *numbers, shares, near, nearer))
     return Floquet(modes, _neutral(orbit), period, vectors[:, kept], frame.names)
 
 

@@ -52,8 +52,7 @@ class LinearRegulator(OrbitController):
     ) -> None:
         if not 0 <= change_cost < np.inf:
             raise ParameterError("change_cost", "zero or more", change_cost)
-        self._averaged = averaged
-        self._change_cost = change_cost
+        self._averaged, self._change_cost = averaged, change_cost
         super().__init__(orbit, commands, parts, tolerable)
 
     def _law(self, model: OrbitModel) -> tuple[Array, Array]:

@@ -272,19 +272,18 @@ class Orbit:
         pitch = np.degrees(self._pitch)
         size = np.abs(self.multipliers)
         word = "unstable" if size[0] > 1 + STILL else "neutral at best"
-        free = zip(
-            self.family.names, self.values, self.family.neutral, self.family.units, strict=True
-        )
+        family = self.family
+        each = zip(family.names, self.values, family.neutral, family.units, strict=True)
+        free = [
+            f"{name} {said(value)} {unit}".removesuffix(" 1") + f" (was {said(was)})"
+            for name, value, was, unit in each
+        ]
         lines = [
             f"periodic orbit of {self.robot.name}, one beat of {self.period:.4g} s",
             f"  speed {said(self.speed)} m/s, climb {said(self.climb)} m/s, "
             f"turn {said(np.degrees(self.turn_rate))} deg/s, "
             f"pitch {pitch.min():.3g} to {pitch.max():.3g} deg",
-            "  free: "
-            + ", ".join(
-                f"{name} {said(value)} {unit}".removesuffix(" 1") + f" (was {said(was)})"
-                for name, value, was, unit in free
-            ),
+            f"  free: {', '.join(free)}",
             f"  residual {self.residual:.1e} [SI] after {self.iterations} Newton steps, "
             f"{len(Frame(self.names).kept)} states, {self.steps} time steps",
             f"  largest multipliers {', '.join(f'{one:.4f}' for one in size[:4])}: "

@@ -103,8 +103,7 @@ class RealTimeIteration:
         self.predict = predict
         self.program = QuadraticProgram(horizon, size, count)
         self.states, self.inputs = np.zeros((horizon + 1, size)), np.zeros((horizon, count))
-        self.state_reference = np.zeros((horizon + 1, size))
-        self.input_reference = np.zeros((horizon, count))
+        self.state_reference, self.input_reference = 0 * self.states, 0 * self.inputs
         self.final_cost = np.array(state_cost, float)
         self.inverses: dict[int, Array] = {}
         self.program["Q"][...], self.program["R"][...] = state_cost, input_cost
@@ -247,7 +246,6 @@ class OrbitModel:
         self.orbit, self.robot, self.commands, self.parts = orbit, robot, tuple(commands), parts
         self.names = flight.names
         self.steered = SteeredGait(robot, orbit.gait) if steered is None else steered
-        gait = self.steered.gait
         places = {name: self.steered.places(name) for name in commands}
         every = [place for name in commands for place in places[name]]
         if len(set(every)) < len(every):
@@ -258,7 +256,7 @@ class OrbitModel:
             if np.ptp(self.steered.sharpness[own]):
                 expected = "joints that answer equally fast to one; name a command of each"
                 raise ParameterError("commands", expected, f"{name!r}, whose joints do not")
-        self.period = positive("period of the gait", gait.period or 0.0) / parts
+        self.period = positive("period of the gait", self.steered.gait.period or 0.0) / parts
         self.chains = [4 if name == "frequency" else 3 for name in commands]
         steps = -(-orbit.steps // parts)
         rows = self._rows(flight, parts * steps, parameters)

@@ -292,9 +292,8 @@ def _flown_compiled(
     x[:, :count] = states.T
     slope[np.arange(size), np.arange(size)] = 1.0
     row_size = rows.table.shape[1]
-    work = np.zeros(
-        (2 * size + found + 3 * width * size + len(column)) * stride + count * (size + row_size)
-    )
+    entries = (2 * size + found + 3 * width * size + len(column)) * stride
+    work = np.zeros(entries + count * (size + row_size))
     rate, step = ctypes.c_void_p(slopes.function.batch_address), ctypes.c_double(rows.time_step)
     library.wingbeat(
         *as_c(rate, count, stride, rows.steps // count, step, rows.step_slopes, size, row_size),
