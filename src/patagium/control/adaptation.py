@@ -509,9 +509,8 @@ class AdaptiveController(OuterController):
 
     def _flown(self, first: int, air: Aerodynamics) -> _Beat | None:
         """Intervals of the beat before an interval whose ends were measured; None without any."""
-        model, samples = self.controller.model, self._samples
+        model, course, samples = self.model, self.model.course, self._samples
         places = range(first - model.parts, first)
-        course = model.course
         begin = np.array([samples.get(k, course.along(k)) for k in places])
         end = np.array([samples.get(k + 1, course.along(k + 1)) for k in places])
         steps = model.parts * -(-self.orbit.steps // model.parts)
