@@ -197,8 +197,8 @@ class GaitFamily:
         joints[:, 0] += shape.mean
         motion = joints.reshape(len(phase), 3 * n)
         table = np.column_stack([motion, air.uniform_wind_at(phase / pace)])
-        slopes, step = slopes.reshape(len(phase), len(way), 3 * n), 1.0 / (frequency * steps)
-        return PrescribedRows(table, slopes, step, -step / frequency * way[:, 0])
+        flat, step = slopes.reshape(len(phase), len(way), 3 * n), 1.0 / (frequency * steps)
+        return PrescribedRows(table, flat, step, -step / frequency * way[:, 0])
 
 
 @lru_cache(maxsize=4)
