@@ -115,7 +115,7 @@ def identify(
         network = estimates.grey_box(flight, estimate, aero)
     else:
         network = flight_network(flight, choice)
-    outputs = Outputs()
+    outputs, by_hand = Outputs(), {*choice.chosen, *["network"] * bool(estimate)}
     with sole_user(state):
         learner = resumed(choice.learner(network), state)
         before = model_of(learner) if estimate and learner.count else None
@@ -127,7 +127,6 @@ def identify(
                 result = estimates.refined(result, flight, result.scores["every"], before)
         if result.outcome is Outcome.COMPLETED:
             outputs.attempt("state", lambda: keep_state(made, state, of_course=long))
-    by_hand = {*choice.chosen, *["network"] * bool(estimate)}
     result.scores["chosen"] |= learner_choices(made, given=by_hand)
     if table is not None:
         tell(f"{file}: {result.scores['gaps_found']}")

@@ -16,7 +16,6 @@ from patagium.cli.options import OUTPUT, MappingOption, ResultOption, RobotOptio
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import existing, say_json, say_next, show_table
 from patagium.errors import LogError, ParameterError, command
-from patagium.netcdf_file import kind_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -77,6 +76,7 @@ def motion(
 def _measured(log: Path, robot: str | None, mapping: Path | None, words: list[str]) -> SensorLog:
     """Sensor log in a file of any kind."""
     from patagium.cli.logs import record_of, tell_warnings
+    from patagium.netcdf_file import kind_of
     from patagium.robot import load_robot
     from patagium.sensing import load_sensor_log, sensor_log
     from patagium.sensing.logs.importing.import_log import import_log as bring

@@ -36,6 +36,10 @@ if TYPE_CHECKING:
     from patagium.simulation.gait_models import Gait
 
 
+_ALONE = (
+    "--live with it, as only such a flight is learned",
+    "none; add --live, or leave the other out",
+)
 _ANGLE = {"parser": quantity("rad", most=SWING)}
 _TILT = {"parser": quantity("rad", most=TILT)}
 _PLACE = {"parser": vector("m")}
@@ -211,9 +215,7 @@ def simulate(
 
     shown = live_options.served(live, live_address)
     if choice.given and not shown:
-        expected = "--live with it, as only such a flight is learned"
-        told = "none; add --live, or leave the other out"
-        raise PatagiumError(", ".join(choice.given), expected, told)
+        raise PatagiumError(", ".join(choice.given), *_ALONE)
     machine = load_robot(robot)
     if attitude is not None:
         machine = machine.with_attitude(attitude)

@@ -16,9 +16,10 @@ import patagium as pt
 from patagium.control import FlightMap, free_parameters, gait_family, trimming
 from patagium.control.orbit import Frame
 from patagium.control.trimming import Conditions, OrbitSearch, _not_found, state_sizes
-from patagium.errors import ParameterError, RobotFileWarning
+from patagium.errors import ParameterError
 from patagium.robot import load_robot_text, preset_text
 from patagium.robot.model import Actuator
+from patagium.robot.review import robot_warnings
 from patagium.simulation import FlightState
 
 from ...spoken import say
@@ -648,8 +649,8 @@ def test_a_robot_without_fin_whose_sides_differ_is_told_so():
 def test_a_robot_without_wings_is_refused_before_the_search():
     """No joint limit, which the failed search asked to widen, gives it air."""
     text = re.sub(r"(?s)\nwings:.*(?=\nmirror:)", "", preset_text("ornithopter"))
-    with pytest.warns(RobotFileWarning, match="wings: there is no such section, so that no air"):
-        robot = load_robot_text(text)
+    robot = load_robot_text(text)
+    assert robot_warnings(robot)[0].startswith("wings: there is no such section, so that no air")
     with pytest.raises(ParameterError, match="^robot: expected a robot whose file has a section w"):
         pt.trim(robot)
 
