@@ -1,3 +1,3 @@
 """Version of the package, as written into every file that patagium makes."""
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
