@@ -364,6 +364,14 @@ def test_slips_of_units_and_axes_are_found(
     assert bool(hits) == bool(kind), found
 
 
+@pytest.mark.parametrize(("path", "unit"), [
+    ("linear.x", "m/s^2"), ("angular.y", "rad/s^2"), ("accel.angular.z", "rad/s^2"),
+])  # fmt: skip
+def test_accelerations_have_the_units_of_their_kind(path: str, unit: str) -> None:
+    """Those of turning had none."""
+    assert unit_in_message("geometry_msgs/msg/AccelStamped", path) == unit
+
+
 def test_the_mapping_to_begin_from_names_joints(recordings: Any, tmp_path: Path) -> None:
     bag, words = recordings.ros2(tmp_path / "bag"), tmp_path / "map.yaml"
     with pytest.raises(SystemExit) as left:

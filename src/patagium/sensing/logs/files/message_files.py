@@ -422,7 +422,8 @@ def unit_in_message(kind: str, path: str) -> str:
         if name == own and path.startswith(start):
             return unit
     if name.startswith("Accel"):
-        return {"l": "m/s^2", "a": "rad/s^2"}.get(path.rpartition(".")[0][-6:][:1], "")
+        units = {"linear": "m/s^2", "angular": "rad/s^2"}
+        return units.get(path.rpartition(".")[0].rpartition(".")[2], "")
     if name == "JointState":
         if path[-3:] in ("[x]", "[y]", "[z]"):
             return ""  # of a joint that slides
