@@ -8,7 +8,7 @@ settings, `describe()` and the table in the documentation: nothing else names a 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import Field, asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import Field, asdict, dataclass, field, fields, replace
 from inspect import Parameter, Signature
 from math import inf, isfinite
 from textwrap import fill
@@ -84,13 +84,11 @@ class Meaning(NamedTuple):
 
         Args:
             name: Of the setting.
-            value: A number, several, or one of the choices; None is left alone.
+            value: A number, several, or one of the choices.
 
         Raises:
             ParameterError: If it is out of range, no finite number or none of the choices.
         """
-        if value is None:
-            return
         if self.choices:
             if not isinstance(value, str | int) or value not in self.choices:
                 raise ParameterError(name, f"one of {', '.join(map(str, self.choices))}", value)
@@ -123,6 +121,11 @@ def setting(default: Any, text: str, **meaning: Any) -> Any:
     return field(default=default, metadata={"meaning": Meaning(text, **meaning)})
 
 
+def _positive(default: float | None, text: str, **meaning: Any) -> Any:
+    """A field that is a number above zero, or several."""
+    return setting(default, text, low=0.0, above=True, **meaning)
+
+
 def _samples(default: int, text: str, low: int = 1, **meaning: Any) -> Any:
     """A field that is a number of samples."""
     return setting(default, text, unit="samples", low=low, high=_MOST_SAMPLES, **meaning)
@@ -142,30 +145,35 @@ class _Checked:
 
     def __post_init__(self) -> None:
         for one in fields(self):
-            value = getattr(self, one.name)
+            value, kind = getattr(self, one.name), one.metadata.get("group")
             if getattr(value, "shape", None) == ():  # a number of NumPy
                 object.__setattr__(self, one.name, value := value.item())
-            if value is None and one.default is not None:
-                raise ParameterError(one.name, one.metadata["meaning"].range, value)
-            if str(one.type).startswith("Numbers") and value is not None:
-                value = _plain_numbers(one.name, value)
-                object.__setattr__(self, one.name, value)
-            if "group" not in one.metadata and one.name != "covariance":
-                one.metadata["meaning"].check(one.name, value)
-            if one.type in ("int", "int | None") and value is not None and type(value) is not int:
-                raise ParameterError(one.name, "a whole number", value)
-            kind = one.metadata.get("group")
-            if kind is not None and not isinstance(value, kind | None):
-                raise ParameterError(one.name, f"{kind.__name__}(...) or None", value)
-            number = one.type == "float" or (one.type == "float | None" and value is not None)
-            if number and not (isinstance(value, int | float) and isfinite(value)):
-                raise ParameterError(one.name, "a finite number", value)
+            if value is None:
+                if one.default is not None:
+                    raise ParameterError(one.name, one.metadata["meaning"].range, value)
+            elif kind is not None:
+                if not isinstance(value, kind):
+                    raise ParameterError(one.name, f"{kind.__name__}(...) or None", value)
+            elif one.name != "covariance":
+                self._check_plain(one, value)
+
+    def _check_plain(self, one: Field[Any], value: Any) -> None:
+        """Refuse a value that is neither None nor a record."""
+        if str(one.type).startswith("Numbers"):
+            object.__setattr__(self, one.name, value := _plain_numbers(one.name, value))
+        one.metadata["meaning"].check(one.name, value)
+        if one.type == "int" and type(value) is not int:
+            raise ParameterError(one.name, "a whole number", value)
+        if str(one.type).startswith("float") and not (
+            isinstance(value, int | float) and isfinite(value)
+        ):
+            raise ParameterError(one.name, "a finite number", value)
 
 
 BLOCKS = ("full", "layer", "node")
 """Covariance structures of independent blocks of weights."""
-OWN_BLOCKS: set[str] = set()
-"""Names of structures that `register_blocks` added."""
+OWN_BLOCKS: dict[str, Any] = {}
+"""Structures that `register_blocks` added: functions that give the blocks, by name."""
 Structure: TypeAlias = Literal["full", "layer", "node"]
 Numbers: TypeAlias = float | tuple[float, ...]
 
@@ -246,11 +254,9 @@ class Misfit(_Checked):
         ParameterError: If it is not above 0.
     """
 
-    floor: float = setting(
+    floor: float = _positive(
         0.06,
         "Least error of the model that the filter assumes, over the deviation of each output",
-        low=0.0,
-        above=True,
         high=10.0,
         option="misfit",
     )
@@ -275,13 +281,8 @@ class ChangeDetection(_Checked):
         ParameterError: If a number is out of its range.
     """
 
-    false_alarm_rate: float = setting(
-        1e-7,
-        "False alarms per sample of the test for changes",
-        low=0.0,
-        above=True,
-        high=1.0,
-        below=True,
+    false_alarm_rate: float = _positive(
+        1e-7, "False alarms per sample of the test for changes", high=1.0, below=True
     )
     window: int = _samples(
         100, "Window of recent samples that is tested for a change", option="change-window"
@@ -291,11 +292,9 @@ class ChangeDetection(_Checked):
         "Samples before the window that it is compared with, a wingbeat or more",
         option="change-reference",
     )
-    reopening: float = setting(
+    reopening: float = _positive(
         1.0,
         "Share of the prior covariance that comes back after a change",
-        low=0.0,
-        above=True,
         high=1.0,
         option="change-reopening",
     )
@@ -341,20 +340,16 @@ class FilterSettings(_Checked):
             is estimated and the misfit too.
     """
 
-    prior_std: Numbers | None = setting(
+    prior_std: Numbers | None = _positive(
         None,
         "Standard deviation of each weight before any sample, before division by sqrt(fan-in)",
-        low=0.0,
-        above=True,
         found="1, or what the network states of its weights",
         search=LogRange(0.03, 3.0),
     )
-    measurement_std: Numbers | None = setting(
+    measurement_std: Numbers | None = _positive(
         None,
         "Standard deviation of the measurement noise: one number, or one for each output",
         unit="y",
-        low=0.0,
-        above=True,
         found="a tenth of each output's scale at first, then estimated from the innovations",
         search=LogRange(1e-5, 1.0, per_output=True),
     )
@@ -382,11 +377,9 @@ class FilterSettings(_Checked):
         choices=("float64", "float32"),
         learners=("cubature",),
     )
-    forgetting_factor: float = setting(
+    forgetting_factor: float = _positive(
         1.0,
         "Factor that divides the covariance before each sample, so that old samples are forgotten",
-        low=0.0,
-        above=True,
         high=1.0,
         search=LogRange(1e-5, 0.1, one_minus=True, off=1.0),
     )
@@ -401,8 +394,7 @@ class FilterSettings(_Checked):
     covariance: Structure = setting(
         "full",
         "Structure of the covariance that is kept: full, layer or node",
-        choices=(),
-        search=Alternatives(("full", "layer", "node")),
+        search=Alternatives(BLOCKS),
     )
     screening: Screening | None = group(Screening, "Screening of outliers and stuck channels")
     noise_estimation: NoiseEstimation | None = group(
@@ -433,7 +425,8 @@ class FilterSettings(_Checked):
         Args:
             learner: Kind of the learner; settings of others are left out.
         """
-        return {one.name: _described(getattr(self, one.name)) for one in settings_of(learner)}
+        plain = {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
+        return {one.name: plain[one.name] for one in settings_of(learner)}
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> FilterSettings:
@@ -577,12 +570,6 @@ def _plain_numbers(name: str, value: Any) -> Numbers:
     if numbers.ndim > 1:
         raise ShapeError(name, "() or (n,)", numbers.shape)
     return tuple(numbers.ravel().tolist())
-
-
-def _described(value: Any) -> Any:
-    if is_dataclass(value) and not isinstance(value, type):
-        return asdict(value)
-    return list(value) if isinstance(value, tuple) else value
 
 
 def _made(one: Field[Any], value: Any) -> Any:

@@ -38,7 +38,6 @@ class Layered(Protocol):
 
 
 Blocks = Callable[[Layered], Sequence[Indices]]
-_OWN: dict[str, Blocks] = {}
 
 
 @checked
@@ -54,8 +53,7 @@ def register_blocks(name: str, blocks: Blocks) -> None:
     """
     if name in BLOCKS:
         raise ParameterError("name of the structure", "one of its own", name)
-    _OWN[name] = blocks
-    OWN_BLOCKS.add(name)
+    OWN_BLOCKS[name] = blocks
 
 
 def blocks_of(weights: Layered, structure: str) -> tuple[Indices, ...]:
@@ -68,8 +66,8 @@ def blocks_of(weights: Layered, structure: str) -> tuple[Indices, ...]:
     Raises:
         ParameterError: If a registered structure does not put each weight in one block.
     """
-    if structure in _OWN:
-        return _checked(structure, weights, _OWN[structure](weights))
+    if structure in OWN_BLOCKS:
+        return _checked(structure, weights, OWN_BLOCKS[structure](weights))
     if structure == "full":
         return (np.arange(weights.size),)
     if structure == "layer":
