@@ -25,7 +25,7 @@ from patagium.errors import FilterDiverged, LogError, Outcome, ParameterError, S
 from patagium.learning.forecast import Forecaster, ForecastSums, Horizons, Motion, named_horizons
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
-from patagium.learning.models.memory import ModelMemory, measured_inputs, replay
+from patagium.learning.models.memory import ModelMemory, measured_inputs
 from patagium.learning.models.network import Network
 from patagium.learning.models.physical import Estimate
 from patagium.learning.parameter_paths import estimates_of, parameter_paths, parameter_scores
@@ -201,11 +201,8 @@ def prequential(
         FilterDiverged: If the learner or its weights are lost.
         ShapeError: If x does not fit the network.
     """
-    log = samples.time, samples.x, samples.gaps
-    fresh = replay(learner.network, *log)
-    if memory is None:
-        memory = fresh
-    memory.follow(*log)
+    memory = ModelMemory(learner.network) if memory is None else memory
+    memory.follow(samples.time, samples.x, samples.gaps)
     for hold in holds(used, len(samples.time)):
         before = learner.weights
         if watch is not None:

@@ -14,7 +14,7 @@ errors of measured states and accelerations.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, Literal, NamedTuple, Self, get_args
 
@@ -117,7 +117,6 @@ class GreyBox(Network):
         self._functions = self._compiled()
         sizes = self.measured_inputs, model.state_size, self._count
         self._lags = GreyLags(self._functions, self._numbers, start == "steady", *sizes)
-        self._memory_size = row_size(self._lags)
 
     def __reduce__(self) -> tuple[Any, ...]:
         arguments = self.model, self._estimate, self.added_mass
@@ -144,7 +143,7 @@ class GreyBox(Network):
     @property
     def inputs(self) -> int:
         """Length of x, lag states included."""
-        return self.measured_inputs + self._memory_size
+        return self.measured_inputs + row_size(self._lags)
 
     @property
     def measured_inputs(self) -> int:
@@ -206,17 +205,10 @@ class GreyBox(Network):
     def linearized(self, encoding: Encoding, weights: Array) -> tuple[Array, Array]:
         """y at one encoded sample, (n_y,), and its derivative for weights (n,), (n_y, n)."""
         x = encoding.features[0]
-        memory = self._memory_in(x[None])
-        state = memory.at(weights[None])
-        slopes = memory.sensitivity
-        function = self._functions["force_forward"]
-        measured = x[: self.measured_inputs]
-        y, columns = np.zeros(0), []
-        for k, along in enumerate(np.eye(self._count)):
-            found = function(measured, state[0], weights, slopes[0][:, k], along, self._numbers)
-            y, column = (np.atleast_1d(part) for part in found)
-            columns.append(column)
-        return y, np.column_stack(columns)
+        memory = memory_in(x[None], self._lags)
+        known = x[: self.measured_inputs], memory.at(weights[None])[0], weights
+        moved = zip(memory.sensitivity[0].T, np.eye(self._count), strict=True)
+        return _along(self._functions["force_forward"], known, moved, self._numbers)
 
     def estimates(self, weights: Array, variances: Array | None = None) -> tuple[Estimate, ...]:
         """The parameters, with standard deviations in their own units.
@@ -292,14 +284,9 @@ class GreyBox(Network):
         """Whether x ends with the accelerations."""
         return self.added_mass is not None or inertial([*self._estimate], self.model.robot)
 
-    def _memory_in(self, x: Array) -> MemoryState:
-        """Lags of the air, their sensitivity and W_m in the inputs, x (N, n_x)."""
-        rows = x[:, self.measured_inputs : self.measured_inputs + self._memory_size]
-        return memory_in(rows, self._lags.states, self._count)
-
     def _force(self, x: Array, own: Array) -> Array:
         """y, (N, n_y), of x (N, n_x) at weights (N, n)."""
-        state = self._memory_in(x).at(own)
+        state = memory_in(x, self._lags).at(own)
         seen = x[:, : self.measured_inputs]
         y = self._functions["force"].batch(seen, state, own, self._numbers)
         return np.asarray(y).reshape(len(x), self.outputs)
@@ -355,8 +342,7 @@ class GreyBox(Network):
         step = ca.SX.sym("step")
         _, later = air(after, lag_step(z, step, memory, memory))
         reached = lag_step(z, step, memory, later)
-        inputs = {"before": x, "after": after, **known, **moved, "step": step}
-        del inputs["x"]
+        inputs = {"before": x, "after": after, "z": z, "theta": theta, **moved, "step": step}
         advanced = {"reached": reached, "dreached": along(reached)}
         return [
             *found,
@@ -458,26 +444,28 @@ class GreyLags(NamedTuple):
         self, x: Array, weights: Array, time_step: float, before: MemoryState
     ) -> tuple[Array, Array, Array]:
         """Lags a step later."""
-        function = self.functions["step_forward"]
-        state = before.state
         known = before.driver, x, before.state, weights[: self.parameters]
-        slopes = np.empty((self.states, self.parameters))
-        for k, along in enumerate(np.eye(self.parameters)):
-            moved = before.sensitivity[:, k], along, time_step, self.numbers
-            state, slopes[:, k] = function(*known, *moved)
-        return np.atleast_1d(state), slopes, x
+        moved = zip(before.sensitivity.T, np.eye(self.parameters), strict=True)
+        function = self.functions["step_forward"]
+        return *_along(function, known, moved, time_step, self.numbers), x
 
     def _followed(
         self, sample: Array, state: Array, weights: Array, of_state: bool
     ) -> tuple[Array, Array]:
         """Lags that the state follows, and their slopes for the state, or for the weights."""
-        function = self.functions["follow_forward"]
-        columns = []
-        target = state
-        size = self.states + self.parameters
-        chosen = slice(0, self.states) if of_state else slice(self.states, size)
-        for along in np.eye(size)[chosen]:
-            moved = along[: self.states], along[self.states :]
-            target, column = function(sample, state, weights, *moved, self.numbers)
-            columns.append(np.atleast_1d(column))
-        return np.atleast_1d(target), np.column_stack(columns)
+        every = np.split(np.eye(self.states + self.parameters), [self.states])
+        moved = (np.split(one, [self.states]) for one in every[0 if of_state else 1])
+        known = sample, state, weights
+        return _along(self.functions["follow_forward"], known, moved, self.numbers)
+
+
+def _along(
+    function: NativeFunction,
+    known: Sequence[Array],
+    moved: Iterable[Sequence[Array]],
+    *others: Array | float,
+) -> tuple[Array, Array]:
+    """Value of a function, (m,), and its slopes along directions of z and theta, a column each."""
+    found = [function(*known, *directions, *others) for directions in moved]
+    slopes = np.column_stack([np.atleast_1d(slope) for _, slope in found])
+    return np.atleast_1d(found[-1][0]), slopes

@@ -140,11 +140,11 @@ def row_size(lags: LagEquations) -> int:
     return lags.states * (1 + lags.parameters) + (lags.parameters if lags.states else 0)
 
 
-def memory_in(rows: Array, states: int, parameters: int) -> MemoryState:
-    """Memory read from [z, vec S, W_m], the last inputs of a network."""
-    end = states * (1 + parameters)
-    slopes = rows[:, states:end].reshape(len(rows), states, parameters)
-    return MemoryState(rows[:, :states], slopes, rows[:, end : end + parameters])
+def memory_in(x: Array, lags: LagEquations) -> MemoryState:
+    """Memory read from [z, vec S, W_m], the last inputs of a network, x (N, n_x)."""
+    rows = x[:, x.shape[1] - row_size(lags) :]
+    state, slopes, weights = np.split(rows, [lags.states, lags.states * (1 + lags.parameters)], 1)
+    return MemoryState(state, slopes.reshape(len(x), lags.states, lags.parameters), weights)
 
 
 def memory_of(network: Network) -> ModelMemory | None:
@@ -164,9 +164,6 @@ def replay(network: Network, time: Array, x: Array, gaps: ArrayLike = ()) -> Mod
     Raises:
         ShapeError: If x has another shape.
     """
-    whole, first = network.inputs, measured_inputs(network)
-    if x.ndim != 2 or x.shape[1] not in (first, whole):
-        raise ShapeError("x", f"(N, {first})", x.shape)
     memory = ModelMemory(network)
     memory.follow(time, x, gaps)
     return memory
@@ -238,9 +235,16 @@ class ModelMemory:
             self.last = self.last._replace(state=self.last.at(weights), weights=weights)
 
     def follow(self, time: Array, x: Array, gaps: ArrayLike = ()) -> None:
-        """Follow a log from its first sample on by `upto` and `ahead`; see `replay`."""
+        """Follow a log from its first sample on by `upto` and `ahead`; see `replay`.
+
+        Raises:
+            ShapeError: If x has another shape.
+        """
+        whole = self._network.inputs
+        if x.ndim != 2 or x.shape[1] not in (self._measured, whole):
+            raise ShapeError("x", f"(N, {self._measured})", x.shape)
         self._log, self._reached = (time, x, np.asarray(gaps, np.int64)), 0
-        self._whole = x.shape[1] == self._network.inputs
+        self._whole = x.shape[1] == whole
 
     def upto(self, end: int, weights: Array) -> Array:
         """Inputs from the sample reached up to another one; the memory moves on.
@@ -307,14 +311,13 @@ class ModelMemory:
         if f"{_PREFIX}0_state" not in state or self._lags is None:
             return
         names = MemoryState._fields[:4]
-        z, slopes, weights, driver = (np.array(state[f"{_PREFIX}0_{f}"], float) for f in names)
-        found = MemoryState(z, slopes, weights, driver, float(state[f"{_PREFIX}0_time"]))
+        found = [np.array(state[f"{_PREFIX}0_{name}"], float) for name in names]
         (states, drivers), n_m = self._lags.carried, self._lags.parameters
         shapes = (states,), (states, n_m), (n_m,), (drivers,)
-        for array, shape in zip(found[:4], shapes, strict=True):
+        for array, shape in zip(found, shapes, strict=True):
             if array.shape != shape:
                 raise ShapeError("memory", shape, array.shape)
-        self.last = found
+        self.last = MemoryState(*found, time=float(state[f"{_PREFIX}0_time"]))
 
     def compiled(self, x: Array) -> CompiledLags | None:
         """The memory as C code moves it between two calls; None without a compiler.
