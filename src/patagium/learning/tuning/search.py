@@ -108,15 +108,13 @@ def search_space(
         for one in value.values if isinstance(value, Alternatives) else (value,):
             settings_from(kind, {name: one})
     ranges = {one.name: one.metadata["meaning"].search for one in settings_of(kind)}
-    chosen: dict[str, LogRange | Alternatives] = {
-        name: space for name, space in ranges.items() if space is not None and name not in settings
-    }
-    chosen |= {name: one for name, one in settings.items() if isinstance(one, Alternatives)}
-    if not chosen:
+    searched = {k: one for k, one in ranges.items() if one is not None and k not in settings}
+    searched |= {k: one for k, one in settings.items() if isinstance(one, Alternatives)}
+    if not searched:
         raise ParameterError("settings", "at least one setting that is searched", dict(settings))
-    chosen[HIDDEN] = Alternatives(tuple(hidden))
-    fixed = {name: one for name, one in settings.items() if not isinstance(one, Alternatives)}
-    return SearchSpace(kind, chosen, fixed, output_std)
+    fixed = {k: one for k, one in settings.items() if k not in searched}
+    searched[HIDDEN] = Alternatives(tuple(hidden))
+    return SearchSpace(kind, searched, fixed, output_std)
 
 
 def _rounded(number: float) -> float:

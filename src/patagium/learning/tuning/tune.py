@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -183,7 +183,7 @@ def tune(
         if (air.wind, air.density) != (airs[0].wind, airs[0].density):
             known, found = (f"{one.wind} m/s at {one.density:.4g} kg/m^3" for one in (airs[0], air))
             raise LogError(f"flight {k + 1}", f"wind as in the first, {known}", found)
-    exams = tuple(_exam(flights, one, every, (tuple(others), ahead, source)) for one in networks)
+    exams = tuple(_exam(flights, one, every, others, ahead, source) for one in networks)
     problem = _problem(exams, networks, learner, chosen, seed, every)
     with nullcontext() if journal is None else locked(journal):
         workers, book = partial(pool, jobs), TrialJournal(problem.question(), journal)
@@ -216,7 +216,7 @@ def _scored_trials(
             left = [trial for trial in batch if trial.number not in book.scores]
             if left and not opened:
                 opened.append(stack.enter_context(workers()))
-            calls = (delayed(_try)(*problem.call(trial)) for trial in left)
+            calls = (delayed(judged_trial)(*problem.call(trial)) for trial in left)
             for trial, score in zip(left, opened[0](calls) if left else (), strict=True):
                 book.keep(trial, distributions, score)
                 if progress is not None:
@@ -274,9 +274,11 @@ class _Problem:
         }
 
     def call(self, trial: DrawnTrial) -> tuple[Any, ...]:
-        """Arguments of `_try` for a trial."""
+        """Arguments of `judged_trial`, in a worker."""
         hidden, values = self.space.values(trial.parameters)
-        return self.networks[hidden], self.space.kind, self.seed, values, self.exams[hidden]
+        flown, judged_by = self.exams[hidden]
+        make = partial(make_learner, self.space.kind, self.networks[hidden], values, self.seed)
+        return make, flown, judged_by.folds
 
     def tuned(self, scored: Sequence[tuple[DrawnTrial, PredictionScore]]) -> Tuned:
         """Best of the trials, and all of them.
@@ -353,11 +355,12 @@ def _exam(
     flights: Sequence[Flight],
     network: Network,
     every: int,
-    others: tuple[tuple[tuple[str, Flight], ...], float | None, str],
+    others: Iterable[tuple[str, Flight]],
+    ahead: float | None,
+    source: str,
 ) -> tuple[Flown, LeftOut]:
     """Samples of flights that a network learns, and those that are left out."""
-    named, ahead, source = others
-    held_out = [_used(one, network, every, name)[0] for name, one in named]
+    held_out = [_used(one, network, every, name)[0] for name, one in others]
     parts = [_used(one, network, every, "") for one in flights]
     flown = _joined([one for one, _ in parts], source)
     half = len(flown.used) // 2
@@ -366,15 +369,6 @@ def _exam(
             expected = "an output that moves in the second half of the samples used"
             raise ParameterError("flight", expected, f"{len(one.used)} samples of {one.name}")
     return flown, left_out(flown, [one for _, one in parts], held_out, ahead)
-
-
-def _try(
-    network: Network, kind: str, seed: int, values: dict[str, Any], exam: tuple[Flown, LeftOut]
-) -> PredictionScore:
-    """Score of one trial, in a worker."""
-    make = partial(make_learner, kind, network, values, seed)
-    flown, judged_by = exam
-    return judged_trial(make, flown, judged_by.folds)
 
 
 def _used(flight: Flight, network: Network, every: int, source: str) -> tuple[Flown, Kinematics]:
