@@ -175,14 +175,12 @@ class Repetition:
 
     def path(self, last: int, ahead: Array, model: FrozenModel | None = None) -> Array:
         """Signals at times after a sample, (N, k) [their units]; see `Motion`."""
-        period = self.period(last)
-        now = self._values[last]
-        self._repeated = np.zeros(len(now), bool)
+        period, now = self.period(last), self._values[last]
         if period is None:
+            self._repeated = np.zeros(len(now), bool)
             return np.tile(now, (len(ahead), 1))
         self._repeated = self._repeats(last, float(ahead[-1]), period)
-        found = self.repeated(last, ahead, period)
-        return np.where(self._repeated, found, now)
+        return np.where(self._repeated, self.repeated(last, ahead, period), now)
 
     def repeated(self, last: int, ahead: Array, period: float) -> Array:
         """Signals that repeat their last wingbeats from where they are, (N, k) [their units].
@@ -192,8 +190,7 @@ class Repetition:
             ahead: Times after it, (N,) [s].
             period: Wingbeat [s].
         """
-        beats = np.ceil(ahead / period - 1e-9) * period
-        now = self._time[last]
+        now, beats = self._time[last], _whole_beats(ahead, period)
         then = self._at(now + ahead - beats, last) - self._at(now - beats, last)
         return np.asarray(self._values[last] + then)
 
@@ -207,8 +204,8 @@ class Repetition:
 
     def beat_before(self, last: int, ahead: float, period: float) -> Array:
         """Signals at a time ahead less as many wingbeats as needed, (k,) [their units]."""
-        beats = ceil(ahead / period - 1e-9) * period
-        return np.asarray(self._at(self._time[[last]] + ahead - beats, last)[0])
+        then = self._time[[last]] + ahead - _whole_beats(ahead, period)
+        return np.asarray(self._at(then, last)[0])
 
     def _at(self, times: Array, last: int) -> Array:
         """Signals between samples up to one, (N, k); beyond these the nearest is taken."""
@@ -219,7 +216,7 @@ class Repetition:
 
     def _repeats(self, last: int, ahead: float, period: float) -> Bools:
         """Whether repeating a signal erred less than holding it so far, (k,)."""
-        beats = ceil(ahead / period - 1e-9) * period
+        beats = _whole_beats(ahead, period)
         first, end = self._time[0] + beats, self._time[last] - ahead
         if end < first:
             return np.ones(self._values.shape[1], bool)
@@ -231,6 +228,11 @@ class Repetition:
         repeated = now + then - before
         errors = [((guess - later) ** 2).sum(axis=0) for guess in (repeated, now)]
         return np.asarray(errors[0] < errors[1])
+
+
+def _whole_beats(ahead: Any, period: float) -> Any:
+    """Least time of whole wingbeats that is not shorter than a time ahead [s]."""
+    return np.ceil(ahead / period - 1e-9) * period
 
 
 class _LeastSquares:
@@ -490,8 +492,7 @@ class Forecaster:
         network, weights = self._learner.network, self._learner.weights
         place = begin = last
         if period is not None:
-            then = self._time[last] + self._horizon
-            then -= ceil(self._horizon / period - 1e-9) * period
+            then = self._time[last] + self._horizon - _whole_beats(self._horizon, period)
             place = int(np.clip(np.searchsorted(self._time[: last + 1], then), 0, last))
             if place and then - self._time[place - 1] < self._time[place] - then:
                 place -= 1

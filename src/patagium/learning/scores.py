@@ -73,14 +73,8 @@ class ErrorSums:
         some = np.where(count > 0, count, 1.0)
         values = np.where(known, measurement, 0.0)
         mean = (share * values).sum(axis=0) / some
-        fresh = [
-            (share * part**2).sum(axis=0)
-            for part in (
-                np.where(known, values - mean, 0.0),
-                np.where(known, values - prediction, 0.0),
-                np.zeros_like(values) if held is None else np.where(known, values - held, 0.0),
-            )
-        ]
+        guesses = mean, prediction, values if held is None else held
+        fresh = [(share * np.where(known, values - one, 0.0) ** 2).sum(axis=0) for one in guesses]
         forgotten = keep ** len(measurement)
         old, past = self.sums[0] * forgotten, self.sums[1]
         total = np.where(old + count > 0, old + count, 1.0)
@@ -315,7 +309,10 @@ class Scorer:
         }
         if self.samples < 2:
             return scores
-        return scores | self._ratios("nmse") | self._ratios("persistence")
+        for part in ("nmse", "persistence"):
+            for half, errors in self._errors.items():
+                scores |= span_scores(getattr(errors, part), self.names, f"{part}{half}")
+        return scores
 
     def interval_scores(self) -> dict[str, Any]:
         """Coverage and reliability of the predicted intervals."""
@@ -366,12 +363,6 @@ class Scorer:
             errors.sums = state[f"errors {name}"].copy()
         for name in vars(self._innovations):
             setattr(self._innovations, name, state[f"innovations {name}"].copy())
-
-    def _ratios(self, part: str) -> dict[str, Any]:
-        scores: dict[str, Any] = {}
-        for half, errors in self._errors.items():
-            scores |= span_scores(getattr(errors, part), self.names, f"{part}{half}")
-        return scores
 
 
 def normalized_error(measurement: ArrayLike, prediction: ArrayLike) -> Array:
