@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from patagium.arguments import checked
 from patagium.arrays import Array
 from patagium.errors import LogError
-from patagium.learning.models.dense import DenseNetwork
+from patagium.learning.models.dense import SCALES, DenseNetwork
 from patagium.learning.models.network import Network
 from patagium.sensing.logs.table import LogTable
 
@@ -121,8 +121,7 @@ def samples_that_scale(network: Network, table: LogTable) -> int:
         own: Any = network_for(table, ())
     except LogError:
         return 0
-    names = ("input_center", "input_scale", "output_center", "output_scale")
-    alike = (np.array_equal(getattr(own, k), getattr(network, k, np.nan)) for k in names)
+    alike = (np.array_equal(getattr(own, k), getattr(network, k, np.nan)) for k in SCALES)
     return scaling_samples(table) if all(alike) else 0
 
 

@@ -18,6 +18,7 @@ from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
 from patagium.learning.learners.state_file import read_state
+from patagium.learning.models.dense import SCALES
 from patagium.learning.models.registry import in_air, network_from_description, steady_air
 from patagium.learning.settings import FilterSettings, settings_from
 from patagium.reading import made_again
@@ -26,7 +27,7 @@ LEARNERS: dict[str, type[FilterLearner]] = {
     learner.kind: learner for learner in (CubatureLearner, ExtendedLearner)
 }
 """Learners by kind."""
-_FROM_DATA = ("input_center", "input_scale", "output_center", "output_scale", "attached", "terms")
+_FROM_DATA = (*SCALES, "attached", "terms")
 _LONGEST = 60  # characters of a value in a message
 
 

@@ -113,7 +113,7 @@ class DenseNetwork(PerceptronNetwork):
             "hidden": list(self.perceptron.widths[1:-1]),
             "outputs": list(self._names),
             "activation": self.perceptron.activation,
-            **{name: getattr(self, name).tolist() for name in _SCALES},
+            **{name: getattr(self, name).tolist() for name in SCALES},
             **({"inputs_jump": True} if self.inputs_jump else {}),
         }
 
@@ -127,7 +127,7 @@ class DenseNetwork(PerceptronNetwork):
         values = dict(description)
         jumps = values.pop("inputs_jump", False)  # in a description only where they do
         of_kind("inputs_jump", jumps, bool)
-        keys = ("inputs", "hidden", "outputs", "activation", *_SCALES)
+        keys = ("inputs", "hidden", "outputs", "activation", *SCALES)
         network = cls(**described(cls.kind, values, keys))
         network.inputs_jump = jumps
         return network
@@ -137,7 +137,8 @@ class DenseNetwork(PerceptronNetwork):
         return (x - self.input_center) / self.input_scale
 
 
-_SCALES = ("input_center", "input_scale", "output_center", "output_scale")
+SCALES = ("input_center", "input_scale", "output_center", "output_scale")
+"""Centers and scales of inputs and outputs, as arguments, attributes and in descriptions."""
 
 
 def described(kind: str, description: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
