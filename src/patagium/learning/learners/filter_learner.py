@@ -32,9 +32,7 @@ from patagium.learning.learners.learner import (
     Stopwatch,
     as_input,
     diverged,
-    found_part,
     row_by_row,
-    shaped_sample,
 )
 from patagium.learning.learners.state_file import write_state
 from patagium.learning.models.memory import memory_of, network_inputs
@@ -333,7 +331,8 @@ class FilterLearner(Learner):
                 as it was before.
         """
         started = perf_counter_ns()
-        sample, measured = shaped_sample(self._network, x, y)
+        sample = as_input(self._network, x)
+        measured = real_array("y", y, (self._network.outputs,))
         self._screen.stamp(time)
         with self._noisier(std):
             outcome, (mean, covariance) = self._filter.update(sample, measured)
@@ -436,7 +435,7 @@ class FilterLearner(Learner):
         network = self._network.describe()
         settings = self.settings.describe(self.kind)
         given = {"kind": self.kind, "network": network, **settings, "seed": self._seed}
-        return given | found_part(self.found)
+        return given | ({"found": found} if (found := self.found) else {})
 
     def kept_covariance(self) -> BlockCovariance:
         """Covariance of the weights as kept after the last sample."""

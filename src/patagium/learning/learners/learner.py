@@ -6,8 +6,8 @@ time. Neglected: threads.
 
 from __future__ import annotations
 
-from array import array
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -84,15 +84,13 @@ class Stopwatch:
 
     Args:
         earlier: Updates before, of which no duration is known.
+
+    Attributes:
+        count: Number of updates.
     """
 
     def __init__(self, earlier: int = 0) -> None:
-        self._durations, self._count = array("q"), earlier
-
-    @property
-    def count(self) -> int:
-        """Number of samples."""
-        return self._count
+        self._durations, self.count = deque[int](maxlen=_KEPT), earlier
 
     @property
     def median(self) -> float:
@@ -101,20 +99,8 @@ class Stopwatch:
 
     def add(self, nanoseconds: int) -> None:
         """One more duration [ns]."""
-        if len(self._durations) < _KEPT:
-            self._durations.append(nanoseconds)
-        else:
-            self._durations[self._count % _KEPT] = nanoseconds
-        self._count += 1
-
-
-def found_part(found: Mapping[str, Any]) -> dict[str, Any]:
-    """Part of a learner's description that holds what was found; empty where all was given.
-
-    Args:
-        found: Settings that nobody gave, by name.
-    """
-    return {"found": dict(found)} if found else {}
+        self._durations.append(nanoseconds)
+        self.count += 1
 
 
 def as_input(network: Network, x: ArrayLike) -> Array:
@@ -139,15 +125,6 @@ def row_by_row(
     found = [predict(row) for row in rows]
     means, covariances = ([one[k] for one in found] for k in (0, 1))
     return np.reshape(means, (-1, outputs)), np.reshape(covariances, (-1, outputs, outputs))
-
-
-def shaped_sample(network: Network, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-    """x, (n_x,), and y, (n_y,), as arrays.
-
-    Raises:
-        ShapeError: If one of them has another shape.
-    """
-    return as_input(network, x), real_array("y", y, (network.outputs,))
 
 
 def diverged(outcome: Outcome, count: int, x: ArrayLike = (), y: ArrayLike = ()) -> FilterDiverged:
