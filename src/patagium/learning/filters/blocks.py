@@ -119,19 +119,16 @@ class BlockRoots:
             MatrixLost: If a root is no longer finite or positive definite.
         """
         slopes, remainder = moments.slopes, moments.remainder
-        if len(roots) == 1:
-            change = transformed_root if self._numbers.linear else measured_root
-            changed = [change(root, slopes, remainder)]
-        else:
-            grams = [slopes[block].T @ slopes[block] for block in self._blocks]
-            nothing = np.zeros_like(remainder)
-            before = list(accumulate(grams[:-1], initial=nothing))
-            behind = list(accumulate(grams[:0:-1], initial=nothing))[::-1]
-            each = zip(roots, self._blocks, before, behind, strict=True)
-            changed = [
-                measured_root(part, slopes[block], remainder + first + last)
-                for part, block, first, last in each
-            ]
+        change = transformed_root if self._numbers.linear and len(roots) == 1 else measured_root
+        grams = [slopes[block].T @ slopes[block] for block in self._blocks]
+        nothing = np.zeros_like(remainder)
+        before = list(accumulate(grams[:-1], initial=nothing))
+        behind = list(accumulate(grams[:0:-1], initial=nothing))[::-1]
+        each = zip(roots, self._blocks, before, behind, strict=True)
+        changed = [
+            change(part, slopes[block], remainder + first + last)
+            for part, block, first, last in each
+        ]
         mean = mean.copy()
         for block, (_, cross, _) in zip(self._blocks, changed, strict=True):
             mean[block] += cross @ gain

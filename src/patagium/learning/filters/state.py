@@ -76,15 +76,12 @@ def unpacked(values: Array, sizes: Sequence[int]) -> list[Array]:
     Raises:
         ShapeError: If they are not as many numbers as that.
     """
-    lengths = [size * (size + 1) // 2 for size in sizes]
-    if values.shape != (sum(lengths),):
-        raise ShapeError("lower triangles", (sum(lengths),), values.shape)
-    squares, start = [], 0
-    for size, length in zip(sizes, lengths, strict=True):
-        square = np.zeros((size, size), values.dtype)
-        square[np.tril_indices(size)] = values[start : start + length]
-        squares.append(square)
-        start += length
+    ends = np.cumsum([size * (size + 1) // 2 for size in sizes]).tolist()
+    if values.shape != (ends[-1],):
+        raise ShapeError("lower triangles", (ends[-1],), values.shape)
+    squares = [np.zeros((size, size), values.dtype) for size in sizes]
+    for square, lower in zip(squares, np.split(values, ends[:-1]), strict=True):
+        square[np.tril_indices(len(square))] = lower
     return squares
 
 

@@ -94,6 +94,7 @@ class WeightFilter:
         stated = self.screen.stated_covariance(found.covariance, carried=False)
         return found.mean, stated
 
+    @np.errstate(over="ignore", invalid="ignore")
     def update(self, x: Array, y: Array) -> tuple[Outcome, tuple[Array, Array]]:
         """Learn one sample; whatever is not COMPLETED changed neither mean nor covariance.
 
@@ -104,10 +105,33 @@ class WeightFilter:
         Returns:
             How it went, and what `predict` would have said before.
         """
-        if self._kernel is None:
-            return self._update(x, y)
-        outcome, mean, covariance = self._kernel.update(x, y)
-        return Outcome(outcome), (mean, covariance)
+        if self._kernel is not None:
+            outcome, mean, covariance = self._kernel.update(x, y)
+            return Outcome(outcome), (mean, covariance)
+        prediction = np.full(len(y), np.nan), np.full((len(y), len(y)), np.nan)
+        refused = self.screen.admit()
+        if refused:
+            return refused, prediction
+        within = self.screen.bounded(x, y)
+        if within is None:
+            return Outcome.BAD_INPUT, prediction
+        y = within
+        self.screen.follow(y)  # before the noise is found
+        encoding = self.numbers.network.encode_one(x)
+        look = self._look(encoding)
+        if not (np.isfinite(encoding.features).all() and np.isfinite(encoding.readout).all()):
+            self.screen.note("bad_inputs")
+            return Outcome.BAD_INPUT, prediction
+        try:
+            before = self._advanced()
+            found, root = self._structure.moments(before, look)
+            stated = self.screen.stated_covariance(found.covariance, carried=True)
+            misfit = self.screen.misfit  # of the last error, what is still there at this sample
+            mean = found.mean + misfit.parts["carried"] if misfit.floor else found.mean
+            prediction = mean, stated
+            return self._learn(before, look, root, found, y), prediction
+        except MatrixLost as lost:
+            return lost.outcome, prediction
 
     def drift(self, growth: float, noise: Array) -> None:
         """P <- growth P + diag(noise), once.
@@ -178,34 +202,6 @@ class WeightFilter:
 
     def _look(self, encoding: Encoding) -> Look:
         return Look(self._mean, encoding, self.screen.noise(encoding.readout))
-
-    @np.errstate(over="ignore", invalid="ignore")
-    def _update(self, x: Array, y: Array) -> tuple[Outcome, tuple[Array, Array]]:
-        """Outcome of one sample, and the mean and covariance predicted of y before it."""
-        prediction = np.full(len(y), np.nan), np.full((len(y), len(y)), np.nan)
-        refused = self.screen.admit()
-        if refused:
-            return refused, prediction
-        within = self.screen.bounded(x, y)
-        if within is None:
-            return Outcome.BAD_INPUT, prediction
-        y = within
-        self.screen.follow(y)  # before the noise is found
-        encoding = self.numbers.network.encode_one(x)
-        look = self._look(encoding)
-        if not (np.isfinite(encoding.features).all() and np.isfinite(encoding.readout).all()):
-            self.screen.note("bad_inputs")
-            return Outcome.BAD_INPUT, prediction
-        try:
-            before = self._advanced()
-            found, root = self._structure.moments(before, look)
-            stated = self.screen.stated_covariance(found.covariance, carried=True)
-            misfit = self.screen.misfit  # of the last error, what is still there at this sample
-            mean = found.mean + misfit.parts["carried"] if misfit.floor else found.mean
-            prediction = mean, stated
-            return self._learn(before, look, root, found, y), prediction
-        except MatrixLost as lost:
-            return lost.outcome, prediction
 
     def _learn(self, before: Any, look: Look, root: Array, found: Moments, y: Array) -> Outcome:
         """Mean and covariance after the sample; MatrixLost if they would not be finite."""
