@@ -186,19 +186,15 @@ def _check_limits(arm: Robot, tool: Tool, time: Array, motion: PrescribedMotion)
     ]
     if arm.effort_limit:
         quantities.append(("torque", np.abs(tool.torque(motion)), arm.effort_limit))
-    for name, values, most in quantities:
+    for place, (name, values, most) in enumerate(quantities):
         beyond = values > np.array(most)
         if beyond.any():
             k = int(np.argmax(beyond.any(axis=1)))
             joint = int(np.argmax(beyond[k]))
-            own = arm.dof_units[joint]
-            of_joint = (own, *capacity_units(own)[:3])
-            units = dict(
-                zip(("position", "speed", "acceleration", "torque"), of_joint, strict=True)
-            )
-            sign = -1.0 if most is lowest else 1.0
+            own, sign = arm.dof_units[joint], -1.0 if most is lowest else 1.0
+            unit = (own, own, *capacity_units(own))[place]
             value, limit = sign * values[k, joint], sign * most[joint]
-            raise PathError(time[k], arm.dof_names[joint], name, value, limit, units[name])
+            raise PathError(time[k], arm.dof_names[joint], name, value, limit, unit)
 
 
 AXES = 6

@@ -289,13 +289,11 @@ def _exchanged(flight: xr.Dataset, robot: Robot) -> tuple[float, float]:
     powers[1] = np.maximum(powers[1], np.abs(flight["aero_power"].to_numpy()))  # held in a wind
     gravity = float(robot.gravity)
     lifting = gravity * flight["momentum"].to_numpy()[:, 2]
-    pushes = [
-        flight["strip_force"].to_numpy().sum(axis=1),
-        flight["mount_wrench"].to_numpy()[:, :3],
-    ]
+    strips, mount = (flight[name].to_numpy() for name in ("strip_force", "mount_wrench"))
+    pushes = strips.sum(axis=1), mount[:, :3]
     weight = gravity * flying_mass(flight, robot)
     pushed = weight + sum(np.linalg.norm(f, axis=1) for f in pushes)
-    for used in (velocity, *forces, flight["strip_force"].to_numpy(), pushes[1]):
+    for used in (velocity, *forces, strips, mount):
         release(used)
     energy = float(np.trapezoid(np.abs(lifting) + sum(powers), time))
     if robot.stiffness:  # what is stored and is not of the weight

@@ -175,18 +175,15 @@ class Integration:
         began: float = 0.0,
         implicit: bool = False,
     ) -> None:
-        self._equations, self._rows, self._time_step = equations, rows, time_step
-        self._began = began
+        self._rows, self._time_step, self._began = rows, time_step, began
+        self.change(equations, implicit)
         self.state = np.array(state, float)
         kept = zip(equations.recorded, equations.record.size_out, strict=True)
         self._samples = room_for(
             {k: (steps + 1, n) if m == 1 else (steps + 1, m, n) for k, (n, m) in kept}
         )
-        self._implicit = implicit
-        self._advance = self._loop()
         self.outcome, self._which = Outcome.COMPLETED, -1
         self.steps, self.done = steps, 0
-        self._recorded = False
 
     def __getstate__(self) -> dict[str, Any]:
         """State without the compiled equations, which `change` gives it again."""
@@ -200,15 +197,12 @@ class Integration:
             equations: Equations from now on; they record what the former recorded.
             implicit: Whether steps are implicit from now on.
         """
-        self._equations, self._implicit = equations, implicit
-        self._advance = self._loop()
-        self._recorded = False
-
-    def _loop(self) -> Advance:
-        if self._implicit:
-            return _in_python(self._equations, self._time_step, LobattoStep())
-        given = self._equations, self._time_step
-        return _compiled(*given) or _in_python(*given, _classic_step)
+        self._equations, self._implicit, self._recorded = equations, implicit, False
+        given = equations, self._time_step
+        if implicit:
+            self._advance = _in_python(*given, LobattoStep())
+        else:
+            self._advance = _compiled(*given) or _in_python(*given, _classic_step)
 
     @property
     def run(self) -> IntegrationResult:
