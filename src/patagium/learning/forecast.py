@@ -131,11 +131,9 @@ class Motion(Protocol):
             ahead: Times after it, increasing, (N,) [s].
             model: Model at the time of the sample.
         """
-        ...
 
     def rule(self) -> str:
         """Rule of the last forecast, in words."""
-        ...
 
 
 class Repetition:

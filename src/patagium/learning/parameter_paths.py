@@ -25,12 +25,10 @@ class Trained(Protocol):
     @property
     def network(self) -> Network:
         """Network that predicts."""
-        ...
 
     @property
     def weights(self) -> Array:
         """Weights of the network, (n,)."""
-        ...
 
 
 def estimates_of(trained: Trained) -> tuple[Estimate, ...]:

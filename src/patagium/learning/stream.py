@@ -229,7 +229,6 @@ class Watch(Protocol):
             begin: First sample of the interval.
             memory: Memory of the network at the sample before; it must stay there.
         """
-        ...
 
 
 class BlockRun:

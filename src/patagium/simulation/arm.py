@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import itemgetter
 from typing import Any
 
 import casadi as ca
@@ -319,22 +320,18 @@ def plan_arm(
     count = max(KNOTS, min(20_001, 20 * len(getattr(path, "time", ())) + 1))
     time = np.linspace(0.0, span, count)
     target = path.motion(time)
-    best: tuple[float, Array] | None = None
-    refused: PathError | None = None
+    planned: list[tuple[float, Array]] = []
+    refused: list[PathError] = []
     for branch in _branches(arm, tool, time, target, start):
         try:
             clearance = _check_branch(arm, tool, time, target, branch, path.period)
+            planned.append((clearance, branch))
         except PathError as error:
-            if refused is None or error.time > refused.time:
-                refused = error
-            continue
-        if best is None or clearance > best[0]:
-            best = clearance, branch
-    if best is None:
-        raise refused or PathError(
-            0.0, "", "distance of the tool from the path", np.inf, CLOSED, "m"
-        )
-    clearance, knots = best
+            refused.append(error)
+    if not planned:
+        none = PathError(0.0, "", "distance of the tool from the path", np.inf, CLOSED, "m")
+        raise max(refused, key=lambda error: error.time, default=none)
+    clearance, knots = max(planned, key=itemgetter(0))
     if path.period:
         knots[-1] = knots[0]
     return ArmPlan(arm, path, at, position, orientation, time, knots, clearance, tool)
@@ -469,8 +466,7 @@ def _branches(
     knots = np.full((len(time), *starts.shape), np.nan)
     knots[0] = starts
     for k in range(1, len(time)):
-        before = knots[max(k - 2, 0)]
-        q = 2 * knots[k - 1] - before if k > 1 else knots[0].copy()
+        q = 2 * knots[k - 1] - knots[max(k - 2, 0)]
         place = np.broadcast_to(target.position[k], (len(q), 6))
         aim = np.broadcast_to(turned[k], (len(q), 3, 3))
         for _ in range(6):

@@ -315,7 +315,7 @@ class Simulator:
         )
         self._cause: StepTooLong | None = None
         self._own_commands: dict[str, float] = {}
-        self._changes: list[tuple[int, float, Array, float]] = []
+        self._changes: list[tuple[int, Array, float]] = []
         self._held, self._control_period = held, control_period
         self._origin = FlightOrigin(
             robot, aero, described_gait(gait), held.kind, time_step, _STEPPING[self._implicit],
@@ -455,10 +455,8 @@ class Simulator:
             self._integration.change(self._equations, implicit)
             stepping = f"{self._origin.stepping}, then {_STEPPING[implicit]}"
             self._origin = replace(self._origin, stepping=stepping)
-        energy, momentum = (
-            now - then for now, then in zip(_energy_and_momentum(self.run), before, strict=True)
-        )
-        self._changes.append((self._integration.done, float(energy), momentum, robot.flying.mass))
+        given = _energy_and_momentum(self.run) - before
+        self._changes.append((self._integration.done, given, robot.flying.mass))
 
     @checked
     def fly(
@@ -541,9 +539,8 @@ class Simulator:
             run.samples[COMMAND] = values
         if self._steered is not None and self._steered.period:
             run.samples[WINGBEATS] = self._steered.wingbeats(time)
-        for first, energy, momentum, mass in self._changes:
-            given = run.samples.setdefault(GIVEN, np.zeros((run.steps + 1, 4)))
-            given[first:] += np.r_[energy, momentum]
+        for first, given, mass in self._changes:
+            run.samples.setdefault(GIVEN, np.zeros((run.steps + 1, 4)))[first:] += given
             first_mass = np.full(run.steps + 1, origin.robot.flying.mass)
             run.samples.setdefault(MASS, first_mass)[first:] = mass
         if self.outcome is Outcome.COMPLETED and run.steps < self.steps:  # it may fly on
@@ -567,10 +564,10 @@ _STEPPING = {False: "partitioned RK4", True: "partitioned Lobatto IIIC"}
 """Integrator in words, by whether its steps are implicit."""
 
 
-def _energy_and_momentum(run: IntegrationResult) -> tuple[Array, Array]:
-    """Energy [J] and momentum, (3,) [kg m/s], at the last sample of a run."""
-    last = {k: run.samples[k][-1] for k in ("kinetic_energy", "potential_energy", "momentum")}
-    return last["kinetic_energy"][0] + last["potential_energy"][0], last["momentum"].ravel().copy()
+def _energy_and_momentum(run: IntegrationResult) -> Array:
+    """Energy [J], then momentum [kg m/s], at the last sample of a run, (4,)."""
+    last = {name: run.samples[name][-1].ravel() for name in run.samples}
+    return np.r_[last["kinetic_energy"] + last["potential_energy"], last["momentum"]]
 
 
 def _wind(aero: Aerodynamics, samples: dict[str, Array], time: Array) -> Array:

@@ -26,11 +26,9 @@ class Updated(Protocol):
 
     def predict(self, x: ArrayLike) -> tuple[Array, Array]:
         """Mean, (n_y,), and covariance, (n_y, n_y), of a measurement at x, noise included."""
-        ...
 
     def update(self, x: ArrayLike, y: ArrayLike, time: float | None = None) -> Array:
         """Learn one sample made at a time [s]; gives the innovation y - mean, (n_y,)."""
-        ...
 
 
 class Learner(Updated, Protocol):
@@ -39,44 +37,36 @@ class Learner(Updated, Protocol):
     @property
     def network(self) -> Network:
         """The network whose weights are learned."""
-        ...
 
     @property
     def weights(self) -> Array:
         """The estimate, (n,)."""
-        ...
 
     @property
     def covariance(self) -> Array | None:
         """Covariance of the weights, (n, n); None where the learner has none."""
-        ...
 
     @property
     def variances(self) -> Array | None:
         """Diagonal of that covariance, (n,); None where the learner has none."""
-        ...
 
     @property
     def count(self) -> int:
         """Samples learned."""
-        ...
 
     @property
     def events(self) -> dict[str, int]:
         """Number of samples of each event; see `screening.EVENTS`."""
-        ...
 
     @property
     def time_per_update(self) -> float:
         """Median wall-clock time of an update, all in [s]; NaN before the first."""
-        ...
 
     def describe(self) -> dict[str, Any]:
         """Kind, network and settings of the learner as JSON values, without the weights.
 
         Settings that nobody gave are None, and "found" holds what was found for them.
         """
-        ...
 
 
 class Stopwatch:

@@ -90,10 +90,6 @@ class DenseNetwork(PerceptronNetwork):
         readout = np.broadcast_to(self._readout, (len(x), *self._readout.shape))
         return Encoding(self._seen(x)[:, None, :], readout, self.offset)
 
-    def encode_one(self, x: Array) -> Encoding:
-        """Features of one sample, (1, n_f), and the output scales as a readout."""
-        return Encoding(self._seen(x[None]), self._readout, self.offset)
-
     def compiled_encoder(self) -> tuple[int, Array] | None:
         """Address of the compiled encoder and its constants; None without a compiler."""
         library = load_kernel("scale")

@@ -187,10 +187,6 @@ class GreyBox(Network):
         readout = np.broadcast_to(self._scales, (len(x), *self._scales.shape))
         return Encoding(x[:, None, :], readout, np.zeros(self.outputs))
 
-    def encode_one(self, x: Array) -> Encoding:
-        """One sample, (1, n_x), and the scales of the outputs as a readout."""
-        return Encoding(x[None], self._scales, np.zeros(self.outputs))
-
     def decode(self, encoding: Encoding, weights: Array) -> Array:
         """y of N encoded samples at weights (n,), (N, n_y)."""
         x = encoding.features[:, 0]

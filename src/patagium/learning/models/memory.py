@@ -97,37 +97,30 @@ class LagEquations(Protocol):
     @property
     def measured(self) -> int:
         """Number of measured inputs that drive the lags, the first of x."""
-        ...
 
     @property
     def states(self) -> int:
         """Number of lag states that the network reads, n_z."""
-        ...
 
     @property
     def carried(self) -> tuple[int, int]:
         """Number of lag states in all, n_s, and of numbers of a driver, n_d."""
-        ...
 
     @property
     def parameters(self) -> int:
         """Number of weights that the lag states depend on, n_m."""
-        ...
 
     @property
     def compiled(self) -> CompiledSteps | None:
         """Equations in C; None without."""
-        ...
 
     def begin(self, x: Array, weights: Array) -> tuple[Array, Array, Array]:
         """State, sensitivity and driver where memory begins, at measured inputs x (measured,)."""
-        ...
 
     def step(
         self, x: Array, weights: Array, time_step: float, before: MemoryState
     ) -> tuple[Array, Array, Array]:
         """State, sensitivity and driver a time step [s] after the memory before."""
-        ...
 
 
 def measured_inputs(network: Network) -> int:

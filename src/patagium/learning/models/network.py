@@ -80,12 +80,10 @@ class Network(Layered, Protocol):
     @property
     def inputs(self) -> int:
         """Length of x, n_x, lag states included."""
-        ...
 
     @property
     def output_names(self) -> tuple[str, ...]:
         """Names of the components of y."""
-        ...
 
     @property
     def outputs(self) -> int:
@@ -95,7 +93,6 @@ class Network(Layered, Protocol):
     @property
     def hidden(self) -> tuple[int, ...]:
         """Neurons of each hidden layer."""
-        ...
 
     def initial(self, seed: int) -> Array:
         """Weights to start from, (n,).
@@ -103,11 +100,9 @@ class Network(Layered, Protocol):
         Args:
             seed: Seed of the draw.
         """
-        ...
 
     def encode(self, x: Array) -> Encoding:
         """Many samples as the weights meet them, x (N, n_x)."""
-        ...
 
     def encode_one(self, x: Array) -> Encoding:
         """One sample as the weights meet it, x (n_x,)."""
@@ -121,7 +116,6 @@ class Network(Layered, Protocol):
             encoding: Of N samples.
             weights: Weights, (n,) [1].
         """
-        ...
 
     def values(self, encoding: Encoding, points: Array) -> Array:
         """y of one encoded sample at many weights, (p, n_y), computed in their precision.
@@ -130,7 +124,6 @@ class Network(Layered, Protocol):
             encoding: Of one sample.
             points: (p, n).
         """
-        ...
 
     def linearized(self, encoding: Encoding, weights: Array) -> tuple[Array, Array]:
         """y at one encoded sample, (n_y,), and its derivative for the weights, (n_y, n).
@@ -139,11 +132,9 @@ class Network(Layered, Protocol):
             encoding: Of one sample.
             weights: Weights, (n,) [1].
         """
-        ...
 
     def describe(self) -> dict[str, Any]:
         """Description of the network that rebuilds it, as JSON-able values."""
-        ...
 
     def __call__(self, x: ArrayLike, weights: ArrayLike) -> Array:
         """y of one x, (n_y,) in the unit of y.

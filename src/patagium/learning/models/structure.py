@@ -24,17 +24,14 @@ class Layered(Protocol):
     @property
     def size(self) -> int:
         """Number of weights, n."""
-        ...
 
     @property
     def fan_in(self) -> Array:
         """Fan-in of the neuron of each weight, 1 for a bias, (n,)."""
-        ...
 
     @property
     def neurons(self) -> Sequence[Sequence[Indices]]:
         """Weights of each neuron in rising order, layer by layer."""
-        ...
 
 
 Blocks = Callable[[Layered], Sequence[Indices]]

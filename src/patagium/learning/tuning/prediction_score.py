@@ -38,7 +38,7 @@ from patagium.errors import FilterDiverged, Outcome
 from patagium.learning.filters.root import MatrixLost
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.models.memory import network_inputs
-from patagium.learning.scores import INTERVAL, SILENT_RATIO
+from patagium.learning.scores import INTERVAL, SILENT_RATIO, mean_heard
 from patagium.learning.stream import Samples, prequential
 from patagium.reading import json_ready
 
@@ -269,8 +269,7 @@ def _crps(error: Array, std: Array) -> Array:
 
 def _mean(values: Array) -> float:
     """Mean over the samples that count, then over the outputs."""
-    each = [column[~np.isnan(column)].mean() for column in values.T if (~np.isnan(column)).any()]
-    return float(np.mean(each)) if each else nan
+    return mean_heard(np.array([mean_heard(column) for column in values.T]))
 
 
 def score_predictions(
