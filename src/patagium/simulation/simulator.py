@@ -567,7 +567,8 @@ _STEPPING = {False: "partitioned RK4", True: "partitioned Lobatto IIIC"}
 def _energy_and_momentum(run: IntegrationResult) -> Array:
     """Energy [J], then momentum [kg m/s], at the last sample of a run, (4,)."""
     last = {name: run.samples[name][-1].ravel() for name in run.samples}
-    return np.r_[last["kinetic_energy"] + last["potential_energy"], last["momentum"]]
+    energy: Array = last["kinetic_energy"] + last["potential_energy"]
+    return np.concatenate([energy, last["momentum"]])
 
 
 def _wind(aero: Aerodynamics, samples: dict[str, Array], time: Array) -> Array:

@@ -263,8 +263,8 @@ class BlockKernel:
             stride = self._struct.stride
             room = 2 * network.items * max(network.perceptron.widths)
             keep = {
-                "derivative": aligned((network.size + 2 * self._lanes, stride), np.dtype(float)),
-                "seeds": aligned((room, stride), np.dtype(float)),
+                "derivative": aligned((network.size + 2 * self._lanes, stride)),
+                "seeds": aligned((room, stride)),
             }
             if np.any(np.diff(order := self._arrays["order"]) != 1):
                 keep["place"] = np.argsort(order).astype(np.int32)
@@ -314,7 +314,7 @@ def _sample_arrays(numbers: FilterNumbers) -> dict[str, Array]:
         "innovation": (outputs,),
         "covariance": (outputs, outputs),
     }
-    arrays = {name: aligned(shape, np.dtype(float)) for name, shape in shapes.items()}
+    arrays = {name: aligned(shape) for name, shape in shapes.items()}
     arrays["widths"] = np.array(widths, np.int32)
     arrays["offset"][:] = network.offset
     return arrays
@@ -340,8 +340,8 @@ def _panel_arrays(numbers: FilterNumbers, lanes: int) -> dict[str, Array]:
         "at_mean": (2, layers, rounded_up(items * widest, lanes)),
         "weighting": (items * widths[-1], stride),
     }
-    arrays = {name: aligned(shape, np.dtype(numbers.dtype)) for name, shape in shapes.items()}
-    arrays["small"] = aligned((5 + len(counts), stride, stride), np.dtype(float))
+    arrays = {name: aligned(shape, numbers.dtype) for name, shape in shapes.items()}
+    arrays["small"] = aligned((5 + len(counts), stride, stride))
     arrays["order"] = np.concatenate(blocks_in(numbers)).astype(np.int32)
     arrays["counts"] = np.array(counts, np.int32)
     arrays["starts"] = np.array([0, *np.cumsum(heights)], np.int32)
@@ -350,18 +350,12 @@ def _panel_arrays(numbers: FilterNumbers, lanes: int) -> dict[str, Array]:
 
 def _covariance_arrays(numbers: FilterNumbers, arrays: Mapping[str, Array]) -> dict[str, Array]:
     """Arrays of panels that hold the covariance itself, all in double."""
-    real, (rows, stride) = np.dtype(float), arrays["slopes"].shape
-    panel, root = arrays["points"].shape[-1], arrays["root"]
-    found = {
-        "drift": aligned((rows,), real),
-        "kept": aligned(root.shape, real),
-        "sensed": aligned((rows, stride), real),
-        "linear": aligned((rows, stride), real),
-        "whitened": aligned((rows, stride), real),
-        "turned": aligned((max(rows, stride), panel), real),
-    }
+    (rows, stride), root = arrays["slopes"].shape, arrays["root"]
+    found = {name: aligned((rows, stride)) for name in ("sensed", "linear", "whitened")}
+    found["drift"], found["kept"] = aligned((rows,)), aligned(root.shape)
+    found["turned"] = aligned((max(rows, stride), arrays["points"].shape[-1]))
     if not numbers.linear:
-        found["factor"] = root if root.dtype == real else aligned(root.shape, real)
+        found["factor"] = root if root.dtype == float else aligned(root.shape)
     for block, start in zip(blocks_in(numbers), arrays["starts"], strict=False):
         found["drift"][start : start + len(block)] = numbers.process_noise[block]
     return found
@@ -369,7 +363,7 @@ def _covariance_arrays(numbers: FilterNumbers, arrays: Mapping[str, Array]) -> d
 
 def _neuron_arrays(numbers: FilterNumbers, lanes: int) -> dict[str, Array]:
     """Zeroed arrays of the sizes that `structs.NODE_FILTER` names, on cache lines."""
-    network, real = as_perceptron(numbers.network), np.dtype(numbers.dtype)
+    network = as_perceptron(numbers.network)
     widths, items, outputs = network.perceptron.widths, network.items, network.outputs
     stride = rounded_up(outputs, _WIDE)
     groups = [
@@ -402,8 +396,8 @@ def _neuron_arrays(numbers: FilterNumbers, lanes: int) -> dict[str, Array]:
         "small": (4, stride, stride),
         "wide_small": (2, outputs, outputs, _WIDE),
     }
-    arrays = {name: aligned((*shape, lanes), real) for name, shape in reals.items()}
-    arrays |= {name: aligned(shape, np.dtype(float)) for name, shape in doubles.items()}
+    arrays = {name: aligned((*shape, lanes), numbers.dtype) for name, shape in reals.items()}
+    arrays |= {name: aligned(shape) for name, shape in doubles.items()}
     _lay_out(network.perceptron.layers(numbers.process_noise), arrays["drift"])
     return arrays
 

@@ -41,7 +41,7 @@ _LAST, _USUAL, _MISSED = range(3)
 _TAKEN, _JUMPED = range(2)
 _VALUES = ("low", "high", "before", "step", "odd", "odd_low", "odd_high", "rest", "seen")
 _COUNTS = ("taken", "odd_run", "stood")
-MEMORY = (*(f"bound_{name}" for name in (*_VALUES, *_COUNTS)), "bound_clock", "bound_track")
+MEMORY = tuple(f"bound_{name}" for name in (*_VALUES, *_COUNTS, "clock", "track"))
 """Names of the arrays of a memory."""
 
 
@@ -57,7 +57,7 @@ class Bounds:
         smooth: Number of them that do not jump, the first: all but accelerations and commands.
         x: Inputs of a sample where a kernel does not read them itself, (n_x,) [units of x].
         scale: Scale of each channel before it is known, (n,) [units of x and y].
-        arrays: Memory by name, (n,) each; clock: last stamp [s], usual step [s], samples
+        parts: Memory by name, (n,) each; clock: last stamp [s], usual step [s], samples
             refused since then; track: samples taken smoothly, whether one jumped since then.
     """
 
@@ -74,13 +74,18 @@ class Bounds:
         self.scale[: self.inputs] = getattr(network, "input_scale", 1.0)
         self.scale[self.inputs :] = getattr(network, "output_scale", 1.0)
         self._reach = np.repeat((_C.INPUT_REACH, _C.OUTPUT_REACH), (self.inputs, outputs))
-        self.arrays: dict[str, NDArray[Any]] = {
-            **{f"bound_{name}": np.full(len(self.scale), np.nan) for name in _VALUES},
-            **{f"bound_{name}": np.zeros(len(self.scale), np.int64) for name in _COUNTS},
-            "bound_clock": np.array([np.nan, 0.0, 0.0]),
-            "bound_track": np.zeros(2),
+        self.parts: dict[str, NDArray[Any]] = {
+            **{name: np.full(len(self.scale), np.nan) for name in _VALUES},
+            **{name: np.zeros(len(self.scale), np.int64) for name in _COUNTS},
+            "clock": np.array([np.nan, 0.0, 0.0]),
+            "track": np.zeros(2),
         }
-        self.arrays["bound_step"][:] = self.arrays["bound_rest"][:] = 0.0
+        self.parts["step"][:] = self.parts["rest"][:] = 0.0
+
+    @property
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Memory by the names of `MEMORY`."""
+        return {f"bound_{name}": array for name, array in self.parts.items()}
 
     def expect(self, x: Array, y: Array) -> None:
         """Take the ranges of a log, which may begin at rest; 2 % may lie outside.
@@ -92,13 +97,13 @@ class Bounds:
         values = np.hstack([x[:, : self.inputs], y])
         values = values[:, heard := np.isfinite(values).any(axis=0)]
         least, most = np.nanquantile(values, [_TAIL, 1.0 - _TAIL], axis=0)
-        low, high = self.arrays["bound_low"], self.arrays["bound_high"]
+        low, high = self.parts["low"], self.parts["high"]
         low[heard], high[heard] = np.fmin(low[heard], least), np.fmax(high[heard], most)
 
     def forget_place(self) -> None:
         """Take the next inputs however far they moved."""
-        self.arrays["bound_before"][:] = np.nan
-        self.arrays["bound_track"][:] = 0.0
+        self.parts["before"][:] = np.nan
+        self.parts["track"][:] = 0.0
 
     def bounded(self, x: Array, y: Array, time: float) -> tuple[bool, Array, dict[str, int]]:
         """Whether a sample can be learned; y, NaN where it is refused, (n_y,); events.
@@ -108,10 +113,10 @@ class Bounds:
             y: Measurement, (n_y,) [unit of y].
             time: Of the sample [s]; NaN: unknown.
         """
-        low, high, before, step = (self.arrays[f"bound_{name}"] for name in _VALUES[:4])
+        low, high, before, step = (self.parts[name] for name in _VALUES[:4])
         n = self.inputs
-        taken, stood = self.arrays["bound_taken"], self.arrays["bound_stood"]
-        track = self.arrays["bound_track"]
+        taken, stood = self.parts["taken"], self.parts["stood"]
+        track = self.parts["track"]
         value = np.concatenate([x[:n], y])
         width = self._width()
         ahead = self._ahead(time)
@@ -138,7 +143,7 @@ class Bounds:
             self._keep_time(time)
             self._take(value, ~odd, known, width)
         else:
-            self.arrays["bound_clock"][_MISSED] += 1
+            self.parts["clock"][_MISSED] += 1
             track[_JUMPED] = max(track[_JUMPED], float(jumps.any()))
             odd[n:] = False
         told = np.flatnonzero(odd & ~stuck & np.isfinite(value)).tolist()
@@ -153,24 +158,24 @@ class Bounds:
 
     def _compares(self, ahead: float) -> bool:
         """Whether inputs are compared with the last ones taken; not after a gap, nor for ever."""
-        missed, smooth = self.arrays["bound_clock"][_MISSED], self.arrays["bound_track"][_TAKEN]
+        missed, smooth = self.parts["clock"][_MISSED], self.parts["track"][_TAKEN]
         patience = max(_C.GAP, min(smooth, _C.ODD_RUN))
         return bool(ahead <= missed + _C.GAP and missed < patience)
 
     def _most(self, width: Array, ahead: float) -> Array:
         """Largest move of each channel that is no jump, (n,) [units of x and y]."""
-        step = self.arrays["bound_step"]
-        if self.arrays["bound_track"][_JUMPED]:
+        step = self.parts["step"]
+        if self.parts["track"][_JUMPED]:
             return np.asarray(_C.SMOOTH * step * ahead)
         most = np.maximum(_C.JUMP_SHARE * width, _C.JUMP * step)
         return np.asarray(most + _C.AHEAD * step * (ahead - 1))
 
     def _goes_along(self, value: Array) -> bool:
         """Whether inputs go on smoothly from a sample that was refused for a jump."""
-        seen, near = self.arrays["bound_seen"], _C.SMOOTH * self.arrays["bound_step"]
+        seen, near = self.parts["seen"], _C.SMOOTH * self.parts["step"]
         moved, own = np.abs(value - seen), slice(0, self.smooth)
         seen[: self.inputs] = value[: self.inputs]
-        return bool(self.arrays["bound_track"][_JUMPED] and (moved[own] <= near[own]).all())
+        return bool(self.parts["track"][_JUMPED] and (moved[own] <= near[own]).all())
 
     def _rests(self, value: Array, moved: Array) -> Bools:
         """Inputs of joints at rest, (n,): position and velocity do not change; velocity is zero."""
@@ -182,8 +187,8 @@ class Bounds:
 
     def _stuck(self, moved: Array, rests: Bools) -> Bools:
         """Inputs that are stuck: constant for longer than at rest, while another input moves."""
-        rest, run, taken = (self.arrays[f"bound_{n}"] for n in ("rest", "stood", "taken"))
-        ended = (moved > 0) & (moved <= _C.REST_STEPS * self.arrays["bound_step"])
+        rest, run, taken = (self.parts[n] for n in ("rest", "stood", "taken"))
+        ended = (moved > 0) & (moved <= _C.REST_STEPS * self.parts["step"])
         run += (moved == 0) & (moved > 0).any()
         rest[:] = np.where(ended, np.maximum(rest, run), rest) * (1.0 - _C.LEAK)
         run[(moved > 0) | rests] = 0
@@ -191,7 +196,7 @@ class Bounds:
         return np.asarray((taken >= _C.MANY) & (over > 0) & (over <= _C.ODD_RUN))
 
     def _width(self) -> Array:
-        n, low, high = self.inputs, self.arrays["bound_low"], self.arrays["bound_high"]
+        n, low, high = self.inputs, self.parts["low"], self.parts["high"]
         width = np.nan_to_num(high - low)
         width[:n] = np.maximum(width[:n], self.scale[:n])
         widest = (width[n:] / self.scale[n:]).max(initial=0.0)
@@ -200,25 +205,25 @@ class Bounds:
 
     def _ahead(self, time: float) -> float:
         """Usual steps since the last sample that was taken; infinite where none can be told."""
-        last, usual, missed = self.arrays["bound_clock"].tolist()
+        last, usual, missed = self.parts["clock"].tolist()
         step = time - last
         if not isfinite(step):
             return float(1.0 + missed)
         return float(max(step / usual, 1.0)) if step > 0 and usual > 0 else inf
 
     def _keep_time(self, time: float) -> None:
-        clock = self.arrays["bound_clock"]
+        clock = self.parts["clock"]
         step, usual = time - clock[_LAST], clock[_USUAL]
         if isfinite(step) and step > 0:
             counted = min(step, _C.STEPS * usual)
             clock[_USUAL] = usual + (counted - usual) / _C.STEPS if usual > 0 else step
-            self.arrays["bound_step"] *= clock[_USUAL] / usual if usual > 0 else 1.0
+            self.parts["step"] *= clock[_USUAL] / usual if usual > 0 else 1.0
         clock[_LAST], clock[_MISSED] = time, 0.0
 
     def _take(self, value: Array, kept: Bools, known: Any, width: Array) -> None:
         """Range and median step from a sample; channels that are not kept stay as they are."""
-        low, high, before, step = (self.arrays[f"bound_{name}"] for name in _VALUES[:4])
-        taken, run = (self.arrays[f"bound_{name}"] for name in _COUNTS[:2])
+        low, high, before, step = (self.parts[name] for name in _VALUES[:4])
+        taken, run = (self.parts[name] for name in _COUNTS[:2])
         span, most = _C.LEAK * (high - low), np.where(known, _C.GROWTH * width, inf)
         raised = np.where(value > high, np.minimum(value, high + most), high - span)
         lowered = np.where(value < low, np.maximum(value, low - most), low + span)
@@ -236,8 +241,8 @@ class Bounds:
 
     def _refuse(self, k: int, value: float, known: bool, width: float) -> bool:
         """Whether the range of a channel opens after one more value that was refused."""
-        low, high, before, _, odd, least, most, *_ = (self.arrays[f"bound_{n}"] for n in _VALUES)
-        run = self.arrays["bound_odd_run"]
+        low, high, before, _, odd, least, most, *_ = (self.parts[n] for n in _VALUES)
+        run = self.parts["odd_run"]
         if not (known and max(low[k] - value, value - high[k]) <= _C.ODD * width):
             run[k] = 0
         elif value != odd[k]:

@@ -32,7 +32,9 @@ from patagium.learning.learners.learner import (
     Stopwatch,
     as_input,
     diverged,
+    found_part,
     row_by_row,
+    shaped_sample,
 )
 from patagium.learning.learners.state_file import write_state
 from patagium.learning.models.memory import memory_of, network_inputs
@@ -331,8 +333,7 @@ class FilterLearner(Learner):
                 as it was before.
         """
         started = perf_counter_ns()
-        sample = as_input(self._network, x)
-        measured = real_array("y", y, (self._network.outputs,))
+        sample, measured = shaped_sample(self._network, x, y)
         self._screen.stamp(time)
         with self._noisier(std):
             outcome, (mean, covariance) = self._filter.update(sample, measured)
@@ -435,7 +436,7 @@ class FilterLearner(Learner):
         network = self._network.describe()
         settings = self.settings.describe(self.kind)
         given = {"kind": self.kind, "network": network, **settings, "seed": self._seed}
-        return given | ({"found": found} if (found := self.found) else {})
+        return given | found_part(self.found)
 
     def kept_covariance(self) -> BlockCovariance:
         """Covariance of the weights as kept after the last sample."""

@@ -7,7 +7,7 @@ time. Neglected: threads.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -93,6 +93,15 @@ class Stopwatch:
         self.count += 1
 
 
+def found_part(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Part of a learner's description that holds what was found; empty where all was given.
+
+    Args:
+        found: Settings that nobody gave, by name.
+    """
+    return {"found": dict(found)} if found else {}
+
+
 def as_input(network: Network, x: ArrayLike) -> Array:
     """x as an array, (n_x,).
 
@@ -115,6 +124,15 @@ def row_by_row(
     found = [predict(row) for row in rows]
     means, covariances = ([one[k] for one in found] for k in (0, 1))
     return np.reshape(means, (-1, outputs)), np.reshape(covariances, (-1, outputs, outputs))
+
+
+def shaped_sample(network: Network, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    """x, (n_x,), and y, (n_y,), as arrays.
+
+    Raises:
+        ShapeError: If one of them has another shape.
+    """
+    return as_input(network, x), real_array("y", y, (network.outputs,))
 
 
 def diverged(outcome: Outcome, count: int, x: ArrayLike = (), y: ArrayLike = ()) -> FilterDiverged:

@@ -201,7 +201,7 @@ class GreyBox(Network):
     def linearized(self, encoding: Encoding, weights: Array) -> tuple[Array, Array]:
         """y at one encoded sample, (n_y,), and its derivative for weights (n,), (n_y, n)."""
         x = encoding.features[0]
-        memory = memory_in(x[None], self._lags)
+        memory = self._memory_in(x[None])
         known = x[: self.measured_inputs], memory.at(weights[None])[0], weights
         moved = zip(memory.sensitivity[0].T, np.eye(self._count), strict=True)
         return _along(self._functions["force_forward"], known, moved, self._numbers)
@@ -280,9 +280,13 @@ class GreyBox(Network):
         """Whether x ends with the accelerations."""
         return self.added_mass is not None or inertial([*self._estimate], self.model.robot)
 
+    def _memory_in(self, x: Array) -> MemoryState:
+        """Lags of the air, their sensitivity and W_m in the inputs, x (N, n_x)."""
+        return memory_in(x[:, self.measured_inputs :], self._lags.states, self._count)
+
     def _force(self, x: Array, own: Array) -> Array:
         """y, (N, n_y), of x (N, n_x) at weights (N, n)."""
-        state = memory_in(x, self._lags).at(own)
+        state = self._memory_in(x).at(own)
         seen = x[:, : self.measured_inputs]
         y = self._functions["force"].batch(seen, state, own, self._numbers)
         return np.asarray(y).reshape(len(x), self.outputs)

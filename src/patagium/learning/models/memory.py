@@ -133,11 +133,11 @@ def row_size(lags: LagEquations) -> int:
     return lags.states * (1 + lags.parameters) + (lags.parameters if lags.states else 0)
 
 
-def memory_in(x: Array, lags: LagEquations) -> MemoryState:
-    """Memory read from [z, vec S, W_m], the last inputs of a network, x (N, n_x)."""
-    rows = x[:, x.shape[1] - row_size(lags) :]
-    state, slopes, weights = np.split(rows, [lags.states, lags.states * (1 + lags.parameters)], 1)
-    return MemoryState(state, slopes.reshape(len(x), lags.states, lags.parameters), weights)
+def memory_in(rows: Array, states: int, parameters: int) -> MemoryState:
+    """Memory read from [z, vec S, W_m], the last inputs of a network."""
+    end = states * (1 + parameters)
+    slopes = rows[:, states:end].reshape(len(rows), states, parameters)
+    return MemoryState(rows[:, :states], slopes, rows[:, end : end + parameters])
 
 
 def memory_of(network: Network) -> ModelMemory | None:
@@ -304,13 +304,14 @@ class ModelMemory:
         if f"{_PREFIX}0_state" not in state or self._lags is None:
             return
         names = MemoryState._fields[:4]
-        found = [np.array(state[f"{_PREFIX}0_{name}"], float) for name in names]
+        z, slopes, weights, driver = (np.array(state[f"{_PREFIX}0_{f}"], float) for f in names)
+        found = MemoryState(z, slopes, weights, driver, float(state[f"{_PREFIX}0_time"]))
         (states, drivers), n_m = self._lags.carried, self._lags.parameters
         shapes = (states,), (states, n_m), (n_m,), (drivers,)
-        for array, shape in zip(found, shapes, strict=True):
+        for array, shape in zip(found[:4], shapes, strict=True):
             if array.shape != shape:
                 raise ShapeError("memory", shape, array.shape)
-        self.last = MemoryState(*found, time=float(state[f"{_PREFIX}0_time"]))
+        self.last = found
 
     def compiled(self, x: Array) -> CompiledLags | None:
         """The memory as C code moves it between two calls; None without a compiler.

@@ -17,6 +17,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.special import expit
 
 from patagium.arguments import checked
 from patagium.arrays import Array, Indices
@@ -30,14 +31,8 @@ def softplus(z: Array) -> Array:
     return np.maximum(z, 0) + np.log1p(np.exp(-np.abs(z)))
 
 
-def softplus_slope(z: Array) -> Array:
-    """Derivative of `softplus`, the logistic function."""
-    decay = np.exp(-np.abs(z))
-    return np.where(z >= 0, 1.0, decay) / (1.0 + decay)
-
-
 ACTIVATIONS: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
-    "softplus": (softplus, softplus_slope),
+    "softplus": (softplus, expit),
     "tanh": (np.tanh, lambda z: 1.0 - np.tanh(z) ** 2),
 }
 """Name of an activation to the function and its derivative."""
