@@ -138,9 +138,13 @@ class BlockRoots:
 
     def covariance(self, roots: Parts) -> BlockCovariance:
         """P, which shares no memory with the state."""
+        network, structure = self._numbers.network, self._numbers.settings.covariance
+        return block_covariance(network, structure, self._matrices(roots))
+
+    def _matrices(self, roots: Parts) -> list[Array]:
+        """P of each block, (k, k) [1], which shares no memory with the state."""
         doubles = [root.astype(float) for root in roots]
-        parts = [root @ root.T for root in doubles]
-        return block_covariance(self._numbers.network, self._numbers.settings.covariance, parts)
+        return [root @ root.T for root in doubles]
 
     def variances(self, roots: Parts) -> Array:
         """Diagonal of P, (n,) [1]."""
@@ -206,10 +210,9 @@ class BlockCovariances(BlockRoots):
         ]
         return mean + cross @ gain, [(part + part.T) / 2 for part in smaller]
 
-    def covariance(self, parts: Parts) -> BlockCovariance:
-        """P, which shares no memory with the state."""
-        copies, numbers = [part.copy() for part in parts], self._numbers
-        return block_covariance(numbers.network, numbers.settings.covariance, copies)
+    def _matrices(self, parts: Parts) -> list[Array]:
+        """P of each block, (k, k) [1], which shares no memory with the state."""
+        return [part.copy() for part in parts]
 
     def variances(self, parts: Parts) -> Array:
         """Diagonal of P, (n,) [1]."""
@@ -223,5 +226,4 @@ class BlockCovariances(BlockRoots):
         """Inverse of `packed`; of a version that kept square roots here too, their squares."""
         if "covariance" in state:
             return [symmetric(part) for part in self._triangles(state["covariance"])]
-        roots = super().unpacked(state)
-        return [root.astype(float) @ root.astype(float).T for root in roots]
+        return super()._matrices(super().unpacked(state))
