@@ -200,6 +200,10 @@ def made_again(what: str, kind: type[PatagiumError] = LogError) -> Iterator[None
         raise kind(f"{what} cannot be made again: {reason[:1000]}") from problem
 
 
+def _refusal(problem: str, mark: Any) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
+
+
 class _Loader(yaml.SafeLoader):
     """YAML with each key once, of bounded depth and size, aliases written out or refused."""
 
@@ -213,26 +217,24 @@ class _Loader(yaml.SafeLoader):
         mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
         alias = self.check_event(yaml.AliasEvent)
         if alias and not self._aliases:
-            raise yaml.composer.ComposerError(None, None, "values written out, no alias", mark)
+            raise _refusal("values written out, no alias", mark)
         before, self._depth = self._entries, self._depth + 1
         if self._depth > NESTING:
-            raise yaml.composer.ComposerError(None, None, f"at most {NESTING} levels", mark)
+            raise _refusal(f"at most {NESTING} levels", mark)
         node = super().compose_node(parent, index)
         self._depth -= 1
         if alias and id(node) not in self._sizes:
-            raise yaml.composer.ComposerError(None, None, "no value that holds itself", mark)
+            raise _refusal("no value that holds itself", mark)
         self._entries += self._sizes[id(node)] if alias else 1
         self._sizes[id(node)] = self._entries - before
         if self._entries > ENTRIES:
-            raise yaml.composer.ComposerError(None, None, f"at most {ENTRIES} entries", mark)
+            raise _refusal(f"at most {ENTRIES} entries", mark)
         return node
 
     def construct_scalar(self, node: Any) -> Any:
         value = super().construct_scalar(node)
         if isinstance(value, str) and any("\ud800" <= sign <= "\udfff" for sign in value):
-            raise yaml.constructor.ConstructorError(
-                None, None, "whole characters, found half of one", node.start_mark
-            )
+            raise _refusal("whole characters, found half of one", node.start_mark)
         return value
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
@@ -240,12 +242,9 @@ class _Loader(yaml.SafeLoader):
         for key_node, _ in getattr(node, "value", ()):
             key = self.construct_object(key_node, deep=True)
             if not isinstance(key, Hashable):
-                raise yaml.constructor.ConstructorError(
-                    None, None, "keys that are names, found a collection", key_node.start_mark
-                )
+                raise _refusal("keys that are names, found a collection", key_node.start_mark)
             if key in seen:
-                found = f"each key once, found {shown(key)} again"
-                raise yaml.constructor.ConstructorError(None, None, found, key_node.start_mark)
+                raise _refusal(f"each key once, found {shown(key)} again", key_node.start_mark)
             seen.add(key)
         return super().construct_mapping(node, deep)
 
