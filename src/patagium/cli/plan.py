@@ -315,18 +315,15 @@ class Prepared:
         if isinstance(known, TrackedState):
             names = [one.name for one in known.sensors]
             told = f"what a tracker makes of {', '.join(names)}"
-        climb = round(orbit.climb, 9) + 0.0
         commands = ", ".join(self.controller.model.commands)
-        learns = "; its model relearns in flight"
+        learns = "; its model relearns in flight" * plan.controller.learn
         turns = f", turn {orbit.turn_rate:.3g} rad/s" * bool(plan.trim.turn_rate)
         happen = [f"at {one.time:.3g} s {one.words}" for one in self.events]
         events = "; ".join(happen) or "none"
         return (
-            f"Orbit of {orbit.robot.name}: {orbit.speed:.3g} m/s, "
-            f"climb {climb:.3g} m/s{turns}, {1 / orbit.period:.3g} Hz",
+            f"Orbit of {orbit.robot.name}: {_way(orbit)}{turns}, {1 / orbit.period:.3g} Hz",
             *self._legs(),
-            f"Controller: {plan.controller.type}, commands {commands}"
-            + learns * plan.controller.learn,
+            f"Controller: {plan.controller.type}, commands {commands}{learns}",
             f"Truth: masses and inertias off by {100 * truth.masses:g} % "
             f"(std; seed {plan.seed}), {_air_words(truth, self._density)}, "
             f"the model's {_air_words(plan.trim, DENSITY)}",
@@ -342,8 +339,7 @@ class Prepared:
     def _legs(self) -> list[str]:
         found = self.controller.legs if isinstance(self.controller, Route) else {}
         return [
-            f"From {time:.3g} s on: {one.speed:.3g} m/s, climb {round(one.climb, 9) + 0.0:.3g} m/s,"
-            f" turn {round(one.turn_rate, 9) + 0.0:.3g} rad/s"
+            f"From {time:.3g} s on: {_way(one)}, turn {round(one.turn_rate, 9) + 0.0:.3g} rad/s"
             for time, one in found.items()
         ]
 
@@ -386,10 +382,8 @@ def prepared(plan: Plan) -> Prepared:
     tell_unseen(learned, orbit)
     named = plan.controller.commands or tuple(robot.actuators)
     if not named:
-        expected = (
-            "`actuators` in the robot's file for what steers it (frequency, amplitudes of both "
-        )
-        expected += "sides, an offset: patagium robots --new writes a file with them)"
+        expected = "`actuators` in the robot's file for what steers it (frequency, amplitudes of "
+        expected += "both sides, an offset: patagium robots --new writes a file with them)"
         raise ParameterError("controller: commands", expected, None)
     law = _controller(plan.controller, orbit, named)
     controller = _route(plan.legs, law, orbit) if plan.legs else law
@@ -399,9 +393,13 @@ def prepared(plan: Plan) -> Prepared:
     gust: Any = {"velocity": (0.0, 0.0, upward), "length_time": 2 * orbit.period}
     events: tuple[Event, ...] = (GustEvent(time=duration / 3, **gust),)
     if plan.events is not None:
-        events = tuple(event_of(one) for one in plan.events)
-    known = plan.sensors.known(robot)
-    return Prepared(plan, orbit, controller, duration, events, known)
+        events = tuple(map(event_of, plan.events))
+    return Prepared(plan, orbit, controller, duration, events, plan.sensors.known(robot))
+
+
+def _way(orbit: Orbit) -> str:
+    """Speed and climb of an orbit, in words."""
+    return f"{orbit.speed:.3g} m/s, climb {round(orbit.climb, 9) + 0.0:.3g} m/s"
 
 
 def _air_words(part: TrimPart | TruthPart, usual: float) -> str:
