@@ -119,8 +119,7 @@ def identify(
     with sole_user(state):
         learner = resumed(choice.learner(network), state)
         before = model_of(learner) if estimate and learner.count else None
-        options = {"every": every, "horizons": horizon}
-        result = _learned(learner, file, log or flight, options, state)
+        result = _learned(learner, file, log or flight, state, every=every, horizons=horizon)
         made = result.learner
         if estimate and refine is not False and result.outcome is Outcome.COMPLETED:
             with progress_bar(f"Refining what {file.name} taught"):
@@ -153,9 +152,7 @@ def _say_what_next(file: Path, mapping: Path | None, model: Path, *, flown: bool
     say_next(*((view, command("patagium cycles {}", file)) if flown else (again,)))
 
 
-def _learned(
-    learner: Any, file: Path, learned: Any, options: dict[str, Any], state: Path | None
-) -> Any:
+def _learned(learner: Any, file: Path, learned: Any, state: Path | None, **options: Any) -> Any:
     """Identification of a flight, a table or a long log; Ctrl-C leaves a state as it was.
 
     Raises:
@@ -167,17 +164,16 @@ def _learned(
     from patagium.learning.long_log import identify_record
     from patagium.sensing.logs.record import LogRecord
 
-    resume = None if state is None else course_of(state)
+    resume = course_of(state) if state and isinstance(learned, LogRecord) else None
+    work: Any = identify_log
+    if isinstance(learned, LogRecord):
+        work = partial(identify_record, course=resume)
     with progress_bar(f"Learning from {file.name}") as bar:
         try:
             with interruptible(bar) as progress:
-                if isinstance(learned, LogRecord):
-                    return identify_record(
-                        learned, learner, progress=progress, course=resume, **options
-                    )
-                return identify_log(learned, learner, progress=progress, **options)
+                return work(learned, learner, progress=progress, **options)
         except Interrupted:
-            if isinstance(learned, LogRecord) and resume is not None and resume.exists():
+            if resume is not None and resume.exists():
                 tell(f"The same command goes on from {resume}")
             elif state is not None:
                 tell(f"{state} is as it was; the same command begins anew")
