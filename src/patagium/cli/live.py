@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -12,7 +12,7 @@ import typer
 from patagium.cli.interruption import interrupted
 from patagium.cli.learner_options import LearnerChoice, NetworkKind, winged_network
 from patagium.cli.words import tell
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, PatagiumError
 
 if TYPE_CHECKING:
     from patagium.aerodynamics import Air
@@ -160,14 +160,23 @@ def tell_if_ended(view: LiveView, otherwise: str) -> None:
         tell(f"patagium: the live view ended ({reason}); {otherwise}")
 
 
-def served(live: bool, address: str | None) -> bool:
+def served(live: bool, address: str | None, learner: Sequence[str] = ()) -> bool:
     """Whether there is a live view.
 
+    Args:
+        live: Whether one is wanted.
+        address: Its address; None: not given.
+        learner: Options that were given of a learner that needs one.
+
     Raises:
-        ParameterError: If an address is given without one.
+        PatagiumError: If an address, or one of these options, is given without one.
     """
     if address is not None and not live:
         raise ParameterError("--live-address", "--live with it", address)
+    if learner and not live:
+        expected = "--live with it, as only such a flight is learned"
+        told = "none; add --live, or leave the other out"
+        raise PatagiumError(", ".join(learner), expected, told)
     return live
 
 

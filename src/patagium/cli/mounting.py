@@ -19,7 +19,7 @@ MountKind: TypeAlias = Literal["free", "fixed", "carried", "arm"]
 """Mounts that hold the robot."""
 
 
-def sizes(text: str) -> Numbers:
+def lengths(text: str) -> Numbers:
     """Lengths such as "0.9,0.3 m"; a last unit holds for all."""
     found = Numbers(map(quantity("m"), parts_of(text)))
     if len(found) > 3:

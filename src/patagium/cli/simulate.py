@@ -13,7 +13,7 @@ from patagium.cli import live as live_options
 from patagium.cli import options
 from patagium.cli.estimates import AirOption, chosen_air
 from patagium.cli.learner_options import LearnerChoice, with_learner_options
-from patagium.cli.mounting import MountKind, mount_from, sizes
+from patagium.cli.mounting import MountKind, lengths, mount_from
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import (
     Numbers,
@@ -26,7 +26,7 @@ from patagium.cli.words import (
     tell,
     vector,
 )
-from patagium.errors import ParameterError, PatagiumError, command
+from patagium.errors import ParameterError, command
 from patagium.limits import SWING, TILT
 
 if TYPE_CHECKING:
@@ -36,10 +36,6 @@ if TYPE_CHECKING:
     from patagium.simulation.gait_models import Gait
 
 
-_ALONE = (
-    "--live with it, as only such a flight is learned",
-    "none; add --live, or leave the other out",
-)
 _ANGLE = {"parser": quantity("rad", most=SWING)}
 _TILT = {"parser": quantity("rad", most=TILT)}
 _PLACE = {"parser": vector("m")}
@@ -151,7 +147,7 @@ def simulate(
     path_size: Annotated[
         Numbers | None,
         typer.Option(
-            parser=sizes,
+            parser=lengths,
             help="Radius, or length,width, or end minus start of a line, in m: 0.9,0.3.",
         ),
     ] = None,
@@ -213,9 +209,7 @@ def simulate(
     from patagium.simulation import simulate as fly
     from patagium.simulation.simulator import DURATION, Simulator
 
-    shown = live_options.served(live, live_address)
-    if choice.given and not shown:
-        raise PatagiumError(", ".join(choice.given), *_ALONE)
+    shown = live_options.served(live, live_address, choice.given)
     machine = load_robot(robot)
     if attitude is not None:
         machine = machine.with_attitude(attitude)
@@ -224,9 +218,8 @@ def simulate(
     blown = wind or ((-own.speed, 0.0, 0.0) if own and standing else None)
     around: dict[str, Any] = {"density": density, "wind": blown, "ground": ground}
     model, carried, _ = chosen_air(aero, machine, polar, inflow, factor=added_mass, **around)
-    amplitudes = {"plunge": plunge, "elbow": elbow, "feather": feather}
-    named = {"amplitude": amplitude, "phase": phase, "offset": offset}
-    moves = _gait(machine, gait, frequency, amplitudes, **named)
+    sizes = {"plunge": plunge, "elbow": elbow, "feather": feather}
+    moves = _gait(machine, gait, frequency, sizes, amplitude=amplitude, phase=phase, offset=offset)
     words = {
         "center": path_center, "size": path_size, "speed": path_speed,
         "frequency": path_frequency, "along": path_along, "across": path_across,
@@ -255,9 +248,11 @@ def simulate(
         with progress_bar(f"Flying {machine.name}") as bar, interruptible(bar) as progress:
             flight = fly(machine, model, moves, throw=False, progress=progress, **conditions)
     if not as_json:
-        chosen = usual if duration is None else None
-        cruise = _cruise_words(machine, moves) + told if own else ""
-        _tell_choice(machine, flight, cruise, chosen, time_step)
+        parts = [_cruise_words(machine, moves) + told] if own else []
+        parts += [f"duration {usual:g} s"] * (duration is None)
+        parts += [f"time step {flight.attrs['time_step']:g} s"] * (time_step is None)
+        if parts:
+            tell(f"Chosen for {machine.name}: {'; '.join(parts)}")
     keep(flight, output, figure, as_json)
 
 
@@ -266,19 +261,6 @@ def _cruise_words(machine: Robot, flown: Gait) -> str:
 
     whole = "its cruise" if flown == gaits.cruise(machine) else "the rest of its cruise"
     return f"{whole}, {f'{1.0 / flown.period:g} Hz' if flown.period else 'joints held'}"
-
-
-def _tell_choice(
-    machine: Robot, flight: Any, cruise: str, chosen: float | None, time_step: float | None
-) -> None:
-    """Print the settings of a flight that were chosen because no option gave them."""
-    parts = [cruise] if cruise else []
-    if chosen is not None:
-        parts.append(f"duration {chosen:g} s")
-    if time_step is None:
-        parts.append(f"time step {flight.attrs['time_step']:g} s")
-    if parts:
-        tell(f"Chosen for {machine.name}: {'; '.join(parts)}")
 
 
 def flight_facts(flight: Any) -> dict[str, Any]:
@@ -373,10 +355,8 @@ def _gait(
         moved = "plunge" if any("plunge" in one for one in joints) else joints[0]
         size = "5 cm" if unit(moved) == "m" else "30 deg"
         size = f", with --amplitude {moved}='{size}'" * (kind == "sinusoidal")
-        expected = (
-            f"the beats a second of a {kind} gait, such as '5 Hz'{size}; or those of a section "
-            "`cruise` in the robot's file; or --gait still"
-        )
+        expected = f"the beats a second of a {kind} gait, such as '5 Hz'{size}; or those of a "
+        expected += "section `cruise` in the robot's file; or --gait still"
         raise ParameterError("--frequency", expected, frequency)
     if kind == "linkage":
         offsets: Any = {f"{name}_offset": value for name, value in means.items()}
