@@ -342,19 +342,17 @@ def air_model(
     given: dict[str, Any] = {}
     named = {one.name: one for one in (models.DickinsonPolar, models.ReynoldsPolar)}
     for text in polars or ():
-        wing, _, polar = text.partition("=") if text.partition("=")[0] in wings else ("", "", text)
+        name, equals, rest = text.partition("=")
+        wing, polar = (name, rest) if name in wings else ("", text)
         if key == "polar" and polar in named:
             given[wing] = named[polar]()
         elif key == "polar" and Path(polar).is_file():
             given[wing] = models.measured_polar(*models.read_polar(polar)[:3])
-        elif key and polar not in named and (key == "section" or Path(polar).is_file()):
+        elif key == "section" and polar not in named:
             given[wing] = models.measured_section(*models.read_polar(polar))
         else:
-            expected = (
-                f"{', '.join(named)} or a file of a polar (with --aero lifting-line a file), "
-            )
-            expected += f"for one wing alone as {wings[0] if wings else 'WING'}=FILE"
-            name, equals, _ = text.partition("=")
+            expected = f"{', '.join(named)} or a file of a polar (with --aero lifting-line a file)"
+            expected += f", for one wing alone as {wings[0] if wings else 'WING'}=FILE"
             found = f"no wing {name!r}" if equals else f"{text!r}, which is no file here"
             raise PatagiumError("--polar", expected, f"{found} (wings: {', '.join(wings)})")
     if any(isinstance(one, models.ReynoldsPolar) for one in given.values()) and not (

@@ -117,8 +117,7 @@ def _mapping(found: Inspection, topics: Sequence[str]) -> str:
                 continue  # a column without a name or a number
             name = json.dumps(_UNIT.sub("", field.name) if one.kind == "table" else field.name)
             si = si_of(field.unit)[1]  # nothing of a unit that we do not know
-            unit = field.unit if si else ""
-            unit = unit or ("s" if field.name == one.stamps else "1")
+            unit = (field.unit if si else "") or ("s" if field.name == one.stamps else "1")
             unit = json.dumps(unit, ensure_ascii=False)
             text = f"{{{place}: {name}, unit: {unit}}}"
             if count[field.name] > 1:

@@ -41,21 +41,17 @@ def check_files(verb: Callable[..., object], given: Mapping[str, Any]) -> None:
                 continue
             if name == "robot" and str(word).endswith(".nc"):
                 continue  # no robot, as its reader will say
-            place = os.path.realpath(word)
-            written = name in outputs
-            if written and place in named:
-                info: Any = known[named[place]].default
-                taken = (
-                    named[place].upper() if isinstance(info, ArgumentInfo) else f"--{named[place]}"
-                )
+            place, written = os.path.realpath(word), name in outputs
+            if written and (other := named.get(place)):
+                argument = isinstance(known[other].default, ArgumentInfo)
+                taken = other.upper() if argument else f"--{other}"
                 wanted = f"another file than that of {taken}, which it would replace"
                 raise ParameterError(name, wanted, str(word))
-            there = os.path.exists(place)
-            if os.path.isfile(place) or (written and not there):
+            if os.path.isfile(place) or (written and not os.path.exists(place)):
                 named[place] = name  # nothing else is lost by being written twice
-            if written and str(word) == "-":
-                raise ParameterError(name, "the name of a file", "-")
             if written:
+                if str(word) == "-":
+                    raise ParameterError(name, "the name of a file", "-")
                 placed(word)
             if name in ("figure", "plot", "draw"):
                 from patagium.report.figures import figure_kind

@@ -210,11 +210,10 @@ def _opened(source: str, columns: list[str], idle: float | None, key_file: Path 
     if packets.warning:
         tell(f"patagium: {packets.warning}")
     key = "" if key_file is None else f" --key-file {key_file}"
-    send = f"patagium send flight.nc {packets.address}{key}"
     words = "for motion and joint forces, or raw samples of sensors"
     tell(f"Listening at {packets.address} {words}")
     tell("To send a recorded flight or sensor log:")
-    tell(f"  {send}")
+    tell(f"  patagium send flight.nc {packets.address}{key}")
     return packets
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -97,7 +97,6 @@ def trim(
     machine = load_robot(robot)
     gait = gaits.cruise(machine)
     chosen = tuple(free) if free else control.free_parameters(machine, gait, turn_rate)
-    level = 0.0 if gait.period else None
     if not as_json:
         kind = "Wingbeat" if gait.period else "Glide"
         air = ", ".join([f"{aero} air", *(f"polar {k}" for k in polar or ()), *["inflow"] * inflow])
@@ -105,9 +104,9 @@ def trim(
     model, added, learned = orbit_air(
         aero, machine, polar, inflow, density, hovers=speed == 0 and gait.period is not None
     )
-    asked = level if climb is None else climb
-    wanted = partial(control.trim, machine, gait=gait, free=chosen, speed=speed, climb=asked)
-    search = partial(wanted, turn_rate=turn_rate)
+    level = 0.0 if climb is None and gait.period else climb  # a glide's is free
+    asked: dict[str, Any] = {"climb": level, "speed": speed}
+    search = partial(control.trim, machine, gait=gait, free=chosen, turn_rate=turn_rate, **asked)
     with progress_bar("Beats of the search, of 250 at most") as progress:
         orbit = search(model, added_mass=added, progress=progress)
     if not isinstance(orbit, control.Orbit):
@@ -118,8 +117,7 @@ def trim(
     if along is not None:
         units = dict(zip(orbit.family.names, orbit.family.units, strict=True))
         name, limits = _range(along, {**units, "speed": "m/s", "climb": "m/s"})
-        given = {"climb": asked, "speed": speed}
-        hold = tuple(name for name, value in given.items() if value is not None)
+        hold = tuple(name for name, value in asked.items() if value is not None)
         with progress_bar("Orbits of the branch, 400 at most") as progress:
             branch = control.continue_orbit(orbit, name, limits, hold=hold, progress=progress)
         _branch(branch, figure, as_json)

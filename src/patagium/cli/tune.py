@@ -150,9 +150,8 @@ def _check_alike(files: Sequence[Path], logs: Sequence[Any]) -> None:
     for file, one in zip(files, logs, strict=True):
         pairs = zip(("kind", "robot", "wind", "density"), kind(one), first, strict=False)
         for name in (name for name, found, expected in pairs if found != expected):
-            raise LogError(
-                file, f"the {name} of {files[0].name}, which the network is made for", "another"
-            )
+            expected = f"the {name} of {files[0].name}, which the network is made for"
+            raise LogError(file, expected, "another")
 
 
 def _show(found: Tuned) -> None:
