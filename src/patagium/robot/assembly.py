@@ -148,14 +148,14 @@ def _joined(file: RobotFile, robot: Robot) -> Robot:
     images: list[tuple[str, str]] = []
     for i, wing in enumerate(file.wings):
         mirrors = [k for k in file.mirror if wing.name.startswith(k.source)]
-        images += [(wing.name, _renamed(wing.name, k.source, k.target)) for k in mirrors]
+        images += [(wing.name, k.image(wing.name)) for k in mirrors]
         for other in wing.joins or ():
             if other not in wings or other == wing.name:
                 known = [k for k in wings if k != wing.name]
                 raise AssemblyError(_unknown(f"wings.{i}.joins", known, other))
             pair = (wing.name, other)
-            sides = [tuple(_renamed(k, m.source, m.target) for k in pair) for m in mirrors]
-            said += [pair, *((one, two) for one, two in sides if {one, two} != {*pair})]
+            sides = [(mirror.image(pair[0]), mirror.image(pair[1])) for mirror in mirrors]
+            said += [pair, *(side for side in sides if {*side} != {*pair})]
     pairs = [k for n, k in enumerate(said) if not {k, k[::-1]} & {*said[:n]}]
     left = [name for name in wings if name not in {name for pair in images for name in pair}]
     images += [k for k in combinations(left, 2) if mirror_body(robot, *k) is not None]
@@ -172,7 +172,7 @@ def _mirrored_joints(file: RobotFile, robot: Robot) -> tuple[tuple[str, str], ..
         y = placed(pose, np.array(body.center_of_mass))[1]
         aside |= {joint.name: -y for joint in body.joints}
     words = [["right" if k == "left" else k for k in name.split("_")] for name in aside]
-    images = [(k, _renamed(k, m.source, m.target)) for m in file.mirror for k in aside]
+    images = [(name, mirror.image(name)) for mirror in file.mirror for name in aside]
     for joint, other, _, mirrored in image_joints(robot):
         if np.allclose(other.axis, mirrored):
             images.append((joint.name, other.name))
@@ -195,9 +195,8 @@ def _cruise(robot: Robot, part: CruisePart | None) -> Cruise | None:
         if not joints:
             known = [robot.dof_names[i] for i in robot.actuated]
             expected = f"an actuated joint ({', '.join(known)}) or a pair"
-            raise AssemblyError(
-                (path, expected, name + similar(name, [*robot.joint_groups, *known]))
-            )
+            near = similar(name, [*robot.joint_groups, *known])
+            raise AssemblyError((path, expected, name + near))
         unit = "rad" if key == "phase" else robot.dof_units[robot.index(joints[0])]
         noun = "an angle" if unit == "rad" else "a length"
         most = SWING if key == "amplitude" else TURN
@@ -313,11 +312,10 @@ def _mirrored(file: RobotFile, drafts: list[_Draft]) -> list[_Draft]:
         originals = [draft for draft in drafts if draft.name.startswith(mirror.source)]
         wings = [wing for wing in file.wings if wing.name.startswith(mirror.source)]
         if not originals and not wings:
-            raise AssemblyError(
-                (f"{path}.from", "the beginning of some body's or wing's name", mirror.source)
-            )
+            expected = "the beginning of some body's or wing's name"
+            raise AssemblyError((f"{path}.from", expected, mirror.source))
         for draft in originals:
-            image = _image(draft, mirror.source, mirror.target)
+            image = _image(draft, mirror)
             if image.name in known:
                 raise AssemblyError((path, "names that are not taken yet", f"body {image.name}"))
             known.add(image.name)
@@ -325,31 +323,26 @@ def _mirrored(file: RobotFile, drafts: list[_Draft]) -> list[_Draft]:
     return everything
 
 
-def _image(draft: _Draft, source: str, target: str) -> _Draft:
+def _image(draft: _Draft, mirror: Mirror) -> _Draft:
     """Mirror image of a draft in the plane of symmetry."""
     if draft.part.floating:
         raise AssemblyError((draft.path, "a body that does not float, to be mirrored", "floating"))
     for name, _, _ in draft.joints:
-        if not name.startswith(source):
-            raise AssemblyError(
-                (f"{draft.path}.joints", f"names that begin with {source!r}, to be mirrored", name)
-            )
+        if not name.startswith(mirror.source):
+            expected = f"names that begin with {mirror.source!r}, to be mirrored"
+            raise AssemblyError((f"{draft.path}.joints", expected, name))
     return _Draft(
-        name=_renamed(draft.name, source, target),
-        parent=_renamed(draft.parent, source, target) if draft.parent else None,
+        name=mirror.image(draft.name),
+        parent=mirror.image(draft.parent) if draft.parent else None,
         part=draft.part,
         joints=tuple(
-            (_renamed(name, source, target), kind, reflected_axis(kind, axis))
+            (mirror.image(name), kind, reflected_axis(kind, axis))
             for name, kind, axis in draft.joints
         ),
         orientation=_REFLECTION @ draft.orientation @ _REFLECTION,
         reflected=True,
         path=draft.path,
     )
-
-
-def _renamed(name: str, source: str, target: str) -> str:
-    return target + name[len(source) :] if name.startswith(source) else name
 
 
 def _in_tree_order(drafts: list[_Draft]) -> list[_Draft]:
@@ -532,10 +525,10 @@ def _strips(file: RobotFile, robot: Robot) -> tuple[Strip, ...]:
         for strip in tuple(s for s in strips if not s.mirrored):
             if not strip.wing.startswith(mirror.source):
                 continue
-            name = _renamed(strip.wing, mirror.source, mirror.target)
+            name = mirror.image(strip.wing)
             if name in names:
                 raise AssemblyError((f"mirror.{i}", "names that are not taken yet", f"wing {name}"))
-            strips.append(_reflected_strip(robot, strip, name, mirror))
+            strips.append(_reflected_strip(robot, strip, mirror))
     return tuple(strips)
 
 
@@ -549,14 +542,13 @@ def _check_wing_names(file: RobotFile) -> None:
                 raise AssemblyError((f"wings.{i}.name", expected, wing.name))
 
 
-def _reflected_strip(robot: Robot, strip: Strip, wing: str, mirror: Mirror) -> Strip:
-    """Mirror image of a strip, which belongs to a wing of that name."""
-    carrier = _renamed(robot.bodies[strip.body].name, mirror.source, mirror.target)
+def _reflected_strip(robot: Robot, strip: Strip, mirror: Mirror) -> Strip:
+    """Mirror image of a strip."""
     return replace(
         strip,
-        name=wing + strip.name[len(strip.wing) :],
-        wing=wing,
-        body=robot.body_index(carrier),
+        name=mirror.image(strip.name),
+        wing=mirror.image(strip.wing),
+        body=robot.body_index(mirror.image(robot.bodies[strip.body].name)),
         mirrored=True,
         quarter_chord=reflected_axis("prismatic", strip.quarter_chord),
         forward=reflected_axis("prismatic", strip.forward),
@@ -582,21 +574,19 @@ def with_file_parameters(robot: Robot, parameters: Mapping[str, float]) -> Robot
 
 def cut_wing(wing: WingPart, body_index: dict[str, int]) -> Iterator[Strip]:
     """Strips of a wing, as the file writes them."""
-    index = 0
-    for segment in wing.segments:
-        for point, forward, normal, chord, width in _cut(segment):
-            yield Strip(
-                name=f"{wing.name}[{index}]",
-                wing=wing.name,
-                body=body_index[segment.body],
-                mirrored=False,
-                quarter_chord=_triple(point),
-                forward=_triple(forward),
-                normal=_triple(normal),
-                chord=_clean(chord),
-                width=_clean(width),
-            )
-            index += 1
+    cuts = ((segment.body, *cut) for segment in wing.segments for cut in _cut(segment))
+    for index, (body, point, forward, normal, chord, width) in enumerate(cuts):
+        yield Strip(
+            name=f"{wing.name}[{index}]",
+            wing=wing.name,
+            body=body_index[body],
+            mirrored=False,
+            quarter_chord=_triple(point),
+            forward=_triple(forward),
+            normal=_triple(normal),
+            chord=_clean(chord),
+            width=_clean(width),
+        )
 
 
 def _cut(segment: Segment) -> Iterator[tuple[Array, Array, Array, float, float]]:

@@ -320,10 +320,8 @@ class BodyPart(_Part):
                 f"either inertia or shape, such as `shape: {{type: point}}` or {inertia}", both
             )
         if self.floating and (self.joints or self.parent or any(self.at) or any(self.orientation)):
-            raise mismatch(
-                "a floating body without parent, at, orientation and joints",
-                "at least one of them",
-            )
+            expected = "a floating body without parent, at, orientation and joints"
+            raise mismatch(expected, "at least one of them")
         plate = isinstance(self.shape, Plate) and self.shape.axis == "y"
         if self.flexible is not None and not (plate and not self.floating):
             expected = "a flexible body whose shape is a plate along y, and that does not float"
@@ -357,10 +355,8 @@ class Station(_Part):
     @model_validator(mode="after")
     def _chord(self) -> Station:
         if self.leading < self.trailing:
-            raise mismatch(
-                "a leading edge ahead of the trailing edge",
-                f"leading {self.leading:g} m, trailing {self.trailing:g} m",
-            )
+            found = f"leading {self.leading:g} m, trailing {self.trailing:g} m"
+            raise mismatch("a leading edge ahead of the trailing edge", found)
         return self
 
 
@@ -380,10 +376,8 @@ class Segment(_Part):
     @classmethod
     def _turned(cls, written: Any) -> Any:
         if isinstance(written, dict) and "orientation" in written:
-            expected = (
-                "it on a body that carries the segment (`massless: true` if it weighs nothing)"
-            )
-            raise mismatch(expected, "one of a segment", "orientation")
+            body = "a body that carries the segment (`massless: true` if it weighs nothing)"
+            raise mismatch(f"it on {body}", "one of a segment", "orientation")
         return written
 
     @model_validator(mode="after")
@@ -395,9 +389,8 @@ class Segment(_Part):
         if any(max(pair) <= 0 for pair in zip(chords, chords[1:], strict=False)):
             raise mismatch("some chord between any two", str(chords)[:60], "stations")
         if abs(self.span_axis[0]) > 1e-9:
-            raise mismatch(
-                "an axis across x (the chord lies along x)", str(self.span_axis), "span_axis"
-            )
+            expected = "an axis across x (the chord lies along x)"
+            raise mismatch(expected, str(self.span_axis), "span_axis")
         return self
 
 
@@ -415,11 +408,13 @@ class WingPart(_Part):
 class Mirror(_Part):
     """Repeats in y all that is named `source`..., renamed `target`...."""
 
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, validate_by_alias=True, validate_by_name=False
-    )
+    model_config = ConfigDict(validate_by_alias=True, validate_by_name=False)
     source: Name = Field(alias="from")
     target: Name = Field(alias="to")
+
+    def image(self, name: str) -> str:
+        """Name of the image of what has this name; the same of what is not mirrored."""
+        return self.target + name[len(self.source) :] if name.startswith(self.source) else name
 
     @model_validator(mode="after")
     def _different(self) -> Mirror:

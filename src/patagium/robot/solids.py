@@ -7,7 +7,6 @@ wing, or through its center of mass. Fairings and gears are not drawn.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +15,7 @@ from pydantic import ValidationError
 
 from patagium.arrays import Array
 from patagium.robot.model import Body, Robot, Strip
-from patagium.robot.planform import sides_of, wing_span
+from patagium.robot.planform import reflected_axis, sides_of, wing_span
 from patagium.robot.schema import Box, Cylinder, Ellipsoid, Plate, PointMass, RobotFile
 
 _BONE = 0.008  # radius of a bone over the span
@@ -97,20 +96,20 @@ def _shapes(described: Any) -> dict[str, Any]:
         file = RobotFile.model_validate(described)
     except ValidationError:
         return {}
-    written: Mapping[str, Any] = {k: b.shape for k, b in file.bodies.items() if b.shape is not None}
-    found = dict(written)
-    for mirror in file.mirror:
-        for name, shape in written.items():
-            if name.startswith(mirror.source):
-                found[mirror.target + name[len(mirror.source) :]] = _reflected(shape)
-    return found
+    written: dict[str, Any] = {k: b.shape for k, b in file.bodies.items() if b.shape is not None}
+    images = {
+        mirror.image(name): _reflected(shape)
+        for mirror in file.mirror
+        for name, shape in written.items()
+        if name.startswith(mirror.source)
+    }
+    return written | images
 
 
 def _reflected(shape: Any) -> Any:
     if not isinstance(shape, Cylinder):
         return shape
-    x, y, z = shape.axis
-    return shape.model_copy(update={"axis": (x, -y, z)})
+    return shape.model_copy(update={"axis": reflected_axis("prismatic", shape.axis)})
 
 
 def _solid(index: int, body: Body, shape: Cylinder | Box | Ellipsoid | Plate) -> Solid:
