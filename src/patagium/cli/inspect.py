@@ -81,8 +81,7 @@ def inspect(
         typer.echo("A map.yaml to begin from (-o map.yaml writes it):")
         typer.echo(_mapping(found, shown), nl=False)
     mapping = output or "map.yaml"
-    words = "patagium import" + " {}" * len(files) + " --mapping {}"
-    bring = command(words, *files, mapping)
+    bring = command("patagium import" + " {}" * len(files) + " --mapping {}", *files, mapping)
     rate = "write the rate of the rows in place of ??? and " * (found.topics[0].stamps == "rows")
     say_next(f"{rate}say in {mapping} what the fields mean (docs/logs.md), then {bring}")
 

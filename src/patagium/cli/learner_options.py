@@ -227,23 +227,18 @@ def _chosen(found: dict[str, Any]) -> LearnerChoice:
     shape: dict[str, Any] = {new: given[old] for old, new in words.items() if old in given}
     if "network" in given:
         shape["network"] = NetworkKind(given["network"])
-    settings = {}
-    for word, dotted, _ in setting_options():
-        value = given.get(word.replace("-", "_"))
-        if value is not None:
-            several = type(value) is list
-            settings[dotted] = [_plain(v) for v in value] if several else _plain(value)
+    places = {word.replace("-", "_"): dotted for word, dotted, _ in setting_options()}
+    settings = {dotted: _plain(given[name]) for name, dotted in places.items() if name in given}
     words_given = tuple(f"--{k.replace('_', '-')}" for k in (*given, *["settings"] * bool(path)))
-    own = {one.name for one in settings_of("extended")}
-    alone = {name.partition(".")[0] for name in settings} - own  # of the cubature filter
+    extended = {one.name for one in settings_of("extended")}
+    alone = {name.partition(".")[0] for name in settings} - extended  # of the cubature filter
     if path is None and alone and "learner" not in given:
         shape["kind"] = "cubature"
-    choice = LearnerChoice(settings=settings, given=words_given, **shape)
+    deciding = {"network": {"network", "hidden", "activation"}, "learner": {"kind"}}
+    by_hand = frozenset(name for name, own in deciding.items() if path or own & {*shape})
+    choice = LearnerChoice(settings=settings, given=words_given, chosen=by_hand, **shape)
     if path is not None:
         choice = _completed(choice, set(shape), path)
-    deciding = {"network": {"network", "hidden", "activation"}, "learner": {"kind"}}
-    by_hand = frozenset(name for name, words in deciding.items() if path or words & {*shape})
-    choice = replace(choice, chosen=by_hand)
     if {"misfit", "noise_estimation"} <= {name.partition(".")[0] for name in choice.settings or ()}:
         expected = "one of the two, as each finds the noise"
         raise PatagiumError("--misfit, --noise-memory", expected, "both; leave one of them out")
@@ -252,6 +247,8 @@ def _chosen(found: dict[str, Any]) -> LearnerChoice:
 
 def _plain(value: Any) -> Any:
     """A value of an option as a file of settings would hold it."""
+    if type(value) is list:
+        return [_plain(one) for one in value]
     if isinstance(value, Numbers):
         return value[0] if len(value) == 1 else list(value)
     return value
@@ -272,14 +269,15 @@ def _completed(choice: LearnerChoice, given: set[str], path: Path) -> LearnerCho
         inner = value if isinstance(value, dict) and name != "covariance" else None
         if name in known and value is not None:
             kept |= {name: value} if inner is None else {f"{name}.{k}": v for k, v in inner.items()}
-    network: dict[str, Any] = {
+    filled: dict[str, Any] = {
         "network": NetworkKind(found.network.kind),
         "hidden": WholeNumbers(found.network.hidden),
         "activation": found.network.activation,
+        "kind": found.learner.kind,
+        "seed": found.learner.seed,
     }
     if choice.network in (None, found.network.kind):
-        network["options"] = found.network.options
-    filled = {**network, "kind": found.learner.kind, "seed": found.learner.seed}
+        filled["options"] = found.network.options
     filled = {name: value for name, value in filled.items() if name not in given}
     settings = {**kept, **(choice.settings or {})}
     return replace(choice, settings=settings, every=found.every, **filled)

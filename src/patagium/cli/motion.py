@@ -138,14 +138,11 @@ def _say(measured: SensorLog, forces: ForceSamples, summary: dict[str, Any], not
     for word in summary["notes"]:
         typer.echo(f"{word}.")
     for one in summary["noise"]:
-        extra = f", correlated {one['correlation']:.1f} from sample to sample" * (
-            one["correlation"] > 0
-        )
-        extra += f", stamps uncertain by {1e3 * one['jitter']:.2g} ms" * (one["jitter"] > 1e-5)
-        extra += f", {one['doubted']:.1%} of the samples doubted" * (one["doubted"] > 0)
-        typer.echo(
-            f"Noise of {one['sensor']}, {one['part']}: {one['std']:.3g} {one['unit']}{extra}."
-        )
+        correlation, jitter, doubted = (one[key] for key in ("correlation", "jitter", "doubted"))
+        noise = f"Noise of {one['sensor']}, {one['part']}: {one['std']:.3g} {one['unit']}"
+        noise += f", correlated {correlation:.1f} from sample to sample" * (correlation > 0)
+        noise += f", stamps uncertain by {1e3 * jitter:.2g} ms" * (jitter > 1e-5)
+        typer.echo(noise + f", {doubted:.1%} of the samples doubted" * (doubted > 0) + ".")
     told = f"The motion is known in {summary['known']:.1%} of {summary['duration']:.6g} s"
     if "attitude_std" in summary:
         told += f", its attitude to {degrees(summary['attitude_std']):.2g} deg (median)"
