@@ -20,7 +20,7 @@ import casadi as ca
 from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.ground import strip_ground_shares
 from patagium.aerodynamics.indicial import Relaxation
-from patagium.aerodynamics.local_flow import StripMotion, strip_motions
+from patagium.aerodynamics.local_flow import StripMotion, airspeed, normalwash, strip_motions
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.of_wings import wings_of
 from patagium.aerodynamics.polars import section_flow
@@ -136,7 +136,6 @@ class DeLaurier(Aerodynamics):
     ) -> AeroExpressions:
         """Equations of the model; see `Aerodynamics.expressions`."""
         p = {name: parameters[k] for k, name in enumerate(self.parameter_names)}
-        loads, rates, targets = [], [ca.SX(0, 1)], [ca.SX(0, 1)]
         sizes = spans_and_areas(self.robot, robot)
         ground = parameters[len(p) - len(self.air.ground_parameters) :]
         shares = strip_ground_shares(robot, q, [span for span, _ in sizes], ground)
@@ -145,14 +144,10 @@ class DeLaurier(Aerodynamics):
             for (span, area), share in zip(sizes, shares, strict=True)
         ]
         motions = strip_motions(robot, q, v, wind)
-        for i, (motion, ratio) in enumerate(zip(motions, ratios, strict=True)):
-            section = self._of(motion.strip.wing, p) | {"density": p["density"]}
-            load, rate, target = _strip(motion, ratio, state[i], section)
-            loads.append(load)
-            rates.append(rate)
-            targets.append(target)
-        memory = Relaxation(ca.vertcat(*rates), ca.vertcat(*targets))
-        return assemble(robot, q, loads, memory.derivative(state), memory)
+        sections = [self._of(strip.wing, p) | {"density": p["density"]} for strip in robot.strips]
+        parts = [_strip(one, ratios[i], state[i], sections[i]) for i, one in enumerate(motions)]
+        memory = Relaxation(*(ca.vertcat(ca.SX(0, 1), *[one[k] for one in parts]) for k in (1, 2)))
+        return assemble(robot, q, [load for load, *_ in parts], memory.derivative(state), memory)
 
 
 NUMBERS = tuple(field.name for field in fields(DeLaurier))[2:]
@@ -176,15 +171,13 @@ def _check(section: dict[str, float]) -> None:
 def _strip(
     motion: StripMotion, aspect_ratio: Any, lag: Any, p: dict[str, Any]
 ) -> tuple[StripLoad, Any, Any]:
-    """Load of a strip; how fast its lagged normalwash follows what."""
+    """Load of a strip; how fast its lagged normalwash follows, and what."""
     forward, chord = motion.forward, motion.strip.chord
     sign = smooth_sign(forward)
     camber = p["zero_lift_angle"] * forward * sign
-    across = motion.normal_ahead(-(1.0 + sign) * (chord / 4))
-    airspeed = smooth_norm(forward * forward + across * across)
-    wash = -across - camber
+    wash, through = normalwash(motion) - camber, airspeed(motion)
     held_back = aspect_ratio / 2 / (2.32 + aspect_ratio)
-    rate = (0.181 + 0.772 / aspect_ratio) * 2 * airspeed / chord
+    rate = (0.181 + 0.772 / aspect_ratio) * 2 * through / chord
     share_of_span = aspect_ratio / (2 + aspect_ratio)
     lagged = share_of_span * ((1 - held_back) * wash + held_back * lag)
 
@@ -202,7 +195,7 @@ def _strip(
     speed = smooth_norm(forward * forward + at_quarter * at_quarter)
     circulatory = attached * density_area * p["lift_slope"] * speed
     suction = p["suction_efficiency"] * uncambered * at_quarter
-    pull = sign * circulatory * (suction / airspeed - p["zero_lift_angle"] * uncambered)
+    pull = sign * circulatory * (suction / through - p["zero_lift_angle"] * uncambered)
     friction = attached * density_area * p["friction_drag"] * forward * forward * sign
     crossflow = motion.normal_ahead(ahead)
     crossing = smooth_norm(forward * forward + crossflow * crossflow)

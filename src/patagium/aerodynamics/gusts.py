@@ -244,13 +244,9 @@ class DrydenGust(NamedGust):
         noise = np.random.default_rng(self.seed).standard_normal((count, 3, 2))
         past = np.random.default_rng([self.seed, 1]).standard_normal((before, 3, 2))
         grid = self.step * np.arange(-before, count)
-        columns = [
-            np.interp(
-                time, grid, self.intensity[axis] * self._unit(axis, noise[:, axis], past[:, axis])
-            )
-            for axis in range(3)
-        ]
-        return np.stack(columns, axis=-1)
+        units = [self._unit(axis, noise[:, axis], past[:, axis]) for axis in range(3)]
+        pairs = zip(self.intensity, units, strict=True)
+        return np.stack([np.interp(time, grid, size * unit) for size, unit in pairs], axis=-1)
 
     def knots(self, first: float, last: float) -> Array:
         """Times between which the velocity is a straight line, (K,) [s]."""

@@ -395,14 +395,13 @@ def _load(
     friction = friction * smooth_norm(flow.speed * flow.speed + spanwise * spanwise)
     pressure = density_area * flow.speed * flow.speed / 2
     stalled = [pressure * one for one in stall.load(motion, flow, p)]
+    effective = section_flow(forward, -lagged - _camber(motion, p))
     return StripLoad(
         motion=motion,
         forward=attached * lift[0] + stalled[0] - friction * forward,
         normal=attached * lift[1] + stalled[1] - friction * normal,
         ahead=ahead,
-        effective_angle_of_attack=section_flow(
-            forward, -lagged - _camber(motion, p)
-        ).angle_of_attack,
+        effective_angle_of_attack=effective.angle_of_attack,
         spanwise=attached * lift[2] - friction * spanwise,
         circulation=gain * wash.circulation[i],
         downwash=-gain * ca.dot(net.normals[:, i], wash.induced[:, i]),

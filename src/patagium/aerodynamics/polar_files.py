@@ -99,14 +99,14 @@ def read_polar(path: str | Path) -> PolarTable:
     _, kept = np.unique(table[:, 0], return_index=True)
     if len(kept) < 2:
         raise Unreadable(path, "", "two or more rows of numbers", f"{len(kept)}")
-    angle, lift, drag, *moment = table[kept].T
+    table = table[kept]
     with np.errstate(over="ignore"):  # the polar refuses what is too large
-        rise, span = np.ptp(lift), np.ptp(angle)
+        span, rise = np.ptp(table[:, :2], axis=0)
     if not unit and rise > _STEEP * span:
         rises = f"C_L {rise:.3g} higher in {span:.3g} degrees"
         raise Unreadable(path, "alpha", "degrees, or a column alpha [rad]", rises)
-    table = table[kept]
-    table[:, 0] = angle if unit[:3] == "rad" else np.radians(angle)
+    if unit[:3] != "rad":
+        table[:, 0] = np.radians(table[:, 0])
     angle, lift, drag, *moment = _within(table, str(path)).T
     return PolarTable(angle, lift, drag, moment[0] if moment else None)
 

@@ -256,7 +256,6 @@ def check_zero_lift(angle: float) -> None:
 
 _LARGEST_CAMBER = 0.5
 """Incidence of no lift, either way, beyond which it is taken for an error [rad]: 29 degrees."""
-_MEASURED_NUMBERS = ("lift_slope", "zero_lift_angle", "profile_drag")
 _LINEAR = (radians(2.0) - 1e-9, radians(10.0) + 1e-9)
 """Distance from the incidence of no lift where the lift slope is read off a polar [rad]."""
 _NEAREST = radians(0.5)
@@ -302,7 +301,7 @@ class MeasuredSection(StripSection):
     stalled: TablePolar
     static_moment: tuple[float, ...] = ()
 
-    numbers = _MEASURED_NUMBERS
+    numbers = _NUMBERS[:3]
     __repr__ = brief
 
     def __post_init__(self) -> None:

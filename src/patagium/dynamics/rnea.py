@@ -16,7 +16,7 @@ import casadi as ca
 
 from patagium.dynamics.added_mass import BodyAddedMass, kirchhoff_wrenches
 from patagium.dynamics.chain import steps_to, vector
-from patagium.dynamics.kinematics import generalized_force, in_body_axes
+from patagium.dynamics.kinematics import add_wrench, generalized_force, in_body_axes
 from patagium.robot.model import Body, Robot
 
 
@@ -55,8 +55,8 @@ def newton_euler(
         ground = in_body_axes(robot, q, ca.vertcat(0, 0, gravity))  # its acceleration is no fluid's
         accelerations = {k: (state[2] - ground[k], state[1]) for k, state in enumerate(states)}
         fluid = kirchhoff_wrenches(robot, q, v, accelerations, added)
-        for index, (force, moment) in fluid.items():
-            wrenches[index] = (wrenches[index][0] + force, wrenches[index][1] + moment)
+        for index, wrench in fluid.items():
+            add_wrench(wrenches, index, *wrench)
     return generalized_force(robot, q, wrenches)
 
 

@@ -85,8 +85,7 @@ class NativeFunction:
         self.address: int | None = None
         if function is not None:
             self.address = ctypes.cast(function, ctypes.c_void_p).value
-            arguments = _pointers(self._inputs)
-            results = _pointers(self._outputs)
+            arguments, results = _pointers(self._inputs), _pointers(self._outputs)
             self._run = lambda: function(arguments, results)
         elif library is not None:
             self._run = self._start_virtual_machine
@@ -246,10 +245,8 @@ class NativeFunction:
 
     def _check_count(self, arguments: tuple[ArrayLike, ...]) -> None:
         if len(arguments) != len(self._inputs):
-            expected = ", ".join(self.signature.names_in)
-            raise ParameterError(
-                self.name, f"{len(self._inputs)} arguments ({expected})", len(arguments)
-            )
+            expected = f"{len(self._inputs)} arguments ({', '.join(self.signature.names_in)})"
+            raise ParameterError(self.name, expected, len(arguments))
 
 
 def _side_by_side(part: Callable[[int, int], None], count: int) -> None:
