@@ -31,7 +31,6 @@ def repeated(names: Sequence[str]) -> list[str]:
     return [name for i, name in enumerate(names) if name in names[:i]]
 
 
-Number: TypeAlias = "float | ca.SX"
 Vector: TypeAlias = tuple[Any, Any, Any]
 Axis: TypeAlias = tuple[float, float, float]
 Attitude: TypeAlias = Literal["euler", "quaternion"]
@@ -42,6 +41,7 @@ INERTIA = ("xx", "yy", "zz", "xy", "xz", "yz")
 _BODY_LEAVES = {"position": _XYZ, "mass": (), "center_of_mass": _XYZ, "inertia": INERTIA}
 _STRIP_LEAVES: dict[str, tuple[str, ...]] = {"quarter_chord": _XYZ, "chord": (), "width": ()}
 _JOINT_LEAVES = ("damping", "stiffness", "rest")
+_OF_JOINTS = ("dof_units", "damping", "lower", "upper")
 CAPACITIES = ("speed_limit", "acceleration_limit", "effort_limit", "power_limit")
 """What a joint's motor can do at most, by its name in a robot and in its file."""
 
@@ -764,26 +764,19 @@ def _mounted(
         of_arm = tuple((prefix + one, prefix + other) for one, other in getattr(arm, name))
         return (*of_arm, *getattr(robot, name))
 
-    capacities: dict[str, Any] = {name: joined(name) for name in CAPACITIES}
-    composed = Robot(
+    of_both: dict[str, Any] = {name: joined(name, 0.0) for name in ("stiffness", "rest")}
+    of_both |= {name: joined(name) for name in (*_OF_JOINTS, *CAPACITIES)}
+    of_both |= {name: pairs(name) for name in ("joined_wings", "mirrored_wings", "mirrored_joints")}
+    composed = replace(
+        robot,
         name=f"{robot.name}-on-{arm.name}",
         bodies=bodies,
         strips=strips,
         dof_names=(*(prefix + k for k in arm.dof_names), *(robot.dof_names[i] for i in kept)),
-        dof_units=joined("dof_units"),
         actuated=(*arm.actuated, *(dof[i] for i in robot.actuated if i in dof)),
-        damping=joined("damping"),
-        stiffness=joined("stiffness", 0.0),
-        rest=joined("rest", 0.0),
-        lower=joined("lower"),
-        upper=joined("upper"),
-        gravity=robot.gravity,
         source=composed_source(robot.source, arm.source, at, (position, orientation), prefix),
-        joined_wings=pairs("joined_wings"),
-        mirrored_wings=pairs("mirrored_wings"),
-        mirrored_joints=pairs("mirrored_joints"),
-        actuators=robot.actuators,
-        **capacities,
+        cruise=None,
+        **of_both,
     )
     _check_names(composed, strips)
     return composed

@@ -94,9 +94,8 @@ def _root(text: str, file: str) -> Element:
     try:
         root: Element = fromstring(text, forbid_dtd=True)
     except DefusedXmlException:
-        raise RobotFileError(
-            file, [("", "a URDF without a document type", "<!DOCTYPE or entity")]
-        ) from None
+        problem = ("", "a URDF without a document type", "<!DOCTYPE or entity")
+        raise RobotFileError(file, [problem]) from None
     except (ParseError, ValueError) as error:
         raise RobotFileError(file, [("", "readable XML", str(error)[:120])]) from None
     if root.tag != "robot":
@@ -139,8 +138,7 @@ class _Reader:
 
     def _tree(self) -> list[_Link]:
         """Links in order, each parent before its children."""
-        elements = self._named("link")
-        joints = self._named("joint")
+        elements, joints = self._named("link"), self._named("joint")
         above: dict[str, tuple[Element, str]] = {}
         for name, joint in joints.items():
             parent, child = (self._linked(name, joint, key, elements) for key in _ENDS)
