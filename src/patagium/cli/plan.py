@@ -48,9 +48,9 @@ from patagium.sensing.sensors import presets
 from patagium.sensing.sensors.sensor import Sensor
 from patagium.simulation import gaits
 
-_Density: TypeAlias = quantity_type("kg/m^3", "a density")  # type: ignore[valid-type]
+_Density: TypeAlias = quantity_type("kg/m^3")  # type: ignore[valid-type]
 Density: TypeAlias = Annotated[_Density, Field(gt=0)]
-TurnRate: TypeAlias = quantity_type("rad/s", "a rate of turning")  # type: ignore[valid-type]
+TurnRate: TypeAlias = quantity_type("rad/s")  # type: ignore[valid-type]
 Velocity: TypeAlias = Annotated[tuple[Speed, Speed, Speed], Field(examples=["[0, 0, 1 m/s]"])]
 BEATS = 40
 """Duration of a flight in wingbeats where none is given."""
@@ -80,7 +80,7 @@ def _in_si(written: Any, info: ValidationInfo, name: str = "") -> Any:
     if state in robot.dof_names:
         per = {"velocity": "/s", "acceleration": "/s^2"}.get(rate, "")
         unit = robot.dof_units[robot.index(state)] + per
-    return si_at(written, unit, "a quantity", name)
+    return si_at(written, unit, name, "a quantity")
 
 
 def _parameters(names: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:

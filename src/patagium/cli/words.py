@@ -49,13 +49,6 @@ BETWEEN_LINES = 10.0
 """Time between two lines of progress where stderr is no terminal [s]."""
 
 
-_NOUNS = {
-    "": "a pure number", "Hz": "a frequency", "kg/m^3": "a density", "m": "a length",
-    "m/s": "a speed", "rad": "an angle", "rad/s": "a rate of turning", "s": "a time",
-}  # fmt: skip
-"""Noun of a quantity with its article, for messages, by its SI unit."""
-
-
 def quantity(unit: str, noun: str = "", most: float = TURN) -> Callable[[str], float]:
     """A reader of quantities such as "5 Hz" or, bare, in SI.
 
@@ -69,7 +62,7 @@ def quantity(unit: str, noun: str = "", most: float = TURN) -> Callable[[str], f
         from patagium.robot.units import UnitMismatch, in_si
 
         try:
-            return in_si(text, unit, noun or _NOUNS[unit], most)
+            return in_si(text, unit, noun, most)
         except UnitMismatch as error:
             raise typer.BadParameter(str(error)) from None
 
@@ -152,7 +145,7 @@ def named_quantities(
             raise ParameterError(option, f"{name} once", word)
         try:
             wanted = unit if isinstance(unit, str) else unit(name)
-            values[name] = in_si(value, wanted, noun or _NOUNS[wanted])
+            values[name] = in_si(value, wanted, noun)
         except UnitMismatch as error:
             raise PatagiumError(f"{option} {name}: {error}") from None
     return values

@@ -198,9 +198,8 @@ def _cruise(robot: Robot, part: CruisePart | None) -> Cruise | None:
             near = similar(name, [*robot.joint_groups, *known])
             raise AssemblyError((path, expected, name + near))
         unit = "rad" if key == "phase" else robot.dof_units[robot.index(joints[0])]
-        noun = "an angle" if unit == "rad" else "a length"
         most = SWING if key == "amplitude" else TURN
-        given[key][name] = _in_si(path, written, unit, noun, most)
+        given[key][name] = _in_si(path, written, unit, most=most)
     named = [(key, k) for key in ("amplitude", "offset") for k in given[key]]
     moved = [(key, name, joint) for key, name in named for joint in robot.joints_named(name)]
     values = {(key, joint): given[key][name] for key, name, joint in moved}
@@ -212,7 +211,7 @@ def _cruise(robot: Robot, part: CruisePart | None) -> Cruise | None:
     return Cruise(**dict(part) | given)
 
 
-def _in_si(path: str, written: Any, unit: str, noun: str, most: float = TURN) -> float:
+def _in_si(path: str, written: Any, unit: str, noun: str = "", most: float = TURN) -> float:
     try:
         return in_si(written, unit, noun, most)
     except UnitMismatch as error:

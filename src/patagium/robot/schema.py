@@ -64,7 +64,7 @@ def _unit_vector(written: object) -> object:
     if not isinstance(written, (list, tuple)) or len(written) != 3:
         raise mismatch("an axis: x, y, z, -x, -y, -z or three numbers", repr(written)[:40])
     try:
-        vector = np.array([in_si(k, "", "a pure number") for k in written])
+        vector = np.array([in_si(k, "") for k in written])
     except UnitMismatch as error:
         raise mismatch("an axis of three numbers", str(error)) from None
     length = float(np.linalg.norm(vector))
@@ -188,15 +188,10 @@ class Moments(_Part):
         return inertia_tensor([getattr(self, key) for key in INERTIA])
 
 
-def _joint_units(kind: object) -> dict[str, tuple[str, str]]:
-    """Unit of a coordinate, of its damping and of its stiffness, and what each is called."""
+def _joint_units(kind: object) -> dict[str, str]:
+    """Unit of a coordinate, of its damping and of its stiffness."""
     length, force = ("m", "N") if kind == "prismatic" else ("rad", "N m")
-    noun = "a length" if kind == "prismatic" else "an angle"
-    return {
-        "rest": (length, noun),
-        "damping": (f"{force} s/{length}", "a damping"),
-        "stiffness": (f"{force}/{length}", "a stiffness"),
-    }
+    return {"rest": length, "damping": f"{force} s/{length}", "stiffness": f"{force}/{length}"}
 
 
 _AXIS = "the axis of the joint (about x a wing flaps, about y it feathers),"
@@ -225,25 +220,25 @@ class JointPart(_Part):
         if not isinstance(written, dict):
             return written
         units = _joint_units(written.get("type", "revolute"))
-        unit, noun = units["rest"]
         converted = dict(written)
-        for key, limit_unit in zip(CAPACITIES, capacity_units(unit), strict=True):
+        for key, unit in zip(CAPACITIES, capacity_units(units["rest"]), strict=True):
             if key in written:
-                converted[key] = _positive(si_at(written[key], limit_unit, "a limit", key), at=key)
+                converted[key] = _positive(si_at(written[key], unit, key, "a limit"), at=key)
         if isinstance(written.get("limits"), list):
             converted["limits"] = tuple(
-                si_at(k, unit, noun, f"limits.{i}", np.inf) for i, k in enumerate(written["limits"])
+                si_at(limit, units["rest"], f"limits.{i}", most=np.inf)
+                for i, limit in enumerate(written["limits"])
             )
-        for key, (own_unit, own_noun) in units.items():
+        for key, unit in units.items():
             if key in written:
-                converted[key] = si_at(written[key], own_unit, own_noun, key)
+                converted[key] = si_at(written[key], unit, key)
         return converted
 
     @model_validator(mode="after")
     def _ordered(self) -> JointPart:
         if self.limits is not None and not self.limits[0] < self.limits[1]:
-            unit, _ = _joint_units(self.type)["rest"]
-            raise mismatch("the lower before the upper", spoken(unit, *self.limits), "limits")
+            found = spoken(_joint_units(self.type)["rest"], *self.limits)
+            raise mismatch("the lower before the upper", found, "limits")
         for key in ("damping", "stiffness"):
             _not_negative(getattr(self, key), at=key)
         if self.rest and not self.stiffness:

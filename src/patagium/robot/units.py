@@ -51,13 +51,13 @@ class UnitMismatch(ValueError):
         self.expected, self.found = expected, found
 
 
-def in_si(written: object, unit: str, noun: str, most: float = TURN) -> float:
+def in_si(written: object, unit: str, noun: str = "", most: float = TURN) -> float:
     """The SI value of a quantity as written in a file.
 
     Args:
         written: A number (already SI) or text such as "12 cm".
         unit: SI unit wanted, such as "kg m^2"; "" for a pure number.
-        noun: What it is, for the message.
+        noun: What it is, for the message; empty: that of the unit.
         most: Magnitude beyond which an angle without a unit is refused [rad].
 
     Returns:
@@ -66,7 +66,7 @@ def in_si(written: object, unit: str, noun: str, most: float = TURN) -> float:
     Raises:
         UnitMismatch: If it is no number below 1e30, has another dimension, or seems to be degrees.
     """
-    expected = f"{noun} such as {_EXAMPLES.get(unit, f'1 {unit}')!r}"
+    expected = f"{noun or _NOUNS[unit]} such as {_EXAMPLES.get(unit, f'1 {unit}')!r}"
     expected += f", or a number [{unit}]" if unit else ""
     if isinstance(written, bool) or not isinstance(written, (int, float, str)):
         raise UnitMismatch(expected, shown(written))
@@ -166,6 +166,14 @@ def pint_units() -> Any:
     return pint.UnitRegistry()
 
 
+_NOUNS = {
+    "": "a pure number", "m": "a length", "kg": "a mass", "s": "a time", "rad": "an angle",
+    "Hz": "a frequency", "m/s": "a speed", "m/s^2": "an acceleration",
+    "rad/s": "a rate of turning", "kg/m^3": "a density", "kg m^2": "a moment of inertia",
+    "N m^2": "a stiffness of a beam", "N s/m": "a damping", "N m s/rad": "a damping",
+    "N/m": "a stiffness", "N m/rad": "a stiffness",
+}  # fmt: skip
+"""Noun of a quantity with its article, for messages, by its SI unit."""
 _EXAMPLES = {
     "m": "12 cm",
     "kg": "20 g",
@@ -180,13 +188,13 @@ _EXAMPLES = {
 }
 
 
-def quantity_type(unit: str, noun: str, most: float = TURN) -> Any:
+def quantity_type(unit: str, noun: str = "", most: float = TURN) -> Any:
     """Pydantic field type of a quantity: text with a unit in, an SI float out."""
-    convert = BeforeValidator(lambda written: si_at(written, unit, noun, "", most))
+    convert = BeforeValidator(lambda written: si_at(written, unit, "", noun, most))
     return Annotated[float, convert, Field(examples=[_EXAMPLES.get(unit, f"1 {unit}")])]
 
 
-def si_at(written: object, unit: str, noun: str, at: str, most: float = TURN) -> float:
+def si_at(written: object, unit: str, at: str, noun: str = "", most: float = TURN) -> float:
     """SI value of a quantity below a key of a file; else the error that pydantic carries."""
     try:
         return in_si(written, unit, noun, most)
@@ -200,17 +208,17 @@ def mismatch(expected: str, found: str, at: str = "") -> PydanticCustomError:
     return PydanticCustomError("mismatch", "expected {expected}, found {found}", evidence)
 
 
-Length: TypeAlias = quantity_type("m", "a length")
-Mass: TypeAlias = quantity_type("kg", "a mass")
-Angle: TypeAlias = quantity_type("rad", "an angle", SWING)
-Tilt: TypeAlias = quantity_type("rad", "an angle", TILT)
-Speed: TypeAlias = quantity_type("m/s", "a speed")
-Frequency: TypeAlias = quantity_type("Hz", "a frequency")
-SlidingDamping: TypeAlias = quantity_type("N s/m", "a damping")
-TurningDamping: TypeAlias = quantity_type("N m s/rad", "a damping")
-Duration: TypeAlias = quantity_type("s", "a time")
-Acceleration: TypeAlias = quantity_type("m/s^2", "an acceleration")
-Inertia: TypeAlias = quantity_type("kg m^2", "a moment of inertia")
-BeamStiffness: TypeAlias = quantity_type("N m^2", "a stiffness of a beam")
-PureNumber: TypeAlias = quantity_type("", "a pure number")
+Length: TypeAlias = quantity_type("m")
+Mass: TypeAlias = quantity_type("kg")
+Angle: TypeAlias = quantity_type("rad", most=SWING)
+Tilt: TypeAlias = quantity_type("rad", most=TILT)
+Speed: TypeAlias = quantity_type("m/s")
+Frequency: TypeAlias = quantity_type("Hz")
+SlidingDamping: TypeAlias = quantity_type("N s/m")
+TurningDamping: TypeAlias = quantity_type("N m s/rad")
+Duration: TypeAlias = quantity_type("s")
+Acceleration: TypeAlias = quantity_type("m/s^2")
+Inertia: TypeAlias = quantity_type("kg m^2")
+BeamStiffness: TypeAlias = quantity_type("N m^2")
+PureNumber: TypeAlias = quantity_type("")
 NumberInSI: TypeAlias = quantity_type("", "a number in SI units")
