@@ -50,6 +50,12 @@ _REMEDIES = {
     "can be written to by others": "run `chmod go-w {}` if it is yours, or ",
     "is not writable": "run `chmod u+w {}` if it is yours, or ",
 }
+_PLACES = {
+    "linux": {"XDG_CACHE_HOME": "patagium", "HOME": ".cache/patagium"},
+    "darwin": {"HOME": "Library/Caches/patagium"},
+    "win32": {"LOCALAPPDATA": "patagium", "HOME": "patagium"},
+}
+"""Place of the cache by the system, below the first of these variables that is set."""
 TEMPORARY: set[Path] = set()
 """Folders that are removed when the process ends."""
 _LOADED: dict[Path, ctypes.CDLL] = {}
@@ -107,19 +113,10 @@ def cache_folder() -> Path:
     Raises:
         ParameterError: If the environment names a relative path.
     """
-    chosen = os.environ.get("PATAGIUM_CACHE")
-    if chosen:
-        return _private(_absolute("PATAGIUM_CACHE", chosen))
-    home = os.path.expanduser("~")
-    if sys.platform == "darwin":
-        return _private(_absolute("HOME", home) / "Library" / "Caches" / "patagium")
-    if sys.platform == "win32":
-        return _private(
-            _absolute("LOCALAPPDATA", os.environ.get("LOCALAPPDATA", home)) / "patagium"
-        )
-    base = os.environ.get("XDG_CACHE_HOME")
-    folder = _absolute("XDG_CACHE_HOME", base) if base else _absolute("HOME", home) / ".cache"
-    return _private(folder / "patagium")
+    places = {"PATAGIUM_CACHE": "", **_PLACES.get(sys.platform, _PLACES["linux"])}
+    named = {**os.environ, "HOME": os.path.expanduser("~")}
+    variable = next(name for name in places if named.get(name))
+    return _private(_absolute(variable, named[variable]) / places[variable])
 
 
 def _absolute(variable: str, text: str) -> Path:
