@@ -116,10 +116,8 @@ class QuasiSteady(Aerodynamics):
         spans = [span for span, _ in spans_and_areas(self.robot, robot)]
         ground = parameters[len(self.parameter_names) - len(self.air.ground_parameters) :]
         shares = strip_ground_shares(robot, q, spans, ground)
-        loads = [
-            self._load(motion, parameters, share)
-            for motion, share in zip(motions, shares, strict=True)
-        ]
+        pairs = zip(motions, shares, strict=True)
+        loads = [self._load(motion, parameters, share) for motion, share in pairs]
         return assemble(robot, q, loads, ca.SX(0, 1))
 
     def _load(self, motion: StripMotion, parameters: ca.SX, ground: Any = 0.0) -> StripLoad:

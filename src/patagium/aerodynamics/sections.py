@@ -30,7 +30,7 @@ from patagium.aerodynamics.polars import (
 from patagium.aerodynamics.smooth_functions import smooth_step
 from patagium.arguments import check_fields
 from patagium.arrays import Array, brief, real_array
-from patagium.errors import ParameterError, not_negative
+from patagium.errors import ParameterError, not_negative, positive
 
 
 @dataclass(frozen=True)
@@ -75,12 +75,10 @@ class StallDelay:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        for name in DELAYS:
-            value = getattr(self, name)
-            arm = name == "vortex_arm"
-            if not (0 <= value <= 0.75 if arm else value > 0):
-                expected = "0 to 0.75 chords" if arm else "a positive number"
-                raise ParameterError(f"stall delay {name}", expected, value)
+        for name in DELAYS[:-1]:
+            positive(f"stall delay {name}", getattr(self, name))
+        if not 0 <= self.vortex_arm <= 0.75:
+            raise ParameterError("stall delay vortex_arm", "0 to 0.75 chords", self.vortex_arm)
 
 
 DELAYS = ("pressure", "separation", "vortex", "vortex_arm")

@@ -38,7 +38,7 @@ def import_log(
     from patagium.cli.inspect import show_findings
     from patagium.sensing.logs.importing.import_log import import_log as bring
 
-    target = out if out is not None else Path(f"{files[0].name.partition('.')[0]}.nc")
+    target = out or Path(f"{files[0].name.partition('.')[0]}.nc")
     try:
         with progress_bar(f"Importing {files[0].name}") as progress:
             found = bring(

@@ -57,7 +57,7 @@ def motion(
     measured = _measured(log, robot, mapping, body or [])
     shifts, note = found_shifts(measured)
     found, forces = motion_and_force(measured, shifts=shifts)
-    target = out if out is not None else Path(f"{log.name.partition('.')[0]}-motion.nc")
+    target = out or Path(f"{log.name.partition('.')[0]}-motion.nc")
     outputs = Outputs()
     kept = outputs.attempt("motion", lambda: write_motion(found, forces, target))
     outputs.draw(plot, lambda _: motion_figure(found, forces))

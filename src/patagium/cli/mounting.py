@@ -74,8 +74,7 @@ def _path(kind: str | None, words: Mapping[str, Any]) -> Any:
     from patagium.simulation import paths
 
     if kind is None:
-        expected = f"one of {', '.join(_MAKERS)}, or a CSV file"
-        raise ParameterError("--path", expected, None)
+        raise ParameterError("--path", f"one of {', '.join(_MAKERS)}, or a CSV file", None)
     make, used = _MAKERS.get(kind, (None, ""))
     for name in words:
         if name not in used.split():

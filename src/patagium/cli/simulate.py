@@ -16,6 +16,7 @@ from patagium.cli.learner_options import LearnerChoice, with_learner_options
 from patagium.cli.mounting import MountKind, lengths, mount_from
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import (
+    FLIGHT,
     Numbers,
     Vector,
     existing,
@@ -187,7 +188,7 @@ def simulate(
         list[str] | None,
         typer.Option(help="Body or joint whose wrench to record: body. Repeat it."),
     ] = None,
-    output: options.FlightOutput = Path("flight.nc"),
+    output: options.FlightOutput = FLIGHT,
     figure: options.DrawingOption = None,
     live: live_options.LiveOption = False,
     live_address: live_options.LiveAddressOption = None,
@@ -375,13 +376,12 @@ def _replaced(
 
 def _refuse_what_is_unused(kind: str, frequency: float | None, *named: Mapping[str, float]) -> None:
     sizes, leads, means = named
-    table = kind not in ("sinusoidal", "linkage", "still")
+    known = {"sinusoidal": {*means}, "still": {*means}, "linkage": {"plunge", "elbow"}}
     unused = {
         "--frequency": frequency is not None and kind == "still",
         "an amplitude": bool(sizes) and kind != "sinusoidal",
         "--phase": bool(leads) and kind != "sinusoidal",
-        "--offset": bool(means)
-        and (table or (kind == "linkage" and set(means) - {"plunge", "elbow"})),
+        "--offset": bool({*means} - known.get(kind, set())),
     }
     for option, wrong in unused.items():
         if wrong:

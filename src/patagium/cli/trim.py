@@ -101,9 +101,8 @@ def trim(
         kind = "Wingbeat" if gait.period else "Glide"
         air = ", ".join([f"{aero} air", *(f"polar {k}" for k in polar or ()), *["inflow"] * inflow])
         tell(f"{kind} of the file's cruise, {air}; free: {', '.join(chosen)}")
-    model, added, learned = orbit_air(
-        aero, machine, polar, inflow, density, hovers=speed == 0 and gait.period is not None
-    )
+    hovers = speed == 0 and gait.period is not None
+    model, added, learned = orbit_air(aero, machine, polar, inflow, density, hovers=hovers)
     level = 0.0 if climb is None and gait.period else climb  # a glide's is free
     asked: dict[str, Any] = {"climb": level, "speed": speed}
     search = partial(control.trim, machine, gait=gait, free=chosen, turn_rate=turn_rate, **asked)

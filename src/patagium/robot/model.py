@@ -714,12 +714,10 @@ def _leaves(robot: Robot) -> Iterator[tuple[str, Any]]:
     for field_name in _JOINT_LEAVES:
         for name, value in zip(robot.dof_names, getattr(robot, field_name), strict=False):
             yield f"{name}.{field_name}", value
-    described: list[tuple[Any, Mapping[str, tuple[str, ...]]]]
-    described = [(body, _BODY_LEAVES) for body in robot.bodies]
-    described += [(strip, _STRIP_LEAVES) for strip in robot.strips]
-    for part, labels in described:
-        for _, leaves in _leaves_of(part, labels):
-            yield from leaves
+    for parts, labels in ((robot.bodies, _BODY_LEAVES), (robot.strips, _STRIP_LEAVES)):
+        for part in parts:
+            for _, leaves in _leaves_of(part, labels):
+                yield from leaves
 
 
 def _leaves_of(
