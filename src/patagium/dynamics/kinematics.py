@@ -93,13 +93,10 @@ def body_poses(robot: Robot, q: ca.SX) -> list[Pose]:
     Returns:
         One pose a body; the rotations are proper.
     """
-    poses: list[Pose] = []
+    poses, world = list[Pose](), Pose(ca.SX.zeros(3, 1), ca.SX.eye(3))
     for body in robot.bodies:
-        if body.parent >= 0:
-            position, rotation = poses[body.parent].position, poses[body.parent].rotation
-        else:
-            position, rotation = ca.SX.zeros(3, 1), ca.SX.eye(3)
-        position = position + rotation @ vector(body.position)
+        before = poses[body.parent] if body.parent >= 0 else world
+        position, rotation = before.at(vector(body.position)), before.rotation
         for step in steps_to(robot, body):
             if step.turns:
                 rotation = rotation @ step.turn(q).matrix
@@ -120,13 +117,10 @@ def body_velocities(robot: Robot, q: ca.SX, v: ca.SX) -> list[Twist]:
     Returns:
         One twist a body.
     """
-    twists: list[Twist] = []
+    twists, world = list[Twist](), Twist(ca.SX.zeros(3, 1), ca.SX.zeros(3, 1))
     for body in robot.bodies:
-        if body.parent >= 0:
-            linear, angular = twists[body.parent].linear, twists[body.parent].angular
-        else:
-            linear, angular = ca.SX.zeros(3, 1), ca.SX.zeros(3, 1)
-        linear = linear + ca.cross(angular, vector(body.position))
+        before = twists[body.parent] if body.parent >= 0 else world
+        linear, angular = before.at(vector(body.position)), before.angular
         for step in steps_to(robot, body):
             if step.turns:
                 turned = step.turn(q)

@@ -34,9 +34,7 @@ def poses(robot: Robot, q: ArrayLike | None = None) -> list[tuple[Array, Array]]
     coordinates = real_array("q", given, (robot.coordinate_count,))
     found: list[tuple[Array, Array]] = []
     for body in robot.bodies:
-        position, rotation = np.zeros(3), np.eye(3)
-        if body.parent >= 0:
-            position, rotation = found[body.parent]
+        position, rotation = found[body.parent] if body.parent >= 0 else (np.zeros(3), np.eye(3))
         position = position + rotation @ np.array(body.position, float)
         rotation = rotation @ np.array(body.orientation)
         for turn, slide in _motions(robot, body, coordinates):
