@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -103,9 +103,9 @@ def trim(
         tell(f"{kind} of the file's cruise, {air}; free: {', '.join(chosen)}")
     hovers = speed == 0 and gait.period is not None
     model, added, learned = orbit_air(aero, machine, polar, inflow, density, hovers=hovers)
-    level = 0.0 if climb is None and gait.period else climb  # a glide's is free
-    asked: dict[str, Any] = {"climb": level, "speed": speed}
-    search = partial(control.trim, machine, gait=gait, free=chosen, turn_rate=turn_rate, **asked)
+    asked = 0.0 if climb is None and gait.period else climb  # a glide's is free
+    wanted = partial(control.trim, machine, gait=gait, free=chosen, turn_rate=turn_rate)
+    search = partial(wanted, speed=speed, climb=asked)
     with progress_bar("Beats of the search, of 250 at most") as progress:
         orbit = search(model, added_mass=added, progress=progress)
     if not isinstance(orbit, control.Orbit):
@@ -116,7 +116,8 @@ def trim(
     if along is not None:
         units = dict(zip(orbit.family.names, orbit.family.units, strict=True))
         name, limits = _range(along, {**units, "speed": "m/s", "climb": "m/s"})
-        hold = tuple(name for name, value in asked.items() if value is not None)
+        given = {"climb": asked, "speed": speed}
+        hold = tuple(name for name, value in given.items() if value is not None)
         with progress_bar("Orbits of the branch, 400 at most") as progress:
             branch = control.continue_orbit(orbit, name, limits, hold=hold, progress=progress)
         _branch(branch, figure, as_json)
