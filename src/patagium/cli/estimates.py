@@ -239,29 +239,15 @@ def orbit_air(
     return found
 
 
-NEARBY_HERE = (
-    "ask for another --speed or --climb, let other parameters change (--free NAME, which may be "
-    "repeated), or change the cruise in the robot's file"
-)
-"""Remedy of a failed search on the command line, in place of `NEARBY` with Python's arguments."""
-
-
-def refuse_missing(found: Any, as_json: bool, nearby: str = NEARBY_HERE) -> NoReturn:
+def refuse_missing(found: Any, as_json: bool) -> NoReturn:
     """Say why no orbit or gait was found; its `summary` goes to stdout for a program.
-
-    Args:
-        found: What the search returned.
-        as_json: Whether stdout gets its summary.
-        nearby: Remedy in place of `NEARBY`, which names arguments of Python.
 
     Raises:
         PatagiumError: Always, with what it tells of itself.
     """
-    from patagium.control.trimming import NEARBY
-
     if as_json:
         say_json(found.summary())
-    raise PatagiumError(repr(found).replace(NEARBY, nearby))
+    raise PatagiumError(repr(found))
 
 
 def tell_unseen(learned: Model | None, orbit: Orbit) -> None:

@@ -35,7 +35,7 @@ from patagium.control.lqr import LinearRegulator
 from patagium.control.orbit import NoOrbit, Orbit
 from patagium.control.predictive import OrbitController, PredictiveController
 from patagium.control.route import Route
-from patagium.control.trimming import NEARBY, free_parameters, trim
+from patagium.control.trimming import free_parameters, trim
 from patagium.errors import LogError, ParameterError, PatagiumError, positive
 from patagium.limits import ROBOT_FILE
 from patagium.reading import beside, parsed_yaml, refused, text_of
@@ -411,9 +411,7 @@ def _air_words(part: TrimPart | TruthPart, usual: float) -> str:
 
 def _found(orbit: Orbit | NoOrbit, of: str = "") -> Orbit:
     if isinstance(orbit, NoOrbit):
-        nearby = "ask for another speed or climb, or let other parameters change, in the section "
-        nearby += "`trim` of a plan, or change the cruise in the robot's file"
-        raise PatagiumError(f"{of}{orbit!r}".replace(NEARBY, nearby))
+        raise PatagiumError(f"{of}{orbit!r}")
     return orbit
 
 

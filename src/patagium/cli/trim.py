@@ -10,7 +10,6 @@ import typer
 
 from patagium.cli import options
 from patagium.cli.estimates import (
-    NEARBY_HERE,
     AirOption,
     left_open,
     orbit_air,
@@ -109,8 +108,7 @@ def trim(
     with progress_bar("Beats of the search, of 250 at most") as progress:
         orbit = search(model, added_mass=added, progress=progress)
     if not isinstance(orbit, control.Orbit):
-        slowly = "follow the branch of orbits with --along in place of --speed or --climb, "
-        refuse_missing(orbit, as_json, slowly + NEARBY_HERE)
+        refuse_missing(orbit, as_json)
     tell_unseen(learned, orbit)
     unknown = left_open(learned, orbit, search)
     if along is not None:

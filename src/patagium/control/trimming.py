@@ -640,7 +640,10 @@ def orbit_of(search: OrbitSearch, at: Point, added_mass: AddedMass | None) -> Or
     )  # fmt: skip
 
 
-NEARBY = "begin from an orbit nearby (start=) or another gait, or free other parameters (free=)"
+NEARBY = (
+    "ask for another speed or climb, free other parameters, begin from another gait (cruise in the "
+    "robot's file), or follow orbits from one that is found (trim --along, continue_orbit)"
+)
 _COMPONENTS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
 
 
@@ -658,16 +661,13 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
     if trouble == "stalled" and steep > STEEPEST - 0.1:
         reason += f"; pitch came to {np.degrees(steep):.0f} degrees from level, and Euler angles "
         reason += "are singular at 90"
-        remedy = f"ask for a speed or a climb at which it flies flatter, {NEARBY}"
+        remedy = f"let it fly flatter: {NEARBY}"
     elif not np.isfinite(at.residual) and search.map.robot.stiffness:
         needed = stable_steps(search, at.values, at.states) or 2 * search.steps
-        remedy = (
-            "take springs of less stiffness and damping, or in Python the time steps that they "
-        )
-        remedy += f"ask for: steps={needed}, of {MOST_STEPS} at most"
+        remedy = "take springs of less stiffness and damping, or in Python the time steps that "
+        remedy += f"they ask for: steps={needed}, of {MOST_STEPS} at most"
     elif not np.isfinite(at.residual):
-        remedy = "begin nearer to a flight that goes on: change the cruise in the robot's file, or "
-        remedy += "in Python give gait= or start="
+        remedy = "begin nearer to a flight that goes on: another gait (cruise in the robot's file)"
     if at.residual > TOLERANCE and np.isfinite((system := search.system(at))[0]).all():
         left, sizes, _ = np.linalg.svd(system[0])
         asked = left.T @ system[1]

@@ -15,12 +15,10 @@ import pytest
 
 import patagium as pt
 from patagium.cli import trim
-from patagium.cli.estimates import orbit_air, refuse_missing
+from patagium.cli.estimates import orbit_air
 from patagium.cli.main import app, run
 from patagium.cli.options import netcdf
-from patagium.control import NoOrbit
-from patagium.control.trimming import NEARBY
-from patagium.errors import PatagiumError, RobotFileError
+from patagium.errors import RobotFileError
 from patagium.learning.identify import identify
 from patagium.sensing.logs.importing.import_log import read_table
 from patagium.sensing.logs.mapping import load_mapping
@@ -682,9 +680,3 @@ def test_a_flight_is_written_with_the_ending_that_readers_go_by(tmp_path: Path) 
     """`-o a` wrote a file that no other verb took for a flight."""
     assert netcdf(tmp_path / "a") == tmp_path / "a.nc" and netcdf(None) is None
     assert netcdf(tmp_path) == tmp_path  # a folder, which is refused by its name
-
-
-def test_a_failed_search_is_told_with_options_of_the_command_line() -> None:
-    found = NoOrbit("stalled", f"widen that limit, {NEARBY}", {}, 1.0, 3, {})
-    with pytest.raises(PatagiumError, match=r"limit, ask for another --speed .* \(--free NAME"):
-        refuse_missing(found, as_json=False)

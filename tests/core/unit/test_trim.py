@@ -430,7 +430,7 @@ def test_a_limit_is_told_in_digits_that_show_it_and_no_iterate_as_a_need():
     # Thrust, as on a stand at full stroke and frequency; nothing was named.
     assert "what the free parameters hardly reach is 0.0" in failed.reason
     assert "N of force_x" in failed.reason and 0.01 < failed.lacking["force_x"] < 0.1
-    assert failed.remedy.startswith("widen that limit, begin from an orbit nearby")
+    assert failed.remedy.startswith("widen that limit, ask for another speed")
     joint = ornithopter.index("left_plunge")
     family = gait_family(ornithopter, pt.gaits.cruise(ornithopter), ("frequency", "plunge_offset"))
     search = OrbitSearch(FlightMap(ornithopter, pt.QuasiSteady(ornithopter)), family, 240)
