@@ -200,7 +200,7 @@ def test_a_polar_that_the_air_does_not_take_is_refused(verb: str, air: str, caps
         run([verb, "aerobat", "--aero", air, "--polar", polar])
     assert left.value.code == 2
     assert (
-        "--polar: expected dickinson, reynolds or a file with quasi-steady"
+        "--polar: expected dickinson, reynolds or a file of a polar"
         in capsys.readouterr().err
     )
 
