@@ -391,6 +391,9 @@ _BY_TYPE = (
     ("FluidPressure", "fluid_pressure", "Pa"),
     ("Temperature", "temperature", "degC"),
     ("Range", "range", "m"),
+    ("JointState", "position", "rad"),
+    ("JointState", "vel", "rad/s"),
+    ("JointState", "", "N m"),
 )
 _BY_PATH = (
     ("orientation", "1"),
@@ -418,18 +421,14 @@ def unit_in_message(kind: str, path: str) -> str:
     package, _, name = kind.rpartition("/")
     if package.partition("/")[0] not in _SHARED or "covariance" in path:
         return ""
+    if name == "JointState" and path[-3:] in ("[x]", "[y]", "[z]"):
+        return ""  # of a joint that slides
     for own, start, unit in _BY_TYPE:
         if name == own and path.startswith(start):
             return unit
-    if name.startswith("Accel"):
-        units = {"linear": "m/s^2", "angular": "rad/s^2"}
-        return units.get(path.rpartition(".")[0].rpartition(".")[2], "")
-    if name == "JointState":
-        if path[-3:] in ("[x]", "[y]", "[z]"):
-            return ""  # of a joint that slides
-        return "rad" if path.startswith("position") else "rad/s" if path[:3] == "vel" else "N m"
     words = path if "." in path else ""
-    return next((unit for part, unit in _BY_PATH if part in words), "")
+    unit = next((unit for part, unit in _BY_PATH if part in words), "")
+    return f"{unit}^2" if unit and name.startswith("Accel") else unit
 
 
 Decoder = Callable[[bytes], Any]
