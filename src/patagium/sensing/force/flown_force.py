@@ -24,7 +24,7 @@ from patagium.sensing.force.measured_force import (
     inverse_dynamics_force,
     motor_forces,
 )
-from patagium.sensing.motion.clock_shifts import drift_notes
+from patagium.sensing.motion.clock_shifts import drift_notes, mended_drift
 from patagium.sensing.motion.estimate_motion import estimate_motion
 from patagium.sensing.sensors import LoadCell, MotorCurrent, SensorLog, from_quaternion
 from patagium.sensing.sensors.joints import joint_names
@@ -246,9 +246,8 @@ def _late_notes(time: Array, whole: Array, cell: Array) -> list[str]:
     return [
         f"from {middle[0]:.3g} s to {middle[-1]:.3g} s its delay to the motion "
         f"grows by {1e3 * change:.2f} ms: if the wind did not change, its clock drifts by about "
-        f"{1e6 * rate:.0f} ppm from that of the motion, which spoils the force: take {rate:.2g} "
-        "(t - t[0]) from its stamps t in the log and import it again, or import shorter parts "
-        "(`start` and `end`)"
+        f"{1e6 * rate:.0f} ppm from that of the motion, which spoils the force: "
+        + mended_drift(rate)
     ]
 
 

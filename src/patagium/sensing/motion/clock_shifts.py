@@ -187,10 +187,17 @@ def drift_notes(log: SensorLog) -> list[str]:
             notes.append(
                 f"Warning: {name}: its clock drifts by about {1e6 * moved / apart:.0f} ppm from "
                 f"that of {unit} ({begun:.2f} ms late at first, {ended:.2f} ms at last), "
-                f"which no shift mends: take {moved / apart:.2g} (t - t[0]) from its stamps t in "
-                "the log and import it again, or import shorter parts (`start` and `end`)"
+                f"which no shift mends: {mended_drift(moved / apart)}"
             )
     return sorted(notes)
+
+
+def mended_drift(rate: float) -> str:
+    """Remedy for a clock that drifts by a rate [s/s]."""
+    return (
+        f"take {rate:.2g} (t - t[0]) from its stamps t in the log and import it again, or import "
+        "shorter parts (`start` and `end`)"
+    )
 
 
 def _between(log: SensorLog, begin: float, end: float, late: dict[str, float]) -> SensorLog:

@@ -29,7 +29,7 @@ from patagium.sensing.motion.camera_faults import (
     open_gaps,
 )
 from patagium.sensing.motion.encoder_faults import dropped_out
-from patagium.sensing.motion.first_motion import Noise, first_motion, spectral_noise
+from patagium.sensing.motion.first_motion import Noise, base_poses, first_motion, spectral_noise
 from patagium.sensing.motion.frame_model import (
     Motion,
     euler_function,
@@ -50,8 +50,8 @@ from patagium.sensing.motion.sensor_streams import (
     first_camera,
     streams_of,
 )
-from patagium.sensing.motion.smoothers import MOTION_ORDERS
-from patagium.sensing.sensors import SensorLog, as_quaternion, from_quaternion
+from patagium.sensing.motion.smoothers import check_order
+from patagium.sensing.sensors import SensorLog, as_quaternion
 from patagium.sensing.sensors.imu import WEIGHTLESS
 
 UNKNOWN = (1e-1, 3e1, 3e2)
@@ -308,11 +308,9 @@ def initial_estimate(motion_filter: MotionFilter, streams: Sequence[Stream]) -> 
             levels[0, column] = seen[0]
     camera, base = first_camera(streams), floating_base(robot)
     if camera is not None and base is not None:
-        row = camera.rows[np.isfinite(camera.rows).all(axis=1)][0]
-        _, guessed, _ = camera.model.frame.poses(levels[None, :3], attitude)
-        attitude = from_quaternion(row[3:]) * guessed.inv()
-        place, _, _ = camera.model.frame.poses(levels[None, :3], attitude)
-        levels[0, list(base.place)] += row[:3] - place[0]
+        rows = camera.rows[np.isfinite(camera.rows).all(axis=1)][:1]
+        place, attitude = base_poses(camera, rows, levels[None, :3])
+        levels[0, list(base.place)] += place[0]
     biases = [s.model.bias_std for s in streams if s.model.biases]
     owed = [
         np.sqrt(motion_filter.density * _MEMORY ** (2 * (order - 1 - k) + 1)) for k in range(order)
@@ -354,8 +352,7 @@ def estimate_motion(
         ShapeError: If `times` is not (N,).
     """
     machine = with_euler_angles(log.robot)
-    if order not in MOTION_ORDERS:
-        raise ParameterError("order", f"one of {MOTION_ORDERS}", order)
+    check_order(order)
     streams = streams_of(log, machine, shifts or {})
     if times is None:
         wanted = common_times(streams)

@@ -105,16 +105,28 @@ def first_motion(robot: Robot, streams: Sequence[Stream]) -> FirstMotion:
     levels = np.zeros((len(time), 3, robot.dof))
     for column, series in values.items():
         levels[:, 0, column] = np.interp(time, *series)
-    frame = camera.model.frame
-    _, guessed, _ = frame.poses(levels, Rotation.identity(len(time)))
-    attitude = from_quaternion(rows[:, 3:]) * guessed.inv()
-    place, _, _ = frame.poses(levels, attitude)
+    place, attitude = base_poses(camera, rows, levels)
     for k, column in enumerate(base.place):
-        values[column] = time, rows[:, k] - place[:, k]
+        values[column] = time, place[:, k]
     _, angles = captured_motion(rows)
     for k, column in enumerate(base.turn):
         turned[column] = time, angles[:, k]
     return FirstMotion(values, turned, Slerp(time, attitude))
+
+
+def base_poses(camera: Stream, rows: Array, levels: Array) -> tuple[Array, Rotation]:
+    """Positions of the floating body beyond its levels, (N, 3) [m], and attitudes, by cameras.
+
+    Args:
+        camera: The cameras.
+        rows: Samples of theirs, (N, 7) [m, 1].
+        levels: Motion that encoders show, (N, 3, n) [m, rad, per s, per s^2].
+    """
+    frame = camera.model.frame
+    _, guessed, _ = frame.poses(levels, Rotation.identity(len(rows)))
+    attitude = from_quaternion(rows[:, 3:]) * guessed.inv()
+    apart, _, _ = frame.poses(levels, attitude)
+    return rows[:, :3] - apart, attitude
 
 
 class Noise(NamedTuple):

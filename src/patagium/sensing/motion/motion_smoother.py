@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -229,7 +230,10 @@ class MotionFit:
     ) -> None:
         self.robot, self.columns, self.order = robot, np.array(columns), order
         self.samples, self.span = list(samples), span
-        self.turn = turn_places(floating_base(robot), columns)
+        base = floating_base(robot)
+        self.turn = turn_places(base, columns)
+        parts = () if base is None else (base.place, base.turn)
+        self._body = [[c for c, i in enumerate(columns) if i in part] for part in parts]
         self.biases: dict[str, slice] = {}
         self.width = len(self.columns)
         self._biased: list[tuple[MeasurementModel, slice]] = []
@@ -465,10 +469,8 @@ class MotionFit:
     def _most_known(self, count: Array) -> Array:
         """Largest number of well-determined parameters among the columns of a body, (n,)."""
         found = count.copy()
-        base = floating_base(self.robot)
-        if base is not None:
-            whole = [c for c, i in enumerate(self.columns) if i in (*base.place, *base.turn)]
-            found[whole] = count[whole].max(initial=0.0)
+        whole = list(chain(*self._body))
+        found[whole] = count[whole].max(initial=0.0)
         return found
 
     def _learn_liveliness(self, share: Array, known: Array) -> None:
@@ -489,12 +491,8 @@ class MotionFit:
 
     def _kinds(self) -> list[list[int]]:
         """Columns that are lively together: position, attitude, each joint."""
-        base, places = floating_base(self.robot), self.columns.tolist()
-        parts = [] if base is None else [base.place, base.turn]
-        kinds = [[places.index(i) for i in part if i in places] for part in parts]
-        taken = {c for kind in kinds for c in kind}
-        kinds += [[c] for c in range(len(places)) if c not in taken]
-        return [kind for kind in kinds if kind]
+        others = set(range(len(self.columns))).difference(*self._body)
+        return [kind for kind in (*self._body, *([c] for c in sorted(others))) if kind]
 
     def _looseness(self) -> float:
         """Least information of the prior over that of the samples about a control point."""

@@ -40,7 +40,7 @@ from patagium.sensing.motion.sensor_streams import (
     Stream,
     measurement_models,
 )
-from patagium.sensing.motion.smoothers import MOTION_ORDERS
+from patagium.sensing.motion.smoothers import check_order
 from patagium.sensing.sensors.sensor import Sensor
 
 LOUD = 3.0
@@ -125,8 +125,7 @@ class MotionTracker:
         drive = real_array("density", density, (self.robot.dof,))
         if not (np.isfinite(drive).all() and (drive > 0).all()):
             raise ParameterError("density", "positive numbers", drive.tolist())
-        if order not in MOTION_ORDERS:
-            raise ParameterError("order", f"one of {MOTION_ORDERS}", order)
+        check_order(order)
         self.memory = positive("memory", memory)
         models = measurement_models(sensors, self.robot)
         if not models:
@@ -271,16 +270,16 @@ class _Part:
         order: int,
         models: Mapping[str, MeasurementModel],
     ) -> None:
-        encoders = {name: m for name, m in models.items() if isinstance(m, EncoderModel)}
-        blind = {n for n, m in encoders.items() if set(group).isdisjoint(m.columns)}
-        self.models = {name: m for name, m in models.items() if name not in blind}
+        self._others = {
+            name: [k for k, i in enumerate(m.columns) if i not in group]
+            for name, m in models.items()
+            if isinstance(m, EncoderModel)
+        }
+        seeing = (name for name, m in models.items() if len(self._others.get(name, ())) < m.width)
+        self.models = {name: models[name] for name in seeing}
         self.filter = MotionFilter(robot, group, density, order, self.models)
         self.events: list[Event] = []
         self.late, self.raised = 0, 0
-        self._others = {
-            name: [k for k, i in enumerate(m.columns) if i not in group]
-            for name, m in encoders.items()
-        }
         self._waiting: dict[str, tuple[float, Array]] = {}
         self._loud = self._seen = 0
 

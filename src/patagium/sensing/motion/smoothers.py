@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from patagium.arrays import Array, Indices, median_step, real_array, rising
 from patagium.errors import LogError, ParameterError, ShapeError
 
-MOTION_ORDERS = (3, 4, 5)
+_ORDERS = (3, 4, 5)
 """Orders of a chain that has an acceleration."""
 _DIFFUSE = 3.0
 """Initial standard deviation, in largest changes between measurements."""
@@ -213,8 +213,7 @@ def smooth_series(
         ParameterError: If they hold no numbers, or the order is another.
         LogError: If there are too few samples.
     """
-    if order not in MOTION_ORDERS:
-        raise ParameterError("order", f"one of {MOTION_ORDERS}", order)
+    check_order(order)
     stamps, y = rising(time), real_array("values", values)
     if y.ndim != 2 or stamps.shape != (len(y),) or len(y) < 2:
         raise ShapeError("values", "(N, B) with N times, N >= 2", y.shape)
@@ -233,6 +232,16 @@ def smooth_series(
     known[np.searchsorted(grid, stamps)] = y
     found = smooth_chain(grid, known, np.broadcast_to(noise[0], known.shape), drive, order)
     return Smoothed(found.state[rows, :, :3], found.covariance[rows, :, :3, :3])
+
+
+def check_order(order: int) -> None:
+    """Refuse an order of a chain that has no acceleration, or is too high.
+
+    Raises:
+        ParameterError: If it is one.
+    """
+    if order not in _ORDERS:
+        raise ParameterError("order", f"one of {_ORDERS}", order)
 
 
 def merged_times(time: Array, at: Array) -> tuple[Array, Indices]:
