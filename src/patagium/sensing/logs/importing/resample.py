@@ -193,14 +193,17 @@ def time_base(spool: Spool) -> TimeBase:
             stamps = spool.stamps_of(max(alike, key=lambda k: begins[used.index(k)]))
             place = int(np.searchsorted(stamps, begin - _OWN_RATE / rate * SECOND))
             begin = int(stamps[min(place, len(stamps) - 1)])
-        count = int((end - begin) / SECOND * rate * (1 + 1e-12)) + 1
-        _enough(count if end > begin else 0, source, (end - begin) / SECOND)
-        return TimeBase(begin, count, 1.0 / rate, None, 0)
-    stamps = spool.stamps_of(stream)
-    first, last = np.searchsorted(stamps, [begin, end + 1])
-    _enough(int(last - first), source, (end - begin) / SECOND)
-    median = spool.surveys[stream].stamps.median
-    return TimeBase(int(stamps[first]), int(last - first), median, stream, int(first))
+        count = int((end - begin) / SECOND * rate * (1 + 1e-12)) + 1 if end > begin else 0
+        first, step = 0, 1.0 / rate
+    else:
+        stamps, step = spool.stamps_of(stream), spool.surveys[stream].stamps.median
+        first, last = np.searchsorted(stamps, [begin, end + 1]).tolist()
+        count = last - first
+    if count < 2:
+        found = f"{max(0, count)} in {max(0.0, (end - begin) / SECOND):.6g} s"
+        raise LogError(source, "at least two samples on the time base", found)
+    origin = begin if stream is None else int(stamps[first])
+    return TimeBase(origin, count, step, stream, first)
 
 
 def stamps_in(spool: Spool, base: TimeBase, begin: int, end: int) -> Stamps:
@@ -288,9 +291,3 @@ def _stream(spool: Spool, used: list[int]) -> int | None:
         f"{plan.source}: time: expected rate (such as 200 Hz) or like (a topic) for streams with "
         f"stamps of their own: {rates}"
     )
-
-
-def _enough(count: int, source: str, duration: float) -> None:
-    if count < 2:
-        found = f"{max(0, count)} in {max(0.0, duration):.6g} s"
-        raise LogError(source, "at least two samples on the time base", found)
