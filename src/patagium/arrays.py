@@ -98,6 +98,16 @@ def find_gaps(time: Any, factor: float = 3.0) -> Indices:
     return np.flatnonzero(steps > factor * np.median(steps)) + 1
 
 
+def runs(chosen: Bools) -> Indices:
+    """Index of the first sample of each run of True, and of the one after its last, (n_runs, 2).
+
+    Args:
+        chosen: (N,) bools.
+    """
+    edges = np.diff(chosen, prepend=False, append=False)
+    return np.flatnonzero(edges).reshape(-1, 2)
+
+
 def selected(kept: Any, count: int) -> Indices:
     """Indices of selected samples, in order.
 

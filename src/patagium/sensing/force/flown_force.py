@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from patagium.arrays import Array, Bools, median_step
+from patagium.arrays import Array, Bools, median_step, runs
 from patagium.errors import LogError
 from patagium.netcdf_file import write_netcdf
 from patagium.robot import Robot
@@ -265,8 +265,7 @@ def _zero_notes(motion: xr.Dataset, found: ForceSamples, known: Bools, weight: f
     noise = np.median(np.sqrt(np.einsum("tii->ti", motion["covariance"].values))[known], axis=0)
     moves = fastest > 20 * noise[len(fastest) : 2 * len(fastest)]
     still = known & (np.abs(found.v) < _STILL * fastest)[:, moves].all(axis=1)
-    ends = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2) - [0, 1]
-    rests = [slice(a, b + 1) for a, b in ends if found.time[b] - found.time[a] > _REST]
+    rests = [slice(a, b) for a, b in runs(still) if found.time[b - 1] - found.time[a] > _REST]
     if not rests:
         return []
     turned = from_quaternion(motion["attitude"].values)

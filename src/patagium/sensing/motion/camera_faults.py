@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.spatial.transform import Rotation
 
-from patagium.arrays import Array, Bools, Indices, median_step
+from patagium.arrays import Array, Bools, Indices, median_step, runs
 from patagium.robot.attitude import without_flips
 from patagium.sensing.motion.sensor_streams import Stream
 from patagium.sensing.sensors import from_quaternion
@@ -315,10 +315,8 @@ def _errors(steps: _Steps, i: Indices, j: Indices) -> tuple[Array, Array, Array]
 
 def _left_out(time: Array, places: Indices, used: Bools) -> list[Stretch]:
     """Stretches of frames that were seen and are not used."""
-    bad = ~used[places]
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]])))
     found = []
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+    for begin, end in runs(~used[places]):
         stamps = time[places[begin:end]].tolist()
         word = "a pose that jumps away and back: markers swapped"
         if begin == 0 or end == len(places):

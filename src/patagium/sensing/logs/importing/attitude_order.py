@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
-from patagium.arrays import Array, median_step
+from patagium.arrays import Array, median_step, runs
 from patagium.sensing.logs.importing.findings import GRAVITY, Finding
 from patagium.sensing.sensors import from_quaternion
 
@@ -116,8 +116,7 @@ def _shares(pieces: Sequence[Piece], span: int) -> tuple[Array, float, int]:
                 middle = 0.5 * (speed[kept] + speed[kept + 1])
                 forces = np.vstack([forces, back.apply(force[kept]).mean(axis=0)])
                 courses = np.vstack([courses, back.apply(middle).mean(axis=0)])
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], thrown, [0]])))
-        for begin, end in zip(edges[::2] + 1, edges[1::2], strict=True):
+        for begin, end in runs(thrown) + [1, 0]:
             if end - begin >= _WINDOW:
                 part = slice(begin * span, end * span + 1)
                 momenta.append(_momenta(time[part], turns[part], span))

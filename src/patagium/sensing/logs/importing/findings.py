@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arguments import Progress
-from patagium.arrays import Array, Bools, count_noise, find_gaps
+from patagium.arrays import Array, Bools, count_noise, find_gaps, runs
 from patagium.sensing.logs.files.channels import NO_STAMP, Block, LogFile, Request, Stamps
 from patagium.sensing.logs.mapping import conversion
 from patagium.sensing.motion.encoder_faults import jumps_of
@@ -365,8 +365,8 @@ def _clipped(values: Array, steps: Array, *, measured: bool, joint: bool) -> lis
     """Warnings of clipped samples at the least and the largest number."""
     found: list[tuple[str, str]] = []
     for mark, count, beside, step, apart in _ends(values):
-        edges = np.flatnonzero(np.diff(np.r_[False, values == mark, False]))
-        begins = edges[::2][edges[1::2] - edges[::2] >= _RUN]
+        begins, ends = runs(values == mark).T
+        begins = begins[ends - begins >= _RUN]
         before = steps[begins[begins > 1] - 2]
         usual = max(np.sqrt(np.mean(steps**2)) / _ABRUPT, _ABRUPT * step)
         abrupt = joint and len(before) >= _RUN and np.median(before) > usual
