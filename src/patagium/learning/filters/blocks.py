@@ -19,10 +19,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from patagium.arrays import Array, Indices
-from patagium.errors import Outcome
 from patagium.learning.filters.numbers import FilterNumbers
 from patagium.learning.filters.root import (
-    MatrixLost,
     inverse_root,
     lower_factor,
     measured_root,
@@ -132,8 +130,6 @@ class BlockRoots:
         mean = mean.copy()
         for block, (_, cross, _) in zip(self._blocks, changed, strict=True):
             mean[block] += cross @ gain
-        if not all(np.isfinite(after).all() for after, _, _ in changed):
-            raise MatrixLost(Outcome.NOT_FINITE)
         return mean, [np.ascontiguousarray(after, root.dtype) for after, _, _ in changed]
 
     def covariance(self, roots: Parts) -> BlockCovariance:

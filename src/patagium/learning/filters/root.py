@@ -62,7 +62,7 @@ def transformed_root(root: Array, slopes: Array, remainder: Array) -> tuple[Arra
         The new S, (n, n), not triangular; S Z, (n, n_y); G with G G' = P_yy^-1, (n_y, n_y).
 
     Raises:
-        MatrixLost: If M or P_yy is not finite or not positive definite.
+        MatrixLost: If M or P_yy is not finite or not positive definite, or S is not finite.
 
     References:
         Andrews (1968), A square root formulation of the Kalman covariance equations.
@@ -70,7 +70,10 @@ def transformed_root(root: Array, slopes: Array, remainder: Array) -> tuple[Arra
     total = slopes.T @ slopes + remainder
     lower, noise, inverse = lower_factor(total), lower_factor(remainder), inverse_root(total)
     cross, (both, _) = root @ slopes, dtrtri(lower + noise, lower=True)
-    return root - (cross @ (inverse @ both)) @ slopes.T, cross, inverse
+    after = root - (cross @ (inverse @ both)) @ slopes.T
+    if not np.isfinite(after).all():
+        raise MatrixLost(Outcome.NOT_FINITE)
+    return after, cross, inverse
 
 
 def measured_root(root: Array, slopes: Array, remainder: Array) -> tuple[Array, Array, Array]:
@@ -88,11 +91,9 @@ def measured_root(root: Array, slopes: Array, remainder: Array) -> tuple[Array, 
         The new S, (n, n), with a diagonal of at least zero; S Z; G: as `transformed_root`.
 
     Raises:
-        MatrixLost: If M or P_yy is not finite or not positive definite.
+        MatrixLost: If M or P_yy is not finite or not positive definite, or S is not finite.
     """
     after, cross, inverse = transformed_root(root, slopes, remainder)
-    if not np.isfinite(after).all():
-        raise MatrixLost(Outcome.NOT_FINITE)
     return triangular(after), cross, inverse
 
 
