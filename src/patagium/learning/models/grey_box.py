@@ -113,9 +113,8 @@ class GreyBox(Network):
         self._places = [*numbers]
         scales = [parameter.scale for parameter in self.parameters]
         self._numbers = np.array([*numbers.values(), *scales])
-        self._count = len(self.parameters)
         self._functions = self._compiled()
-        sizes = self.measured_inputs, model.state_size, self._count
+        sizes = self.measured_inputs, model.state_size, self.size
         self._lags = GreyLags(self._functions, self._numbers, start == "steady", *sizes)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -128,17 +127,17 @@ class GreyBox(Network):
     @property
     def size(self) -> int:
         """Number of parameters that are learned, n."""
-        return self._count
+        return len(self.parameters)
 
     @property
     def neurons(self) -> tuple[tuple[Indices, ...], ...]:
         """Indices of all weights as one group, since physical parameters belong to no neuron."""
-        return ((np.arange(self._count),),)
+        return ((np.arange(self.size),),)
 
     @property
     def fan_in(self) -> Array:
         """Number of inputs behind each weight, (n,): always 1."""
-        return np.ones(self._count)
+        return np.ones(self.size)
 
     @property
     def inputs(self) -> int:
@@ -176,11 +175,11 @@ class GreyBox(Network):
     @property
     def own_prior(self) -> Array:
         """Standard deviations before any sample, 1 of each parameter, (n,)."""
-        return np.ones(self._count)
+        return np.ones(self.size)
 
     def initial(self, seed: int) -> Array:
         """Weights to start from, the parameters at their priors, (n,)."""
-        return np.zeros(self._count)
+        return np.zeros(self.size)
 
     def encode(self, x: Array) -> Encoding:
         """Samples as they are, (N, 1, n_x), and the scales of the outputs as a readout."""
@@ -190,7 +189,7 @@ class GreyBox(Network):
     def decode(self, encoding: Encoding, weights: Array) -> Array:
         """y of N encoded samples at weights (n,), (N, n_y)."""
         x = encoding.features[:, 0]
-        return self._force(x, np.broadcast_to(weights, (len(x), self._count)))
+        return self._force(x, np.broadcast_to(weights, (len(x), self.size)))
 
     def values(self, encoding: Encoding, points: Array) -> Array:
         """y of one encoded sample at weights (p, n), (p, n_y)."""
@@ -203,7 +202,7 @@ class GreyBox(Network):
         x = encoding.features[0]
         memory = self._memory_in(x[None])
         known = x[: self.measured_inputs], memory.at(weights[None])[0], weights
-        moved = zip(memory.sensitivity[0].T, np.eye(self._count), strict=True)
+        moved = zip(memory.sensitivity[0].T, np.eye(self.size), strict=True)
         return _along(self._functions["force_forward"], known, moved, self._numbers)
 
     def estimates(self, weights: Array, variances: Array | None = None) -> tuple[Estimate, ...]:
@@ -213,7 +212,7 @@ class GreyBox(Network):
             weights: Weights, (n,) [1].
             variances: Of the weights, (n,); None: not known.
         """
-        spread = np.full(self._count, np.nan) if variances is None else variances
+        spread = np.full(self.size, np.nan) if variances is None else variances
         each = zip(self.parameters, weights.tolist(), spread.tolist(), strict=False)
         return tuple(parameter.estimate(w, variance) for parameter, w, variance in each)
 
@@ -282,7 +281,7 @@ class GreyBox(Network):
 
     def _memory_in(self, x: Array) -> MemoryState:
         """Lags of the air, their sensitivity and W_m in the inputs, x (N, n_x)."""
-        return memory_in(x[:, self.measured_inputs :], self._lags.states, self._count)
+        return memory_in(x[:, self.measured_inputs :], self._lags.states, self.size)
 
     def _force(self, x: Array, own: Array) -> Array:
         """y, (N, n_y), of x (N, n_x) at weights (N, n)."""
@@ -308,7 +307,7 @@ class GreyBox(Network):
 
     def _expressions(self) -> list[ca.Function]:
         """CasADi functions that `_compiled` compiles."""
-        n_z, count, whole = self.model.state_size, self._count, len(self._places)
+        n_z, count, whole = self.model.state_size, self.size, len(self._places)
         x = ca.SX.sym("x", self.measured_inputs)
         z = ca.SX.sym("z", n_z)
         theta = ca.SX.sym("theta", count)
