@@ -74,22 +74,16 @@ def live_stream(
 def beside_stream(view: LiveView, pipeline: Pipeline, status: Status, intake: Intake) -> Shown:
     """Sinks and rhythms of a stream that feed a page."""
     from patagium.live.loop import Rhythm
-    from patagium.viewer.live_frames import Feed
+    from patagium.viewer.live_frames import Feed, counted
     from patagium.viewer.live_view import PERIOD
 
     feed = Feed(view.letters, view.subject, pipeline.learner)
 
     def tick() -> None:
         tell_if_ended(view, "the learner goes on")
-        counters = status.counters
-        feed.post(
-            samples=counters.samples,
-            failed=counters.samples - counters.learned + intake.dropped,
-            load=status.load,
-            nmse=counters.nmse_mean,
-            coverage=counters.coverage,
-            time_per_call=counters.duration(0.5),
-        )
+        facts = counted(status.counters)
+        facts["failed"] += intake.dropped
+        feed.post(load=status.load, **facts)
 
     return Shown((feed,), (Rhythm(PERIOD, tick),))
 

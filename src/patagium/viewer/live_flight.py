@@ -27,7 +27,7 @@ from patagium.simulation.gait_models import Gait
 from patagium.simulation.runge_kutta import times_of
 from patagium.simulation.simulator import Simulator
 from patagium.simulation.steered_gait import SteeredGait
-from patagium.viewer.live_frames import Feed, Steering, Subject, records_without_learner
+from patagium.viewer.live_frames import Feed, Steering, Subject, counted, records_without_learner
 from patagium.viewer.live_view import PERIOD, LiveView
 
 LONGEST = 0.03
@@ -222,11 +222,8 @@ class LiveFlight:
         facts["words"] = self._words()
         if self._gait is not None:
             facts["frequency"], facts["amplitude"] = self._gait.command_at(self._simulator.time)
-        counters = self._counters
         if self._pipeline is not None:
-            facts |= {"samples": counters.samples, "failed": counters.samples - counters.learned}
-            facts |= {"nmse": counters.nmse_mean, "coverage": counters.coverage}
-            facts["time_per_call"] = counters.duration(0.5)
+            facts |= counted(self._counters)
         self._feed.post(**facts)
 
     def _words(self) -> str:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from patagium.arrays import Array, Indices
 from patagium.learning.learners.learner import Learner
 from patagium.learning.models.network import Network
+from patagium.live.loop import Counters
 from patagium.live.pipeline import Records
 from patagium.robot import Robot
 from patagium.sensing.force.air_force import packet_parts
@@ -227,6 +228,17 @@ class Feed:
         records = Records(np.concatenate([records.rows for _, records in self._waiting]))
         lines = np.hstack([times, *(getattr(records, name) for name in FORCES)])
         return lines[:: -(-len(lines) // TRACE)]
+
+
+def counted(counters: Counters) -> dict[str, Any]:
+    """Facts of a frame about the samples so far."""
+    return {
+        "samples": counters.samples,
+        "failed": counters.samples - counters.learned,
+        "nmse": counters.nmse_mean,
+        "coverage": counters.coverage,
+        "time_per_call": counters.duration(0.5),
+    }
 
 
 def records_without_learner(force: Array) -> Records:
