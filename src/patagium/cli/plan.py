@@ -5,7 +5,9 @@ Only `robot` is needed; the rest is chosen, and `Prepared.words` says how.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeAlias, Union
 
@@ -435,12 +437,12 @@ def _route(
 def _controller(
     part: ControllerPart, orbit: Orbit, named: tuple[str, ...]
 ) -> OrbitController | AdaptiveController:
-    law: OrbitController
-    if part.type == "predictive":
-        law = PredictiveController(orbit, named, tolerable=dict(part.tolerable))
-    else:
-        averaged = part.type == "averaged"
-        law = LinearRegulator(orbit, named, tolerable=dict(part.tolerable), averaged=averaged)
+    kinds: dict[str, Callable[..., OrbitController]] = {
+        "predictive": PredictiveController,
+        "regulator": LinearRegulator,
+        "averaged": partial(LinearRegulator, averaged=True),
+    }
+    law = kinds[part.type](orbit, named, tolerable=dict(part.tolerable))
     return AdaptiveController(law, orbit) if part.learn else law
 
 
