@@ -151,16 +151,10 @@ class _Log:
                 known[:, k] = np.interp(times, self.time[there], self.needs[there, k])
         return self._error(motion, known)
 
-    def moved(self, joints: Sequence[int], offset: float) -> float:
-        """Error of the log with joints at an offset [rad] more."""
+    def moved(self, part: int, places: Sequence[int], by: float) -> float:
+        """Error of the log with coordinates (part 0) or velocities (1) more [rad or m/s]."""
         motion = self.motion.copy()
-        motion[0][:, joints] += offset
-        return self._error(motion, self.known)
-
-    def blown(self, place: int, speed: float) -> float:
-        """Error of the log with so much more wind [m/s] along x, y or z of its base."""
-        motion = self.motion.copy()
-        motion[1][:, place] -= speed  # relative to the air, as no inertia feels
+        motion[part][:, places] += by
         return self._error(motion, self.known)
 
     def _error(self, motion: Array, known: Array) -> float:
@@ -237,14 +231,15 @@ def _numbers(record: _Log, reach: float) -> Iterator[_Number]:
         yield _Number(partial(record.later, True), reach, 1e3, words, ways)
     turning = [robot.dof_names[k] for k in record.joints if robot.dof_units[k] == "rad"]
     for names in (*_pairs(robot, turning), *([name] for name in turning)):
-        error = partial(record.moved, [robot.index(name) for name in names])
+        error = partial(record.moved, 0, [robot.index(name) for name in names])
         words = f"{' and '.join(names)} were {{:.2g}} deg {{}}"
         yield _Number(error, _OFFSET, 180.0 / np.pi, words)
     for name, stated in zip("xyz", record.network.air.wind, strict=True):
         if name in robot.dof_names and robot.index(name) in robot.floating_dofs:
             words = f"the wind along {name} were {{:.2g}} m/s {{}}"
             reach = max(_WIND, 2.2 * abs(stated))  # twice what is stated: the other sign
-            yield _Number(partial(record.blown, robot.index(name)), reach, 1.0, words)
+            error = partial(record.moved, 1, [robot.index(name)])  # less wind, as no inertia feels
+            yield _Number(error, reach, 1.0, words, ("more", "less"))
 
 
 def _best_numbers(numbers: Sequence[_Number]) -> dict[float, str]:
