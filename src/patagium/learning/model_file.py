@@ -25,15 +25,16 @@ from patagium.arguments import checked
 from patagium.arrays import Array, brief, real_array
 from patagium.errors import LogError, ParameterError, ShapeError, shown
 from patagium.learning.filters.misfit import widened
-from patagium.learning.filters.state import packed
+from patagium.learning.filters.state import packed, symmetric, unpacked
 from patagium.learning.filters.weight_covariance import (
     BlockCovariance,
     block_covariance,
-    covariance_from,
 )
 from patagium.learning.learners.learner import Learner, as_input, row_by_row
 from patagium.learning.models.network import Network, center_of
 from patagium.learning.models.registry import network_from_description
+from patagium.learning.models.structure import blocks_of
+from patagium.learning.settings import checked_structure
 from patagium.limits import free_memory
 from patagium.netcdf_file import kind_of
 from patagium.reading import json_object, made_again, text_of
@@ -312,4 +313,6 @@ def _unpacked(network: Network, words: Mapping[str, str]) -> BlockCovariance:
     content = base64.b64decode(words["lower"], validate=True)
     lower = np.frombuffer(content, "<f8").astype(float)
     center_of("lower", lower, lower.size)
-    return covariance_from(network, words["kind"], lower)
+    kind = checked_structure(words["kind"])
+    sizes = [len(block) for block in blocks_of(network, kind)]
+    return block_covariance(network, kind, [symmetric(one) for one in unpacked(lower, sizes)])

@@ -13,9 +13,7 @@ import numpy as np
 
 from patagium.arrays import Array, Indices
 from patagium.errors import ParameterError, ShapeError
-from patagium.learning.filters.state import symmetric, unpacked
 from patagium.learning.models.structure import Layered, blocks_of
-from patagium.learning.settings import checked_structure
 
 MOST_WEIGHTS = 5000
 """Of a structured covariance that is given as one matrix: 200 MB of it."""
@@ -109,19 +107,3 @@ def block_covariance(weights: Layered, structure: str, parts: Sequence[Array]) -
         )
         raise ShapeError("covariance", *(odd or (f"{len(expected)} parts", f"{len(found)}")))
     return BlockCovariance(structure, blocks, tuple(parts))
-
-
-def covariance_from(weights: Layered, kind: str, lower: Array) -> BlockCovariance:
-    """Covariance from one array, in which the lower triangles of its blocks follow each other.
-
-    Args:
-        weights: Whose, a network or the part of it with weights.
-        kind: Name of the structure.
-        lower: The triangles, as `packed` gives them.
-
-    Raises:
-        ParameterError: If there is no such kind.
-        ShapeError: If there are more or less numbers.
-    """
-    sizes = [len(block) for block in blocks_of(weights, checked_structure(kind))]
-    return block_covariance(weights, kind, [symmetric(one) for one in unpacked(lower, sizes)])
