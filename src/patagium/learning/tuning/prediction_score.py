@@ -185,17 +185,15 @@ def judged_trial(
     known = replace(known, moved=float(np.linalg.norm(learner.weights - prior)))
     parts: list[_Part] = []
     for fold in folds:
-        if known.reason:
-            return known
-        taught = learner if fold.learned.all() else make()
-        if taught is not learner:
-            lost = score_predictions(taught, flown, np.flatnonzero(fold.learned)).reason
-            known = replace(known, reason=lost)
-        if not known.reason:
+        taught, reason = learner, known.reason
+        if not (reason or fold.learned.all()):
+            taught = make()
+            reason = score_predictions(taught, flown, np.flatnonzero(fold.learned)).reason
+        if not reason:
             parts.append(_frozen(taught, prior, fold))
-            known = replace(known, reason=parts[-1].reason)
-    if known.reason:
-        return known
+            reason = parts[-1].reason
+        if reason:
+            return replace(known, reason=reason)
     crps = float(np.mean([one.crps for one in parts]))
     elsewhere = all(fold.elsewhere for fold in folds)
     return replace(
