@@ -223,35 +223,29 @@ class Linkage:
     def _angles(self, phase: Array) -> Array:
         """th2, th5, th3, th8, th9, th6, (6, N) [rad]."""
         pin = self._crank_pin(phase)
-        lever = self._meet(
-            "crank and humerus", phase, pin, self.l2a, self._shoulder, abs(self._humerus_lever)
+        th2, th5 = self._dyad(
+            "crank and humerus", phase, pin, self.l2a, self._shoulder, self._humerus_lever
         )
-        th2 = _angle(lever - pin, 1.0)
-        th5 = _angle(lever - self._shoulder, self._humerus_lever)
         branch = pin + _turn(th2) * self._branch
-        knee = self._meet(
-            "coupler and rocker", phase, branch, self.l4, self._rocker_axis, abs(self._rocker_lever)
+        th3, th8 = self._dyad(
+            "coupler and rocker", phase, branch, self.l4, self._rocker_axis, self._rocker_lever
         )
-        th3 = _angle(knee - branch, 1.0)
-        th8 = _angle(knee - self._rocker_axis, self._rocker_lever)
         far = self._rocker_axis + _turn(th8) * self._rocker_arm
         elbow = self._shoulder + _turn(th5) * self._elbow_arm
-        end = self._meet("rocker and radius", phase, far, self.l6, elbow, abs(self._radius_lever))
-        th9 = _angle(end - far, 1.0)
-        th6 = _angle(end - elbow, self._radius_lever)
+        th9, th6 = self._dyad("rocker and radius", phase, far, self.l6, elbow, self._radius_lever)
         return self._polished(phase, np.array([th2, th5, th3, th8, th9, th6]))
 
-    def _meet(
+    def _dyad(
         self,
         loop: str,
         phase: Array,
         start: Complex,
         start_length: float,
         end: Complex | complex,
-        end_length: float,
-    ) -> Complex:
-        """Pin of a dyad, on the left of the line from start to end, (N,) [m]."""
-        between = end - start
+        end_arm: complex,
+    ) -> tuple[Array, Array]:
+        """Angles of a dyad's bars, its pin left of the line from start to end, (N,) [rad]."""
+        between, end_length = end - start, abs(end_arm)
         distance = np.abs(between)
         with np.errstate(divide="ignore", invalid="ignore"):  # centres that coincide: NaN below
             along = (distance**2 + start_length**2 - end_length**2) / (2 * distance)
@@ -263,7 +257,8 @@ class Linkage:
                 loop, float(phase[short][0]), (start_length, end_length), float(distance[short][0])
             )
         offset: Complex = between / distance * (along + 1j * np.sqrt(squared))
-        return start + offset
+        pin = start + offset
+        return _angle(pin - start, 1.0), _angle(pin - end, end_arm)
 
     def _polished(self, phase: Array, angles: Array) -> Array:
         """Two Newton steps on the closures: from rounding of circles to rounding of angles."""

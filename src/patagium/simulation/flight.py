@@ -444,24 +444,24 @@ def _require(flight: xr.Dataset, names: Sequence[str], name: str = "the flight")
 
 
 def _coordinates(origin: FlightOrigin, time: Array) -> dict[str, Any]:
-    robot, cells = origin.robot, [cell.at for cell in origin.load_cells]
-    lags, lag_units = list(origin.aero.state_names), list(origin.aero.state_units)
-    longer = {
-        "coordinate": ("coordinate", list(robot.coordinate_names)),
-        "coordinate_unit": ("coordinate", list(robot.coordinate_units)),
+    robot, aero = origin.robot, origin.aero
+    quaternion = robot.attitude == "quaternion"
+    labels: dict[str, Sequence[str]] = {
+        "dof": robot.dof_names,
+        "dof_unit": robot.dof_units,
+        "coordinate": robot.coordinate_names * quaternion,
+        "coordinate_unit": robot.coordinate_units * quaternion,
+        "strip": [strip.name for strip in robot.strips],
+        "axis": AXES,
+        "component": WRENCH,
+        "lag": aero.state_names,
+        "lag_unit": aero.state_units,
+        "load_cell": [cell.at for cell in origin.load_cells],
+        "command_name": origin.commands,
     }
-    return {
-        "time": ("time", time, {"units": "s", "long_name": "time"}),
-        "dof": ("dof", list(robot.dof_names)),
-        "dof_unit": ("dof", list(robot.dof_units)),
-        **(longer if robot.attitude == "quaternion" else {}),
-        "strip": ("strip", [strip.name for strip in robot.strips]),
-        "axis": ("axis", list(AXES)),
-        "component": ("component", list(WRENCH)),
-        **({"lag": ("lag", lags), "lag_unit": ("lag", lag_units)} if lags else {}),
-        **({"load_cell": ("load_cell", cells)} if cells else {}),
-        **({"command_name": ("command_name", list(origin.commands))} if origin.commands else {}),
-    }
+    named = {name: (name.removesuffix("_unit"), list(own)) for name, own in labels.items()}
+    there = {name: one for name, one in named.items() if one[1] or name == "strip"}
+    return {"time": ("time", time, {"units": "s", "long_name": "time"}), **there}
 
 
 def _origin_attributes(origin: FlightOrigin) -> dict[str, Any]:
