@@ -80,6 +80,21 @@ def stored(record: Any, name: str, *dims: str) -> Array:
     return np.asarray((record[name].transpose(*dims) if dims else record[name]).values, float)
 
 
+def means_between(values: Array, at: Array, ends: Array) -> Array:
+    """Means of values, (N,), between ends, (K + 1,), of what joins them by lines, (K,).
+
+    Args:
+        values: One value a place, (N,) [any unit].
+        at: Rising places, (N,) [any unit].
+        ends: Rising places between which means are taken, (K + 1,) [of the places].
+    """
+    places = np.union1d(ends, at[(at > ends[0]) & (at < ends[-1])])
+    found = np.interp(places, at, values)
+    pieces = np.diff(places) * (found[1:] + found[:-1]) / 2
+    firsts = np.searchsorted(places, ends[:-1])
+    return np.asarray(np.add.reduceat(pieces, firsts) / np.diff(ends))
+
+
 def median_step(times: Any) -> float:
     """Median of the steps of times [s]."""
     return float(np.median(np.diff(times)))

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from patagium.arrays import Array
+from patagium.arrays import Array, means_between
 from patagium.errors import ParameterError, similar
 from patagium.limits import LEAST_INERTIA, SWING, TURN
 from patagium.robot.attitude import rotation_from_angles
@@ -31,6 +31,7 @@ from patagium.robot.model import (
     Joint,
     Robot,
     Strip,
+    axes_of,
     axis_of,
     moments_of,
     repeated,
@@ -484,12 +485,11 @@ def _body(draft: _Draft, before: list[Body], dof: dict[str, int]) -> Body:
         inner = before[parent].joints[k].name if coupling else ""
         joints.append(Joint(*joint, dof[joint[0]], coupling, inner))  # type: ignore[arg-type]
     mirror = _REFLECTION if draft.reflected else np.eye(3)
-    front, middle, back = draft.orientation
     return Body(
         name=draft.name,
         parent=parent,
         position=axis_of(mirror @ draft.part.at),
-        orientation=(axis_of(front), axis_of(middle), axis_of(back)),
+        orientation=axes_of(draft.orientation),
         joints=tuple(joints),
         floating_dofs=(
             tuple(dof[k] for k in FLOATING_COORDINATES) if draft.part.floating else None
@@ -594,31 +594,19 @@ def _cut(segment: Segment) -> Iterator[tuple[Array, Array, Array, float, float]]
     chord = leading - np.array([k.trailing for k in segment.stations])
     incidence = np.array([k.incidence for k in segment.stations])
     edges = np.linspace(span[0], span[-1], segment.strips + 1)
-    area = np.diff(_integral(span, chord, edges))
+    chords = means_between(chord, span, edges)
     along = np.array(segment.span_axis)
     ahead = np.array([1.0, 0.0, 0.0])  # to the leading edge
     upward = np.cross(ahead, along)
     upward = -upward if upward[2] < 0 else upward
-    for i in range(segment.strips):
-        width = edges[i + 1] - edges[i]
-        middle = (edges[i] + edges[i + 1]) / 2
-        mean_chord = area[i] / width
+    for mean_chord, begin, end in zip(chords, edges, edges[1:], strict=False):
+        middle = (begin + end) / 2
         x = np.interp(middle, span, leading) - mean_chord / 4
         twist = float(np.interp(middle, span, incidence))
         forward = np.cos(twist) * ahead + np.sin(twist) * upward
         normal = np.cos(twist) * upward - np.sin(twist) * ahead
         point = np.array(segment.at) + middle * along + x * ahead
-        yield point, forward, normal, mean_chord, width
-
-
-def _integral(span: Array, chord: Array, edges: Array) -> Array:
-    """Exact wing area from the root to each edge, for a piecewise linear chord."""
-    slices = np.diff(span) * (chord[1:] + chord[:-1]) / 2
-    area = np.concatenate([[0.0], np.cumsum(slices)])
-    left = np.clip(np.searchsorted(span, edges, side="right") - 1, 0, len(span) - 2)
-    step = edges - span[left]
-    slope = (chord[left + 1] - chord[left]) / (span[left + 1] - span[left])
-    return area[left] + step * (chord[left] + slope * step / 2)
+        yield point, forward, normal, mean_chord, end - begin
 
 
 def _triple(vector: Array) -> tuple[float, float, float]:

@@ -20,15 +20,11 @@ def quaternion_from_angles(angles: ArrayLike) -> Array:
     Args:
         angles: Roll, pitch, yaw, (..., 3) [rad].
     """
-    half = np.asarray(angles, float) / 2
-    (sr, sp, sy), (cr, cp, cy) = (np.moveaxis(f(half), -1, 0) for f in (np.sin, np.cos))
-    parts = [
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    ]
-    return np.stack(parts, axis=-1)
+    from scipy.spatial.transform import Rotation  # slow to import, rarely needed
+
+    given = np.asarray(angles, float)
+    turns = Rotation.from_euler("xyz", given.reshape(-1, 3))
+    return np.roll(turns.as_quat(), 1, axis=-1).reshape(*given.shape[:-1], 4)
 
 
 def rotation_from_angles(angles: ArrayLike) -> Array:

@@ -678,8 +678,7 @@ class Robot:
     @property
     def _attitudes(self) -> list[tuple[int, ...]]:
         """Roll, pitch, yaw in v of every body whose attitude is a quaternion."""
-        turning = [body.floating_dofs for body in self.bodies if body.by_quaternion]
-        return [dofs[3:] for dofs in turning if dofs is not None]
+        return [(body.floating_dofs or ())[3:] for body in self.bodies if body.by_quaternion]
 
 
 def _with_values(robot: Robot, values: Mapping[str, Any]) -> Robot:
@@ -795,13 +794,11 @@ def _carried(
     joints = tuple(replace(joint, dof=dof[joint.dof]) for joint in body.joints)
     if body.parent >= 0:
         return replace(body, parent=body.parent + first, joints=joints)
-    placed = shift + turn @ np.asarray(body.position, float)
-    turned = turn @ np.asarray(body.orientation)
     return replace(
         body,
         parent=carrier,
-        position=axis_of(placed),
-        orientation=(axis_of(turned[0]), axis_of(turned[1]), axis_of(turned[2])),
+        position=axis_of(shift + turn @ np.asarray(body.position, float)),
+        orientation=axes_of(turn @ np.asarray(body.orientation)),
         joints=joints,
         floating_dofs=None,
         mounted=True,
@@ -812,6 +809,11 @@ def axis_of(vector: Any) -> Axis:
     """Three numbers, (3,) [any unit], as a tuple of floats, a zero without its sign."""
     x, y, z = (float(k) + 0.0 for k in vector)
     return (x, y, z)
+
+
+def axes_of(matrix: Any) -> tuple[Axis, Axis, Axis]:
+    """Rows of a matrix, (3, 3) [any unit], as `axis_of` has them."""
+    return axis_of(matrix[0]), axis_of(matrix[1]), axis_of(matrix[2])
 
 
 def finite_triple(name: str, values: ArrayLike) -> Axis:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from patagium.arrays import Array, real_array
+from patagium.robot.attitude import rotation_from_angles
 from patagium.robot.model import Body, Joint, Robot, Strip
 
 BOTH_SIDES = 0.5
@@ -48,14 +49,12 @@ def _motions(robot: Robot, body: Body, q: Array) -> Iterator[tuple[Array, Array]
     unit, still = np.eye(3), np.zeros(3)
     if body.floating_dofs is not None:
         position, attitude = np.split(q[list(robot.floating_coordinates(body))], [3])
-        yield unit, position
         if body.by_quaternion:
             sine = float(np.linalg.norm(attitude[1:]))
-            axis = attitude[1:] / (sine or 1.0)
-            yield _turn(axis, 2.0 * np.arctan2(sine, attitude[0])), still
+            turn = _turn(attitude[1:] / (sine or 1.0), 2.0 * np.arctan2(sine, attitude[0]))
         else:
-            for axis, angle in zip(unit[::-1], attitude[::-1], strict=True):
-                yield _turn(axis, angle), still
+            turn = rotation_from_angles(attitude)
+        yield turn, position
     for joint in body.joints:
         axis = np.array(joint.axis)
         value = float(q[robot.coordinate_indices[joint.dof]])

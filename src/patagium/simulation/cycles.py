@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.arguments import checked
-from patagium.arrays import Array, stored
+from patagium.arrays import Array, means_between, stored
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError, ParameterError
 from patagium.robot import Robot
@@ -73,9 +73,9 @@ def cycle_statistics(
     stamps = ends[:-1, None] + np.diff(ends)[:, None] * phase
     counted = flight.isel(time=np.flatnonzero((time >= ends[0]) & (time <= ends[-1])))
     through = air_velocity(flight, robot).T
-    velocity = np.stack([cycle_means(each, time, ends) for each in through])
+    velocity = np.stack([means_between(each, time, ends) for each in through])
     signals = _signals(flight, robot, time, _forward(flight, robot, time, ends, velocity))
-    by_cycle = {name: cycle_means(signal, time, ends) for name, signal in signals.items()}
+    by_cycle = {name: means_between(signal, time, ends) for name, signal in signals.items()}
     weight = float(robot.gravity * flying_mass(counted, robot).mean())
     weights = np.diff(ends)
     averaged = by_cycle | {"airspeed": np.linalg.norm(velocity, axis=0)}
@@ -111,15 +111,6 @@ def _ends(time: Array, beat: float, skip: int, steered: Array | None) -> Array:
     if steered is not None:
         return np.asarray(np.interp(steered[0] + skip + np.arange(count + 1), steered, time))
     return np.asarray(begin + beat * np.arange(count + 1))
-
-
-def cycle_means(signal: Array, time: Array, ends: Array) -> Array:
-    """Means of a signal, (N,), between the ends of cycles, (cycles + 1,) [s], by the trapezoid."""
-    stamps = np.union1d(ends, time[(time > ends[0]) & (time < ends[-1])])
-    values = np.interp(stamps, time, signal)
-    pieces = np.diff(stamps) * (values[1:] + values[:-1]) / 2
-    firsts = np.searchsorted(stamps, ends[:-1])
-    return np.add.reduceat(pieces, firsts) / np.diff(ends)
 
 
 def _attributes(weight: float, means: dict[str, float]) -> dict[str, float]:

@@ -14,7 +14,7 @@ import xarray as xr
 from patagium.aerodynamics import Inflow, QuasiSteady
 from patagium.aerodynamics.description import innermost
 from patagium.aerodynamics.smooth_functions import SWITCH_SPEED
-from patagium.arrays import Array
+from patagium.arrays import Array, means_between
 from patagium.dynamics.dynamics import poses_at
 from patagium.errors import FlightError
 from patagium.reading import json_object, made_again
@@ -22,7 +22,7 @@ from patagium.robot import Robot
 from patagium.robot.model import CAPACITIES, capacity_units
 from patagium.robot.planform import inwards, poses
 from patagium.simulation.air_audit import air_findings
-from patagium.simulation.cycles import air_force, air_velocity, cycle_means
+from patagium.simulation.cycles import air_force, air_velocity
 from patagium.simulation.flight import (
     WINGBEATS,
     aero_words,
@@ -157,7 +157,7 @@ def _averaged(time: Array, beat: float | None, steered: Array | None) -> tuple[f
 def _mean(values: Array, time: Array, begin: float) -> float:
     """Mean over the time from `begin` on [s]."""
     ends = np.array([begin, time[-1]])
-    return float(cycle_means(values, time, ends)[0] if begin < time[-1] else values[-1])
+    return float(means_between(values, time, ends)[0] if begin < time[-1] else values[-1])
 
 
 def _of_body(robot: Robot, flight: xr.Dataset, begin: float) -> dict[str, Any]:

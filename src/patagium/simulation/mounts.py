@@ -24,7 +24,14 @@ from patagium.arguments import checked
 from patagium.errors import ParameterError, suggest_names
 from patagium.robot import Body, Joint, Robot
 from patagium.robot.attitude import rotation_from_angles
-from patagium.robot.model import CAPACITIES, FLOATING_COORDINATES, Axis, axis_of, finite_triple
+from patagium.robot.model import (
+    CAPACITIES,
+    FLOATING_COORDINATES,
+    Axis,
+    axes_of,
+    axis_of,
+    finite_triple,
+)
 from patagium.simulation.arm import ArmPlan, plan_arm
 from patagium.simulation.paths import Path, check_path
 
@@ -247,7 +254,7 @@ def _with_cell(machine: Robot, cell: InternalLoadCell, at: tuple[int, int], firs
         name=f"{cell.at} load cell",
         parent=place,
         position=cell.position,
-        orientation=_rows(turn),
+        orientation=axes_of(turn),
         joints=_six(cell.at, first),
         floating_dofs=None,
         **_MASSLESS,
@@ -256,7 +263,7 @@ def _with_cell(machine: Robot, cell: InternalLoadCell, at: tuple[int, int], firs
         body,
         parent=place + 1,
         position=axis_of(-turn.T @ np.array(cell.position)),
-        orientation=_rows(turn.T),
+        orientation=axes_of(turn.T),
         joints=body.joints[before:],
         floating_dofs=None,
     )
@@ -327,7 +334,3 @@ _MASSLESS: dict[str, Any] = {
     "center_of_mass": _ZERO,
     "inertia": (0.0,) * CELL_COORDINATES,
 }
-
-
-def _rows(matrix: Any) -> tuple[Axis, Axis, Axis]:
-    return axis_of(matrix[0]), axis_of(matrix[1]), axis_of(matrix[2])
