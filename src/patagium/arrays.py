@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from numbers import Real
 from reprlib import Repr
@@ -93,6 +93,24 @@ def means_between(values: Array, at: Array, ends: Array) -> Array:
     pieces = np.diff(places) * (found[1:] + found[:-1]) / 2
     firsts = np.searchsorted(places, ends[:-1])
     return np.asarray(np.add.reduceat(pieces, firsts) / np.diff(ends))
+
+
+def classic_step(
+    rate: Callable[[Array, int], Array], state: Array, place: int, time_step: float
+) -> Array:
+    """State a step later by classic Runge-Kutta, (size,) [SI].
+
+    Args:
+        rate: Rate of a state at a place of time, of which there are two a step.
+        state: At the beginning, (size,) [SI].
+        place: Place of the beginning.
+        time_step: Step [s].
+    """
+    k1 = rate(state, place)
+    k2 = rate(state + 0.5 * time_step * k1, place + 1)
+    k3 = rate(state + 0.5 * time_step * k2, place + 1)
+    k4 = rate(state + time_step * k3, place + 2)
+    return state + time_step / 6.0 * ((k1 + k4) + 2.0 * (k2 + k3))
 
 
 def median_step(times: Any) -> float:

@@ -22,9 +22,9 @@ from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.model import Aerodynamics
 from patagium.aerodynamics.smooth_functions import SWITCH_SPEED
 from patagium.arguments import checked, of_kind
-from patagium.arrays import Array, real_array
+from patagium.arrays import Array, classic_step, real_array
 from patagium.errors import ParameterError, positive
-from patagium.robot.model import Body, Robot, Strip
+from patagium.robot.model import FLOATING_COORDINATES, Body, Robot, Strip
 
 _SPAN = 1e6
 """Span of the wing without end [chords]."""
@@ -157,16 +157,12 @@ def _step(
 ) -> Array:
     """States of the model a step later, (n_z,); halved until two halves agree with the whole."""
 
-    def rate(later: float, z: Array) -> Array:
-        q, v, _ = motion.at(time + later)
-        return aero.state_derivative(q, v, z)
-
     def after(begin: float, z: Array, step: float) -> Array:
-        first = rate(begin, z)
-        second = rate(begin + step / 2, z + step / 2 * first)
-        third = rate(begin + step / 2, z + step / 2 * second)
-        fourth = rate(begin + step, z + step * third)
-        return z + step / 6 * (first + 2 * second + 2 * third + fourth)
+        def rate(reached: Array, place: int) -> Array:
+            q, v, _ = motion.at(time + begin + place * step / 2)
+            return aero.state_derivative(q, v, reached)
+
+        return classic_step(rate, z, 0, step)
 
     if not aero.state_size:
         return state
@@ -188,5 +184,5 @@ def _wing(chord: float, lever: float) -> Robot:
     )
     still, lower, upper = (0.0, 0.0, 0.0), (-inf,) * 6, (inf,) * 6
     body = Body("section", -1, still, _AXES, (), tuple(range(6)), 1.0, still, (1.0,) * 3 + still)
-    names, units = ("x", "y", "z", "roll", "pitch", "yaw"), ("m",) * 3 + ("rad",) * 3
-    return Robot("section", (body,), (strip,), names, units, (), (0.0,) * 6, lower, upper, 9.81)
+    coordinates = FLOATING_COORDINATES, ("m",) * 3 + ("rad",) * 3
+    return Robot("section", (body,), (strip,), *coordinates, (), (0.0,) * 6, lower, upper, 9.81)

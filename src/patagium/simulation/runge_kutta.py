@@ -18,7 +18,7 @@ import numpy as np
 
 from patagium.aerodynamics.gusts import GUST_COMPONENTS, CubicPieces, gusts_at_strips
 from patagium.arguments import Progress
-from patagium.arrays import Array
+from patagium.arrays import Array, classic_step
 from patagium.errors import Interrupted, Outcome
 from patagium.native import NativeFunction, load_kernel
 from patagium.native.function import as_c
@@ -202,7 +202,7 @@ class Integration:
         if implicit:
             self._advance = _in_python(*given, LobattoStep())
         else:
-            self._advance = _compiled(*given) or _in_python(*given, _classic_step)
+            self._advance = _compiled(*given) or _in_python(*given, classic_step)
 
     @property
     def run(self) -> IntegrationResult:
@@ -332,15 +332,6 @@ def _compiled(equations: Equations, time_step: float) -> Advance | None:
         return Outcome(code), done.value, which.value
 
     return advance
-
-
-def _classic_step(rate: Rate, state: Array, place: int, time_step: float) -> Array:
-    """State a step later by classic Runge-Kutta, (size,) [SI]."""
-    k1 = rate(state, place)
-    k2 = rate(state + 0.5 * time_step * k1, place + 1)
-    k3 = rate(state + 0.5 * time_step * k2, place + 1)
-    k4 = rate(state + time_step * k3, place + 2)
-    return state + time_step / 6.0 * ((k1 + k4) + 2.0 * (k2 + k3))
 
 
 def _in_python(
