@@ -23,8 +23,8 @@ def quaternion_from_angles(angles: ArrayLike) -> Array:
     from scipy.spatial.transform import Rotation  # slow to import, rarely needed
 
     given = np.asarray(angles, float)
-    turns = Rotation.from_euler("xyz", given.reshape(-1, 3))
-    return np.roll(turns.as_quat(), 1, axis=-1).reshape(*given.shape[:-1], 4)
+    scalar_last: Array = Rotation.from_euler("xyz", given.reshape(-1, 3)).as_quat()
+    return np.roll(scalar_last, 1, axis=-1).reshape(*given.shape[:-1], 4)
 
 
 def rotation_from_angles(angles: ArrayLike) -> Array:

@@ -775,7 +775,7 @@ def _mounted(
         cruise=None,
         **of_both,
     )
-    _check_names(composed, strips)
+    _check_names(composed)
     return composed
 
 
@@ -828,11 +828,11 @@ def finite_triple(name: str, values: ArrayLike) -> Axis:
     return axis_of(vector)
 
 
-def _check_names(robot: Robot, strips: tuple[Strip, ...]) -> None:
+def _check_names(robot: Robot) -> None:
     kinds = {
         "bodies": [body.name for body in robot.bodies],
         "coordinates": list(robot.dof_names),
-        "strips": [strip.name for strip in strips],
+        "strips": [strip.name for strip in robot.strips],
     }
     for kind, names in kinds.items():
         if taken := repeated(names):

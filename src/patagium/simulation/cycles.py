@@ -166,8 +166,8 @@ def air_force(flight: xr.Dataset, robot: Robot, time: Array) -> Array:
     force = stored(flight, "strip_force", "time", "strip", "axis").sum(axis=1)
     added = stored(flight, "added_mass_force", "time", "dof")
     if robot.floating:
-        bases = [body.floating_dofs for body in robot.bodies if body.floating_dofs is not None]
-        return np.asarray(force + sum(added[:, list(base[:3])] for base in bases), float)
+        pushes = np.reshape(robot.floating_dofs, (-1, 6))[:, :3]  # x, y, z of each base
+        return np.asarray(force + added[:, pushes].sum(axis=1), float)
     if not added.any():
         return np.asarray(force, float)
     momentum = stored(flight, "momentum", "time", "axis")
