@@ -199,10 +199,7 @@ def test_a_polar_that_the_air_does_not_take_is_refused(verb: str, air: str, caps
     with pytest.raises(SystemExit) as left:
         run([verb, "aerobat", "--aero", air, "--polar", polar])
     assert left.value.code == 2
-    assert (
-        "--polar: expected dickinson, reynolds or a file of a polar"
-        in capsys.readouterr().err
-    )
+    assert "--polar: expected dickinson, reynolds or a file of a polar" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
