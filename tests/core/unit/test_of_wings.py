@@ -156,5 +156,5 @@ def test_the_command_line_gives_a_wing_its_own_file(glider: pt.Robot, tmp_path: 
     alone = air_model("lifting-line", glider, pt.Air(), [f"fin={file}"]).section
     section = pt.air.measured_section(*pt.air.read_polar(file))
     assert alone == {"left_wing": pt.air.Section(), "fin": section}
-    with pytest.raises(PatagiumError, match=r"for one wing after its name \(left_wing, fin, right"):
+    with pytest.raises(PatagiumError, match=r"found no wing 'tail' \(wings: left_wing, fin, right"):
         air_model("quasi-steady", glider, pt.Air(), [f"tail={file}"])

@@ -125,7 +125,7 @@ def test_networks_that_do_not_fit_the_flight_are_refused(flight: xr.Dataset) -> 
     other = pt.learning.LinearStripNetwork(pt.load_robot("aerobat").with_attitude("quaternion"))
     with pytest.raises(ShapeError, match="expected quaternion, as the model sees it, found euler"):
         identify(flight, pt.ExtendedLearner(other))
-    with pytest.raises(ParameterError, match="q.left_plunge"):
+    with pytest.raises(ParameterError, match="q.x to v.right_feather, found 'plunge'"):
         state_columns(pt.load_robot("aerobat"), ["plunge"])
 
 
