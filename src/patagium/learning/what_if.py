@@ -152,7 +152,7 @@ class _Log:
         return self._error(motion, known)
 
     def moved(self, part: int, places: Sequence[int], by: float) -> float:
-        """Error of the log with coordinates (part 0) or velocities (1) more [rad or m/s]."""
+        """Error of the model on the log, coordinates (0) or velocities (1) shifted [rad or m/s]."""
         motion = self.motion.copy()
         motion[part][:, places] += by
         return self._error(motion, self.known)

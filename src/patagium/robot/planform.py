@@ -142,7 +142,7 @@ def inwards(robot: Robot, body: int) -> list[int]:
 
 
 def loop_of(parents: Mapping[str, str], name: str) -> list[str]:
-    """Loop that a walk from a name to its parent and so on ends in; its first name twice."""
+    """Names of the loop that following the parents from a name ends in; the first stands twice."""
     walk = [name]
     while walk.count(walk[-1]) < 2:
         walk.append(parents[walk[-1]])

@@ -428,7 +428,7 @@ def test_joints_on_axes_that_are_not_mirrored_are_told_and_no_pair() -> None:
 
 
 def test_each_rule_of_a_mirror_makes_pairs() -> None:
-    """Two rules made none: a gait of `lf_plunge` alone flew, and trims freed each side."""
+    """Two rules of `mirror` made no pairs: `lf_plunge` flew alone, and trims freed each side."""
     usual = pt.load_robot("dragonfly")
     text = usual.source[: usual.source.index("cruise:")]
     rules = "{from: lf, to: rf}\n  - {from: lh, to: rh}"

@@ -226,7 +226,7 @@ def apart(motion: MotionPackets, rows: Array, sensor: str) -> tuple[Array, Array
 
 
 def with_clock_set(motion: MotionPackets, rows: Array, sensors, by: float, at: float) -> Array:
-    """Rows of raw sensors as they come, whose clock is set by a time at some moment [s]."""
+    """Rows of raw sensors in order of arrival; at a moment [s] their clock is set by a time [s]."""
     for sensor in sensors:
         alone, others = apart(motion, rows, sensor)
         alone[rows[:, 0] > at, 0] += by

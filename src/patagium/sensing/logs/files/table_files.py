@@ -884,7 +884,7 @@ def _is_list_type(kind: Any) -> bool:
 
 
 class ColumnsFile(LogFile):
-    """Log of tables whose columns are read whole."""
+    """Log of tables whose columns are read as a whole, not block by block."""
 
     _columns: Callable[[str], Mapping[str, NDArray[Any]]]  # of a topic, by name
 
