@@ -133,7 +133,7 @@ class Course:
         return found
 
     def apart(self, first: int, states: Array) -> Array:
-        """Departures of states from the orbit at an interval, (..., n) [SI]; x: only in hover."""
+        """Departures of states from the orbit at an interval, (..., n) [SI]; x in hover alone."""
         found = self.seen(first, states - self.along(first))
         if self.turn:  # headings are known but for whole turns
             found[..., self.yaw] = np.remainder(found[..., self.yaw] + np.pi, 2 * np.pi) - np.pi

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from patagium.arguments import Progress
-from patagium.arrays import Array, Bools, Indices
+from patagium.arrays import Array, Bools, Indices, runs
 from patagium.control.gait_family import GaitFamily
 from patagium.control.orbit import Frame, Orbit
 from patagium.control.trimming import STEEPEST, Conditions, parameter_sizes, state_sizes
@@ -221,8 +221,7 @@ def _loaded(robot: Robot, in_plane: bool) -> _Loads:
 
 def _phases(chosen: Bools) -> str:
     """Phases of a beat at whose samples something is so, in words."""
-    edges = np.flatnonzero(np.diff(np.r_[False, chosen, False])).reshape(-1, 2)
-    spans = [(first / len(chosen), (last - 1) / len(chosen)) for first, last in edges]
+    spans = [(first / len(chosen), (last - 1) / len(chosen)) for first, last in runs(chosen)]
     words = [f"{a:.3g}" if a == b else f"{a:.3g} to {b:.3g}" for a, b in spans]
     return "phase " + ", ".join(words)
 

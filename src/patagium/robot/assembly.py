@@ -167,7 +167,7 @@ def _joined(file: RobotFile, robot: Robot) -> Robot:
 
 
 def _mirrored_joints(file: RobotFile, robot: Robot) -> tuple[tuple[str, str], ...]:
-    """Joints of the left and right: by the words left and right, by `mirror`, or of their wings."""
+    """Pairs of left and right joints: by words in their names, by `mirror`, or by their wings."""
     aside: dict[str, float] = {}
     for body, pose in zip(robot.bodies, poses(robot), strict=True):
         y = placed(pose, np.array(body.center_of_mass))[1]

@@ -812,7 +812,7 @@ def axis_of(vector: Any) -> Axis:
 
 
 def axes_of(matrix: Any) -> tuple[Axis, Axis, Axis]:
-    """Rows of a matrix, (3, 3) [any unit], as `axis_of` has them."""
+    """Rows of a matrix, (3, 3) [any unit], as tuples of numbers."""
     return axis_of(matrix[0]), axis_of(matrix[1]), axis_of(matrix[2])
 
 

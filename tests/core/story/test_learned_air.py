@@ -107,7 +107,7 @@ def test_draws_of_a_model_are_as_wide_as_its_weights_are_uncertain(
 
 
 def with_fin(model: Model, factor: float, variance: float) -> Model:
-    """Model whose fin has so many times its theoretical added mass, with a stated variance."""
+    """Model whose fin has another learned added mass (over the theoretical one), and variance."""
     network, kept = cast(LinearStripNetwork, model.network), model.kept_covariance
     assert kept is not None
     names = [term.name for term in network.terms]

@@ -115,7 +115,7 @@ mirror: [{from: left, to: right}]
 
 
 def hoverer_at(frequency):
-    """Robot of 16 g with wings of 75 mm, its gait and air with inflow."""
+    """Tailless robot of 16 g that hovers, its gait at a frequency [Hz], and air with inflow."""
     robot = load_robot_text(HOVERER)
     turned = {"phase": {"feather": -np.pi / 2}, "offset": {"feather": np.pi / 2}}
     sweep, feather = np.radians([80, 50])

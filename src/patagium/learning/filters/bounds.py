@@ -84,7 +84,7 @@ class Bounds:
 
     @property
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Memory by the names of `MEMORY`."""
+        """Arrays in which the bounds are remembered, by the names of `MEMORY`."""
         return {f"bound_{name}": array for name, array in self.parts.items()}
 
     def expect(self, x: Array, y: Array) -> None:
