@@ -8,6 +8,7 @@ bounded number of points. Nothing is shown of the time before the page was serve
 
 from __future__ import annotations
 
+import asyncio
 import socket
 import time
 from collections.abc import Sequence
@@ -485,6 +486,11 @@ class LivePage:
             letters: Frames, oldest first.
             sent: Number of frames sent so far.
         """
+        # by the thread that serves: viser's messages are not safe in another
+        drawing = self._show(letters, sent)
+        asyncio.run_coroutine_threadsafe(drawing, self._server.get_event_loop()).result()
+
+    async def _show(self, letters: Sequence[Any], sent: int) -> None:
         now = time.monotonic()
         for letter in letters:
             if self._last is not None and letter["time"] < self._last["time"]:
@@ -529,9 +535,11 @@ class LivePage:
             follow = gui.add_checkbox("Follow the robot (F)", True)
         self._door.allow(follow, lambda value: isinstance(value, bool))
         follow.on_update(lambda _: setattr(self._scene, "following", follow.value))
-        self._door.allow(gui.add_command("Follow the robot", hotkey="F")).on_trigger(
-            lambda _: setattr(follow, "value", not follow.value)
-        )
+
+        async def turn(_: object) -> None:
+            follow.value = not follow.value
+
+        self._door.allow(gui.add_command("Follow the robot", hotkey="F")).on_trigger(turn)
         gui.main_panel.dock_left()
         gui.main_panel.set_width(310)
         panel = gui.add_panel()
@@ -579,7 +587,7 @@ class LivePage:
         self._asked[name] = value
         self._commands.put(self._asked)
 
-    def _toggle(self, _: object) -> None:
+    async def _toggle(self, _: object) -> None:
         paused = not self._asked["paused"]
         self._pause.label = "Fly on (space)" if paused else "Pause (space)"
         self._pause.icon = viser.Icon.PLAYER_PLAY if paused else viser.Icon.PLAYER_PAUSE

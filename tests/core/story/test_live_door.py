@@ -279,6 +279,22 @@ def test_who_reads_nothing_keeps_nobody_waiting(served: Served) -> None:
         assert asyncio.run(talk()) == 200
 
 
+def test_the_thread_that_serves_draws(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Messages of viser may be made by another thread, but may then break its own."""
+    drawn: list[object] = []
+    monkeypatch.setattr(served.page, "_draw", lambda _: drawn.append(asyncio.get_running_loop()))
+
+    async def talk() -> None:
+        async with served.open() as client:
+            await client.send(msgspec.msgpack.encode(CAMERA))
+            while not served.page._server.get_clients():
+                await asyncio.sleep(0.01)
+            served.show()
+
+    asyncio.run(asyncio.wait_for(talk(), 60))
+    assert drawn == [served.page._server.get_event_loop()]
+
+
 def test_there_is_an_end_to_connections(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live_door, "MOST_CONNECTIONS", 3)
 
