@@ -44,6 +44,8 @@ NUMBERS = ("induced_factor", "apparent_mass", "memory")
 """Parameters that follow those of the model, in their order."""
 TANDEM = 0.5
 """Distance of two held wings along the body below which their streams are one, over the length."""
+SWEEPS = 0.5
+"""Sine of the angle between span and hinge above which a joint turns the span."""
 
 
 @dataclass(frozen=True)
@@ -270,7 +272,7 @@ def _turned(robot: Robot, wing: Wing) -> bool:
     """Whether a joint turns the span of a strip of a wing; no joint turns that of a rudder."""
     bodies, strips = poses(robot), [robot.strips[i] for i in wing]
     return any(
-        np.linalg.norm(np.cross(bodies[k][1] @ joint.axis, _span(bodies, strip))) > TANDEM
+        np.linalg.norm(np.cross(bodies[k][1] @ joint.axis, _span(bodies, strip))) > SWEEPS
         for k in _inwards(robot, wing)
         for joint in robot.bodies[k].joints
         for strip in strips

@@ -79,7 +79,7 @@ class Identification:
             "nmse_mean": "NMSE, mean of the outputs",
             "nmse_second_half_worst": "NMSE of the second half, worst output",
             "coverage": "share of errors in the 95 % interval",
-            "nis": "normalized innovation squared, per output",
+            "nis_per_channel": "normalized innovation squared, per output",
         }
         facts = [(text, self.scores.get(name)) for name, text in named.items()]
         numbers = [(text, one) for text, one in facts if isinstance(one, int | float)]
