@@ -17,7 +17,7 @@ import os
 import re
 import warnings
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, redirect_stdout
 from dataclasses import replace
 from itertools import islice
@@ -34,6 +34,7 @@ from patagium.netcdf_file import open_netcdf
 from patagium.reading import check_room
 from patagium.sensing.logs.files.channels import (
     BLOCK,
+    NO_STAMP,
     Block,
     Channel,
     ColumnError,
@@ -59,6 +60,8 @@ _OF_DAY = re.compile(
     r"(?:\s*(?P<half>[AaPp])[Mm])?\s*$"
 )
 _SPAN = re.compile(r"(?i)(^|[^a-z])(delay|latency|lag|dt|period|duration|interval)([^a-z]|$)")
+_SECONDS = re.compile(r"(?i)(?:secs?|seconds)$")
+_NANOS = re.compile(r"(?i)(?:nanos|(?:nano|n)(?:secs?|seconds))$")
 _IN_GRAVITIES = re.compile(r"(^|[^a-z])a(cc[a-z]*)?[_. ]?[xyz]?_g$")
 _TIMED = re.compile(r"(^|_)(time[a-z]*|stamp|clock|delay|latency|dt|period)_(\w+_)?(ms|us|ns)$")
 _SUFFIXES = {
@@ -77,36 +80,56 @@ def table_topic(
     count: int | None,
     units: Mapping[str, str] | None = None,
     *,
-    stamped: Mapping[str, float] | None = None,
     rows: Mapping[str, int] | None = None,
     unplaced: Mapping[str, str] | None = None,
 ) -> Topic:
     """Topic of a table.
 
     Args:
-        columns: Type of each column with numbers, by its name in the file.
+        columns: Type of each column with numbers, by its name in the file; "timestamp" of one
+            that holds calendar time.
         count: Number of rows, if known.
         units: Units that the file states.
-        stamped: Columns that hold calendar time, with their unit [ns].
         rows: Number of rows of each column, where columns differ in length.
         unplaced: Content that is not read, with the reason.
     """
-    channels, aliases = {}, {}
-    for column, dtype in columns.items():
+    channels, aliases, pairs = {}, {}, stamp_pairs(columns, rows or {})
+    parts = {one: f"it is a part of the stamps {name!r}" for name in pairs for one in pairs[name]}
+    for column, dtype in [*dict.fromkeys(pairs, "timestamp").items(), *columns.items()]:
+        if column in parts:
+            continue
         plain = column.lstrip("#%").strip()
         short, unit = _parted(plain)
         unit = (units or {}).get(column) or unit
         unit = (unit_of_suffix(f"{short}_g") or unit) if unit == "g" else unit
-        own = (rows or {}).get(column)
+        own = (rows or {}).get(pairs.get(column, (column,))[0])
         channels[column] = Channel(column, dtype, unit or unit_of_suffix(plain), own)
         if plain != column:
             aliases[plain] = column
         if short != plain:
             aliases.setdefault(short, column)
-    base, guess = guessed_base(channels, stamped or {})
-    return Topic(
-        "", "table", count, channels, base, aliases=aliases, guess=guess, unplaced=unplaced or {}
+    base, guess = guessed_base(channels)
+    parts |= unplaced or {}
+    return Topic("", "table", count, channels, base, aliases=aliases, guess=guess, unplaced=parts)
+
+
+def stamp_pairs(columns: Collection[str], rows: Mapping[str, int]) -> dict[str, tuple[str, str]]:
+    """Columns of seconds and of nanoseconds within them, by the common part of their names.
+
+    Args:
+        columns: Names of columns with numbers, such as `header.stamp.sec` and `.nanosec`.
+        rows: Number of rows of each, where columns differ in length.
+    """
+    seconds, nanos = (
+        {end.sub("", one).strip("#%._/ ") or "stamp": one for one in columns if end.search(one)}
+        for end in (_SECONDS, _NANOS)
     )
+    return {
+        name: (one, nanos[name])
+        for name, one in seconds.items()
+        if name in nanos and rows.get(one) == rows.get(nanos[name])
+        if name not in columns and not _SPAN.search(name)
+    }
 
 
 def _parted(name: str) -> tuple[str, str]:
@@ -133,17 +156,11 @@ def unit_of_suffix(name: str) -> str:
     return next((u for end, u in ends if (stem if end.islower() else written).endswith(end)), "")
 
 
-def guessed_base(
-    channels: Mapping[str, Channel], stamped: Mapping[str, float]
-) -> tuple[StampSource, str]:
-    """Stamps that the names of columns suggest, and a note that says so.
-
-    Args:
-        channels: Columns that may hold them.
-        stamped: Columns that hold calendar time, with their unit [ns].
-    """
-    for column, factor in stamped.items():
-        return StampSource("column", column, factor), ""
+def guessed_base(channels: Mapping[str, Channel]) -> tuple[StampSource, str]:
+    """Stamps that the types and names of columns suggest, and a note that says so."""
+    for column, channel in channels.items():
+        if channel.dtype == "timestamp":
+            return StampSource("column", column), ""
     for column in channels:
         stem = column.lower().lstrip("#%").strip(" '*_").rpartition(".")[2].rpartition("'/'")[2]
         if match := TIME_NAME.match(stem):
@@ -192,6 +209,15 @@ def as_numbers(raw: Any, column: str, where: str, first: int) -> Array:
             place = f"in row {first + row + 1}; an empty cell is a missing number"
             raise ColumnError(where, column, "numbers", f"{str(word)[:40]!r} {place}") from None
     return numbers
+
+
+@np.errstate(invalid="ignore")  # an infinite number is a missing one
+def _joined(both: Iterable[Any], name: str, where: str, first: int) -> NDArray[Any]:
+    """Stamps of seconds and of nanoseconds within them, (k,), not-a-time where one is missing."""
+    seconds, rest = (as_numbers(one, name, where, first) for one in both)
+    whole = nanoseconds(np.floor(seconds + 0 * rest), 1e9)
+    stamps = np.where(whole == NO_STAMP, NO_STAMP, whole + nanoseconds(rest % 1e9, 1.0))
+    return stamps.view("datetime64[ns]")
 
 
 def columns_of(wanted: Request) -> list[str]:
@@ -247,7 +273,7 @@ def column_blocks(
     for name, size in sizes.items():
         if size != count:
             close = [one for one, column in columns.items() if len(column) == size]
-            own = guessed_base({one: Channel(one, "") for one in close}, {})[0].column
+            own = guessed_base({one: Channel(one, "") for one in close})[0].column
             stamps = "its stamps " if wanted.base.kind == "column" else ""
             raise LogError(
                 f"{where}: {name}: expected {count} rows as {stamps}{first_name!r} have, "
@@ -452,13 +478,15 @@ class _RowsFile(LogFile):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self._lists: dict[str, tuple[str, int]] = {}  # column of the lists, and place in them
+        self._pairs: dict[str, tuple[str, str]] = {}  # columns of seconds and nanoseconds
 
     def blocks(self, wanted: tuple[Request, ...]) -> Iterator[Block]:
         """Requested rows, one pass through the file for each request."""
         for key, one in enumerate(wanted):
             with reading(self.path, self.format):
                 row, names = 0, columns_of(one)
-                sources = dict.fromkeys(self._lists.get(name, (name, 0))[0] for name in names)
+                held = [part for name in names for part in self._pairs.get(name, (name,))]
+                sources = dict.fromkeys(self._lists.get(name, (name, 0))[0] for name in held)
                 for part in self._parts(list(sources)):
                     columns = self._columns(part, names, row)
                     yield table_block(key, one, columns, row, len(part), str(self.path))
@@ -468,6 +496,10 @@ class _RowsFile(LogFile):
         """Columns of some rows by name: as they are, or the entries of lists."""
         columns, parsed = dict[str, Any](), dict[str, Array]()
         for name in names:
+            if name in self._pairs:
+                both = [self._column(part, one, row) for one in self._pairs[name]]
+                columns[name] = _joined(both, name, str(self.path), row)
+                continue
             source, place = self._lists.get(name, ("", 0))
             if source and source not in parsed:
                 own, cells = name.rpartition("[")[0], part[source].to_numpy()
@@ -666,8 +698,10 @@ class CsvFile(_RowsFile):
                 words = [word for word in column if isinstance(word, str)]
                 found = next((word for word in words if not _is_number(word)), "")
                 unplaced[name] = f"text such as {found[:40]!r}"
-        stamped = dict.fromkeys(self._calendar, 1.0)
-        topic = table_topic(types, None, stated, stamped=stamped, unplaced=unplaced)
+        topic, self._pairs = (
+            table_topic(types, None, stated, unplaced=unplaced),
+            stamp_pairs(types, {}),
+        )
         hint = (
             "if these are no names, state the lines before the names as `skip_rows` in the mapping"
         )
@@ -821,13 +855,12 @@ class ParquetFile(_RowsFile):
             schema = _flattened(self._file.schema_arrow.empty_table()).schema
             first = next(self._parts(None, 1), None)
             found, units, unplaced = dict[str, str](), dict[str, str](), dict[str, str]()
-            stamped: dict[str, float] = {}
             for field in schema:
                 name, kind, held = field.name, field.type, field.metadata or {}
                 stated = held.get(b"unit", held.get(b"units", b""))
                 units[name] = stated.decode("utf-8", "replace")
                 if _is_any(kind, "timestamp"):
-                    found[name], stamped[name] = "timestamp", 1.0
+                    found[name] = "timestamp"
                 elif _is_any(kind, *_NUMERIC):
                     found[name] = str(kind)
                 elif _is_list_type(kind) and first is not None:
@@ -839,7 +872,10 @@ class ParquetFile(_RowsFile):
                 else:
                     unplaced[name] = f"of type {kind}, no numbers"
         count = int(self._file.metadata.num_rows)
-        topic = table_topic(found, count, units, stamped=stamped, unplaced=unplaced)
+        topic, self._pairs = (
+            table_topic(found, count, units, unplaced=unplaced),
+            stamp_pairs(found, {}),
+        )
         self.topics = {"": topic}
 
     def close(self) -> None:
@@ -917,6 +953,8 @@ class _HeldFile(ColumnsFile):
         most = lengths.most_common(1)[0][0]
         own = {name: len(column) for name, column in columns.items() if len(lengths) > 1}
         topic = table_topic(types, most, units, rows=own, unplaced=unplaced)
+        for name, both in stamp_pairs(types, own).items():
+            columns[name] = _joined([columns[one] for one in both], name, str(self.path), 0)
         self.topics, self._tables = {"": topic}, {"": columns}
 
     def _columns(self, topic: str) -> Mapping[str, NDArray[Any]]:

@@ -228,7 +228,7 @@ def _parts(log: LogFile, topic: Topic) -> list[_Part]:
         return parts or [whole]
     for place, rows in enumerate(lengths):
         held = {name: c for name, c in topic.channels.items() if c.rows == rows}
-        base, guess = guessed_base(held, {})
+        base, guess = guessed_base(held)
         unplaced = topic.unplaced if place == 0 else {}
         part = replace(topic, channels=held, count=rows, base=base, guess=guess, unplaced=unplaced)
         parts.append(_Part(part, f"{topic.name or 'table'} of {rows} rows"))
