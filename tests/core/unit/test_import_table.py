@@ -649,3 +649,62 @@ def test_samples_of_the_rate_of_the_time_base_are_taken_as_they_are(tmp_path: Pa
     with LogRecord(tmp_path / "log.nc") as record:
         found = record.table().y[:, 0]
     np.testing.assert_allclose(found, noise[1 : 1 + len(found)], atol=1e-5)  # stamps of whole ns
+
+
+@pytest.mark.parametrize(("unit", "scale", "begin"), [("ms", 1e3, 0), ("ns", 1e9, 1_700_000_000)])
+def test_a_second_clock_has_a_unit_of_its_own(
+    unit: str, scale: float, begin: int, tmp_path: Path
+) -> None:
+    """Stamps in ms beside others in s stretched the log 1000 times; those in ns were refused."""
+    from scipy.io import savemat
+
+    time, late = np.arange(0, 2, 0.002), np.arange(0, 1.5, 0.01)
+    stamps = np.rint(late * scale).astype(np.int64) + begin * int(scale)
+    path = tmp_path / "log.mat"
+    cam = {"stamp": stamps, "x": np.sin(3 * late)}
+    savemat(path, {"imu": {"t": time + begin, "gyro": np.cos(time)}, "cam": cam})
+    words: dict[str, Any] = {
+        "time": {"column": "imu.t", "unit": "s", "rate": "500 Hz"},
+        "channels": [
+            {"column": "imu.gyro", "unit": "rad/s"},
+            {"column": "cam.x", "stamp": "cam.stamp", "unit": "m"},
+        ],
+    }
+    try:
+        assert "is its unit perhaps ms" in str(brought(path, words).findings)
+    except LogError as problem:
+        assert "`{column: cam.stamp, unit: ns}`" in str(problem)
+    words["channels"][1]["stamp"] = {"column": "cam.stamp", "unit": unit}
+    log = pt.load_log(brought(path, words).path)
+    assert log.time.values[-1] == pytest.approx(1.49, abs=2e-3)  # of the last pose; a sample
+    exact = np.sin(3 * log.time.values)
+    np.testing.assert_allclose(log["cam.x"], exact, atol=2e-4)  # linear in 10 ms: (.03)^2 / 8
+    words["channels"][1]["stamp"]["unit"] = "kg"
+    with pytest.raises(LogError, match=r"time \(cam\.stamp\): expected a unit of \[time\]"):
+        brought(path, words)
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet", "mat"])
+@pytest.mark.parametrize(
+    ("seconds", "nanos", "name"),
+    [("header.stamp.sec", "header.stamp.nanosec", "header.stamp"), ("Secs", "Nsecs", "stamp")],
+)
+def test_seconds_and_nanoseconds_of_two_columns_are_one_stamp(
+    kind: str, seconds: str, nanos: str, name: str, tmp_path: Path, speak: Speak
+) -> None:
+    """A header of ROS in a table had stamps in whole seconds, and nanoseconds as an input."""
+    k = np.arange(1500)
+    stamps = 1_700_000_000_123_456_789 + 2_000_000 * k
+    columns = {"x": np.sin(0.018 * k), seconds: stamps // 10**9, nanos: stamps % 10**9}
+    table = pd.DataFrame(columns)
+    if kind == "csv":
+        table[nanos] = table[nanos].astype(float).where(k != 700)  # one is missing
+    path, mapping = written(tmp_path, table, kind), tmp_path / "own.yaml"
+    assert speak("inspect", path, "-o", mapping).code == 0
+    assert f'time: {{column: "{name}"}}' in mapping.read_text() and nanos not in mapping.read_text()
+    found = import_log(path, mapping, tmp_path / "out.nc")
+    log = pt.load_log(found.path)
+    assert found.samples == 1500 - (kind == "csv")
+    np.testing.assert_allclose(log["x"], np.sin(9 * log.time), atol=1e-9)  # ns of rounding
+    with pytest.raises(LogError, match=f"part of the stamps '{name}'"):
+        brought(path, {"time": {"column": seconds}, "channels": [{"column": "x", "unit": "m"}]})

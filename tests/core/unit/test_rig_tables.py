@@ -327,7 +327,8 @@ def test_stamps_are_in_the_unit_that_the_file_states(
     found = imported(tmp_path, f"t [min],y [deg]\n{rows}", words)
     assert found.duration == pytest.approx(duration)
     assert (
-        any("the file states [min], the mapping [s]" in one.text for one in found.findings) == told
+        any("the file states [min], the mapping [1 s]" in one.text for one in found.findings)
+        == told
     )
 
 
@@ -415,3 +416,49 @@ def test_a_constant_pose_tells_nothing_of_the_stamps(tmp_path: Path) -> None:
     found = imported(tmp_path, f"t,px,py,pz,roll,pitch,yaw\n{rows}", words)
     motion = pt.estimate_motion(sensor_log(found.path))
     assert [one["jitter"] for one in json.loads(motion.findings)["noise"]] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(("turn", "hertz"), [(360, 500), (360, 1000), (4096, 500)])
+@pytest.mark.parametrize("stated", [True, False])
+def test_an_encoder_that_wraps_before_a_gear_needs_its_turn(
+    stated: bool, turn: int, hertz: int, tmp_path: Path
+) -> None:
+    """The joint of 35 deg was wrong by 36 deg, without a word at 500 Hz."""
+    time = np.arange(0, 2, 1 / hertz)
+    angle = np.radians(35) * np.sin(6 * np.pi * time)
+    raw = np.mod(np.degrees(angle) * 50 * turn / 360 + turn / 9, turn)
+    raw = np.where(turn == 4096, np.floor(raw), raw)
+    lines = [f"{t:.6f},{n:.9f}" for t, n in zip(time, raw, strict=True)]
+    words = {"column": "motor", "unit": f"{360 / turn / 50:.12f} deg", "offset": turn / 9}
+    words |= {"turn": turn} if stated else {}
+    mapping = {"time": TIME, "channels": [{**words, "name": "q.left_plunge"}]}
+    found = imported(tmp_path, "\n".join(["t,motor", *lines, ""]), mapping)
+    told = [one.text for one in found.findings if one.kind == "jump"]
+    off = np.abs(column(found.path, "q.left_plunge") - angle).max()
+    if stated:  # to one count of the encoder behind the gear, or to the digits of the text
+        assert not told and off < np.radians(360 / 50 / 4096 if turn == 4096 else 1e-9)
+        del lines[100:110]
+        gone = imported(tmp_path, "\n".join(["t,motor", *lines, ""]), mapping)
+        assert any("in a gap are not counted" in one.text for one in gone.findings)
+    else:
+        assert len(told) == 1 and "its `turn`" in told[0]
+
+
+def test_drop_outs_and_steps_of_an_encoder_are_no_wraps(tmp_path: Path) -> None:
+    time, draw = 0.002 * np.arange(1000), np.random.default_rng(0)
+    dropped = np.where(np.isin(np.arange(1000) % 97, [5, 6]), 0.0, 40 + 30 * np.sin(20 * time))
+    switched = 30 * np.sign(np.sin(20 * time)) + 0.1 * draw.normal(size=1000)
+    for numbers in (dropped, switched):
+        rows = [f"{t:.3f},{n:.9f}" for t, n in zip(time, numbers, strict=True)]
+        words = {"time": TIME, "channels": [{"column": "a", "unit": "0.1 deg"}]}
+        found = imported(tmp_path, "\n".join(["t,a", *rows, ""]), words)
+        assert not any("wraps" in one.text for one in found.findings)
+
+
+def test_a_vector_in_grams_and_a_turn_of_a_vector_are_refused() -> None:
+    """Accelerations in `g`, which is a gram, were taken; `motion` then missed the accelerometer."""
+    words = {"column": ["x", "y", "z"], "unit": "g", "frame": "flu", "name": "force"}
+    with pytest.raises(LogError, match=r"unit: no vector is a mass: expected g_0 .* or gf"):
+        parse_mapping({"time": TIME, "channels": [words]})
+    with pytest.raises(LogError, match="turn: expected a single number, no vector"):
+        parse_mapping({"time": TIME, "channels": [{**words, "unit": "deg/s", "turn": 360}]})

@@ -50,12 +50,24 @@ class _Words(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class TimeColumn(_Words):
+class StampColumn(_Words):
+    """Column or field with stamps.
+
+    Attributes:
+        column: Its name.
+        unit: Unit of the stamps, a time; if left out, that which the file states, else that of
+            `time`, else s.
+    """
+
+    column: str = Field(min_length=1)
+    unit: str | None = None
+
+
+class TimeColumn(StampColumn):
     """Source of the stamps, and the time base of the import.
 
     Attributes:
         column: Name of the column or field with stamps; empty for the stamps of messages.
-        unit: Unit of the stamps, a time; that which the file states, or s, if left out.
         base: Stamps of messages: those in their `header`, or the times at which they were
             `received`; None takes the header's where there is one.
         rate: Rate of the common time base, such as "200 Hz" [Hz].
@@ -70,7 +82,6 @@ class TimeColumn(_Words):
     """
 
     column: str = ""
-    unit: str | None = None
     base: Literal["header", "received"] | None = None
     rate: Rate | None = None
     like: str | None = None
@@ -97,9 +108,11 @@ class ValueColumn(_Words):
         column: Name of the column in a table, or the names of its components.
         topic: Topic of the messages that hold the quantity.
         field: Dotted path in the message, such as `position[2]`, or the paths of the components.
-        stamp: Field with its stamps, if it is not that of `time`.
+        stamp: Field with its stamps, if it is not that of `time`, or only the name of the field.
         name: Name in results; the name of the column or field if left out.
         unit: Unit of the numbers in the log; "1" for plain numbers.
+        turn: Change after which the numbers of an encoder begin again, in the unit of the log; a
+            whole turn of the angle if left out.
         as_unit: Unit that the model sees (key `as`); SI if left out.
         offset: Zero of the sensor, subtracted first, in the unit of the log; one number, or one
             for each component of a vector.
@@ -118,9 +131,10 @@ class ValueColumn(_Words):
     column: str | tuple[str, ...] = ""
     topic: str = ""
     field: str | tuple[str, ...] = ""
-    stamp: str = ""
+    stamp: StampColumn | None = None
     name: str = ""
     unit: str
+    turn: Annotated[PureNumber, Field(gt=0.0)] | None = None
     as_unit: str | None = Field(default=None, alias="as")
     offset: PureNumber | tuple[PureNumber, PureNumber, PureNumber] = 0.0
     negated: StrictBool = False
@@ -132,7 +146,9 @@ class ValueColumn(_Words):
 
     @model_validator(mode="before")
     @classmethod
-    def _plain_attitude(cls, words: Any) -> Any:
+    def _short_words(cls, words: Any) -> Any:
+        if isinstance(words, dict) and isinstance(words.get("stamp"), str):
+            words = {**words, "stamp": {"column": words["stamp"]}}
         if isinstance(words, dict) and words.get("order") in ("wxyz", "xyzw", "matrix"):
             return {"unit": "1", **words}
         return words
@@ -155,6 +171,10 @@ class ValueColumn(_Words):
             raise ValueError("order: an attitude has no as, offset, negated or range")
         if not self.frame and not isinstance(self.offset, float):
             raise ValueError("offset: expected one number; a vector (with frame) may have three")
+        if self.size == 3 and not self.order and si_of(self.unit)[1] == "kg":
+            raise ValueError("unit: no vector is a mass: expected g_0 (standard gravity) or gf")
+        if self.turn is not None and self.size > 1:
+            raise ValueError("turn: expected a single number, no vector or attitude")
         if not self.order and (self.body or self.inverted):
             raise ValueError("body, inverted: expected order to go with it: they are of attitudes")
         if not isinstance(self.source, str) and len(self.source) != self.size:
@@ -275,7 +295,8 @@ def parse_mapping(words: Any, source: str = "mapping", text: str = "") -> TableM
         mapping = TableMapping.model_validate(words)
     except ValidationError as problem:
         raise refused(source, problem.errors(), TableMapping, text) from None
-    conversion(mapping.time.unit or "s", "s", f"{source}: time ({mapping.time.column})")
+    for stamp in (mapping.time, *(one.stamp for one in mapping.columns if one.stamp)):
+        conversion(stamp.unit or "s", "s", f"{source}: time ({stamp.column})")
     for column in mapping.columns:
         conversion(column.unit, column.as_unit, f"{source}: {column.label}")
     return mapping

@@ -308,7 +308,7 @@ def recorder_findings(
         gap: Length from which a step is a gap, in median steps.
         measured: Whether they are measured, so that no command makes them stand still or end.
         joint: Whether they are those of an encoder, which may stand at a stop.
-        turn: A whole turn of an angle [unit of the log]; 0 of another quantity.
+        turn: Change after which they begin again [unit of the log]; 0 if they do not.
     """
     ordered = _ORDERED.search(where) is not None
     measured, joint = measured and not ordered, joint and not ordered
@@ -328,8 +328,13 @@ def recorder_findings(
         if not count_noise(values):
             text = f"its numbers change every {every:g} samples: they are held between, and late; "
             found.append(("held", text + "import at the `rate` at which they change"))
-    jumps = jumps_of(whole)[0] if (joint or (turn and not ordered)) and not marks else ()
-    if len(jumps):
+    moves = (joint or (turn and not ordered)) and not marks
+    jumps = jumps_of(whole)[0] if moves else ()
+    if moves and (count := _wraps(values)):
+        text = f"it jumps {count} times by more than half of its range against its motion: of an "
+        text += "encoder that wraps, as before a gear, state its `turn`, such as 360 or 4096"
+        found.append(("jump", text))
+    elif len(jumps):
         largest = max((whole[k : k + 2] for k in jumps), key=lambda pair: abs(pair[1] - pair[0]))
         text = f"it jumps {len(jumps)} time(s), such as from {largest[0]:g} to {largest[1]:g}: "
         text += "leave bad samples empty; of a counter that was reset, import each part alone "
@@ -359,6 +364,14 @@ def _marks(values: Array) -> list[tuple[str, str]]:
             text = f"{mark:g} stands {count} time(s), far from all other numbers: if it marks what "
             found.append(("missing numbers", text + "is missing, leave these cells empty"))
     return found
+
+
+def _wraps(values: Array) -> int:
+    """Number of steps beyond half of the range, if most of them go against those beside them."""
+    steps = np.diff(values)
+    far = np.flatnonzero(np.abs(steps[1:-1]) > 0.5 * np.ptp(values)) + 1
+    against = (steps[far] * steps[far - 1] < 0) & (steps[far] * steps[far + 1] < 0)
+    return len(far) if len(far) > 1 and against.mean() > 0.5 else 0
 
 
 def _clipped(values: Array, steps: Array, *, measured: bool, joint: bool) -> list[tuple[str, str]]:

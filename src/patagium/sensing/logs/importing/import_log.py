@@ -258,11 +258,13 @@ def _written(spool: Spool, draft: Draft, progress: Progress | None, tell: Tell |
 
 def _refuse_unusable(spool: Spool) -> None:
     """Refuse streams without enough good stamps and quantities without numbers."""
-    log, mapping = spool.plan.log, spool.plan.mapping
-    for name, survey in zip(spool.plan.names, spool.surveys, strict=True):
+    plan = spool.plan
+    log, mapping = plan.log, plan.mapping
+    for name, wanted, survey in zip(plan.names, plan.wanted, spool.surveys, strict=True):
         stamps = survey.stamps
         if stamps.kept < 2:
-            beyond = "; none is a time below 146 years: if they are in ns, say so (`unit: ns`)"
+            beyond = "; none is a time below 146 years: of stamps in ns say "
+            beyond += f"`{{column: {wanted.base.column}, unit: ns}}`"
             found = f"{stamps.kept} in {stamps.rows} row(s)"
             raise LogError(
                 f"{log.path}: {name}", "at least two samples with stamps that advance",
@@ -286,7 +288,7 @@ def _refuse_unusable(spool: Spool) -> None:
                 f"steps back are up to {stamps.furthest_back / SECOND:.4g} s); "
                 f"{doubt}{' If not, ' * bool(doubt)}{remedy}"
             )
-    for item in spool.plan.items:
+    for item in plan.items:
         asked = item.needed or item.role == "output"
         if asked and not spool.surveys[item.stream].values.count[item.places].all():
             found = "none; leave it out of the mapping if it was not measured"

@@ -51,10 +51,11 @@ def log_findings(spool: Spool, base: TimeBase) -> list[Finding]:
         written = wanted.base.kind == "column" and not own
         kept = mapping.time.duplicates
         found += stamp_findings(name, survey.stamps, mapping.gap, written=written, kept=kept)
-        if written and mapping.time.unit and (channel := topic.channels[wanted.base.column]).unit:
+        if written and (channel := topic.channels[wanted.base.column]).unit:
             stated = nanoseconds_in(channel.unit) if channel.dtype != "timestamp" else 0.0
             if stated and abs(wanted.base.factor / stated - 1.0) > 1e-9:
-                text = f"the file states [{channel.unit}], the mapping [{mapping.time.unit}]"
+                text = f"the file states [{channel.unit}], "
+                text += f"the mapping [{wanted.base.factor / 1e9:g} s]"
                 found.append(Finding("warning", f"{name}, its stamps", "unit", text))
         median = survey.stamps.median
         if base.step > 2.01 * median:
@@ -86,6 +87,9 @@ def log_findings(spool: Spool, base: TimeBase) -> list[Finding]:
 def _item_findings(item: Quantity, spool: Spool, known: bool, still: bool) -> list[Finding]:
     name, values = item.column.label, spool.surveys[item.stream].values
     found = number_findings(name, values, item.places, "" if known else "warning")
+    if item.column.turn and spool.surveys[item.stream].stamps.gaps(spool.plan.mapping.gap):
+        text = f"whole turns ({item.turn:g}) in a gap are not counted: it may be off after it"
+        found.append(Finding("warning", name, "jump", text))
     if known and item.si == "m/s^2":  # of a coordinate, which need not show gravity
         return found
     if item.norm is None:
@@ -136,13 +140,12 @@ def _recorder_findings(item: Quantity, spool: Spool) -> list[Finding]:
     single = item.column.size == 1
     measured = item.role == "output" or (item.si in SENSED and not single)
     joint = spool.plan.robot is not None and single and item.si in ("rad", "m")
-    turn = 2 * np.pi / item.si_factor if single and item.si == "rad" else 0.0
     return [
         one
         for numbers in (() if item.is_attitude else first.T)
         for one in recorder_findings(
             item.column.label, stamps, numbers, spool.plan.mapping.gap,
-            measured=measured, joint=joint, turn=turn,
+            measured=measured, joint=joint, turn=item.turn,
         )
     ]  # fmt: skip
 
@@ -202,7 +205,7 @@ def _stated_unit(item: Quantity, plan: Plan) -> list[Finding]:
     topic = plan.log.topics[wanted.topic]
     path = wanted.fields[item.places[0]]
     stated = topic.channels[path].unit
-    if not stated and item.column.unit == "g":
+    if not stated and item.column.unit in ("g", "G"):
         stated = unit_of_suffix(f"{path}_g")
     named = "".join(wanted.fields[k][-1:].lower() for k in item.places)
     if sorted(named) == list("wxyz") and item.order and named != item.order:

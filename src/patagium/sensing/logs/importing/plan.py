@@ -85,6 +85,12 @@ class Quantity:
         """Length of the components of an attitude by plain numbers; None for other quantities."""
         return {"wxyz": 1.0, "xyzw": 1.0, "matrix": float(np.sqrt(3.0))}.get(self.order or "")
 
+    @property
+    def turn(self) -> float:
+        """Change after which the numbers begin again, in the unit of the log; 0 if they do not."""
+        angle = self.si == "rad" and self.column.size == 1
+        return self.column.turn or (2 * np.pi / self.si_factor if angle else 0.0)
+
     def converted(self, raw: Array) -> Array:
         """Values in the unit that the model sees and in our axes.
 
@@ -321,16 +327,17 @@ def _base(
 ) -> StampSource:
     """Source of the stamps of a stream: a column, the messages' own, or rows at a rate."""
     time = mapping.time
-    own = column.stamp if column is not None else ""
-    if stamp := own or time.column:
-        where = f"{source}: {'stamp' if own else 'time'}"
-        field = find_fields(topic, stamp, 1, where)[0]
+    stamp = (column and column.stamp) or time
+    if stamp.column:
+        where = f"{source}: {'time' if stamp is time else 'stamp'}"
+        field = find_fields(topic, stamp.column, 1, where)[0]
         if topic.channels[field].dtype == "timestamp":
             return StampSource("column", field, 1.0)
         stated = nanoseconds_in(topic.channels[field].unit)
-        if time.unit is None or (stated and time.column not in ("", stamp)):
-            return StampSource("column", field, stated or 1e9)
-        return StampSource("column", field, conversion(time.unit, "s", where)[0] * 1e9)
+        shared = not stated or time.column in ("", stamp.column)
+        unit = stamp.unit or (time.unit if shared else None)
+        factor = conversion(unit, "s", where)[0] * 1e9 if unit else stated or 1e9
+        return StampSource("column", field, factor)
     if time.base is not None:
         if topic.base.kind not in ("header", "received"):
             raise LogError(

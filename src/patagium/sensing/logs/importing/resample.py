@@ -266,8 +266,8 @@ def resampled(spool: Spool, item: Quantity, stamps: Stamps) -> tuple[Array, Bool
 def _between(spool: Spool, item: Quantity, seconds: Array, values: Array, wanted: Array) -> Array:
     if item.is_attitude:
         return slerp(seconds, continuous(values), wanted)
-    if item.si == "rad" and item.column.size == 1:  # whole turns are taken off, also of blocks
-        turn, name = 2.0 * np.pi * item.factor / item.si_factor, item.column.label
+    if item.turn:  # whole turns are taken off, also of blocks
+        turn, name = item.turn * item.factor, item.column.label
         mixed = np.interp(wanted, seconds, np.unwrap(values[:, 0], period=turn))
         wraps = np.abs(np.diff(values[:, 0])).max(initial=0.0) > 0.5 * turn
         before = spool.angles.get(name, 0.0 if wraps else mixed[0])
