@@ -263,8 +263,8 @@ def _refuse_unusable(spool: Spool) -> None:
     for name, wanted, survey in zip(plan.names, plan.wanted, spool.surveys, strict=True):
         stamps = survey.stamps
         if stamps.kept < 2:
-            beyond = "; none is a time below 146 years: of stamps in ns say "
-            beyond += f"`{{column: {wanted.base.column}, unit: ns}}`"
+            beyond = "; none is a time below 146 years: if they are in ns, say so "
+            beyond += f"(`{{column: {wanted.base.column}, unit: ns}}`)"
             found = f"{stamps.kept} in {stamps.rows} row(s)"
             raise LogError(
                 f"{log.path}: {name}", "at least two samples with stamps that advance",
