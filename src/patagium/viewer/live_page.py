@@ -537,7 +537,7 @@ class LivePage:
         follow.on_update(lambda _: setattr(self._scene, "following", follow.value))
 
         async def turn(_: object) -> None:
-            follow.value = not follow.value
+            follow.value = not follow.value  # type: ignore[misc]  # it is a checkbox
 
         self._door.allow(gui.add_command("Follow the robot", hotkey="F")).on_trigger(turn)
         gui.main_panel.dock_left()

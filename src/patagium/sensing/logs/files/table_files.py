@@ -698,10 +698,8 @@ class CsvFile(_RowsFile):
                 words = [word for word in column if isinstance(word, str)]
                 found = next((word for word in words if not _is_number(word)), "")
                 unplaced[name] = f"text such as {found[:40]!r}"
-        topic, self._pairs = (
-            table_topic(types, None, stated, unplaced=unplaced),
-            stamp_pairs(types, {}),
-        )
+        topic = table_topic(types, None, stated, unplaced=unplaced)
+        self._pairs = stamp_pairs(types, {})
         hint = (
             "if these are no names, state the lines before the names as `skip_rows` in the mapping"
         )
@@ -872,11 +870,8 @@ class ParquetFile(_RowsFile):
                 else:
                     unplaced[name] = f"of type {kind}, no numbers"
         count = int(self._file.metadata.num_rows)
-        topic, self._pairs = (
-            table_topic(found, count, units, unplaced=unplaced),
-            stamp_pairs(found, {}),
-        )
-        self.topics = {"": topic}
+        self._pairs = stamp_pairs(found, {})
+        self.topics = {"": table_topic(found, count, units, unplaced=unplaced)}
 
     def close(self) -> None:
         """Close the file."""
