@@ -135,8 +135,8 @@ class Course:
     def apart(self, first: int, states: Array) -> Array:
         """Departures of states from the orbit at an interval, (..., n) [SI]; x in hover alone."""
         found = self.seen(first, states - self.along(first))
-        if self.turn:  # headings are known but for whole turns
-            found[..., self.yaw] = np.remainder(found[..., self.yaw] + np.pi, 2 * np.pi) - np.pi
+        if self.yaw is not None:  # headings are known but for whole turns
+            found[..., self.yaw] -= 2 * np.pi * np.round(found[..., self.yaw] / (2 * np.pi))
         way = found[..., self.places[:1]]
         return np.asarray(found - way * self.ahead[first % len(self.states)])
 

@@ -498,6 +498,7 @@ class OrbitController:
             [unit over SI].
         held: Number of samples at which the last command was held, by cause.
         limited: Number of answers in which a command stood at an end of its range, by command.
+        called: Time of the last call [s]; -inf before the first.
     """
 
     def __init__(
@@ -518,15 +519,14 @@ class OrbitController:
         costs = [model.steered.costs[model.steered.places(name)].max() for name in commands]
         self.state_cost = np.diag(self.weights)
         self.input_cost = np.diag(costs / self.half**2)
-        self.before = np.zeros(len(commands))
+        self.before, self._followed = np.zeros(len(commands)), False
         self.costs, self.gains = self._law(model)
         self.gains[..., model.lags] = 0.0
         if (grows := np.abs(self.multipliers).max()) > GROWS:
             said = f"{type(self).__name__}: departures grow {grows:.3g} times a beat"
             warnings.warn(f"{said}; tolerate larger ones or take gains of each part", stacklevel=4)
         self.held, self.limited, self._answers = Counter[str](), Counter[str](), 0
-        self._time = self._due = -np.inf
-        self._followed = False
+        self.called = self._due = -np.inf
 
     def __repr__(self) -> str:
         commands = ", ".join(self.model.commands)
@@ -547,7 +547,7 @@ class OrbitController:
         model.steered = SteeredGait(model.robot, model.steered.gait)
         model.course = copy(model.course)
         model.course.lead = 0.0
-        self.before = np.zeros(len(self.ends))
+        self.before, self.called = np.zeros(len(self.ends)), -np.inf
         self.held, self.limited, self._answers = Counter(), Counter(), 0
 
     def check_flight(self, robot: Robot, gait: Gait, mount: Mount) -> None:
@@ -647,14 +647,14 @@ class OrbitController:
         Raises:
             ParameterError: If it cannot start anew (`restart`).
         """
-        last, due = self._time, self._due
+        last, due = self.called, self._due
         if begins(time, last):
             self.restart()
         elif last >= 0 and abs(time - due) > UNEVEN * self.period:
             said = f"{type(self).__name__}: called after {time - last:.4g} s, not its period of"
             wanted = f"{due - last:.4g} s (control_period of a flight)"
             warnings.warn(f"{said} {wanted}", stacklevel=3)
-        self._time, self._due = time, time + self.period
+        self.called, self._due = time, time + self.period
         model, period = self.model, self.period
         if state is None:
             return self._hold("missing")

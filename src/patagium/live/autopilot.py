@@ -26,7 +26,7 @@ from patagium.native.structs import AUTOPILOT, MOTION_TRACK, REGULATOR
 from patagium.sensing.motion.frame_model import euler_function, floating_base
 from patagium.sensing.motion.motion_filter import CompiledFilter
 from patagium.sensing.motion.motion_tracker import ENLIVENED, LATELY, LOUD, Event, MotionTracker
-from patagium.simulation.steered_gait import Responses
+from patagium.simulation.steered_gait import Responses, SteeredGait
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Autopilot:
 
     Args:
         tracker: Tracker that has started; it is copied where it stands.
-        regulator: Regulator at the beginning of a flight, or where it stands; it is copied too.
+        regulator: Regulator, and the gait that it steers; it is copied where it stands too.
         pipeline: Pipeline of a learner, which is changed; None where nothing is learned.
         every: Ticks from one sample that is learned to the next.
 
@@ -125,9 +125,10 @@ class Autopilot:
         self._tracks = (MOTION_TRACK.type * len(filters))()
         room = int(tracker.memory * sum(one.rate for one in tracker.sensors.values())) + 16
         for track, part, one in zip(self._tracks, tracker.parts, filters, strict=True):
-            self._place(track, part.events[-1], one, room)
+            self._place(track, part.events, one, room)
             numbers = [one.numbers.get(name, -1) for name in tracker.sensors]
             track.numbers, track.memory = self._address(numbers, np.int32), tracker.memory
+            track.loud, track.seen = part.loud, part.seen
         base, self._regulator = floating_base(tracker.robot), self._of(regulator)
         euler = euler_function()
         self._kept.append(euler)
@@ -162,17 +163,20 @@ class Autopilot:
         self._kept.append(array)
         return int(array.ctypes.data)
 
-    def _place(self, track: Any, last: Event, native: CompiledFilter, room: int) -> None:
-        """Fill the memory of a part of the tracker; it begins with the last sample."""
+    def _place(self, track: Any, events: list[Event], native: CompiledFilter, room: int) -> None:
+        """Fill the memory of a part of the tracker with its samples of late."""
         self._kept.append(native)
+        room += len(events)
         width = max(sensor.width for sensor in native.sensors)
+        time, numbers, values = np.zeros(room), np.zeros(room), np.zeros((room, width))
         estimates = np.zeros((room, native.row_size))
-        estimates[0] = last.after.row
-        track.filter, track.count = ctypes.addressof(native.struct), 1
+        for k, event in enumerate(events):
+            seen, estimates[k], time[k] = event.observation, event.after.row, event.time
+            numbers[k], values[k, : len(seen.values)] = native.numbers[seen.name], seen.values
+        track.filter, track.count = ctypes.addressof(native.struct), len(events)
         track.capacity, track.size, track.width = room, native.row_size, width
-        track.time = self._address(np.r_[last.time, np.zeros(room - 1)])
-        track.sensor = self._address(np.zeros(room), np.int32)
-        track.values = self._address(np.zeros((room, width)))
+        track.time, track.sensor = self._address(time), self._address(numbers, np.int32)
+        track.values = self._address(values)
         track.estimates, track.scratch = self._address(estimates), self._address(estimates[0])
         track.found = native.found.ctypes.data
         track.too_loud, track.lately, track.enlivened = LOUD, LATELY, ENLIVENED
@@ -180,7 +184,7 @@ class Autopilot:
     def _of(self, regulator: LinearRegulator) -> Any:
         """Structure of a regulator, and of the gait that it steers."""
         model, names = regulator.model, regulator.model.robot.dof_names
-        course = model.course
+        course, last = model.course, model.number(max(regulator.called, -model.period))
         gait, count = model.steered, len(model.commands)
         moving = [name.removeprefix("velocity of ") for name in model.names]
         sources = [
@@ -190,13 +194,7 @@ class Autopilot:
         moves = np.zeros((count, len(gait.neutral)))
         for row, name in zip(moves, model.commands, strict=True):
             row[gait.places(name)] = 1.0
-        last = gait.answers[-1]
-        end = np.array([last.lasting.max()])
-        state, still = np.concatenate(last.at(end)), np.zeros_like(gait.target)
-        goes = Responses.from_state(state, gait.target, still, gait.sharpness)
-        start = [last.time + end[0], last.own(end)[0]]
-        pieces = np.zeros((len(gait.neutral) + 3, 2 + 5 * len(gait.neutral)))
-        pieces[0] = np.concatenate([start, goes.target, goes.slope, *goes.c])
+        pieces = _pieces(gait)
         arrays: dict[str, ArrayLike] = {
             "along": course.states, "ahead": course.ahead, "travel": course.travel,
             "origin": course.origin,
@@ -205,7 +203,8 @@ class Autopilot:
             "scale": [gait.scale(name) for name in model.commands], "before": regulator.before,
             "sharpness": gait.sharpness, "range": gait.range, "rates": gait.rates,
             "largest": gait.largest_amplitudes, "room": gait.room, "reach": gait.reach,
-            "target": gait.target, "pieces": pieces,
+            "target": gait.target,
+            "pieces": np.pad(pieces, ((0, len(gait.neutral) + 3 - len(pieces)), (0, 0))),
         }  # fmt: skip
         places: dict[str, ArrayLike] = {
             "pairs": course.pairs, "places": model.kept, "sources": sources,
@@ -220,7 +219,7 @@ class Autopilot:
             responses=len(gait.neutral),
             joints=len(gait.joints),
             period=model.period,
-            next=0.0,
+            next=max(0.0, model.time(last + 1)),
             turn=course.turn,
             heading=course.heading,
             lead=course.lead,
@@ -229,7 +228,7 @@ class Autopilot:
             vectors=len(course.pairs),
             z=course.places[2],
             yaw=-1 if course.yaw is None else course.yaw,
-            count=1,
+            count=len(pieces),
             **{name: self._address(values) for name, values in arrays.items()},
             **{name: self._address(values, np.int32) for name, values in places.items()},
         )
@@ -255,7 +254,8 @@ class Autopilot:
         Args:
             time: Now, not before the last stamp, since the beginning of the orbit [s]. One that
                 falls, or is further ahead of the last tick than the tracker's memory, holds the
-                last commands and is counted, until ten that rise are far ahead.
+                last commands and is counted, until ten that rise are far ahead: the estimate then
+                goes on as if its last tick were a memory ago. One of 1e15 intervals is held always.
             samples: Stamp and values of each sensor that has one, as `MotionTracker.push` takes
                 them, by its name [s, SI].
             forces: Forces u1 and those carried of the learner's packet, (k n,) [N, N m].
@@ -293,6 +293,18 @@ class Autopilot:
             n, outputs, _ = self.sizes
             self._chain.account_for(done, records[:, 3 * n : 3 * n + outputs])
         return Ticks(records, self.sizes)
+
+
+def _pieces(gait: SteeredGait) -> Array:
+    """Last command as the kernel has it: a row for its beginning and for the end of each ramp."""
+    last, rows = gait.answers[-1], []
+    for end in np.unique([0.0, *last.lasting]):
+        since, slope = np.array([end]), np.where(last.lasting > end, last.ramp.slope, 0.0)
+        aim = gait.target - slope * (last.lasting - end)
+        goes = Responses.from_state(np.concatenate(last.at(since)), aim, slope, gait.sharpness)
+        begin = [last.time + end], last.own(since)
+        rows.append(np.concatenate([*begin, goes.target, goes.slope, *goes.c]))
+    return np.array(rows)
 
 
 def _check(

@@ -192,6 +192,91 @@ def test_a_wild_time_ends_nothing(orbit, log):
     assert np.isfinite(late[-1].motion).all() and not np.isfinite(late[0].motion).any()
 
 
+@pytest.mark.filterwarnings("ignore:LinearRegulator. called after")  # ticks are samples' arrivals
+def test_an_autopilot_goes_on_where_its_parts_stand(orbit, log):
+    """In the middle of ramps, with a camera that is late and outliers that count as loud."""
+    rng, delays = np.random.default_rng(0), {CAMERA.name: 0.0042}
+    samples = [
+        (stamp + delays.get(name, 0.0), name, stamp, row * (1.5 if rng.random() < 0.1 else 1.0))
+        for name, stamp, row in log.samples()[40:]
+    ]
+    tracker, regulator = tracked(orbit, [], 40, True, log), LinearRegulator(orbit, COMMANDS)
+    autopilots, due, commanded = [], 0.0, 0
+    scale = [regulator.model.steered.scale(name) for name in COMMANDS]
+    for k, (time, name, stamp, row) in enumerate(sorted(samples, key=lambda one: one[0])):
+        tracker.push(name, stamp, row)
+        now, given = tracker.now(max(time, tracker.span[1])), time >= due - 1e-9
+        ticks = [one.step(time, {name: [stamp, *row]}) for one in autopilots]
+        if given:
+            regulator(time, FlightState(orbit.robot, time, now.q, now.v))
+            due = (round(time / regulator.period) + 1) * regulator.period
+        wanted = (regulator.before + regulator.model.neutral) / scale
+        for tick in ticks:
+            assert tick.commanded[0] == given
+            commanded += given
+            np.testing.assert_allclose(tick.motion[0], [now.q, now.v, now.a], **CLOSE)
+            np.testing.assert_allclose(tick.commands[0], wanted, rtol=1e-9, atol=1e-12)
+        if k in (140, 150, 155) or given and 160 < k < 180:
+            lasting = regulator.model.steered.answers[-1]
+            assert (lasting.time + lasting.lasting > time).any()  # of the ramps
+            autopilots.append(Autopilot(tracker, regulator))
+    assert commanded > 20 and len(autopilots) > 3
+    assert tracker.raised > 0 and tracker.late == 0
+
+
+def test_a_heading_counts_but_for_whole_turns(orbit, log):
+    """The tracker's yaw is within half a turn; that of a straight leg after turns is beyond it."""
+    tracker, found = tracked(orbit, [], 40, True, log), []
+    now = tracker.now()
+    for turns in (0, 1):
+        regulator = LinearRegulator(orbit, COMMANDS)
+        regulator.model.course.heading = 2 * np.pi * turns
+        found.append(Autopilot(tracker, regulator).step(now.time, {}).commands[0])
+        given = regulator(now.time, FlightState(orbit.robot, now.time, now.q, now.v))
+        found.append(list(given.values()))
+    for one in found:  # rounding of a sine of whole turns, times gains of some ten
+        np.testing.assert_allclose(one, found[0], rtol=1e-9, atol=1e-12)
+
+
+def test_a_loop_goes_on_after_a_gap(orbit, log):
+    """Two ticks have one time, as two sensors of one rate have: none was believed ever again."""
+    tracker = tracked(orbit, [], 40, True, log)
+    autopilot, begin = Autopilot(tracker, LinearRegulator(orbit, COMMANDS)), tracker.span[1]
+    times = np.repeat(begin + 0.05 + 1e-3 * np.arange(40), 2)  # the memory is .03 s
+    given = [bool(autopilot.step(time, {}).commanded[0]) for time in times]
+    assert sum(given) > 1 and autopilot.counts["held"] == 18
+
+
+def test_a_clock_that_is_set_ahead_costs_a_moment(orbit, log):
+    """The estimate was extrapolated by the jump: commands were made of 1e70 m."""
+    tracker, late = tracked(orbit, [], 0, True, log), {CAMERA.name: CAMERA.delay}
+    samples = [
+        (name, stamp, stamp - late.get(name, 0.0), row) for name, stamp, row in log.samples()
+    ]
+    tracker.memory = 0.1  # s, as by default
+    for name, _, true, row in samples[:40]:
+        tracker.push(name, true, row)
+    autopilots = [Autopilot(tracker, LinearRegulator(orbit, COMMANDS)) for _ in range(2)]
+    away = []
+    for k, (name, stamp, true, row) in enumerate(samples[40:]):
+        jumps = zip(autopilots, (0.0, 1e3 * (k >= 250)), strict=True)
+        ticks = [one.step(stamp + jump, {name: [true + jump, *row]}) for one, jump in jumps]
+        away.append(np.abs(ticks[1].motion[0, 0] - ticks[0].motion[0, 0]).max())
+    assert max(away[:250]) == 0.0
+    assert np.nanmax(away) < 10.0  # m, rad: wings that go on through a memory of .1 s
+    assert max(away[330:]) < 0.01  # some deviations of the encoders' noise
+    assert autopilots[1].counts | {"held": 0} == autopilots[0].counts
+
+
+def test_a_time_without_end_is_never_believed(orbit, log):
+    """Nanoseconds in place of seconds, where the number of an interval is none any more."""
+    tracker = tracked(orbit, [], 40, True, log)
+    autopilot = Autopilot(tracker, LinearRegulator(orbit, COMMANDS))
+    ticks = [autopilot.step(1e17 * (1 + 0.01 * k), {}) for k in range(20)]
+    assert not any(tick.commanded[0] for tick in ticks) and autopilot.counts["held"] == 20
+    assert autopilot.step(tracker.span[1], {}).commanded[0]
+
+
 def test_parts_that_do_not_go_together_are_refused(orbit, log):
     regulator = LinearRegulator(orbit, COMMANDS)
     tracker = tracked(orbit, [], 40, True, log)

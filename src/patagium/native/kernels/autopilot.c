@@ -264,7 +264,7 @@ static void depart(regulator *r, int64_t first, const double *now, double *away)
                              radius[0] * (radius[0] + away[x]) + radius[1] * (radius[1] + away[y]));
     if (isfinite(way)) r->lead += way;
   }
-  if (bends) away[r->yaw] = remainder(away[r->yaw], 6.283185307179586);
+  if (r->yaw >= 0) away[r->yaw] = remainder(away[r->yaw], 6.283185307179586);
   const double way = away[x];
   for (int k = 0; k < r->states; k++) away[k] -= way * r->ahead[part * r->states + k];
 }
@@ -306,20 +306,27 @@ static double now_ns(void) {
   return 1e9 * (double)t.tv_sec + (double)t.tv_nsec;
 }
 
-/* Whether the time of a tick neither fell nor jumped, or jumped for ten ticks that rise. */
+/* Whether the time of a tick neither fell nor jumped, or jumped for ten ticks that rise.
+ *
+ * A clock was set ahead then, or nothing is known of what was longer ago than the memory: the
+ * samples so far are moved ahead, so that the last tick is a memory ago.
+ */
 static int counts(autopilot *p, double time) {
+  const double jump = time - p->time - p->memory, most = 1e15 * ((regulator *)p->regulator)->period;
   if (!(time >= p->time)) {
     p->late++;
     return 0;
   }
-  if (!(time - p->time <= p->memory)) {
-    p->again = p->again && time > p->ahead ? p->again + 1 : 1;
+  if (jump > 0) {
+    p->again = p->again && time >= p->ahead ? p->again + (time > p->ahead) : 1;
     p->ahead = time;
-    if (!isfinite(time) || p->again < 10) {
-      p->held++;
-      return 0;
-    }
   }
+  if (!(fabs(time) < most) || (jump > 0 && p->again < 10)) {
+    p->held++;
+    return 0;
+  }
+  for (motion_track *t = p->track; jump > 0 && t < (motion_track *)p->track + p->tracks; t++)
+    for (int64_t k = 0; k < t->count; k++) t->time[slot(t, k)] += jump;
   p->time = time;
   p->again = 0;
   return 1;

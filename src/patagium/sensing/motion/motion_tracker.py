@@ -281,7 +281,7 @@ class _Part:
         self.events: list[Event] = []
         self.late, self.raised = 0, 0
         self._waiting: dict[str, tuple[float, Array]] = {}
-        self._loud = self._seen = 0
+        self.loud = self.seen = 0
 
     @property
     def missing(self) -> set[str]:
@@ -358,13 +358,13 @@ class _Part:
         """Add the sample of a time to the estimate before it."""
         found = self.filter.update(estimate, [observation])
         self.events.append(Event(time, observation, found))
-        self._loud += 1 if found.nis > LOUD else -1  # above zero where the median is
-        self._seen += 1
-        if self._seen == LATELY:
-            if self._loud > 0:
+        self.loud += 1 if found.nis > LOUD else -1  # above zero where the median is
+        self.seen += 1
+        if self.seen == LATELY:
+            if self.loud > 0:
                 self.filter.enliven(ENLIVENED)
                 self.raised += 1
-            self._loud = self._seen = 0
+            self.loud = self.seen = 0
 
     def _place(self, time: float, observation: Observation, memory: float) -> None:
         place = self._after(time)
