@@ -246,6 +246,43 @@ def _thrown(heading: float) -> tuple[np.ndarray, Rotation, np.ndarray]:
     return place, Rotation.concatenate(turns), t
 
 
+@pytest.mark.parametrize(
+    ("fault", "kind", "words"),
+    [
+        ("", "", ""),
+        ("10 deg", "", ""),  # less than the 15 deg of the documents
+        ("world", "axes", "turned by 4"),  # by the heading of 40 deg
+        ("ypr", "axes", "turned by"),
+        ("ms", "unit", "are the stamps in s, not in ms?"),
+    ],
+)
+@pytest.mark.parametrize("rows", [100, 600])
+def test_rates_that_are_turned_from_the_attitude_are_told(
+    rows: int, fault: str, kind: str, words: str, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    """Pitch of flapping hid a turn by 40 deg, and logs below half a second were passed over."""
+    _, turn, t = _flown(0.7, banked=0.02)
+    step = (turn[:-1].inv() * turn[1:]).as_rotvec() / 0.005
+    rate = (step + np.vstack([step[1:], step[-1:]])) / 2  # at the later sample, to second order
+    turn, t = turn[1 : rows + 1], t[1 : rows + 1]
+    rate = (turn.apply(rate[: len(t)]) if fault == "world" else rate[: len(t)]) + 2e-3  # a bias
+    if fault == "10 deg":
+        rate = Rotation.from_euler("z", 10, degrees=True).apply(rate)
+    seen = turn * Rotation.from_rotvec(1e-4 * rng.normal(size=(len(t), 3)))
+    angles = seen.as_euler("ZYX", degrees=True)[:, :: 1 if fault == "ypr" else -1]
+    table = pd.DataFrame(np.column_stack([t, angles, rate]), columns=["t", *"abc", *"xyz"])
+    table.to_csv(tmp_path / "log.csv", index=False)
+    attitude = {"column": [*"abc"], "order": "rpy", "unit": "deg", "frame": "nwu", "body": "flu"}
+    gyro = {"column": [*"xyz"], "unit": "rad/s", "frame": "flu", "name": "rate"}
+    channels = [attitude | {"name": "attitude"}, gyro]
+    time = {"column": "t", "unit": "ms" if fault == "ms" else "s"}
+    mapping = parse_mapping({"time": time, "channels": channels})
+    found = import_log(tmp_path / "log.csv", mapping, tmp_path / "log.nc").findings
+    told = [one for one in found if one.level == "warning" and one.kind in ("unit", "axes")]
+    assert [one.kind for one in told] == [kind] * bool(kind), told
+    assert all(words in one.text for one in told), told
+
+
 @pytest.mark.parametrize("heading", [0.0, 1.0, np.pi])
 @pytest.mark.parametrize("motion", ["level", "turning", "thrown"])
 def test_an_attitude_in_another_order_than_stated_is_told(

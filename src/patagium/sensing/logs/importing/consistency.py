@@ -28,7 +28,7 @@ from patagium.sensing.logs.importing.findings import (
     sizes_of,
     unit_findings,
 )
-from patagium.sensing.logs.importing.plan import Quantity
+from patagium.sensing.logs.importing.plan import Quantity, coordinates
 from patagium.sensing.logs.importing.resample import Spool, TimeBase, resampled, stamps_in
 from patagium.sensing.logs.sensor_log import body_in
 from patagium.sensing.motion.camera_faults import consistent_frames
@@ -38,6 +38,8 @@ from patagium.sensing.sensors import as_quaternion, from_quaternion
 _STRETCHES = 8
 _LENGTH = 4000
 _SPAN = 0.05  # s
+_ENOUGH = 30
+"""Numbers of each of two rates that a comparison takes."""
 _BRIEF = 0.01
 """Duration of the means of joints, of which a wingbeat has several [s]."""
 _DIFFERENT = 0.5
@@ -55,6 +57,9 @@ _RATES = {
     ),
 }
 """Mean and size of a body and size of a joint below which all is noise [SI], and the remedy."""
+_NEARER, _TURN = 4.0, np.radians(15.0)
+"""Squares of the difference of two rates over those once one is turned, from which it was turned,
+and least angle [rad]."""
 _WORLDS = ("ned", "enu", "nwu")
 _SURE = 0.6
 """Correlation from which two rates are taken as the same motion."""
@@ -124,7 +129,7 @@ class _Stretches:
 
     def __init__(self, spool: Spool, base: TimeBase) -> None:
         self._spool, self._base, self._gap = spool, base, spool.plan.mapping.gap
-        self.span = max(1, round(_SPAN / base.step))
+        self.span = max(1, min(round(_SPAN / base.step), base.count // 10))
         self.duration = self.span * base.step
         length = min(max(_LENGTH, 20 * self.span), base.count)
         last = base.count - length
@@ -178,6 +183,12 @@ def _changes(
     return np.concatenate(both, axis=1) if both else np.empty((2, 0, 1))
 
 
+def _span_of(pieces: Sequence[Piece], most: int) -> int:
+    """Samples of a span: at most so many, and so few that a short log has spans enough."""
+    numbers = sum(rate.size for _, (_, rate) in pieces)
+    return max(1, min(most, 3 * numbers // (4 * _ENOUGH)))
+
+
 def _rate_findings(looked: _Stretches, items: Sequence[Quantity], robot: Robot) -> list[Finding]:
     """Findings that velocities or accelerations of coordinates are not the changes that they are.
 
@@ -186,29 +197,55 @@ def _rate_findings(looked: _Stretches, items: Sequence[Quantity], robot: Robot) 
         items: Its quantities.
         robot: The machine, whose coordinates name them.
     """
-    held, found = {item.column.label: item for item in items}, []
+    held, found = coordinates(items, robot), []
     for (lower, upper), (mean, *floors, words) in _RATES.items():
         wrong = []
         for k, name in enumerate(robot.dof_names):
             place, rate = held.get(f"{lower}.{name}"), held.get(f"{upper}.{name}")
             if place is None or rate is None:
                 continue
-            base = k in robot.floating_dofs
-            span = looked.span if base else max(1, round(_BRIEF * looked.span / looked.duration))
-            derived, measured = _changes(looked.of(place, rate), span).reshape(2, -1)
+            base, pieces = k in robot.floating_dofs, looked.of(place, rate)
+            usual = round((_SPAN if base else _BRIEF) * looked.span / looked.duration)
+            span = _span_of(pieces, usual)
+            derived, measured = _changes(pieces, span).reshape(2, -1)
             count, offset = max(1, derived.size), float((measured - derived).sum())
             larger = float(max(derived @ derived, measured @ measured))
             apart = float(np.sum((derived - measured) ** 2))
-            differs = larger > floors[not base] ** 2 * count and apart > _DIFFERENT**2 * larger
-            if count >= 30 and (differs or (base and abs(offset) > mean * count)):
+            floor = floors[not base] * max(1.0, usual / span)  # noise grows as spans shrink
+            differs = larger > floor**2 * count and apart > _DIFFERENT**2 * larger
+            if count >= _ENOUGH and (differs or (base and abs(offset) > mean * count)):
                 wrong.append(
                     f"{upper}.{name} (by {offset / count:.2g} {rate.si} in the mean, "
                     f"{np.sqrt(apart / count):.2g} rms)"
                 )
+        for body in robot.floating_bodies.values():
+            names = [robot.dof_names[k] for k in body.floating_dofs or ()]
+            parts = [lower] * 3 + [upper] * 3 + ["q"] * 3
+            labels = [".".join(one) for one in zip(parts, names[:3] + names, strict=True)]
+            if held.keys() >= {*labels} and _along_body(looked, [held[one] for one in labels]):
+                wrong.append(f"{', '.join(labels[3:6])} (they are once turned from body to world)")
         if wrong:
             text = f"not the change of {lower}: {', '.join(wrong)}; {words}"
             found.append(Finding("warning", "flight", "rates", text))
     return found
+
+
+def _along_body(looked: _Stretches, items: Sequence[Quantity]) -> bool:
+    """Whether rates are changes only once turned from the body to the world.
+
+    Args:
+        looked: Stretches of the log.
+        items: Three coordinates, their rates, and roll, pitch and yaw.
+    """
+    pieces = [(time, np.split(np.hstack(x), 3, axis=1)) for time, x in looked.of(*items)]
+    stated = [(time, [x, rate]) for time, (x, rate, _) in pieces]
+    turned = [
+        (time, [x, Rotation.from_euler("ZYX", angles[:, ::-1]).apply(rate)])
+        for time, (x, rate, angles) in pieces
+    ]
+    span = _span_of(stated, looked.span)
+    far, near = (np.diff(_changes(one, span), axis=0) for one in (stated, turned))
+    return bool(far.size >= _ENOUGH and _NEARER * (near**2).sum() < (far**2).sum())
 
 
 def _compare(looked: _Stretches, place: Quantity, rate: Quantity) -> list[Finding]:
@@ -216,13 +253,14 @@ def _compare(looked: _Stretches, place: Quantity, rate: Quantity) -> list[Findin
     return _agreement(names, looked.of(place, rate), looked.span, turning=place.is_attitude)
 
 
-def _agreement(names: str, pieces: Sequence[Piece], span: int, *, turning: bool) -> list[Finding]:
+def _agreement(names: str, pieces: Sequence[Piece], most: int, *, turning: bool) -> list[Finding]:
     """Finding that a place, or an attitude, does not move as its rate says."""
-    moved = turning_rate if turning else _velocity
-    derived, measured = _changes(pieces, span, moved).reshape(2, -1)
+    moved, span = turning_rate if turning else _velocity, _span_of(pieces, most)
+    changes = _changes(pieces, span, moved)
+    derived, measured = changes.reshape(2, -1)
     size, other = np.linalg.norm(derived), np.linalg.norm(measured)
-    floor = 0.05 * np.sqrt(len(derived))  # rad/s or m/s: less is noise
-    if len(derived) < 30 or max(size, other) < floor or not (size > 0 and other > 0):
+    floor = 0.05 * np.sqrt(len(derived)) * most / span  # rad/s or m/s: less is noise
+    if len(derived) < _ENOUGH or max(size, other) < floor or not (size > 0 and other > 0):
         return []
     ratio, correlation = size / other, float(derived @ measured / (size * other))
     facts = f"size ratio {ratio:.4g}, correlation {correlation:.2f}"
@@ -232,15 +270,28 @@ def _agreement(names: str, pieces: Sequence[Piece], span: int, *, turning: bool)
     # of the same motion, noise makes the derived one larger: the correlation is 1 / ratio
     elif correlation < -_SURE or (correlation < 0.4 and 0.5 < ratio < 2.0):
         kind, doubt = "axes", "check frame, body, order, inverted and the time base"
+    elif 0 < correlation < np.cos(_TURN) and _agree_turned(*changes):
+        turn = f"turned by {np.degrees(np.arccos(correlation)):.0f} deg in the mean"
+        kind, doubt = "axes", f"{turn}; check frame, body and order of both"
     else:
         return []
     return [Finding("warning", names, kind, f"do not agree ({facts}): {doubt}")]
+
+
+def _agree_turned(derived: Array, measured: Array) -> bool:
+    """Whether two rates, (m, 3), agree far better once one is turned by the best rotation."""
+    size, product = (derived**2).sum() + (measured**2).sum(), measured.T @ derived
+    *most, least = np.linalg.svd(product, compute_uv=False)
+    same, best = np.trace(product), sum(most) + np.sign(np.linalg.det(product)) * least
+    return bool(_NEARER * (size - 2 * best) < size - 2 * same)
 
 
 _SLIPS = {
     True: (
         (np.pi / 180, "is the rate in deg/s?"),
         (180 / np.pi, "is the rate in rad/s?"),
+        (1e3, "are the stamps in s, not in ms?"),
+        (1e-3, "are the stamps in ms, not in s?"),
     ),
     False: (
         (1e3, "position too large or velocity too small by 1000: mm for m?"),

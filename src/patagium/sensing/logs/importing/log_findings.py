@@ -28,7 +28,7 @@ from patagium.sensing.logs.importing.findings import (
     stamp_findings,
     unit_findings,
 )
-from patagium.sensing.logs.importing.plan import Plan, Quantity
+from patagium.sensing.logs.importing.plan import Plan, Quantity, coordinates
 from patagium.sensing.logs.importing.resample import CHUNK, Spool, TimeBase
 from patagium.sensing.logs.mapping import AirWords, conversion, si_of
 from patagium.sensing.logs.record import WIND
@@ -42,7 +42,7 @@ def log_findings(spool: Spool, base: TimeBase) -> list[Finding]:
             is in a unit of another dimension.
     """
     plan, log, mapping = spool.plan, spool.plan.log, spool.plan.mapping
-    flown = flight_labels(plan.robot)
+    flown, units = coordinates(plan.items, plan.robot), flight_labels(plan.robot)
     found = [Finding("note", str(log.path), "file", note) for note in log.notes]
     found += spool.findings
     for name, wanted, survey in zip(plan.names, plan.wanted, spool.surveys, strict=True):
@@ -70,8 +70,9 @@ def log_findings(spool: Spool, base: TimeBase) -> list[Finding]:
         if item.si == "m/s^2"
     )
     for item in plan.items:
-        known = item.column.label in flown  # a coordinate of the robot, not of a sensor
-        conversion(item.column.unit, flown.get(item.column.label), f"mapping: {item.column.label}")
+        label = next((one for one in item.column.labels if one in flown), "")
+        known = bool(label)  # a coordinate of the robot, not of a sensor
+        conversion(item.column.unit, units.get(label), f"mapping: {item.column.label}")
         found += _item_findings(item, spool, known, still)
         found += _range_findings(item, spool)
         found += _recorder_findings(item, spool)
@@ -241,8 +242,7 @@ def zero_forces(plan: Plan) -> dict[str, str]:
 def _flight_findings(robot: Robot, spool: Spool) -> list[Finding]:
     """Findings about coordinates that were not measured, or that never change."""
     plan, surveys = spool.plan, spool.surveys
-    wanted = flight_labels(robot)
-    held = {item.column.label: item for item in plan.items if item.column.label in wanted}
+    wanted, held = flight_labels(robot), coordinates(plan.items, robot)
     if not held:
         text = f"names no q, v, a, u1 of {robot.name!r}: the log is no flight of it yet"
         return [Finding("note", "mapping", "flight", text)]

@@ -14,7 +14,7 @@ import numpy as np
 from patagium.arrays import Array, Bools
 from patagium.errors import LogError
 from patagium.robot import Robot
-from patagium.sensing.force.air_force import PARTS
+from patagium.sensing.force.air_force import PARTS, flight_labels
 from patagium.sensing.logs.axes import attitude_in_ours, axes_of
 from patagium.sensing.logs.files.channels import (
     LogFile,
@@ -119,6 +119,25 @@ class Quantity:
         ends = np.broadcast_to(bounds, (2, 3)) @ _axes(words.frame).T
         rows = np.sort(ends, axis=0).T.tolist()
         return [(row[0], row[1]) for row in rows[: len(words.labels)]]
+
+
+def coordinates(items: Sequence[Quantity], robot: Robot | None) -> dict[str, Quantity]:
+    """Coordinates of a flight by label, such as `q.x`, each a quantity of one number.
+
+    A vector named q, v or a holds three where numbers of its part, such as `q.roll`, stand beside.
+    """
+    wanted = flight_labels(robot)
+    found = {one.column.label: one for one in items if one.column.label in wanted}
+    parts = {label.partition(".")[0] for label in found}
+    for one in items:
+        if one.column.label in parts and not one.is_attitude:
+            words, offset = one.column, np.broadcast_to(one.column.offset, 3)
+            for label, row in zip(words.labels, _axes(words.frame), strict=True):
+                k = int(np.abs(row).argmax())
+                turned = {"negated": words.negated != (row[k] < 0), "offset": float(offset[k])}
+                column = words.model_copy(update={"name": label, "frame": None, **turned})
+                found[label] = replace(one, column=column, places=[one.places[k]])
+    return {label: one for label, one in found.items() if label in wanted}
 
 
 @dataclass(frozen=True)
