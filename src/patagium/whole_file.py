@@ -45,8 +45,7 @@ class Draft:
     def __init__(self, path: str | Path) -> None:
         self.target = Path(path)
         with _told_of(self.target):
-            self._place, former = _behind(self.target)
-            self._replaces = former is None or stat.S_ISREG(former.st_mode)
+            self._place, former, self._replaces = _behind(self.target)
             if self._replaces:
                 self.path = _new_draft(self._place, former)
             else:
@@ -170,8 +169,7 @@ def placed(path: str | Path) -> None:
         OutputError: If it cannot be written there.
     """
     with _told_of(path):
-        place, former = _behind(Path(path))
-        replaced = former is None or stat.S_ISREG(former.st_mode)
+        place, _, replaced = _behind(Path(path))
         if replaced and not os.access(place.parent, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
@@ -181,7 +179,7 @@ def locked(path: str | Path) -> Iterator[None]:
     """Block that one process at a time enters, by a lock beside a file; a killed one leaves it.
 
     Args:
-        path: The file, in a folder that is there.
+        path: The file, in a folder that is there; a device or a pipe has no lock.
 
     Raises:
         OutputError: If another process is in such a block; which one is told.
@@ -189,8 +187,12 @@ def locked(path: str | Path) -> Iterator[None]:
     import fcntl
 
     with _told_of(path):
-        place, _ = _behind(Path(path))
-        name = place.with_name(f".{place.name}.lock")
+        place, _, replaced = _behind(Path(path))
+    if not replaced:
+        yield
+        return
+    name = place.with_name(f".{place.name}.lock")
+    with _told_of(path):
         while True:
             lock = name.open("a+")
             try:
@@ -234,8 +236,8 @@ def _told_of(path: str | Path) -> Iterator[None]:
         raise OutputError(path, problem) from problem
 
 
-def _behind(path: Path) -> tuple[Path, os.stat_result | None]:
-    """Place that a path leads to through its links, and what is there; None: nothing yet."""
+def _behind(path: Path) -> tuple[Path, os.stat_result | None, bool]:
+    """Place behind the links of a path, what is there, if anything, and whether it is replaced."""
     place = path
     for _ in range(_MOST_LINKS):
         folder = place.parent.resolve(strict=True)
@@ -246,16 +248,16 @@ def _behind(path: Path) -> tuple[Path, os.stat_result | None]:
     try:
         former = place.stat()
     except FileNotFoundError:
-        return place, None
+        return place, None, True
     except ValueError as problem:  # a name that no system has
         raise OSError(problem) from problem
     if stat.S_ISDIR(former.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if _is_of_descriptors(folder):  # whatever it is, its reader holds it by another name
-        return place, os.stat_result((stat.S_IFIFO, *former[1:]))
+        return place, former, False
     if not os.access(place, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-    return place, former
+    return place, former, stat.S_ISREG(former.st_mode)
 
 
 def _is_of_descriptors(folder: Path) -> bool:

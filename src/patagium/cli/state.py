@@ -8,17 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from patagium.cli.words import tell
+from patagium.errors import LogError
 
 
-def sole_user(state: Path | None) -> AbstractContextManager[None]:
-    """Block in which no other process learns from and into a state file, if there is one.
+def sole_user(file: Path | None) -> AbstractContextManager[None]:
+    """Block in which no other process uses a state or a record, if a file is named.
 
     Raises:
         OutputError: If another process does; which one is told.
     """
     from patagium.whole_file import locked
 
-    return nullcontext() if state is None else locked(state)
+    return nullcontext() if file is None else locked(file)
 
 
 def resumed(learner: Any, state: Path | None) -> Any:
@@ -67,12 +68,22 @@ def keep_model(
         learner: Learner, or a model.
         inputs: Names of the inputs; None: those of the network.
         source: Name of what it was learned from.
+
+    Raises:
+        LogError: If the learner has learned nothing; nothing is written then.
     """
     from patagium.learning.model_file import Model, model_of, save_model
 
     if path is not None:
-        model = learner if isinstance(learner, Model) else model_of(learner, inputs=inputs)
-        replaced = path.is_file()
-        save_model(path, replace(model, source=source))
-        before = ", in place of the one before" if replaced else ""
+        if not isinstance(learner, Model):
+            if not learner.count:
+                raise LogError(path, "samples that were learned", "none; nothing is written")
+            learner = model_of(learner, inputs=inputs)
+        before = instead(path)
+        save_model(path, replace(learner, source=source))
         tell(f"The model is in {path}{before}")
+
+
+def instead(path: Path) -> str:
+    """Words for a file that is written in place of an earlier one; empty where there is none."""
+    return ", in place of the one before" if path.is_file() else ""

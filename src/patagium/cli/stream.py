@@ -128,7 +128,7 @@ def stream(
     if air != stated and choice.shape()[0] is NetworkKind.DENSE:
         raise ParameterError("--density, --wind", "a network of wings, which sees the air", "dense")
     outputs, stop, ending = Outputs(), threading.Event(), threading.Event()
-    with sole_user(state):
+    with sole_user(state), sole_user(record):
         student = resumed(choice.learner(net), state)
         pipeline = Pipeline(student, machine)
         status, intake = Status(Counters(net.outputs, memory)), Intake()
@@ -325,9 +325,11 @@ class _Recording(AbstractContextManager["_Recording"]):
 
     def close(self, facts: dict[str, Any]) -> None:
         """Put what was recorded in its place, if it is whole."""
-        file = self._file
+        from patagium.cli.state import instead
+
+        file, before = self._file, instead(self._file.path)
         if file.sound and self._outputs.attempt("recording", lambda: file.close(facts)):
-            tell(f"The record of {file.written} samples is in {file.path}")
+            tell(f"The record of {file.written} samples is in {file.path}{before}")
 
 
 def _network(robot: Robot, air: Air, choice: LearnerChoice, scale_by: Path | None) -> Any:

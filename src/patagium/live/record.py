@@ -18,6 +18,7 @@ import numpy as np
 import xarray as xr
 
 from patagium.arrays import Array
+from patagium.errors import LogError
 from patagium.live.pipeline import Pipeline, Records
 from patagium.netcdf_file import NetcdfDraft
 from patagium.reading import json_ready
@@ -98,10 +99,13 @@ class StreamFile:
 
         Raises:
             OutputError: If the disk does not take it; what was there is then as it was.
+            LogError: If it has no packets; nothing is written then.
         """
         with self._draft.writing():
             if self._has_room():
                 self._write()
+            if not self.written:
+                raise LogError(self.path, "packets to record", "none; nothing is written")
             self._file.summary = json.dumps(json_ready({**facts, "recorded": self.written}))
         return self._draft.publish()
 

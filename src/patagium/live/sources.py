@@ -2,7 +2,8 @@
 
 A thread reads and puts packets into a queue of bounded size; who learns takes them out. A text
 waits where the queue is full, for it can; datagrams do not, and what found no room is counted.
-Texts that are cut or replaced while they are read are not noticed.
+A file that is cut while it is read is read anew, where it is seen before it has outgrown what was
+read; one that is replaced under its name is not noticed.
 """
 
 from __future__ import annotations
@@ -133,7 +134,7 @@ class PacketQueue:
                 self._first = np.concatenate([self._first, rows])[:_FIRST]
                 if self._robot is not None and len(self._first) >= self._look:
                     found = packet_doubts(self._robot, self._first)
-                    self._doubts = [f"Warning: {one}" for one in found]
+                    self._doubts += [f"Warning: {one}" for one in found]
                     self._look = _FIRST + 1 if found else len(self._first) + _APART
             return rows
         packets = self.motion.take(rows, most)
@@ -220,6 +221,11 @@ class TextSource:
             descriptor = self._pipe if file is None else file.fileno()
             fed = None if file is None else time.monotonic()
             while not stop.is_set():
+                if file and os.fstat(descriptor).st_size < os.lseek(descriptor, 0, os.SEEK_CUR):
+                    queue.notes.append(f"Warning: {self._path} was cut, and is read anew")
+                    packets.end()
+                    packets = TextPackets(self._columns, queue.intake, queue.describe)
+                    os.lseek(descriptor, 0, os.SEEK_SET)
                 told = bool(file or select.select([descriptor], [], [], _LOOK)[0])
                 piece = os.read(descriptor, _PIECE) if told else b""
                 if piece:

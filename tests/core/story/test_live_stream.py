@@ -254,6 +254,25 @@ def test_a_file_that_grows_is_followed(packets, pipeline, tmp_path):
     np.testing.assert_array_equal(pipeline.learner.weights, weights_after(packets))
 
 
+def test_a_file_that_is_cut_is_read_anew(packets, pipeline, tmp_path):
+    """Rows of a log that began anew were missing without a word, up to the old one's length."""
+    path, names = tmp_path / "log.csv", names_of(pipeline)
+    path.write_bytes(text_of(packets[:100]) + b"1,2")
+    queue, stop = PacketQueue(COUNT, len(names), Intake(), pipeline.robot), threading.Event()
+    reader = start_reading(TextSource(names, path, idle=5.0), queue, stop)
+    for begin, end in ((0, 100), (100, 150)):
+        if begin:
+            path.write_bytes(text_of(packets[begin:end]))  # shorter than what was read
+        found = np.empty((0, len(names)))
+        while len(found) < end - begin and reader.is_alive():
+            found = np.concatenate([found, queue.take(COUNT, 0.1)])
+        np.testing.assert_array_equal(found, packets[begin:end])
+    stop.set()
+    reader.join(10.0)
+    assert queue.notes == [f"Warning: {path} was cut, and is read anew"]
+    assert queue.intake.examples == ["line 102: the text ends within it"]
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
 def test_interrupted_it_writes_what_it_has(packets, tmp_path, number):
     log, record, model = (tmp_path / name for name in ("log.csv", "stream.nc", "model.json"))
@@ -415,13 +434,37 @@ def run_to_its_end(words):
     assert left.value.code in (0, None)
 
 
-def test_one_state_has_one_learner_at_a_time(told, tmp_path, capsys):
-    with locked(tmp_path / "state"), pytest.raises(SystemExit) as left:
-        run(told)
+@pytest.mark.parametrize("name", ["state", "stream.nc"])
+def test_a_state_and_a_record_have_one_stream_at_a_time(name, told, tmp_path, capsys):
+    """Of two streams with one record, that which ended last replaced the other's."""
+    with locked(tmp_path / name), pytest.raises(SystemExit) as left:
+        run([*told, "--record", str(tmp_path / "stream.nc")])
     assert left.value.code == 2
-    assert f"state: cannot be written: process {os.getpid()} " in (said := capsys.readouterr().err)
+    assert f"{name}: cannot be written: process {os.getpid()} " in (said := capsys.readouterr().err)
     assert "end that process, or name another file" in said
     assert [p.name for p in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_a_stream_without_a_packet_leaves_the_files_of_the_one_before(told, tmp_path, capsys):
+    """An empty record and the untrained prior replaced those of a night, with exit code 0."""
+    log, record, model = (tmp_path / name for name in ("log.csv", "stream.nc", "model.json"))
+    words = [word for word in told if word not in ("--state", str(tmp_path / "state"))]
+    words += ["--record", str(record), "--samples", "50"]
+    record.write_bytes(b"of an evening before")
+    run_to_its_end(words)
+    said = capsys.readouterr().err
+    assert (
+        "The record of 50 samples is in" in said and said.count("in place of the one before") == 1
+    )
+    before = record.read_bytes(), model.read_bytes()
+    log.write_bytes(text_of(np.empty((0, 57))))
+    with pytest.raises(SystemExit, match="2"):
+        run(words)
+    said = " ".join(capsys.readouterr().err.split())
+    assert "stream.nc: expected packets to record, found none; nothing is written" in said
+    assert said.endswith("not saved: recording, model; all else was")
+    assert (record.read_bytes(), model.read_bytes()) == before
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["log.csv", "model.json", "stream.nc"]
 
 
 def test_only_a_sender_with_the_key_is_learned_from(flight, packets, tmp_path, capsys, monkeypatch):

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from patagium.errors import OutputError, ParameterError, command
 from patagium.netcdf_file import NetcdfDraft
 from patagium.report.figures import save_figure
-from patagium.whole_file import make_folder, whole_file, write_whole
+from patagium.whole_file import locked, make_folder, whole_file, write_whole
 
 
 def drafts(folder: Path) -> list[Path]:
@@ -148,6 +148,12 @@ def test_a_device_is_written_to_and_stays(tmp_path: Path) -> None:
     write_whole(link, "new")
     assert os.path.samestat(os.lstat("/dev/full"), before)
     assert link.is_symlink() and not Path("/dev/null").is_file()
+
+
+def test_a_device_is_not_locked() -> None:
+    """A lock was laid beside it, in /dev, which few may write."""
+    with locked("/dev/null"), locked("/dev/null"):
+        assert not Path("/dev/.null.lock").exists()
 
 
 def test_a_pipe_gets_the_content_and_stays(tmp_path: Path) -> None:
