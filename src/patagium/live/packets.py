@@ -29,6 +29,7 @@ import secrets
 import socket
 import struct
 import time
+from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import inf, isfinite, nan
@@ -71,7 +72,8 @@ class Intake:
 
     Attributes:
         received: Packets that were read.
-        lost: Packets that the sequence numbers say were sent and never came.
+        lost: Packets that the sequence numbers say were sent and that have not come, not even
+            after later ones.
         repeated: Packets that came twice, or after later ones; not used.
         bad_rows: Lines or datagrams that are no packets.
         resynchronized: Jumps of a sequence that a second datagram confirmed; what was lost in
@@ -201,11 +203,12 @@ class TextPackets:
 
 @dataclass
 class _Run:
-    """Packets of a session that follow each other: from `first` up to `expected` they came."""
+    """Packets of a session from `first` up to `expected`: they came but for those `missing`."""
 
     session: float
     first: int
     expected: int
+    missing: OrderedDict[int, None] = field(default_factory=OrderedDict)  # the newest, in order
 
     def distance(self, sequence: int) -> float:
         """Packets between a sequence and those that came; infinite out of reach."""
@@ -279,7 +282,14 @@ class DatagramPackets:
         run = self._run_of(session, sequence, len(rows))
         old = min(len(rows), max(0, run.expected - sequence))
         self._intake.repeated += old
-        self._intake.lost += max(0, sequence - run.expected)
+        skipped = range(run.expected, sequence)
+        run.missing.update(dict.fromkeys(skipped))
+        found = [one for one in range(sequence, sequence + old) if one in run.missing]
+        for one in found:
+            del run.missing[one]
+        while len(run.missing) > REACH:
+            run.missing.popitem(last=False)
+        self._intake.lost += len(skipped) - len(found)
         self._intake.received += len(rows) - old
         run.expected = max(run.expected, sequence + len(rows))
         return rows[old:]
