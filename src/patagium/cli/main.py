@@ -12,7 +12,7 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import lru_cache, partial
 from io import TextIOWrapper
@@ -30,7 +30,7 @@ from patagium.cli import (  # isort: skip
 from patagium.cli.interruption import repeated_interrupt
 from patagium.cli.outputs import check_files
 from patagium.cli.usage import UsageError, usage_sentence
-from patagium.errors import ParameterError, PatagiumError
+from patagium.errors import OutputError, ParameterError, PatagiumError
 from patagium.plugins import VERBS, plugins
 from patagium.version import __version__
 
@@ -107,7 +107,7 @@ def _command(verb: ModuleType) -> type[TyperCommand]:
                 if word.startswith("--"):
                     error.args = (str(error).replace(error.name, word, 1),)
                 raise
-            except OSError as error:  # of a pipe, too, which Typer ends with 1 and no word
+            except (OSError, EOFError) as error:  # which Typer ends with 1 and no word
                 raise PatagiumError(_sentence(error)) from error
 
     return Command
@@ -168,8 +168,9 @@ def run(arguments: Sequence[str] | None = None) -> None:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     for name in ("stdout", "stderr"):  # closed before the start
-        if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        if getattr(sys, name) is None:  # writing fails, as to a full disk
+            nowhere = os.open(os.devnull, os.O_RDONLY)
+            setattr(sys, name, open(nowhere, "w", encoding="utf-8"))
     debug, stdout, stderr = "--debug" in words, sys.stdout, sys.stderr
     if isinstance(sys.stdout, TextIOWrapper):  # names of files may hold what is no text
         codecs.register_error("patagium", _in_fewer_letters)
@@ -212,19 +213,25 @@ def _in_fewer_letters(problem: Any) -> tuple[str | bytes, int]:
 
 
 class _Lossy:
-    """Standard stream that drops text whose writing fails with given errors."""
+    """Standard stream that drops text whose writing fails with given errors, and tells others."""
 
     def __init__(self, stream: TextIO, *lost: type[Exception]) -> None:
         self._stream, self._lost = stream, lost
 
     def write(self, text: str) -> int:
-        with suppress(*self._lost):
-            self._stream.write(text)
+        self._attempt(self._stream.write, text)
         return len(text)
 
     def flush(self) -> None:
-        with suppress(*self._lost):
-            self._stream.flush()
+        self._attempt(self._stream.flush)
+
+    def _attempt(self, act: Callable[..., object], *words: str) -> None:
+        try:
+            act(*words)
+        except self._lost:
+            pass
+        except OSError as problem:
+            raise OutputError("stdout", problem) from problem
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
@@ -247,7 +254,7 @@ def _say_warning(message: Warning | str, category: Any, *_: Any, **__: Any) -> N
     typer.echo(f"patagium: {'' if known else category.__name__ + ': '}{message}", err=True)
 
 
-def _sentence(error: PatagiumError | OSError) -> str:
+def _sentence(error: Exception) -> str:
     if isinstance(error, OSError) and not isinstance(error, PatagiumError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     return str(error)

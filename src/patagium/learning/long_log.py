@@ -250,10 +250,10 @@ class _LongRun:
         if self.path is None or not self.path.exists():
             return
         try:
-            with np.load(self.path) as held:
+            with np.load(io.BytesIO(self.path.read_bytes())) as held:
                 words = json.loads(str(held["words"]))
                 sums = {name: held[name] for name in held.files if name != "words"}
-        except (OSError, ValueError, KeyError) as problem:
+        except Exception as problem:  # of the libraries, in many kinds
             raise LogError(f"{self.path}: no course to go on from: {problem}; remove it") from None
         if words["mark"] != self._mark():
             raise LogError(

@@ -567,12 +567,13 @@ def test_a_report_of_another_kind_is_refused_before_the_work(words: str, speak: 
     assert answer.err == f"patagium: {said}\n"
 
 
-def test_closed_streams_lose_what_is_said_and_nothing_else() -> None:
-    """Python has None for a stream that is closed, which ended in two tracebacks."""
+def test_a_stdout_that_is_closed_is_told() -> None:
+    """Python has None for a stream that is closed: the answer was lost, with exit code 0."""
     program = '"$0" -c "from patagium.cli.main import run; run([\'robots\'])" >&-'
-    for closed in ("", " 2>&-"):
+    told = b"patagium: stdout: cannot be written: Bad file descriptor; name another place\n"
+    for closed, said in (("", told), (" 2>&-", b"")):
         done = subprocess.run(["sh", "-c", program + closed, sys.executable], capture_output=True)
-        assert (done.returncode, done.stderr) == (0, b"")
+        assert (done.returncode, done.stderr) == (2, said)
 
 
 @pytest.mark.parametrize(("pipe", "code"), [(True, 0), (False, 2)])
@@ -589,7 +590,8 @@ def test_a_stdout_that_takes_nothing_costs_no_file(
         with refusing_stdout(pipe=pipe):
             answer = speak(*words)
         assert answer.code == code
-        assert ("No space left on device" in answer.err) == (code == 2)
+        said = "stdout: cannot be written: No space left on device"
+        assert (said in answer.err) == (code == 2)
     assert pt.load_flight(flown).attrs["outcome"] == "COMPLETED"
     assert begun.read_text("utf-8").startswith("time: ")
 
@@ -605,6 +607,19 @@ def test_a_pipe_among_the_outputs_that_is_closed_is_told(
     monkeypatch.setattr("patagium.whole_file.write_whole", closed)
     answer = speak("inspect", log[0], "-o", log[0].with_name("map.yaml"))
     assert answer == (2, "", "patagium: pipe: Broken pipe\n")
+
+
+def test_an_input_that_ends_too_early_for_a_library_is_told(
+    log: tuple[Path, Path], speak: Speak, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An EOFError gave exit code 1 and an empty line."""
+
+    def ended(*_: object) -> None:
+        raise EOFError("No data left in file")
+
+    monkeypatch.setattr("patagium.whole_file.write_whole", ended)
+    answer = speak("inspect", log[0], "-o", log[0].with_name("map.yaml"))
+    assert answer == (2, "", "patagium: No data left in file\n")
 
 
 def test_a_mapping_is_written_with_json_too(log: tuple[Path, Path], speak: Speak) -> None:

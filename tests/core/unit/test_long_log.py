@@ -161,9 +161,11 @@ def test_a_course_of_another_log_is_refused(record: LogRecord, tmp_path: Path) -
         )
     with pytest.raises(LogError, match="of another log, learner or setting"):
         identify_record(record, learner(table), every=4, block=400, course=course)
-    course.write_bytes(b"no course")
-    with pytest.raises(LogError, match="no course to go on from"):
-        identify_record(record, learner(table), every=3, block=400, course=course)
+    # numpy raises ValueError, EOFError and BadZipFile of these: the last two came through
+    for content in (b"no course", b"", b"PK\3\4abc", course.read_bytes()[:300]):
+        course.write_bytes(content)
+        with pytest.raises(LogError, match="no course to go on from"):
+            identify_record(record, learner(table), every=3, block=400, course=course)
 
 
 @pytest.mark.parametrize("calls", [3, 10, 20])
