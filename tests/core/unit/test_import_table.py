@@ -488,6 +488,29 @@ def test_a_column_of_text_is_refused_by_its_words(tmp_path: Path) -> None:
         pt.import_log(path, mapping, tmp_path / "log.nc")
 
 
+@pytest.mark.parametrize("first", [1.7e9, 5000.0])
+@pytest.mark.parametrize(("unit", "count"), [("ms", 1000), ("µs", 10**6), ("ns", 10**9)])
+def test_dates_and_times_since_boot_without_a_unit(
+    unit: str, count: int, first: float, tmp_path: Path
+) -> None:
+    """Each row was said to have no stamp, and the advice to say ns made the log too short."""
+    stamps = np.round((first + 0.005 * np.arange(300)) * count).astype(np.int64)
+    path = written(tmp_path, frame(t=stamps))
+    seen = {one.kind: one.text for one in inspect_log(path).findings}
+    assert f"perhaps {unit}?" in seen["unit of time"] and "missing stamps" not in seen
+    for wrong in {"s", "ms", "µs", "ns"} - {unit}:
+        words = {**WORDS, "time": {"column": "t", "unit": wrong}}
+        try:
+            doubts = [one.text for one in brought(path, words).findings]
+        except LogError as refused:  # beyond 146 years
+            doubts = [str(refused)]
+        # a time since boot may be one of a faster log: no date tells
+        assert any(f"perhaps {unit}?" in one for one in doubts) or first < 1e6
+    assert brought(
+        path, {**WORDS, "time": {"column": "t", "unit": unit}}
+    ).duration == pytest.approx(1.495)
+
+
 def test_days_of_spreadsheets_and_matlab(tmp_path: Path) -> None:
     """Days were asked whether they are seconds, and those of MATLAB had no stamp at all."""
     days = {**WORDS, "time": {"column": "t", "unit": "d"}}

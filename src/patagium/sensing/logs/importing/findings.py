@@ -34,7 +34,12 @@ _DAYS = (2e4, 9e5)
 """Days since 1900 or the year 0, as spreadsheets and MATLAB count them, of the years 1954 on."""
 _NEAR = 0.1
 """Share of the median step below which a step is nearly a duplicate."""
-_SLOW = 0.2  # s: steps of a log of flight are shorter
+_FAST, _SLOW, _SLOWEST = 2e-4, 0.2, 100.0
+"""Steps [s]: of few logs shorter; of a log of flight shorter; of a log with dates no longer."""
+_DATES = (6.3e8, 4.1e9)
+"""Seconds since 1970 of the years 1990 to 2099."""
+_UNITS = {"s": 1e9, "ms": 1e6, "µs": 1e3, "ns": 1.0}
+"""Units that stamps may be in [ns]."""
 SECOND = 1_000_000_000
 """One second [ns]."""
 
@@ -53,7 +58,12 @@ class StampSurvey:
         last: Latest stamp [ns].
         longest: Longest step forward [ns].
         longest_at: Stamp before the longest step [ns].
+        unit: Unit of the stamps in the file [ns].
+        far: Statistics of the numbers in the file, as if in ns, where none is a stamp in `unit`.
     """
+
+    unit = 1e9
+    far: StampSurvey | None = None
 
     def __init__(self) -> None:
         self.rows, self.kept, self.missing = 0, 0, 0
@@ -275,6 +285,12 @@ def survey_streams(
         done += len(block.stamps)
         if progress is not None:
             progress(done, max(total, done))
+    for one, stamps in zip(wanted, (survey.stamps for survey in surveys), strict=True):
+        stamps.unit = one.base.factor
+        if one.base.kind == "column" and stamps.missing == stamps.rows > 0:
+            stamps.far = StampSurvey()
+            for block in log.blocks((one._replace(base=one.base._replace(factor=1.0)),)):
+                stamps.far.add(block.stamps)
 
 
 _FAR, _LEVELS, _CLIPPED, _RUN = 5.0, 50, 10, 3
@@ -431,11 +447,12 @@ def stamp_findings(
             not one that the format of the file states.
         kept: Row that the mapping keeps of those with the same stamp; None if it does not say.
     """
-    found = []
+    found, doubt = [], time_doubt(stamps) if written else ""
     rate = f"{stamps.rate:.4g} Hz" if stamps.rate > 0 else "RATE"
     even = f"`restamp: {rate}` if they were sampled evenly"
+    missing = 0 if stamps.far and doubt else stamps.missing
     for count, kind, what in (
-        (stamps.missing, "missing stamps", "without a stamp; left out"),
+        (missing, "missing stamps", "without a stamp; left out"),
         (
             stamps.duplicates,
             "duplicate stamps",
@@ -465,21 +482,27 @@ def stamp_findings(
             f"the longest {stamps.longest / SECOND:.4g} s at {at:.6g} s; not bridged"
         )
         found.append(Finding("warning", where, "gap", text))
-    if written and (text := time_doubt(stamps)):
-        found.append(Finding("warning", where, "unit of time", text))
+    if doubt:
+        found.append(Finding("warning", where, "unit of time", doubt))
     return found
 
 
 def time_doubt(stamps: StampSurvey) -> str:
     """Doubt about the unit of stamps that a person wrote down, by their size; empty if none."""
-    median, first = stamps.median, (stamps.first or 0) / SECOND
-    if 2e-6 <= median <= _SLOW or not math.isfinite(median):
+    seen, scale = (stamps.far, stamps.unit) if stamps.far else (stamps, 1.0)
+    median, first = seen.median * scale, (seen.first or 0) / SECOND * scale
+    others = {u: f / stamps.unit for u, f in _UNITS.items() if f != stamps.unit}
+    dates = [u for u, f in others.items()
+             if _DATES[0] < first * f < _DATES[1] and 2e-6 <= median * f <= _SLOWEST]  # fmt: skip
+    usual = (_FAST if dates else 2e-6) <= median <= _SLOW and not stamps.far
+    if usual or not math.isfinite(median):
         return ""
-    fit = next((u for u, f in (("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9), ("s", 1e3), ("s", 1e6))
-                if 2e-6 <= median * f <= 1.0), "another")  # fmt: skip
+    fit = next(
+        iter([*dates, *(u for u, f in others.items() if 2e-6 <= median * f <= 1.0)]), "another"
+    )
     if median < _SLOW and _DAYS[0] < first < _DAYS[1]:
         fit = "d (days, as spreadsheets and MATLAB count them)"
-    return f"a median step of {median:.4g} s; is its unit perhaps {fit}?"
+    return f"a median step of {median:.4g} s from {first:.4g} s on; is its unit perhaps {fit}?"
 
 
 @dataclass(frozen=True)

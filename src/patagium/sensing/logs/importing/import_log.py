@@ -261,14 +261,14 @@ def _refuse_unusable(spool: Spool) -> None:
     plan = spool.plan
     log, mapping = plan.log, plan.mapping
     for name, wanted, survey in zip(plan.names, plan.wanted, spool.surveys, strict=True):
-        stamps = survey.stamps
+        stamps, doubt = survey.stamps, time_doubt(survey.stamps)
         if stamps.kept < 2:
-            beyond = "; none is a time below 146 years: if they are in ns, say so "
-            beyond += f"(`{{column: {wanted.base.column}, unit: ns}}`)"
+            beyond = f"; none is a time below 146 years: {doubt} Then state its unit "
+            beyond += f"(`{{column: {wanted.base.column}, unit: ...}}`)"
             found = f"{stamps.kept} in {stamps.rows} row(s)"
             raise LogError(
                 f"{log.path}: {name}", "at least two samples with stamps that advance",
-                found + beyond * (stamps.missing == stamps.rows > 0),
+                found + beyond * bool(stamps.far and doubt),
             )  # fmt: skip
         chosen = mapping.time.duplicates is not None
         lost = stamps.rows - stamps.kept - (stamps.duplicates if chosen else 0)
@@ -281,7 +281,6 @@ def _refuse_unusable(spool: Spool) -> None:
                 else "say under time `duplicates: keep-first` (or keep-last) if they repeat a "
                 f"sample, or `restamp: {stamps.rate:.4g} Hz` if they were sampled evenly"
             )
-            doubt = time_doubt(stamps)
             raise LogError(
                 f"{log.path}: {name}: expected time that advances, but {lost} of {stamps.rows} "
                 f"rows do not come after those before them ({stamps.duplicates} repeat a stamp, "
