@@ -150,6 +150,9 @@ def summary(scores: Mapping[str, Any]) -> str:
     if "nmse_second_half_mean" not in scores:
         return str(scores["message"])
     used, _, held = _sample_words(scores)
+    if not np.isfinite(scores["nmse_second_half_mean"]):
+        held = "No output varies over the second half, so that its error has no scale."
+        return f"{scores['samples']} samples, {used}. {held}"
     words = (
         f"{scores['samples']} samples, {used}. Normalized mean square "
         f"error over the second half: mean {scores['nmse_second_half_mean']:.2e}, worst "

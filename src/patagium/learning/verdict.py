@@ -1,6 +1,6 @@
 """Verdict on the scores of an identification in words: its intervals, and what to beware of.
 
-Neglected: luck; a verdict on few samples is as sure as they are many.
+Neglected: luck, but for logs too short for any verdict.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ _NIS = 3.0  # times too large or too small
 _MARGIN = 1.2  # times: NMSEs of noise differ by 3 sqrt(2/N) by chance, N = 450 samples
 _TOLD = 3  # outputs that are named
 _SMALL = 1e-6  # NMSE: errors below a thousandth of the standard deviation of each output
+_UPDATES, _SAMPLES = 20, 60  # about a wingbeat of updates, and samples, of which half are scored
 UNSEEN = 0.05
 """Share of samples in flow that was not learned, beyond which there is a warning."""
 Block: TypeAlias = tuple[Array, Array, Array, ArrayLike, Indices | slice]
@@ -34,8 +35,20 @@ Block: TypeAlias = tuple[Array, Array, Array, ArrayLike, Indices | slice]
 def with_verdict(scores: Mapping[str, Any]) -> dict[str, Any]:
     """Scores, and the verdict on them as "verdict": sentences, warnings last."""
     done = scores["outcome"] == Outcome.COMPLETED.name and "nmse_second_half" in scores
-    words = [*_interval_words(scores), *_warnings(scores)] if done else []
-    return {**scores, "verdict": words}
+    if not done:
+        return {**scores, "verdict": []}
+    words = _short_words(scores) or [*_interval_words(scores), *_error_words(scores)]
+    return {**scores, "verdict": [*words, *_warnings(scores)]}
+
+
+def _short_words(scores: Mapping[str, Any]) -> list[str]:
+    """Warning of a log too short for its errors and intervals to be judged."""
+    found = {"samples": (scores["samples_predicted"], _SAMPLES)}
+    if "frozen" not in scores:
+        found["updates"] = scores["updates"], _UPDATES
+    told = ", ".join(f"{n} {what} (of {least} at least)" for what, (n, least) in found.items())
+    short = any(n < least for n, least in found.values())
+    return [f"Warning: the log is too short to judge errors and intervals: {told}."] * short
 
 
 def frozen_scores(network: Network, blocks: Iterable[Block], *weights: Array) -> dict[str, Any]:
@@ -71,8 +84,8 @@ def _interval_words(scores: Mapping[str, Any]) -> list[str]:
     return [f"Intervals about right{', but for a few errors' * (nis > _NIS)} ({inside})."]
 
 
-def _warnings(scores: Mapping[str, Any]) -> list[str]:
-    """Sentences about errors, intervals and samples that ask for attention."""
+def _error_words(scores: Mapping[str, Any]) -> list[str]:
+    """Warnings of errors larger than those of others, or than predicted."""
     warnings, error = [], scores["nmse_second_half"]
     rivals = {
         "persistence_second_half": "a measured sample, held",
@@ -84,7 +97,12 @@ def _warnings(scores: Mapping[str, Any]) -> list[str]:
         if names:
             outputs = f"{len(names)} outputs" if len(names) > _TOLD else ", ".join(names)
             warnings.append(f"Warning: the error of {outputs} is larger than that of {rival}.")
-    warnings += _frozen_words(scores) + _nis_words(scores)
+    return warnings + _frozen_words(scores) + _nis_words(scores)
+
+
+def _warnings(scores: Mapping[str, Any]) -> list[str]:
+    """Warnings of samples that taught nothing, of parameters and of flow that was not learned."""
+    warnings, error = [], scores["nmse_second_half"]
     count, learned = scores["updates"], scores.get("updates_learned", 0)
     if learned < 0.99 * count and (learned or scores["events"]):
         events = ", ".join(f"{name} {number}" for name, number in scores["events"].items())

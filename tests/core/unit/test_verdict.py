@@ -14,6 +14,7 @@ from patagium.learning import ExtendedLearner, LinearStripNetwork, Misfit, Scree
 from patagium.learning.identify import _noise_words, compare
 from patagium.learning.model_file import Model, load_model, model_of, save_model
 from patagium.learning.models.dense import DenseNetwork
+from patagium.learning.page import summary
 from patagium.learning.stream import stream
 from patagium.learning.verdict import _frozen_words, with_verdict
 
@@ -38,6 +39,19 @@ def test_words_for_intervals() -> None:
     times = re.match("Intervals (.*) times too narrow", narrow["verdict"][0])
     assert times is not None
     assert float(times[1]) == pytest.approx(5.0, rel=0.15)
+
+
+@pytest.mark.parametrize(("samples", "every"), [(2, 10), (50, 1), (150, 10)])
+def test_logs_too_short_to_judge(samples: int, every: int, rng: np.random.Generator) -> None:
+    """One update of a flight was called learned, with an error of nan and too wide intervals."""
+    learner = ExtendedLearner(DenseNetwork(1, (), ("y",)), measurement_std=8.0)
+    x, y = rng.standard_normal((2, samples, 1))
+    scores = stream(learner, 0.001 * np.arange(samples), x, y, every=every).scores
+    (told,) = scores["verdict"]
+    assert f"too short to judge errors and intervals: {samples} samples" in told
+    assert f"{-(-samples // every)} updates" in told and "nan" not in summary(scores)
+    frozen = compare(learner, 0.001 * np.arange(samples), x, y).scores["verdict"]
+    assert ("too short" in str(frozen)) == (samples < 60)
 
 
 def test_wrong_intervals_of_one_output_are_told(rng: np.random.Generator) -> None:
