@@ -696,7 +696,7 @@ def test_a_second_clock_has_a_unit_of_its_own(
     try:
         assert "is its unit perhaps ms" in str(brought(path, words).findings)
     except LogError as problem:
-        assert "`{column: cam.stamp, unit: ns}`" in str(problem)
+        assert "unit perhaps ns?" in str(problem) and "{column: cam.stamp, unit" in str(problem)
     words["channels"][1]["stamp"] = {"column": "cam.stamp", "unit": unit}
     log = pt.load_log(brought(path, words).path)
     assert log.time.values[-1] == pytest.approx(1.49, abs=2e-3)  # of the last pose; a sample

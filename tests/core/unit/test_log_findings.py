@@ -119,6 +119,29 @@ def test_a_gyroscope_at_rest_is_asked_for_degrees_alone(tmp_path: Path) -> None:
     assert asked == [[], ["deg/s?"]]
 
 
+@pytest.mark.parametrize("frequency", [11.0, 200.0])
+def test_fast_rates_of_joints_are_no_doubt_about_their_unit(
+    frequency: float, tmp_path: Path
+) -> None:
+    """Any joint of more than 40 rad/s was asked for deg/s, whatever the angle beside it did."""
+    time, w = np.arange(2000) / (100 * frequency), 2 * np.pi * frequency
+    table = {"t": time, "q": np.sin(w * time), "v": w * np.cos(w * time), "l": np.cos(time)}
+    pd.DataFrame(table | {"wrong": np.degrees(table["v"])}).to_csv(tmp_path / "it.csv")
+    asked = []
+    for column in ("v", "wrong"):
+        words = {
+            "time": {"column": "t", "unit": "s"},
+            "inputs": [
+                {"column": "q", "unit": "rad", "name": "q.left_plunge"},
+                {"column": column, "unit": "rad/s", "name": "v.left_plunge"},
+            ],
+            "outputs": [{"column": "l", "unit": "N"}],
+        }
+        log = import_log(tmp_path / "it.csv", parse_mapping(words), tmp_path / "it.nc")
+        asked.append([one.text[-8:] for one in log.findings if one.kind == "unit"])
+    assert asked == [[], ["n deg/s?"]]
+
+
 @pytest.mark.parametrize("step", [0.5, 2.0, 5.0])
 def test_milliseconds_that_pass_for_seconds_are_asked_for(step: float) -> None:
     stamps = StampSurvey()

@@ -212,6 +212,11 @@ class ValueSurvey:
         return np.asarray(np.sqrt(self._square / np.where(self.count, self.count, np.nan)))
 
     @property
+    def change(self) -> Array:
+        """Root mean square change from row to row, (n,); NaN where nothing is finite."""
+        return np.asarray(np.sqrt(self._steps / np.where(self.count, self.count, np.nan)))
+
+    @property
     def noise(self) -> Bools:
         """Whether each channel scatters about its mean from row to row and does not move, (n,)."""
         scatter = self._square - self.count * self.mean**2

@@ -91,7 +91,7 @@ def _item_findings(item: Quantity, spool: Spool, known: bool, still: bool) -> li
     if item.column.turn and spool.surveys[item.stream].stamps.gaps(spool.plan.mapping.gap):
         text = f"whole turns ({item.turn:g}) in a gap are not counted: it may be off after it"
         found.append(Finding("warning", name, "jump", text))
-    if known and item.si == "m/s^2":  # of a coordinate, which need not show gravity
+    if (known and item.si == "m/s^2") or _is_change(item, spool):  # need not show gravity
         return found
     if item.norm is None:
         same = item.stream, item.column.unit
@@ -104,6 +104,22 @@ def _item_findings(item: Quantity, spool: Spool, known: bool, still: bool) -> li
         text = f"expected quaternions of norm 1, found {norm:.4g} (rms); scaled to 1"
         found.append(Finding("warning", name, "attitude", text))
     return found
+
+
+def _is_change(item: Quantity, spool: Spool) -> bool:
+    """Whether a rate v is as large as the coordinate q of its name changes: its unit is right."""
+    kind, _, name = item.column.label.partition(".")
+    rms = spool.surveys[item.stream].values.rms[item.places[0]] * item.si_factor
+    for one in spool.plan.items if kind == "v" and item.si == "rad/s" else ():
+        if one.column.label == f"q.{name}" and one.si == "rad":
+            survey = spool.surveys[one.stream]
+            change = survey.values.change[one.places[0]] * one.si_factor / survey.stamps.median
+            return bool(rms / _APART < change < _APART * rms)
+    return False
+
+
+_APART = 7.5
+"""Ratio of a rate to a change from which they may be in rad and in deg: the root of 57."""
 
 
 def _wind_findings(item: Quantity, values: ValueSurvey, air: AirWords) -> list[Finding]:
