@@ -129,11 +129,10 @@ class Misfit:
         """
         last, mean = self.clock
         step = np.asarray(time, float) - last
-        ahead = np.where(step >= 0, step / mean, 1.0) if mean > 0 else 1.0  # not a clock set back
+        ahead = np.where((step >= 0) & (mean > 0), step / (mean or 1.0), 1.0)  # none is set back
         lagged, power = self.parts["lagged"], self.parts["power"]
-        known = power > 0
-        rho = np.where(known, np.clip(lagged / np.where(known, power, 1.0), 0.0, _C.STAYS), 0.0)
-        return np.asarray(self.parts["left"] * rho ** np.asarray(ahead)[..., None])
+        share = np.maximum(lagged, 0.0) / np.where(power > 0, power, np.inf)
+        return np.asarray(self.parts["left"] * np.minimum(share, _C.STAYS) ** ahead[..., None])
 
     def carry(self, mean: Array, covariance: Array, time: float) -> tuple[Array, Array]:
         """Moments with what of the last error is expected, from those of the weights alone.

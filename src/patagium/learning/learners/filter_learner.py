@@ -299,8 +299,8 @@ class FilterLearner(Learner):
             (N, n_y) [unit of y].
         """
         times = np.ravel(real_array("times", times))
-        misfit, shape = self._screen.misfit, (len(times), self._network.outputs)
-        return np.broadcast_to(misfit.at(times), shape) if misfit.floor else np.zeros(shape)
+        misfit = self._screen.misfit
+        return misfit.at(times) if misfit.floor else np.zeros((len(times), self._network.outputs))
 
     def update(
         self,

@@ -60,7 +60,7 @@ class Learner(Updated, Protocol):
 
     @property
     def time_per_update(self) -> float:
-        """Median wall-clock time of an update, all in [s]; NaN before the first."""
+        """Median wall-clock time of an update, without prediction and scores [s]; NaN before."""
 
     def describe(self) -> dict[str, Any]:
         """Kind, network and settings of the learner as JSON values, without the weights.
