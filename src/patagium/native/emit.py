@@ -12,8 +12,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -242,23 +241,7 @@ def _statements_of_one(graph: _Graph, texts: dict[str, str]) -> list[str | _Arra
             lines = [*_pointers(callee), *map(str, _statements_of_one(inner, texts))]
             head = f"static __attribute__((noinline)) void {name}({_TAKES}) {{"
             texts[name] = "\n".join([*_includes(inner), head, *lines, "}"])
-
-    def angle_block(group: list[int], number: int) -> list[str | _Array]:
-        padded = -(-len(group) // 8) * 8
-        angles = [*(_operand(graph, k) for k in group), *["0.0"] * (padded - len(group))]
-        names = [f"{stem}{number}" for stem in ("angle", "sine", "cosine")]
-        arrays = [_Array("double", one, padded) for one in names]
-        arrays[0] = arrays[0]._replace(values=angles)
-        return [*arrays, f"  sincos_many({padded}, {', '.join(names)});"]
-
-    def load(argument: int, entry: int) -> str:
-        return f"a{argument}[{entry}]"
-
-    def store(result: int, entry: int, value: str) -> str:
-        return f"  r{result}[{entry}] = {value};"
-
-    dialect = _Dialect("double", "scalar_", load, store, angle_block, "{0}{1}[{2}]")
-    return _Writer(graph, dialect).statements()
+    return _Writer(graph).statements()
 
 
 def emit_batch(function: ca.Function) -> list[str]:
@@ -278,25 +261,7 @@ def emit_batch(function: ca.Function) -> list[str]:
         for k, size in enumerate(sizes)
         if not shared[k]
     ]
-
-    def angle_block(group: list[int], number: int) -> list[str | _Array]:
-        block = list[str | _Array]()
-        for position, angle in enumerate(group):
-            sine, cosine = f"sine{number}_{position}", f"cosine{number}_{position}"
-            call = f"  lanes_sincos({_operand(graph, angle)}, &{sine}, &{cosine});"
-            block.append(f"  lanes {sine}, {cosine};\n{call}")
-        return block
-
-    def load(argument: int, entry: int) -> str:
-        if shared[argument]:
-            return f"lanes_broadcast(a{argument}[{entry}])"
-        return f"lanes_load(x{argument} + {entry} * LANES)"
-
-    def store(result: int, entry: int, value: str) -> str:
-        return f"  lanes_store(r{result} + {entry} * stride + k, {value});"
-
-    dialect = _Dialect("lanes", "lanes_", load, store, angle_block, "{0}{1}_{2}")
-    statements = _Writer(graph, dialect).statements()
+    statements = _LanesWriter(graph, shared).statements()
     top, parts = [*_header(function), *_includes(graph)], _Parts([], [], [])
     if len(statements) > LONG_BODY["lanes"]:
         given = [f"  const double *const x{k} = tile[{k}]; (void)x{k};" for k in range(len(sizes))]
@@ -430,32 +395,21 @@ def _literal(value: float) -> str:
     return repr(value) if value >= 0 else f"({value!r})"
 
 
-@dataclass(frozen=True)
-class _Dialect:
-    """Ways in which code for one state and code for many states differ.
+class _Writer:
+    """Statements of a graph in an order that lets each group of angles be taken at once.
+
+    They are of one state; methods and the names here differ in code for many.
 
     Attributes:
         kind: C type of a number: "double" or "lanes".
         prefix: Prefix of the names of C functions.
-        load: C text that reads an entry of an argument.
-        store: C statement that writes an entry of a result.
-        angle_block: Statements that take the sines and cosines of a group of angles.
         angle_value: Format of a sine or cosine: stem, number of the group, place in it.
     """
 
-    kind: str
-    prefix: str
-    load: Callable[[int, int], str]
-    store: Callable[[int, int, str], str]
-    angle_block: Callable[[list[int], int], list[str | _Array]]
-    angle_value: str
+    kind, prefix, angle_value = "double", "scalar_", "{0}{1}[{2}]"
 
-
-class _Writer:
-    """Statements of a graph in an order that lets each group of angles be taken at once."""
-
-    def __init__(self, graph: _Graph, dialect: _Dialect) -> None:
-        self._graph, self._dialect = graph, dialect
+    def __init__(self, graph: _Graph) -> None:
+        self._graph = graph
         self._lines: list[str | _Array] = []
         self._written = [node.op == ca.OP_CONST for node in graph.nodes]
         self._angles: dict[int, tuple[int, int]] = {}
@@ -466,18 +420,17 @@ class _Writer:
 
     def statements(self) -> list[str | _Array]:
         """All statements of the graph."""
-        graph, store = self._graph, self._dialect.store
+        graph = self._graph
         for number, group in enumerate(graph.angle_levels()):
             for k in sorted(graph.needed_for(group)):
                 self._write(k)
-            self._lines += self._dialect.angle_block(group, number)
+            self._lines += self._angle_block(group, number)
             self._angles |= {angle: (number, position) for position, angle in enumerate(group)}
         for k in range(len(graph.nodes)):
             self._write(k)
-        for k, places in self._stores.items():
+        for k in self._stores:
             if graph.nodes[k].op == ca.OP_CONST:
-                value = self._argument(k)
-                self._lines.extend(store(result, entry, value) for result, entry in places)
+                self._lines += self._stored(k, self._argument(k))
         return self._lines
 
     def _write(self, k: int) -> None:
@@ -493,7 +446,7 @@ class _Writer:
         while own < len(self._graph.nodes) and self._graph.nodes[own].inputs == (k,):
             block += self._statements(own)
             own += 1
-        if self._dialect.kind == "lanes":  # whose arrays no part finds in another
+        if self.kind == "lanes":  # whose arrays no part finds in another
             block = ["\n".join(map(str, block))]
         self._lines += block
 
@@ -503,8 +456,7 @@ class _Writer:
         Numbers that `each_` was given before, or gave, are not copied again.
         """
         callee = self._graph.callees[self._graph.nodes[k].callee]
-        kind, each = self._dialect.kind, callee.name().startswith(EACH)
-        nothing = "lanes_broadcast(0.0)" if kind == "lanes" else "0.0"
+        kind, each = self.kind, callee.name().startswith(EACH)
         block, given, results = list[str | _Array](), list[str](), list[str]()
         first, own = 0, k + 1
         for place in range(callee.n_in()):
@@ -512,7 +464,7 @@ class _Writer:
             first += len(held)
             if not each or held not in self._lists:
                 name = self._lists[held] = f"call{k}_a{place}"
-                values = [self._argument(i) for i in held] or [nothing]
+                values = [self._argument(i) for i in held] or [self._alike("0.0")]
                 block.append(_Array(kind, name, len(values), values))
             given.append(self._lists[held])
         for place in range(callee.n_out()):
@@ -532,28 +484,80 @@ class _Writer:
     def _statements(self, k: int) -> list[str]:
         """Statements of the value of a node, and of the results that it is."""
         self._written[k] = True
-        dialect = self._dialect
-        value = f"  const {dialect.kind} t{k} = {self._value(self._graph.nodes[k])};"
-        places = self._stores.get(k, ())
-        return [value, *(dialect.store(result, entry, f"t{k}") for result, entry in places)]
+        value = f"  const {self.kind} t{k} = {self._value(self._graph.nodes[k])};"
+        return [value, *self._stored(k, f"t{k}")]
+
+    def _stored(self, k: int, value: str) -> list[str]:
+        """Statements that write a node's value to the results that it is."""
+        return [self._store(*place, value) for place in self._stores.get(k, ())]
 
     def _argument(self, k: int) -> str:
-        text, constant = _operand(self._graph, k), self._graph.nodes[k].op == ca.OP_CONST
-        return f"lanes_broadcast({text})" if constant and self._dialect.kind == "lanes" else text
+        text = _operand(self._graph, k)
+        return self._alike(text) if self._graph.nodes[k].op == ca.OP_CONST else text
 
     def _value(self, node: _Node) -> str:
         """C expression of a node."""
         if node.op == ca.OP_INPUT:
-            return self._dialect.load(int(node.detail[0]), int(node.detail[1]))
+            return self._load(int(node.detail[0]), int(node.detail[1]))
         if node.op == ca.OP_CALL:
             return f"call{node.inputs[0]}_r{node.detail[0]}[{node.detail[1]}]"
         if node.op in (ca.OP_SIN, ca.OP_COS):
             number, position = self._angles[node.inputs[0]]
             stem = "sine" if node.op == ca.OP_SIN else "cosine"
-            return self._dialect.angle_value.format(stem, number, position)
+            return self.angle_value.format(stem, number, position)
         if node.op in _FORMS:
             return _FORMS[node.op].format(*[_operand(self._graph, i) for i in node.inputs])
         if node.op not in _CALLS:
             raise ParameterError("expression", "operations that C can express", node.op)
         arguments = ", ".join(self._argument(i) for i in node.inputs)
-        return f"{self._dialect.prefix}{_CALLS[node.op]}({arguments})"
+        return f"{self.prefix}{_CALLS[node.op]}({arguments})"
+
+    def _alike(self, number: str) -> str:
+        """C text of a number that is the same in all states."""
+        return number
+
+    def _load(self, argument: int, entry: int) -> str:
+        """C text that reads an entry of an argument."""
+        return f"a{argument}[{entry}]"
+
+    def _store(self, result: int, entry: int, value: str) -> str:
+        """C statement that writes an entry of a result."""
+        return f"  r{result}[{entry}] = {value};"
+
+    def _angle_block(self, group: list[int], number: int) -> list[str | _Array]:
+        """Statements that take the sines and cosines of a group of angles."""
+        padded = -(-len(group) // 8) * 8
+        angles = [*(_operand(self._graph, k) for k in group), *["0.0"] * (padded - len(group))]
+        names = [f"{stem}{number}" for stem in ("angle", "sine", "cosine")]
+        arrays = [_Array("double", one, padded) for one in names]
+        arrays[0] = arrays[0]._replace(values=angles)
+        return [*arrays, f"  sincos_many({padded}, {', '.join(names)});"]
+
+
+class _LanesWriter(_Writer):
+    """Statements of code for many states; `shared` are the arguments that all have in common."""
+
+    kind, prefix, angle_value = "lanes", "lanes_", "{0}{1}_{2}"
+
+    def __init__(self, graph: _Graph, shared: Sequence[bool]) -> None:
+        super().__init__(graph)
+        self._shared = shared
+
+    def _alike(self, number: str) -> str:
+        return f"lanes_broadcast({number})"
+
+    def _load(self, argument: int, entry: int) -> str:
+        if self._shared[argument]:
+            return self._alike(super()._load(argument, entry))
+        return f"lanes_load(x{argument} + {entry} * LANES)"
+
+    def _store(self, result: int, entry: int, value: str) -> str:
+        return f"  lanes_store(r{result} + {entry} * stride + k, {value});"
+
+    def _angle_block(self, group: list[int], number: int) -> list[str | _Array]:
+        block = list[str | _Array]()
+        for position, angle in enumerate(group):
+            sine, cosine = f"sine{number}_{position}", f"cosine{number}_{position}"
+            call = f"  lanes_sincos({_operand(self._graph, angle)}, &{sine}, &{cosine});"
+            block.append(f"  lanes {sine}, {cosine};\n{call}")
+        return block
