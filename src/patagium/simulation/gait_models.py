@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial, reduce
 from io import StringIO
 from operator import add
@@ -21,6 +21,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from patagium.aerodynamics.named_descriptions import field_values
 from patagium.arrays import Array, Bools, brief, equal, real_array
 from patagium.errors import LogError, ParameterError, ShapeError
 from patagium.limits import LARGEST, TABLE_FILE
@@ -83,15 +84,6 @@ def asked_times(time: ArrayLike) -> Array:
     return times
 
 
-def described(kind: str, motion: Any, leave: Sequence[str] = ()) -> dict[str, Any]:
-    """Description of a gait or path from its fields, as JSON-able values."""
-    values = {name: value for name, value in asdict(motion).items() if name not in leave}
-    for name, value in values.items():
-        if isinstance(value, np.ndarray):
-            values[name] = value.tolist()
-    return {"kind": kind, **values, "joints": list(motion.joints)}
-
-
 @dataclass(frozen=True)
 class FourierGait:
     """Fourier series of every joint, exact derivatives.
@@ -135,7 +127,7 @@ class FourierGait:
 
     def describe(self) -> dict[str, Any]:
         """Description, as JSON-able values."""
-        return described("fourier", self)
+        return {"kind": "fourier", **field_values(self)}
 
 
 @dataclass(frozen=True)
@@ -176,7 +168,9 @@ class LinkageGait:
 
     def describe(self) -> dict[str, Any]:
         """Description, as JSON-able values."""
-        return described("linkage", self, leave=("plunge", "elbow"))
+        values = field_values(self)
+        del values["plunge"], values["elbow"]
+        return {"kind": "linkage", **values}
 
     def _spread(self, humerus: Array, radius: Array) -> Array:
         """Humerus to the plunge joints, radius relative to it to the elbows, (N, n_a)."""
@@ -215,7 +209,7 @@ class TableGait:
 
     def describe(self) -> dict[str, Any]:
         """Description, as JSON-able values."""
-        return described("table", self)
+        return {"kind": "table", **field_values(self)}
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from patagium.aerodynamics.named_descriptions import field_values
 from patagium.arguments import checked, of_kind
 from patagium.arrays import Array, brief, equal, real_array
 from patagium.errors import LogError, ParameterError, ShapeError, finite, positive, suggest_names
@@ -27,7 +28,6 @@ from patagium.simulation.gait_models import (
     PrescribedMotion,
     SuperposedGait,
     asked_times,
-    described,
     read_columns,
     superposition,
 )
@@ -87,7 +87,7 @@ class SplinePath:
 
     def describe(self) -> dict[str, Any]:
         """Description, as JSON-able values."""
-        return described("spline", self)
+        return {"kind": "spline", **field_values(self)}
 
 
 def line(start: Triple, end: Triple, *, duration: float, attitude: Triple = LEVEL) -> SplinePath:

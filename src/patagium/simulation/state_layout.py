@@ -84,8 +84,8 @@ class StateLayout:
             v: Initial velocities of the robot, (n,) [m/s, rad/s].
             lags: Initial lag states, (n_z,) [m/s, -].
         """
-        moving = [q[self._own_coordinates], v[self._own_dofs], lags]
-        return np.concatenate([*moving, np.zeros(self.size - self.moving - len(lags))])
+        rest = np.zeros(self.size - self.moving - len(lags))
+        return np.concatenate([*self._integrated(q, v), lags, rest])
 
     def state_of_sample(self, samples: Mapping[str, Array], k: int) -> Array:
         """State at a recorded sample, (size,).
@@ -94,18 +94,13 @@ class StateLayout:
             samples: Recorded quantities by name, (N, ...) each [SI].
             k: Number of the sample.
         """
-        q, v = samples["q"][k, self._own_coordinates], samples["v"][k, self._own_dofs]
-        return np.concatenate([q, v, *(samples[name][k] for name in _AFTER_VELOCITIES)])
+        moving = self._integrated(samples["q"][k], samples["v"][k])
+        return np.concatenate([*moving, *(samples[name][k] for name in _AFTER_VELOCITIES)])
 
-    @property
-    def _own_coordinates(self) -> list[int]:
-        """Places of the integrated coordinates in the robot's own q."""
-        return [k - self.hidden for k in self.passive_coordinates]
-
-    @property
-    def _own_dofs(self) -> list[int]:
-        """Places of the integrated velocities in the robot's own v."""
-        return [i - self.hidden for i in self.passive]
+    def _integrated(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """What is integrated of the robot's own coordinates and velocities."""
+        places = np.array(self.passive_coordinates, int), np.array(self.passive, int)
+        return q[places[0] - self.hidden], v[places[1] - self.hidden]
 
     @property
     def quaternions(self) -> tuple[tuple[int, ...], ...]:
