@@ -10,6 +10,7 @@ changes with time, and coefficients within fast reversals.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from itertools import combinations
 
 import numpy as np
@@ -53,74 +54,76 @@ def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[
     with made_again("the flight's air", FlightError):
         ground = air.get("ground")
         density, ground = float(air["density"]), ground and float(ground)
-    found = [] if beats is None or air.get("gust") else _power(flight, beats)
-    found += _coefficient(robot, flight, density) + _downwash(flight)
+    found = [] if beats is None or air.get("gust") else [*_power(flight, beats)]
+    found += [*_coefficient(robot, flight, density), *_downwash(flight)]
     if ground is None and f'"{WindShear.name}"' in told:
         ground = 0.0
     part = flight if beats is None else flight.isel(time=beats)
     found += _descent(robot, part) if f'"{Inflow.name}"' in told else []
-    return found + _clap(robot, part) + _slow(flight) + _ground(flight, ground)
+    return [*found, *_clap(robot, part), *_slow(flight), *_ground(flight, ground)]
 
 
-def _power(flight: xr.Dataset, beats: slice) -> list[str]:
+def _at(flight: xr.Dataset, sample: int) -> str:
+    return f"{float(flight['time'][sample]):.3g} s"
+
+
+def _power(flight: xr.Dataset, beats: slice) -> Iterator[str]:
     """Sentence about still air that gives power to the wings."""
     time, wind = flight["time"].to_numpy()[beats], flight["wind"].to_numpy()[beats]
     if time.size < 3:
-        return []
+        return
     if not wind.any():
         steps = np.diff((flight["air_work"] + flight["added_mass_work"]).to_numpy()[beats])
     elif flight["added_mass_work"].any():
-        return []  # circulation's share of it is not recorded relative to the wind
+        return  # circulation's share of it is not recorded relative to the wind
     else:
         power = flight["aero_power"].to_numpy()[beats]
         steps = np.diff(time) * (power[1:] + power[:-1]) / 2
     given = float(steps.sum())
     if given <= NO_POWER * np.abs(steps).sum():
-        return []
+        return
     moving = np.gradient(flight["strip_point"].to_numpy()[beats], time, axis=0) - wind[:, None]
     of_strips = (flight["strip_force"].to_numpy()[beats] * moving).sum(-1).mean(0)
     most, span = int(of_strips.argmax()), time[-1] - time[0]
-    return [
+    yield (
         f"Still air gives the wings {given / span:.2g} W on average from {time[0]:.3g} to "
         f"{time[-1]:.3g} s, {of_strips[most]:.2g} W of it to {flight['strip'].values[most]}: air "
         "at rest can only take power, so the model of the air fails here."
-    ]
+    )
 
 
-def _coefficient(robot: Robot, flight: xr.Dataset, density: float) -> list[str]:
+def _coefficient(robot: Robot, flight: xr.Dataset, density: float) -> Iterator[str]:
     """Sentence about the largest force coefficient, if no section has it.
 
     The dynamic pressure is at least that of the strip's root-mean-square speed.
     """
     speed = flight["strip_airspeed"].to_numpy().astype(float)
     force = np.linalg.norm(flight["strip_force"].to_numpy(), axis=-1)
-    areas = np.array([float(strip.chord) * float(strip.width) for strip in robot.strips])
+    areas = np.array([s.chord * s.width for s in robot.strips], float)
     square = np.maximum(speed**2, (speed**2).mean(axis=0))
     pressure = 0.5 * density * areas * square
     ratio = np.divide(force, pressure, out=np.zeros_like(force), where=pressure > 0)
     at, strip = np.unravel_index(int(np.nanargmax(ratio)), ratio.shape)
-    if not ratio[at, strip] > LARGEST_COEFFICIENT:
-        return []
-    return [
-        f"{flight['strip'].values[strip]} has a force coefficient of {ratio[at, strip]:.3g} at "
-        f"{float(flight['time'][at]):.3g} s: no section reaches {LARGEST_COEFFICIENT:g}."
-    ]
+    if ratio[at, strip] > LARGEST_COEFFICIENT:
+        yield (
+            f"{flight['strip'].values[strip]} has a force coefficient of {ratio[at, strip]:.3g} at "
+            f"{_at(flight, at)}: no section reaches {LARGEST_COEFFICIENT:g}."
+        )
 
 
-def _downwash(flight: xr.Dataset) -> list[str]:
+def _downwash(flight: xr.Dataset) -> Iterator[str]:
     """Sentence about the fastest downwash, if it is faster than any strip has been."""
     wash = np.abs(flight["downwash"].to_numpy())
     at, strip = np.unravel_index(int(np.nanargmax(wash)), wash.shape)
     fastest = float(np.nanmax(flight["strip_airspeed"].to_numpy()))
-    if not wash[at, strip] > fastest > 0:
-        return []
-    return [
-        f"The downwash at {flight['strip'].values[strip]} is {wash[at, strip]:.3g} m/s at "
-        f"{float(flight['time'][at]):.3g} s: no strip moves faster than {fastest:.3g} m/s."
-    ]
+    if wash[at, strip] > fastest > 0:
+        yield (
+            f"The downwash at {flight['strip'].values[strip]} is {wash[at, strip]:.3g} m/s at "
+            f"{_at(flight, at)}: no strip moves faster than {fastest:.3g} m/s."
+        )
 
 
-def _descent(robot: Robot, flight: xr.Dataset) -> list[str]:
+def _descent(robot: Robot, flight: xr.Dataset) -> Iterator[str]:
     """Sentence about wings that sink into the air that they throw down, against its inflow."""
     states = flight["aero_state"].to_numpy().mean(axis=0)
     moving = air_velocity(flight, robot).mean(axis=0)
@@ -132,33 +135,32 @@ def _descent(robot: Robot, flight: xr.Dataset) -> list[str]:
         sinking = float(moving @ induced) / max(size, SWITCH_SPEED)
         least, most = (share * size for share in VORTEX_RING)
         if least < sinking < most and moving @ moving - sinking**2 < size**2:
-            return [
+            yield (
                 f"It sinks at {sinking:.2g} m/s into air that its wings drive down at {size:.2g} "
                 f"m/s: from {least:.2g} to {most:.2g} m/s they work in a vortex ring, where the "
                 "momentum theory of Inflow does not hold."
-            ]
-    return []
+            )
+            return
 
 
-def _slow(flight: xr.Dataset) -> list[str]:
+def _slow(flight: xr.Dataset) -> Iterator[str]:
     """Sentence about wings so slow that the smoothing changes their forces by 3 % and more."""
     fastest = float(np.sqrt((flight["strip_airspeed"].to_numpy() ** 2).mean(axis=0).max()))
-    if not 0 < fastest < 2.5 * SWITCH_SPEED:
-        return []
-    return [
-        f"No strip is faster than {fastest:.2g} m/s (root mean square), and forces err: speeds are "
-        f"smoothed within {SWITCH_SPEED:g} m/s. Fly a tenth of the size at ten times the speed."
-    ]
+    if 0 < fastest < 2.5 * SWITCH_SPEED:
+        yield (
+            f"No strip is faster than {fastest:.2g} m/s (root mean square), and forces err: speeds "
+            f"are smoothed within {SWITCH_SPEED:g} m/s. Fly a tenth of the size at ten times the "
+            "speed."
+        )
 
 
-def _ground(flight: xr.Dataset, ground: float | None) -> list[str]:
+def _ground(flight: xr.Dataset, ground: float | None) -> Iterator[str]:
     """Sentence about the first strip that goes into the ground, which holds nothing."""
     heights = flight["strip_point"].to_numpy()[:, :, 2]
-    if ground is None or not (heights < ground).any():
-        return []
-    at = int((heights < ground).any(axis=1).argmax())
-    strip = flight["strip"].values[int(heights[at].argmin())]
-    return [f"{strip} goes into the ground at {float(flight['time'][at]):.3g} s: nothing holds it."]
+    if ground is not None and (heights < ground).any():
+        at = int((heights < ground).any(axis=1).argmax())
+        strip = flight["strip"].values[int(heights[at].argmin())]
+        yield f"{strip} goes into the ground at {_at(flight, at)}: nothing holds it."
 
 
 def _clap(robot: Robot, flight: xr.Dataset) -> list[str]:
@@ -195,7 +197,7 @@ def _clap(robot: Robot, flight: xr.Dataset) -> list[str]:
             nearest = float(apart.min())
             found = [
                 f"{first} and {second} come within {nearest:.2g} chords of each other at "
-                f"{float(flight['time'][int(apart.argmin())]):.3g} s: what surfaces that clap or "
+                f"{_at(flight, int(apart.argmin()))}: what surfaces that clap or "
                 "cover each other do is not modeled; the air pushes each as if it were alone."
             ]
     return found

@@ -6,6 +6,7 @@ happened in between; a mean hides a loop.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -117,7 +118,7 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
         "joint_power": _mean(power, time, begin),
     }
     facts |= _of_body(robot, flight, begin)
-    warnings: list[str] = []
+    warnings = list[str]()
     with made_again("the flight's held commands and audit", FlightError):
         told = json_object(flight.attrs.get("held", "{}"), "held")
         held = {cause: int(count) for cause, count in told.items()}
@@ -125,7 +126,7 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     if "held" in flight.attrs:
         facts["held_samples"] = sum(held.values())
     if "speed" in facts and flight.attrs.get("mount") == "free":
-        warnings = _warnings(facts, judged=bool(weight) and (not beat or beats > 0))
+        warnings += _warnings(facts, judged=bool(weight) and (not beat or beats > 0))
         if weight and air_of(flight).density > LIQUID:
             warnings.append(BUOYANT)
     warnings += _hover(robot, flight.isel(time=chosen))
@@ -138,8 +139,8 @@ def flight_summary(flight: xr.Dataset) -> FlightSummary:
     if held:
         causes = ", ".join(f"{count} {cause}" for cause, count in sorted(held.items()))
         warnings.append(f"Its last command was held at {facts['held_samples']} samples: {causes}.")
-    whole = chosen if beats else None
-    facts["warnings"] = warnings + _overloads(robot, flight) + air_findings(robot, flight, whole)
+    findings = air_findings(robot, flight, chosen if beats else None)
+    facts["warnings"] = [*warnings, *_overloads(robot, flight), *findings]
     return FlightSummary(facts, flight)
 
 
@@ -183,39 +184,34 @@ def _of_body(robot: Robot, flight: xr.Dataset, begin: float) -> dict[str, Any]:
     }
 
 
-def _warnings(facts: dict[str, Any], judged: bool) -> list[str]:
+def _warnings(facts: dict[str, Any], judged: bool) -> Iterator[str]:
     """Sentences about what is wrong in free flight; `judged` by its mean force."""
-    warnings = []
     for name in ("roll", "pitch"):
         most = max(abs(one) for one in facts[name])
         if most > TUMBLE:
-            warnings.append(f"It tumbles: {name} reaches {np.degrees(most):.0f} degrees.")
+            yield f"It tumbles: {name} reaches {np.degrees(most):.0f} degrees."
     speed, sinking = facts["speed"], -facts["climb_rate"]
     if speed < -SWITCH_SPEED:
-        warnings.append(f"It flies backwards, at {-speed:.2g} m/s.")
+        yield f"It flies backwards, at {-speed:.2g} m/s."
     share = facts["force_over_weight"]
     if not judged:
-        return warnings
+        return
     if sinking > max(SLOWEST_FALL, np.tan(STEEPEST) * abs(speed)):
-        warnings.append(
-            f"It sinks at {sinking:.2g} m/s: the air carries {share:.0%} of the weight."
-        )
+        yield f"It sinks at {sinking:.2g} m/s: the air carries {share:.0%} of the weight."
     elif not STEADY[0] <= share <= STEADY[1]:
-        warnings.append(f"Its flight is not steady: the air carries {share:.0%} of the weight.")
-    return warnings
+        yield f"Its flight is not steady: the air carries {share:.0%} of the weight."
 
 
-def _hover(robot: Robot, flight: xr.Dataset) -> list[str]:
+def _hover(robot: Robot, flight: xr.Dataset) -> Iterator[str]:
     """Warning about wings that hover in a model of the air without inflow."""
     told = str(flight.attrs.get("aero", "{}"))
     if not flight.sizes["strip"] or '"model"' not in told or f'"{Inflow.name}"' in told:
-        return []
+        return
     fastest = float(flight["strip_airspeed"].to_numpy().mean(axis=0).max())
     driven = flight["v"].to_numpy()[:, list(robot.actuated)].any()
     speed = np.linalg.norm(air_velocity(flight, robot).mean(axis=0))
-    if not driven or speed > HOVER * fastest:
-        return []
-    return [NO_INFLOW]
+    if driven and not speed > HOVER * fastest:
+        yield NO_INFLOW
 
 
 def hinged_strips(robot: Robot) -> list[int]:
@@ -231,31 +227,28 @@ def hinged_strips(robot: Robot) -> list[int]:
     return found
 
 
-def _hinge(robot: Robot, flight: xr.Dataset) -> list[str]:
+def _hinge(robot: Robot, flight: xr.Dataset) -> Iterator[str]:
     """Sentence about a wing that turns by itself far beyond attached flow."""
     air = innermost(aero_words(flight))
     if air.get("model") != QuasiSteady.name or air.get("force_point") == "moving":
-        return []
+        return
     incidence = np.abs(flight["angle_of_attack"].to_numpy()).mean(axis=0)
-    for place in hinged_strips(robot):
-        if incidence[place] > SEPARATED:
-            return [HINGED.format(robot.strips[place].wing)]
-    return []
+    beyond = [place for place in hinged_strips(robot) if incidence[place] > SEPARATED]
+    for place in beyond[:1]:
+        yield HINGED.format(robot.strips[place].wing)
 
 
-def _overloads(robot: Robot, flight: xr.Dataset) -> list[str]:
+def _overloads(robot: Robot, flight: xr.Dataset) -> Iterator[str]:
     """Sentences about joints that take more than their actuators have."""
     v, effort = flight["v"].to_numpy(), flight["u1"].to_numpy()
     taken = dict(zip(CAPACITIES, (v, flight["a"].to_numpy(), effort, effort * v), strict=True))
-    warnings = []
     for k, (name, values) in enumerate(taken.items()):
         limits, what = getattr(robot, name), name.removesuffix("_limit")
         for i in robot.actuated if limits else ():
             size, unit = np.abs(values[:, i]), capacity_units(robot.dof_units[i])[k]
             most = int(np.argmax(size))
             if size[most] > limits[i]:
-                warnings.append(
+                yield (
                     f"{robot.dof_names[i]} needs {size[most]:.3g} {unit} of {what} at "
                     f"{float(flight['time'][most]):.3g} s, but has {limits[i]:.3g} {unit}."
                 )
-    return warnings
