@@ -137,8 +137,8 @@ class DeLaurier(Aerodynamics):
         """Equations of the model; see `Aerodynamics.expressions`."""
         p = {name: parameters[k] for k, name in enumerate(self.parameter_names)}
         sizes = spans_and_areas(self.robot, robot)
-        ground = parameters[len(p) - len(self.air.ground_parameters) :]
-        shares = strip_ground_shares(robot, q, [span for span, _ in sizes], ground)
+        spans = [span for span, _ in sizes]
+        shares = strip_ground_shares(self.air, robot, q, spans, parameters)
         ratios = [
             span * span / area / (1.0 - share)
             for (span, area), share in zip(sizes, shares, strict=True)

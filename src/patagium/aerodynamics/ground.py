@@ -14,6 +14,7 @@ from typing import Any
 
 import casadi as ca
 
+from patagium.aerodynamics.air import Air
 from patagium.aerodynamics.local_flow import quarter_chord
 from patagium.dynamics.kinematics import body_poses
 from patagium.robot.model import Robot
@@ -68,17 +69,20 @@ def ground_share(height: Any, span: Any) -> Any:
     return above / (1.0 + x * (160.6 + x * (1764.0 + x * (4295.0 + 13161.6 * x))))
 
 
-def strip_ground_shares(robot: Robot, q: ca.SX, spans: list[Any], ground: ca.SX) -> list[Any]:
+def strip_ground_shares(
+    air: Air, robot: Robot, q: ca.SX, spans: list[Any], parameters: ca.SX
+) -> list[Any]:
     """Share of its downwash that the ground takes from each strip, n_strips, 0 to 1.
 
     Args:
+        air: The air, with ground or without.
         robot: The machine.
         q: Generalized coordinates, (n_q,) [m, rad, 1].
         spans: Span of the wing that each strip is of, n_strips [m].
-        ground: Height of the ground, (1,) [m]; empty: there is none.
+        parameters: Numbers of the model, the last of which is the height of the ground.
     """
-    if not ground.numel():
+    if air.ground is None:
         return [0.0] * len(robot.strips)
     poses = body_poses(robot, q)
-    heights = [quarter_chord(poses, strip)[2] - ground[0] for strip in robot.strips]
+    heights = [quarter_chord(poses, strip)[2] - parameters[-1] for strip in robot.strips]
     return [ground_share(height, span) for height, span in zip(heights, spans, strict=True)]

@@ -56,11 +56,9 @@ class Gust(Protocol):
 
     def velocity_at(self, time: Array) -> Array:
         """Velocity, world axes, (N, 3) [m/s], at times (N,) [s]."""
-        ...
 
     def describe(self) -> dict[str, Any]:
         """Description from which the object can be made again, as JSON-able values."""
-        ...
 
 
 @runtime_checkable
@@ -76,7 +74,6 @@ class Profile(Gust, Protocol):
             first: Earliest time that will be asked for [s].
             last: Latest time that will be asked for [s].
         """
-        ...
 
 
 class NamedGust:

@@ -40,7 +40,6 @@ class Aerodynamics(Protocol):
     @property
     def state_size(self) -> int:
         """Number of the model's own states, n_z."""
-        ...
 
     @property
     def structure(self) -> str:
@@ -97,7 +96,6 @@ class Aerodynamics(Protocol):
                 (3, n_strips) [m/s].
             parameters: The model's parameters, (n_c,) [SI].
         """
-        ...
 
     def generalized_force(
         self, q: ArrayLike, v: ArrayLike, state: ArrayLike | None = None, wind: Any = None

@@ -114,8 +114,7 @@ class QuasiSteady(Aerodynamics):
         """Equations of the model; see `Aerodynamics.expressions`."""
         motions = strip_motions(robot, q, v, wind)
         spans = [span for span, _ in spans_and_areas(self.robot, robot)]
-        ground = parameters[len(self.parameter_names) - len(self.air.ground_parameters) :]
-        shares = strip_ground_shares(robot, q, spans, ground)
+        shares = strip_ground_shares(self.air, robot, q, spans, parameters)
         pairs = zip(motions, shares, strict=True)
         loads = [self._load(motion, parameters, share) for motion, share in pairs]
         return assemble(robot, q, loads, ca.SX(0, 1))

@@ -157,7 +157,6 @@ class StripSection(Protocol):
             flow: Effective, seen from the incidence of no lift.
             parameters: Values or symbols in the order of `parameter_names`.
         """
-        ...
 
     def moment(self, flow: SectionFlow, parameters: Any) -> Any:
         """Coefficient of the moment about the point where the force acts, nose up.
