@@ -34,7 +34,7 @@ from patagium.dynamics.chain import vector
 from patagium.dynamics.equations import kirchhoff_force
 from patagium.dynamics.kinematics import add_wrench, body_poses, generalized_force
 from patagium.errors import ParameterError, not_negative
-from patagium.native import NativeFunction, load_functions
+from patagium.native import NativeFunction, load_functions, named_function
 from patagium.robot.model import Robot, Strip
 
 
@@ -193,7 +193,7 @@ class AddedMass:
         Raises:
             ShapeError: If q is not (n_q,).
         """
-        matrix = self._functions["added_mass_matrix"](*self._checked(q=q), *self._constants)
+        matrix = self._called("added_mass_matrix", q=q)
         return np.asarray(matrix, float).reshape(self.robot.dof, self.robot.dof)
 
     def generalized_force(
@@ -218,19 +218,13 @@ class AddedMass:
 
     def _force(self, name: str, wind: ArrayLike | None, **arguments: ArrayLike) -> Array:
         given = self.air.wind_at([0.0])[0] if wind is None else wind
-        arrays = self._checked(**arguments)
-        result = self._functions[name](*arrays, given, *self._constants)
-        return np.atleast_1d(np.asarray(result, float))
+        return np.atleast_1d(np.asarray(self._called(name, given, **arguments), float))
 
-    def _checked(self, **arguments: ArrayLike) -> list[Array]:
+    def _called(self, name: str, *more: ArrayLike, **arguments: ArrayLike) -> Any:
         sizes = dict.fromkeys(arguments, self.robot.dof) | {"q": self.robot.coordinate_count}
         found = [real_array(name, value, (sizes[name],)) for name, value in arguments.items()]
         self.robot.check_attitudes(found[0])
-        return found
-
-    @property
-    def _constants(self) -> tuple[Array, Array]:
-        return self.robot.parameters, self.parameters
+        return self._functions[name](*found, *more, self.robot.parameters, self.parameters)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: one for name, one in vars(self).items() if name != "_functions"}
@@ -259,7 +253,7 @@ def added_mass_functions(model: AddedMass) -> list[ca.Function]:
         ("circulation_force", ["q", "v", "wind", *constants], "f", taken),
     )
     return [
-        ca.Function(name, [inputs[key] for key in keys], [value], keys, [letter])
+        named_function(name, {key: inputs[key] for key in keys}, {letter: value})
         for name, keys, letter, value in results
     ]
 

@@ -21,7 +21,7 @@ from patagium.aerodynamics.smooth_functions import smooth_norm, smooth_sign
 from patagium.arguments import check_fields
 from patagium.arrays import Array, brief
 from patagium.errors import ParameterError
-from patagium.native import expression_digest
+from patagium.native import expression_digest, named_function
 
 
 def table_values(x: Any, knots: ca.SX, values: ca.SX) -> ca.SX:
@@ -57,14 +57,8 @@ def table_function(knots: int, columns: int) -> ca.Function:
             slope = (values[k + 1, :] - values[k, :]) / steps[k]
         result = result + (slope - last) * rounded_ramp(x - at[k], half)
         last = slope
-    return ca.Function(
-        f"table_{knots}_{columns}",
-        [x, at, values],
-        [ca.densify(result.T)],
-        ["x", "knots", "values"],
-        ["at_x"],
-        {"never_inline": True},
-    )
+    inputs, outputs = {"x": x, "knots": at, "values": values}, {"at_x": ca.densify(result.T)}
+    return named_function(f"table_{knots}_{columns}", inputs, outputs, never_inline=True)
 
 
 def rounded_ramp(x: Any, half: Any) -> Any:
@@ -160,7 +154,6 @@ class Polar(Protocol):
             flow: How the section moves.
             parameters: Values or symbols in the order of `parameter_names`.
         """
-        ...
 
     def downwash_factor(self, parameters: Any) -> Any:
         """Angle of downwash over C_L that the polar holds already, scalar [rad].

@@ -33,6 +33,7 @@ from patagium.aerodynamics.smooth_functions import SWITCH_SPEED, smooth_norm, sm
 from patagium.arrays import Bools
 from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import Pose, Twist, body_poses
+from patagium.native import named_function
 from patagium.robot.model import Robot, Strip
 from patagium.robot.strip_chains import StripChain
 
@@ -325,14 +326,9 @@ def horseshoe_function(sizes: tuple[int, ...], images: bool = False) -> ca.Funct
     matrix = ca.SX.eye(count) - ca.diag(gain * feedthrough) @ normalwash
     circulation = _solve(ca.densify(matrix), gain * wash)
     velocity = ca.vertcat(*[(one @ circulation).T for one in by_strip])
-    return ca.Function(
-        "_".join(["horseshoes", *map(str, (wings, *sizes))]),
-        [*inputs.values()],
-        [circulation, ca.densify(velocity)],
-        [*inputs],
-        ["circulation", "velocity"],
-        {"never_inline": True},
-    )
+    name = "_".join(["horseshoes", *map(str, (wings, *sizes))])
+    outputs = {"circulation": circulation, "velocity": ca.densify(velocity)}
+    return named_function(name, inputs, outputs, never_inline=True)
 
 
 Vectors: TypeAlias = list[ca.SX]

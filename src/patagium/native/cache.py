@@ -116,13 +116,11 @@ def cache_folder() -> Path:
     places = {"PATAGIUM_CACHE": "", **_PLACES.get(sys.platform, _PLACES["linux"])}
     named = {**os.environ, "HOME": os.path.expanduser("~")}
     variable = next(name for name in places if named.get(name))
-    return _private(_absolute(variable, named[variable]) / places[variable])
-
-
-def _absolute(variable: str, text: str) -> Path:
-    if not Path(text).is_absolute():
-        raise ParameterError(variable, "an absolute path, such as that of a folder at home", text)
-    return Path(text)
+    place = Path(named[variable])
+    if not place.is_absolute():
+        expected = "an absolute path, such as that of a folder at home"
+        raise ParameterError(variable, expected, named[variable])
+    return _private(place / places[variable])
 
 
 def _private(folder: Path) -> Path:

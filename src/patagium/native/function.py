@@ -80,7 +80,6 @@ class NativeFunction:
         self._outputs = [_buffer(size) for size in self.size_out]
         self._spare: dict[int, Array] = {}
         self._single = len(self._outputs) == 1
-        self._scalar = [size == (1, 1) for size in self.size_out]
         self._run: Callable[[], Any]
         self.address: int | None = None
         if function is not None:
@@ -140,12 +139,8 @@ class NativeFunction:
                     raise ShapeError(name, f"{buffer.shape}{many}", array.shape)
                 buffer[...] = array
             self._run()
-            if self._single:
-                return float(self._outputs[0]) if self._scalar[0] else self._outputs[0].copy()
-            return tuple(
-                float(out) if scalar else out.copy()
-                for out, scalar in zip(self._outputs, self._scalar, strict=True)
-            )
+            results = [out.copy() if out.ndim else float(out) for out in self._outputs]
+        return results[0] if self._single else tuple(results)
 
     def batch(self, *arguments: ArrayLike) -> Any:
         """Results over a leading axis of N states, as views of one block each.
@@ -270,9 +265,12 @@ def _cores() -> int:
     return max(1, int(said) if said.isdecimal() else os.cpu_count() or 1)
 
 
-def named_function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
+def named_function(
+    name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX], **options: Any
+) -> ca.Function:
     """CasADi function of symbols and of expressions of them by name."""
-    return ca.Function(name, [*inputs.values()], [*outputs.values()], [*inputs], [*outputs])
+    values = [*inputs.values()], [*outputs.values()]
+    return ca.Function(name, *values, [*inputs], [*outputs], options)
 
 
 def _padded(count: int) -> int:

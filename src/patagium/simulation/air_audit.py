@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -63,7 +64,7 @@ def air_findings(robot: Robot, flight: xr.Dataset, beats: slice | None) -> list[
     return [*found, *_clap(robot, part), *_slow(flight), *_ground(flight, ground)]
 
 
-def _at(flight: xr.Dataset, sample: int) -> str:
+def _at(flight: xr.Dataset, sample: int | np.integer[Any]) -> str:
     return f"{float(flight['time'][sample]):.3g} s"
 
 

@@ -145,6 +145,11 @@ CLOSED = 1e-10
 """How far the tool may be from the path [m, rad]."""
 
 
+def _away(time: float, distance: float = np.inf, of: str = "path") -> PathError:
+    """Error of a tool that is not where it ought to be."""
+    return PathError(time, "", f"distance of the tool from the {of}", distance, CLOSED, "m")
+
+
 def _check_branch(
     arm: Robot, tool: Tool, time: Array, target: PrescribedMotion, q: Array, period: float | None
 ) -> float:
@@ -165,7 +170,7 @@ def _check_branch(
         quantity = "inverse clearance from a singularity"
         raise PathError(time[k], "", quantity, 1 / clearance[k], 1 / CLEARANCE, "")
     if count < len(time):
-        raise PathError(time[count], "", "distance of the tool from the path", np.inf, CLOSED, "m")
+        raise _away(time[count])
     part = PrescribedMotion(*(k[:count] for k in target))
     _check_limits(arm, tool, time, tool.follow(q[:count], part))
     gone = np.abs(q[-1] - q[0])
@@ -329,8 +334,7 @@ def plan_arm(
         except PathError as error:
             refused.append(error)
     if not planned:
-        none = PathError(0.0, "", "distance of the tool from the path", np.inf, CLOSED, "m")
-        raise max(refused, key=lambda error: error.time, default=none)
+        raise max(refused, key=lambda error: error.time, default=_away(0.0))
     clearance, knots = max(planned, key=itemgetter(0))
     if path.period:
         knots[-1] = knots[0]
@@ -418,9 +422,7 @@ def track_tool(
     error, _ = _error(tool, q, place, turned)
     if not np.abs(error).max() < CLOSED:
         lost = int(np.argmax(~(np.abs(error).max(axis=1) < CLOSED)))
-        away = float(np.linalg.norm(error[lost, :3]))
-        what = "distance of the tool from the robot"
-        raise PathError(float(time[lost]), "", what, away, CLOSED, "m")
+        raise _away(float(time[lost]), float(np.linalg.norm(error[lost, :3])), "robot")
     return q
 
 
@@ -499,7 +501,7 @@ def _starts(arm: Robot, tool: Tool, target: PrescribedMotion, start: ArrayLike |
         found = _without_repeats(_unwind(arm, found))
     if not len(found):
         near = float(np.linalg.norm(error[:, :3], axis=1).min())
-        raise PathError(0.0, "", "distance of the tool from the path's start", near, CLOSED, "m")
+        raise _away(0.0, near, "path's start")
     return np.asarray(found[:_STARTS])
 
 

@@ -240,14 +240,12 @@ def _with_cell(machine: Robot, cell: InternalLoadCell, at: tuple[int, int], firs
     place, before = at
     body = machine.bodies[place]
     turn = rotation_from_angles(cell.orientation)
-    foot = Body(
+    foot = replace(
+        body,
         name=f"{cell.at} below the cell",
-        parent=body.parent,
-        position=body.position,
-        orientation=body.orientation,
         joints=body.joints[:before],
-        floating_dofs=body.floating_dofs,
-        attitude=body.attitude,
+        piece=False,
+        mounted=False,
         **_MASSLESS,
     )
     link = Body(
