@@ -98,7 +98,7 @@ class StateLayout:
         return np.concatenate([*moving, *(samples[name][k] for name in _AFTER_VELOCITIES)])
 
     def _integrated(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """What is integrated of the robot's own coordinates and velocities."""
+        """Integrated part of the robot's own coordinates and velocities."""
         places = np.array(self.passive_coordinates, int), np.array(self.passive, int)
         return q[places[0] - self.hidden], v[places[1] - self.hidden]
 
