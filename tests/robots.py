@@ -69,3 +69,45 @@ mirror:
   - {from: left, to: right}
 """
 """Two stiff wings on a floating body, one strip each."""
+SPRUNG = """
+name: sprung
+gravity: 9.81 m/s^2
+bodies:
+  body:
+    floating: true
+    mass: 25 g
+    center_of_mass: [5 mm, 0, 0]
+    shape: {type: cylinder, axis: x, radius: 2 cm, length: 30 cm}
+  left_wing:
+    parent: body
+    at: [2 cm, 2 cm, 2 cm]
+    joints:
+      - {name: left_plunge, axis: x, limits: [-60 deg, 70 deg]}
+      - {name: left_feather, axis: y, passive: true, stiffness: 0.03 N m/rad,
+         damping: 1e-4 N m s/rad, limits: [-45 deg, 45 deg]}
+    mass: 5 g
+    center_of_mass: [-2 cm, 17.5 cm, 0]
+    shape: {type: plate, chord: 12 cm, span: 35 cm, thickness: 1 mm}
+wings:
+  - name: left_wing
+    segments:
+      - body: left_wing
+        strips: 2
+        stations:
+          - {span: 0 cm, leading: 2 cm, trailing: -12 cm, incidence: 6 deg}
+          - {span: 20 cm, leading: 2 cm, trailing: -11 cm, incidence: 5 deg}
+          - {span: 35 cm, leading: 0 cm, trailing: -5 cm, incidence: 3 deg}
+  - name: tail
+    segments:
+      - body: body
+        at: [-18 cm, 0, 1 cm]
+        strips: 2
+        stations:
+          - {span: -12 cm, leading: -2 cm, trailing: -10 cm, incidence: -6 deg}
+          - {span: 0 cm, leading: 0 cm, trailing: -10 cm, incidence: -6 deg}
+          - {span: 12 cm, leading: -2 cm, trailing: -10 cm, incidence: -6 deg}
+mirror:
+  - {from: left, to: right}
+cruise: {frequency: 4.7 Hz, amplitude: {plunge: 45 deg}, speed: 2.6 m/s, pitch: -10 deg}
+"""
+"""A bird whose wings turn on springs, two strips each."""

@@ -293,6 +293,10 @@ class _Curve:
         found = self.placed(at, here.tangent, 1.0)
         return found if found.tangent @ here.tangent >= _BEND else None
 
+    def exceeded(self, at: SearchPoint) -> str:
+        """Limit of an actuated or a passive joint that a point exceeds, in words, or ""."""
+        return self.search.excess(at.values) or self.search.strained(at)
+
     def orbit(self, at: SearchPoint) -> Orbit:
         """Orbit of a point."""
         return orbit_of(self.search, at, self.added_mass)
@@ -315,7 +319,7 @@ def _walk(
             end = min(max(ahead.value, low), high)
             at = curve.corrected(ahead.at, target=end)
             ahead = None if at is None else curve.placed(at, here.tangent, 1.0)
-        excess = "" if ahead is None else curve.search.excess(ahead.at.values)
+        excess = "" if ahead is None else curve.exceeded(ahead.at)
         if ahead is None or excess:
             length /= 2
             if length < _SHORTEST * longest:

@@ -292,9 +292,9 @@ def off_nominal(robot: Robot, share: float, seed: int) -> Robot:
     values: dict[str, float] = {}
     for body in robot.bodies:
         mass, moment = 1 + share * np.clip(rng.standard_normal(2), -3, 3)
-        values[f"{body.name}.mass"] = float(body.mass) * mass
+        values[f"{body.own_name}.mass"] = float(body.mass) * mass
         inertia = np.array(body.inertia, float) * mass * moment
-        values |= _named(f"{body.name}.inertia", inertia)
+        values |= _named(f"{body.own_name}.inertia", inertia)
     return robot.with_parameters(values)
 
 
@@ -415,9 +415,9 @@ def _with_point(body: Body, mass: float, center: Array) -> dict[str, float]:
 def _mass_of(body: Body, mass: float, center: Array, tensor: Array) -> dict[str, float]:
     """Numbers of a body with another mass, centre and inertia, by name."""
     return {
-        f"{body.name}.mass": mass,
-        **_named(f"{body.name}.center_of_mass", center),
-        **_named(f"{body.name}.inertia", moments_of(tensor)),
+        f"{body.own_name}.mass": mass,
+        **_named(f"{body.own_name}.center_of_mass", center),
+        **_named(f"{body.own_name}.inertia", moments_of(tensor)),
     }
 
 

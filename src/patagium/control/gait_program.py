@@ -2,8 +2,8 @@
 
 Unknowns, all scaled: states at both ends of each segment of the beat, the work of the joints, the
 parameters of the gait, and the top and bottom of whatever of a joint's motion is limited. Motions
-keep their limits at samples of the beat, torques and powers theirs where segments begin; what goes
-beyond in between is taken off the limits and the program solved again.
+keep their limits at samples of the beat, passive joints, torques and powers theirs where segments
+begin; what goes beyond in between is taken off the limits and the program solved again.
 """
 
 from __future__ import annotations
@@ -19,7 +19,13 @@ from patagium.arguments import Progress
 from patagium.arrays import Array, Bools, Indices, runs
 from patagium.control.gait_family import GaitFamily
 from patagium.control.orbit import Frame, Orbit
-from patagium.control.trimming import STEEPEST, Conditions, parameter_sizes, state_sizes
+from patagium.control.trimming import (
+    STEEPEST,
+    Conditions,
+    PassiveLimits,
+    parameter_sizes,
+    state_sizes,
+)
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.robot import Robot
 
@@ -312,6 +318,8 @@ class GaitProgram:
         motion = rows.table[self._sampled]
         self._peaks = motion.argmax(axis=0), motion.argmin(axis=0)
         self._beyond = np.full((2, len(self._swings.columns)), _CLOSE)
+        self._passive = PassiveLimits(flight.robot, self.names)
+        self._strain = np.full((2, len(self._passive.dofs)), _CLOSE)
         self._loads = _Loads(np.zeros(0, np.int64), np.zeros(0), ())
         flown = self._fly(nodes, rows)
         work = float(flown.ends[:, -1].sum())
@@ -515,11 +523,12 @@ class GaitProgram:
             if not found.solved:
                 break
             beyond = self._beyond_limits(found.values)
-            over = self._overloads(found)
-            if not (beyond.any() or over.any()):
+            over, strain = self._overloads(found), self._strains(found)
+            if not (beyond.any() or over.any() or strain.any()):
                 break
             self._beyond += beyond
             self._over += over
+            self._strain += strain
         return found
 
     def _overloads(self, found: Optimum) -> Array:
@@ -534,6 +543,13 @@ class GaitProgram:
             states[k + 1] = self.flight.fly(states[k : k + 1], row).ends[0]
         loads = self.flight.loads(states, rows).ends[:, self._loads.columns]
         over = np.abs(loads).max(axis=0) / self._loads.limits - 1.0
+        return np.where(over > 0.0, over + _CLOSE, 0.0)
+
+    def _strains(self, found: Optimum) -> Array:
+        """Excess of passive joints between nodes beyond their limits, low and high, (2, l) [SI]."""
+        period = 1.0 / self.family.gait(found.values).frequency
+        least, most = self._passive.ends(found.nodes, period)
+        over = np.array([self._passive.low - least, most - self._passive.high])
         return np.where(over > 0.0, over + _CLOSE, 0.0)
 
     def _beyond_limits(self, values: Array) -> Array:
@@ -558,6 +574,8 @@ class GaitProgram:
         for side, unknowns, rows in ((-1.0, low, least), (1.0, high, most)):
             nodes = unknowns[self._nodes].reshape(m + 1, -1)
             nodes[:, pitch] = side * STEEPEST
+            limits = (self._passive.low, self._passive.high)[side > 0]
+            nodes[:, self._passive.places] = limits - side * self._strain[int(side > 0)]
             nodes[0, frame.neutral] = 0.0
             nodes[:, self.lateral] = 0.0  # no unknowns, no conditions
             rows[at["defects"]].reshape(m, -1)[:, self.lateral] = side * np.inf
@@ -679,6 +697,11 @@ class GaitProgram:
         for k, (column, name) in enumerate(zip(swings.columns, swings.names, strict=True)):
             told = kinds[column // n] + name
             found += [words.format(told) for words, own in limits.items() if abs(own[k]) > _ACTIVE]
+        of_nodes = of[self._nodes].reshape(self.parts + 1, -1)
+        for i, own in zip(self._passive.dofs, of_nodes.T[self._passive.places], strict=True):
+            sides = {"upper": own.max(), "lower": -own.min()}
+            name = self.flight.robot.dof_names[i]
+            found += [f"{name} at its {word} limit" for word in sides if sides[word] > _ACTIVE]
         for multiplier, name in zip(on[at["ranges"]], self._ranges.names, strict=True):
             if abs(multiplier) > _ACTIVE:
                 found.append(f"{name} at its {'greatest' if multiplier > 0 else 'least'}")

@@ -195,9 +195,12 @@ def optimize(
             robot, aero, gait, speed=speed, climb=climb, added_mass=added_mass, steps=steps,
             tolerable=tolerable,
         )  # fmt: skip
-        if not isinstance(trimmed, Orbit):
+        if isinstance(trimmed, Orbit):
+            start = trimmed
+        elif trimmed.beyond is None:
             return trimmed
-        start = trimmed
+        else:  # the search keeps the limits that it exceeds
+            start = trimmed.beyond
     elif start.robot is not robot or gait is not None:
         raise ParameterError("start", "an orbit of this robot, and no gait in addition", start)
     elif (steps or start.steps, tolerable) != (start.steps, None):
@@ -313,7 +316,8 @@ def _optimal(
     program = GaitProgram(flight, family, start, goal, conditions)
     found = program.solve(progress)
     if not found.solved:
-        return _not_found(family.names, found, program.overloads)
+        begun = search.strained(search.point(start.states, family.neutral, conditions))
+        return _not_found(family.names, found, overloads=program.overloads, strained=begun)
     nodes, values = found.nodes[:-1], found.values
     alike = all(
         asked is None or abs(getattr(start, name) - asked) <= _ALIKE
@@ -321,9 +325,12 @@ def _optimal(
     )
     search.steps = max(search.steps, stable_steps(search, values, nodes))  # of a slower beat
     at, trouble = search.newton(search.point(nodes, values, conditions), conditions)
-    if trouble and not at.residual <= TOLERANCE:
-        open_beat = f"the beat of the best gait does not close: a misfit of {at.residual:.2g}"
-        return _not_found(family.names, replace(found, status=open_beat), ())
+    if at.residual <= TOLERANCE:
+        trouble = search.strained(at)
+    else:
+        trouble = f"the beat of the best gait does not close: a misfit of {at.residual:.2g}"
+    if trouble:
+        return _not_found(family.names, found, reason=trouble)
     return OptimalGait(
         orbit_of(search, at, added_mass),
         goal,
@@ -353,15 +360,25 @@ def _in_plane(family: GaitFamily, start: Orbit) -> GaitFamily:
     return replace(family, names=chosen, directions=family.directions[kept])
 
 
-def _not_found(names: Sequence[str], found: Optimum, overloads: Sequence[str]) -> NoOrbit:
+def _not_found(
+    names: Sequence[str],
+    found: Optimum,
+    *,
+    reason: str = "",
+    overloads: Sequence[str] = (),
+    strained: str = "",
+) -> NoOrbit:
     """Failure of a program in words."""
-    parts = [_REASONS.get(found.status, found.status.replace("_", " ").lower())]
+    parts = [reason or _REASONS.get(found.status, found.status.replace("_", " ").lower())]
     if overloads:
         parts.append(f"the gait it began from takes {', '.join(overloads)}")
+    if strained:
+        parts.append(f"in the flight it began from {strained}")
     if not found.solved:
         parts.append(f"residual {found.residual:.2g} after {found.iterations} iterations")
     told = "; ".join(parts)
     remedy = NEARBY + ", or raise that limit" * bool(overloads)
+    remedy += ", or stiffen its spring or widen its limits" * bool(strained)
     nearest = dict(zip(names, map(float, found.values), strict=True))
     return NoOrbit(told, remedy, {}, found.residual, found.iterations, nearest)
 

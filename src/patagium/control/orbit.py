@@ -7,7 +7,7 @@ from a frame that goes along with the body and turns with its heading.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from typing import Any, ClassVar
 
@@ -309,6 +309,7 @@ class NoOrbit:
         residual: Misfit that was left [SI].
         iterations: Newton steps that were taken.
         nearest: Where the search stopped: values of the free parameters by name.
+        beyond: Orbit that was found, where a passive joint leaves its limits on it.
     """
 
     reason: str
@@ -317,11 +318,12 @@ class NoOrbit:
     residual: float
     iterations: int
     nearest: Mapping[str, float]
+    beyond: Orbit | None = field(default=None, repr=False)
     found: ClassVar[bool] = False
 
     def summary(self) -> dict[str, Any]:
         """Search as facts by name."""
-        return {"found": False, **asdict(self)}
+        return {"found": False} | {k: v for k, v in vars(self).items() if k != "beyond"}
 
     def __repr__(self) -> str:
         return f"no periodic orbit: {self.reason}\n  remedy: {self.remedy}"

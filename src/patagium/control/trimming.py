@@ -6,7 +6,7 @@ without position and heading, and the free gait parameters; conditions are its r
 the heading, the climb and the speed. Steps are the smallest in the least-squares sense, in scaled
 unknowns: where there are more free parameters than conditions the gait stays near. A search that
 fails begins anew from the free flight of the gait and goes to the conditions in parts. Neglected:
-wind (an orbit is relative to the air), stops of joints but as limits of the gait.
+wind (an orbit is relative to the air), stops of joints but as limits.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from patagium.aerodynamics import AddedMass, Aerodynamics, QuasiSteady
 from patagium.arguments import Progress, checked
@@ -29,7 +30,7 @@ from patagium.control.gait_family import (
     gait_family,
     symmetric_parameters,
 )
-from patagium.control.orbit import Frame, NoOrbit, Orbit, check_attitude
+from patagium.control.orbit import NEUTRAL, Frame, NoOrbit, Orbit, check_attitude
 from patagium.control.wingbeat import FlightMap, PrescribedRows, Segments
 from patagium.dynamics.equations import mass_matrix
 from patagium.errors import ParameterError, check_names, positive
@@ -51,6 +52,7 @@ _BEARABLE = 20_000  # steps of a beat that stiff springs may ask for by themselv
 _NEWTON = 40  # steps at most
 _POINTS = 250  # flights of a search, at most
 _BEYOND = 1e-7  # rad or m, that a joint may be beyond its limit: what its phase changes of peaks
+_BETWEEN = 12  # samples of a segment, of the motion of passive joints
 _SHORTEST = 1.0 / 256  # part of a Newton step
 _RANK = 1e-9  # of singular values that count
 _SURE = 0.05  # size of misfits from which on Newton steps no longer bring a gait back in its limits
@@ -135,6 +137,47 @@ class Point(NamedTuple):
         """Largest misfit, over its size where that is more than 1 [SI]."""
         parts = zip((self.gaps, self.misfit), self.scales, strict=True)
         return max(float(np.abs(x / np.maximum(1.0, size)).max(initial=0.0)) for x, size in parts)
+
+
+class PassiveLimits:
+    """Limits of passive joints in a beat.
+
+    Args:
+        robot: The machine.
+        names: Names of the entries of a state.
+
+    Attributes:
+        dofs: Degrees of freedom that have limits, (l,).
+        places: Places of their coordinates in a state, (l,).
+        low: Lower limits, (l,) [rad, m].
+        high: Upper limits, (l,) [rad, m].
+    """
+
+    def __init__(self, robot: Robot, names: Sequence[str]) -> None:
+        limits = np.array([robot.lower, robot.upper])
+        joints = [i for i in robot.passive if robot.dof_names[i] not in NEUTRAL]
+        self.dofs = [i for i in joints if np.isfinite(limits[:, i]).any()]
+        self.places = [names.index(robot.dof_names[i]) for i in self.dofs]
+        self._rates = [k + len(robot.passive) for k in self.places]
+        self.low, self.high = limits[:, self.dofs]
+
+    def ends(self, nodes: Array, period: float) -> Array:
+        """Least and greatest coordinates of a beat, by cubics between nodes, (2, l) [rad, m].
+
+        They are widened by what cubics err: an eighth of the change with nodes twice as far apart
+        (a sixteenth for a smooth motion).
+
+        Args:
+            nodes: States at both ends of each segment, (m + 1, n) [SI].
+            period: Time of the beat [s].
+        """
+        time, q, v = np.linspace(0.0, period, len(nodes)), nodes[:, self.places], self._rates
+        between = np.linspace(0.0, period, _BETWEEN * (len(nodes) - 1) + 1)
+        motion, coarse = (
+            CubicHermiteSpline(time[::k], q[::k], nodes[::k, v])(between) for k in (1, 2)
+        )
+        error = np.abs(coarse - motion).max(axis=0) / 8
+        return np.array([motion.min(axis=0) - error, motion.max(axis=0) + error])
 
 
 class OrbitSearch:
@@ -282,7 +325,7 @@ class OrbitSearch:
             back -= np.linalg.lstsq(matrix, matrix @ back, rcond=_RANK)[0]
             near = self.point(*self.moved(at, nodes, np.asarray(back, float)), conditions)
             trial, trouble = self.newton(near, conditions)
-            if trouble or self.excess(trial.values):
+            if trouble or self.excess(trial.values) or self.strained(trial):
                 break
             at = trial
             if np.linalg.norm(back) < _SETTLED:
@@ -327,6 +370,14 @@ class OrbitSearch:
         moved[self.still | ~self.family.directions[:, places].any(axis=1)] = -1.0
         return int(np.argmax(moved)) if moved.max() >= 0.0 else None
 
+    def strained(self, at: Point) -> str:
+        """Limits that a passive joint exceeds, in words that begin with its name, or ""."""
+        limits = PassiveLimits(self.map.robot, self.map.names)
+        least, most = limits.ends(np.vstack([at.states, at.flown.ends[-1]]), at.period)
+        each = zip(limits.dofs, least, most, strict=True)
+        told = (_crossed(self.map.robot, i, *swing) for i, *swing in each)
+        return next(filter(None, told), "")
+
     def excess(self, values: Array, beyond: float = _BEYOND) -> str:
         """Limit that a gait exceeds, in words that begin with its joint; empty if there is none."""
         robot, moved = self.map.robot, self.family.base.joints
@@ -334,12 +385,9 @@ class OrbitSearch:
         if not frequency > 0:
             return f"frequency would be {frequency:.3g} Hz"
         least, most = (-_peaks(-position)).tolist(), _peaks(position).tolist()
-        for joint, i, *motion in zip(moved, robot.actuated, least, most, strict=True):
-            low, high = robot.lower[i], robot.upper[i]
-            if motion[0] < low - beyond or motion[1] > high + beyond:
-                seen = _apart(robot.dof_units[i], *motion, low, high)
-                way = f"{joint} would go from {seen[0]} to {seen[1]} {seen[4]}"
-                return f"{way}, and its limits are {seen[2]} to {seen[3]} {seen[4]}"
+        for i, *motion in zip(robot.actuated, least, most, strict=True):
+            if crossed := _crossed(robot, i, *motion, beyond):
+                return crossed
         half = np.subtract(most, least) / 2 * np.copysign(1.0, amplitude)
         known = dict(zip(COMMANDS, (half, mean, lead), strict=True))
         margin = MARGIN / 2 if beyond else 0.0  # samples differ
@@ -353,6 +401,16 @@ class OrbitSearch:
                 given = f"its actuator gives {seen[2]} to {seen[3]} {seen[4]}"
                 return f"{joint} would need {needed}, and {given}"
         return ""
+
+
+def _crossed(robot: Robot, i: int, least: float, most: float, beyond: float = 0.0) -> str:
+    """Limits of a joint that a motion exceeds, in words that begin with its name, or ""."""
+    low, high = robot.lower[i], robot.upper[i]
+    if low - beyond <= least and most <= high + beyond:
+        return ""
+    seen = _apart(robot.dof_units[i], least, most, low, high)
+    way = f"{robot.dof_names[i]} would go from {seen[0]} to {seen[1]} {seen[4]}"
+    return f"{way}, and its limits are {seen[2]} to {seen[3]} {seen[4]}"
 
 
 def _peaks(position: Array) -> Array:
@@ -462,7 +520,10 @@ def trim(
         return _not_found(search, at, trouble)
     if tolerable:
         at = search.nearest(at, search.point(guess, family.neutral, conditions), conditions)
-    return orbit_of(search, at, added_mass)
+    orbit = orbit_of(search, at, added_mass)
+    if trouble := search.strained(at):
+        return replace(_not_found(search, at, trouble), beyond=orbit)
+    return orbit
 
 
 def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Conditions) -> GaitFamily:
@@ -655,7 +716,8 @@ def _not_found(search: OrbitSearch, at: Point, trouble: str) -> NoOrbit:
     lacking: dict[str, float] = {}
     reason, remedy = f"Newton's method stalled at a misfit of {at.residual:.2g}", NEARBY
     if trouble != "stalled":
-        reason, remedy = trouble, f"widen that limit, {remedy}"
+        passive = trouble.partition(" ")[0] in search.map.names
+        reason, remedy = trouble, f"{'stiffen its spring, ' * passive}widen that limit, {remedy}"
     pitch = at.states[:, [name == "pitch" for name in search.map.names]]
     steep = np.abs(pitch).max(initial=0.0)
     if trouble == "stalled" and steep > STEEPEST - 0.1:

@@ -9,6 +9,7 @@ plates (`robot.flexible`), friction, contact.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import casadi as ca
 
@@ -67,11 +68,15 @@ def spring_force(robot: Robot, q: ca.SX) -> ca.SX:
         robot: The machine.
         q: Generalized coordinates, (n_q,) [m, rad, 1].
     """
-    stiffness = ca.vertcat(*map(ca.SX, robot.stiffness or (0,) * robot.dof))
-    deflection = _deflection(robot, q)
-    force = stiffness * deflection
+    return _coupled(robot, robot.stiffness or (0,) * robot.dof, _deflection(robot, q))
+
+
+def _coupled(robot: Robot, factors: Sequence[Any], values: ca.SX) -> ca.SX:
+    """Factors times values of the joints, with the couplings between them, (n, 1) [N, N m]."""
+    factor = ca.vertcat(*map(ca.SX, factors))
+    force = factor * values
     for inner, outer, coupling in robot.couplings:
-        between = coupling * stiffness[outer] * (deflection[outer] - deflection[inner])
+        between = coupling * factor[outer] * (values[outer] - values[inner])
         force[outer] += between
         force[inner] -= between
     return force
@@ -202,13 +207,13 @@ def _parents_among(robot: Robot, selected: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def damping_force(robot: Robot, v: ca.SX) -> ca.SX:
-    """Force of the passive dampers, -d v, (n, 1) [N, N m].
+    """Force of the passive dampers, -d v, coupled as springs are, (n, 1) [N, N m].
 
     Args:
         robot: The machine.
         v: Generalized velocities, (n,) [m/s, rad/s].
     """
-    return -ca.vertcat(*[ca.SX(d) for d in robot.damping]) * v
+    return -_coupled(robot, robot.damping, v)
 
 
 def center_of_mass(robot: Robot, q: ca.SX) -> ca.SX:

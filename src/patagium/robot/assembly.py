@@ -99,7 +99,7 @@ def assemble(file: RobotFile, source: str) -> Robot:
         AssemblyError: If the parts contradict each other.
     """
     for name, body in file.bodies.items():
-        for piece in pieces_of(name, body).names[1:] if body.flexible else ():
+        for piece in (f"{name}_0", *pieces_of(name, body).names[1:]) if body.flexible else ():
             if piece in file.bodies:
                 expected = f"another name, as {piece} is a piece of the flexible body {name}"
                 raise AssemblyError((f"bodies.{piece}", expected, piece))
@@ -484,6 +484,7 @@ def _body(draft: _Draft, before: list[Body], dof: dict[str, int]) -> Body:
         coupling = part.coupling if isinstance(part, Hinge) else 0.0
         inner = before[parent].joints[k].name if coupling else ""
         joints.append(Joint(*joint, dof[joint[0]], coupling, inner))  # type: ignore[arg-type]
+    piece = any(isinstance(part, Hinge) for part in draft.part.joints)
     mirror = _REFLECTION if draft.reflected else np.eye(3)
     return Body(
         name=draft.name,
@@ -498,7 +499,8 @@ def _body(draft: _Draft, before: list[Body], dof: dict[str, int]) -> Body:
         center_of_mass=axis_of(mirror @ draft.part.center_of_mass),
         inertia=moments_of(mirror @ draft.part.tensor() @ mirror),
         attitude=draft.part.attitude or "euler",
-        piece=any(isinstance(part, Hinge) for part in draft.part.joints),
+        piece=piece,
+        flexible=draft.part.flexible is not None and not piece,
     )
 
 

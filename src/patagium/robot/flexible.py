@@ -100,7 +100,6 @@ def _cut(body: BodyPart, pieces: Pieces) -> Iterator[tuple[str, BodyPart]]:
             "mass": body.mass * float(length) / plate.span,
             "center_of_mass": (x, middle, z),
             "shape": plate.model_copy(update={"span": float(length)}),
-            "flexible": None,
         }
         if k:
             before = pieces.origin(k - 1) if k > 1 else 0.0

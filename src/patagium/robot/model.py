@@ -39,6 +39,7 @@ _XYZ = ("x", "y", "z")
 INERTIA = ("xx", "yy", "zz", "xy", "xz", "yz")
 """Entries of an inertia tensor as a robot and its file name them."""
 _BODY_LEAVES = {"position": _XYZ, "mass": (), "center_of_mass": _XYZ, "inertia": INERTIA}
+_OF_PIECE = ("mass", "center_of_mass", "inertia")
 _STRIP_LEAVES: dict[str, tuple[str, ...]] = {"quarter_chord": _XYZ, "chord": (), "width": ()}
 _JOINT_LEAVES = ("damping", "stiffness", "rest")
 _OF_JOINTS = ("dof_units", "damping", "lower", "upper")
@@ -97,7 +98,7 @@ class Joint:
         kind: Turns about its axis, or slides along it.
         axis: Unit axis in the frame left by the joints before it (structural).
         dof: Index of its rate in v; `Robot.coordinate_indices` has that of its coordinate in q.
-        coupling: Stiffness between it and the joint `inner`, over its own stiffness [-].
+        coupling: Stiffness and damping between it and the joint `inner`, over its own [-].
         inner: Name of the joint that it is coupled to, or "".
     """
 
@@ -133,6 +134,7 @@ class Body:
         attitude: Coordinates of a floating body's attitude.
         piece: Whether it is a piece of a flexible body and goes on from its parent, another one.
         mounted: Whether it is the root of a robot that an arm carries.
+        flexible: Whether it is the piece at the root of a flexible body, and has its name.
     """
 
     name: str
@@ -147,6 +149,12 @@ class Body:
     attitude: Attitude = "euler"
     piece: bool = False
     mounted: bool = False
+    flexible: bool = field(default=False, repr=False)
+
+    @property
+    def own_name(self) -> str:
+        """Name that its mass, center of mass and inertia have as parameters."""
+        return f"{self.name}_0" if self.flexible else self.name
 
     @property
     def by_quaternion(self) -> bool:
@@ -486,18 +494,31 @@ class Robot:
         changed = _with_values(self, values)
         for name, value in values.items():
             if name not in known:
-                raise ParameterError(name, f"a parameter of robot {self.name!r}", name, known)
+                told = self.refusal(name)
+                expected = told or f"a parameter of robot {self.name!r}"
+                raise ParameterError(name, expected, name, () if told else known)
             if value < 0 and name.rpartition(".")[2] in _NEVER_NEGATIVE:
                 raise ParameterError(name, "a quantity that is not negative", value)
         for body in changed.bodies:
-            if not values.get(name := f"{body.name}.mass", 1.0) and any(body.inertia):
+            if not values.get(name := f"{body.own_name}.mass", 1.0) and any(body.inertia):
                 raise ParameterError(name, "a mass above 0 of a body with inertia", body.mass)
-            own = [name for name in values if name.startswith(f"{body.name}.inertia.")]
+            own = [name for name in values if name.startswith(f"{body.own_name}.inertia.")]
             if own and not is_physical(body.tensor, _EXCESS):
                 found = [float(f"{x:.4g}") for x in body.inertia]
                 raise ParameterError(own[0], PHYSICAL, dict(zip(INERTIA, found, strict=True)))
         source = amended_source(self.source, values) if self.source else ""
         return replace(changed, source=source)
+
+    def refusal(self, name: str) -> str:
+        """What to write in place of a name that is no run-time parameter; "" where any other."""
+        body = name.partition(".")[0]
+        if any(one.flexible and one.name == body for one in self.bodies):
+            told = f"a number of a piece, {body}_0, {body}_1 and so on, as {body} is flexible"
+            return f"{told} (that of the whole body is changed under `bodies` in the robot's file)"
+        if name in dict(_leaves(self)):
+            told = "equations are made without zeros: write a first guess there"
+            return f"a number that is not 0 in the robot's file ({told})"
+        return ""
 
     @checked
     def with_attitude(self, attitude: Attitude) -> Robot:
@@ -724,7 +745,8 @@ def _leaves_of(
 ) -> Iterator[tuple[str, list[tuple[str, Any]]]]:
     """Fields of a body or strip, each with name and value of its numbers: of its parts, or one."""
     for field_name, parts in labels.items():
-        prefix, value = f"{part.name}.{field_name}", getattr(part, field_name)
+        owner = part.name if field_name not in _OF_PIECE else part.own_name
+        prefix, value = f"{owner}.{field_name}", getattr(part, field_name)
         names = [f"{prefix}.{one}" for one in parts]
         yield field_name, list(zip(names, value, strict=True)) if parts else [(prefix, value)]
 

@@ -243,6 +243,11 @@ class JointPart(_Part):
             _not_negative(getattr(self, key), at=key)
         if self.rest and not self.stiffness:
             raise mismatch("a stiffness where there is a rest", "none", "stiffness")
+        low, high = self.limits or (-np.inf, np.inf)
+        if self.passive and self.stiffness and not low <= self.rest <= high:
+            unit = _joint_units(self.type)["rest"]
+            expected = f"a rest within the joint's limits, {spoken(unit, low, high)}"
+            raise mismatch(expected, spoken(unit, self.rest), "rest")
         return self
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
+from tests.robots import SPRUNG
 
 import patagium as pt
 from patagium.cli.main import run
@@ -132,6 +133,18 @@ def test_a_branch_goes_up_to_the_limit_of_an_actuator(aerobat, most):
     branch = continue_orbit(orbit, "feather_phase", (-most, most))
     assert np.abs(branch.values[[0, -1]]) == pytest.approx([0.1, 0.1], abs=1e-4)
     assert all("its actuator gives -5.7" in end for end in branch.ends)
+
+
+def test_a_branch_ends_where_a_passive_joint_comes_to_its_limit():
+    """Its orbits went on, and could not be flown."""
+    robot = load_robot_text(SPRUNG.replace("[-45 deg, 45 deg]", "[-45 deg, 37.3 deg]"))
+    orbit = pt.trim(robot)
+    branch = continue_orbit(orbit, "speed", (orbit.speed, orbit.speed + 1), points=20)
+    assert branch.ends[1].startswith("left_feather would go from ")
+    turned = branch.orbits[-1].flight(beats=1).q.sel(dof="left_feather").max().item()
+    # steps of the branch end at 1e-4 of the longest, which changes the angle by a degree or so;
+    # a beat of 240 steps misses .003 deg of its peak
+    assert 37.29 < np.degrees(turned) < 37.3
 
 
 def test_crossings_bear_the_names_of_the_field():

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.robots import FLAPPER
+from tests.robots import FLAPPER, SPRUNG
 
 import patagium as pt
 from patagium.cli.optimize import _front
@@ -124,6 +124,18 @@ def test_a_joint_without_limits_stays_within_a_right_angle_of_its_own_mean():
     bounds = dict(zip(swings.names, zip(swings.low, swings.high, strict=True), strict=True))
     assert bounds["left_feather"] == pytest.approx((0.0, np.pi))
     assert bounds["left_plunge"] == pytest.approx((-np.pi / 2, np.pi / 2))
+
+
+def test_passive_joints_keep_their_limits():
+    """They had none here: the best gait could not be flown, nor be sought from a trim beyond."""
+    robot = load_robot_text(SPRUNG.replace("[-45 deg, 45 deg]", "[-45 deg, 18 deg]"))
+    trimmed = pt.trim(robot, speed=2.6)
+    assert "left_feather would go from" in trimmed.reason
+    best = pt.control.optimize(robot, speed=2.6, harmonics=2, start=trimmed.beyond)
+    assert best.held[-2:] == tuple(f"{k}_feather at its upper limit" for k in ("left", "right"))
+    turned = np.degrees(best.orbit.flight(beats=1).q.sel(dof="left_feather").max().item())
+    # up to what samples between 40 nodes add, which is taken off: 20 deg times (pi / 40)^2 / 2
+    assert 18 - 0.07 < turned < 18
 
 
 def test_more_power_than_before_is_noted(best):

@@ -7,7 +7,7 @@ import pytest
 from tests.robots import FLAPPER
 
 import patagium as pt
-from patagium.errors import RobotFileError
+from patagium.errors import ParameterError, RobotFileError
 from patagium.robot import load_robot_text
 
 PENDULUM = """
@@ -109,11 +109,32 @@ def test_a_driven_joint_pays_for_its_spring():
         ("stiffness: 0.2 N m/rad", "stiffness: -1", "not negative"),
         ("stiffness: 0.2 N m/rad, ", "", "a stiffness where there is a rest"),
         ("0.2 N m/rad", "0.2 N/m", "stiffness"),
+        (
+            "rest: 0.3 rad",
+            "rest: 50 deg, limits: [-40 deg, 40 deg]",
+            "rest: .*-40 to 40 deg",
+        ),
+        ("rest: 0.3 rad", "limits: [10 deg, 40 deg]", "rest: .*10 to 40 deg, found 0 deg"),
     ],
 )
 def test_springs_that_are_none_are_refused(old, new, words):
     with pytest.raises(RobotFileError, match=words):
         load_robot_text(PENDULUM.replace(old, new))
+
+
+def test_a_driven_joint_may_have_a_preload_beyond_its_limits():
+    text = PENDULUM.replace("passive: true, ", "").replace("rest", "limits: [-0.1, 0.1], rest")
+    assert load_robot_text(text).rest == (0.3,)
+
+
+@pytest.mark.parametrize("name", ["hinge.rest", "hinge.damping"])
+def test_a_zero_cannot_be_estimated_and_the_message_says_why(name):
+    """It said that this was no number of the robot, and meant another."""
+    robot = load_robot_text(FLAPPER.replace("axis: y, limits", "axis: y, stiffness: 1, limits"))
+    name = name.replace("hinge", "left_feather")
+    assert robot.with_parameters({name: 0.1})
+    with pytest.raises(ParameterError, match="is not 0 in the robot's file .*a first guess there"):
+        pt.GreyBox(pt.QuasiSteady(robot), {name: 0.1})
 
 
 def test_springs_go_along_onto_an_arm():

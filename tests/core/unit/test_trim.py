@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.robots import FLAPPER
+from tests.robots import FLAPPER, SPRUNG
 
 import patagium as pt
 from patagium.control import FlightMap, free_parameters, gait_family, trimming
@@ -669,3 +669,18 @@ def test_a_name_near_a_gait_parameter_is_answered_by_one_that_trim_takes(aerobat
     with pytest.raises(ParameterError, match=f"; did you mean {meant}[?]$"):
         gait_family(aerobat, gait, (name,))
     assert gait_family(aerobat, gait, (meant,)).names == (meant,)
+
+
+def test_an_orbit_beyond_the_limits_of_a_passive_joint_is_not_handed_over():
+    """It was, and could not be flown: wings turned by 33 deg on hinges that turn by 3."""
+    free = pt.trim(load_robot_text(SPRUNG))
+    turned = np.degrees(free.flight(beats=1).q.sel(dof="left_feather"))
+    found = pt.trim(load_robot_text(SPRUNG.replace("[-45 deg, 45 deg]", "[-3 deg, 3 deg]")))
+    least, most = re.search("go from (.*) to (.*) deg, and its limits", found.reason).groups()
+    own = [turned.min().item(), turned.max().item()]
+    # three digits of words, and a beat of 240 steps: 37 deg times (pi / 240)^2 / 2
+    assert [float(least), float(most)] == pytest.approx(own, abs=0.06)
+    assert found.reason.startswith("left_feather would") and "limits are -3 to 3" in found.reason
+    assert found.remedy.startswith("stiffen its spring, widen that limit")
+    assert found.beyond.values == pytest.approx(free.values, rel=1e-9)  # rounding of the search
+    assert "beyond" not in found.summary()

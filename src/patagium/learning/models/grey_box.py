@@ -27,7 +27,7 @@ from patagium.aerodynamics.indicial import Relaxation, lag_step
 from patagium.aerodynamics.model import Aerodynamics, checked_air
 from patagium.arguments import checked
 from patagium.arrays import Array, Indices
-from patagium.dynamics.equations import inverse, kirchhoff_force
+from patagium.dynamics.equations import damping_force, inverse, kirchhoff_force
 from patagium.errors import ParameterError, check_names
 from patagium.learning.models.dense import described
 from patagium.learning.models.linear_strip import strip_squares
@@ -385,7 +385,7 @@ class GreyBox(Network):
             y = y + kirchhoff_force(machine, q, v, a, added)
         if inertial([*self._estimate], robot):
             y = y - (inverse(machine, q, v, a) - inverse(before, q, v, a))
-        y = y - (ca.vertcat(*machine.damping) - ca.vertcat(*before.damping)) * v
+        y = y + damping_force(machine, v) - damping_force(before, v)
         memory = air.memory or Relaxation(ca.SX(0, 1), ca.SX(0, 1))
         if memory.rate.numel() != model.state_size:
             raise ParameterError("model", "one whose memory follows something", model.name)

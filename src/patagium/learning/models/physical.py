@@ -247,6 +247,8 @@ def _write(description: Any, name: str, value: float | None, model: str) -> None
 def _check_name(name: str, numbers: Mapping[str, float], robot: Robot) -> None:
     if name in numbers:
         return
+    if told := robot.refusal(name):
+        raise ParameterError("estimate", told, name)
     of_air = [known for known in numbers if known not in robot.parameter_names]
     near = get_close_matches(name, list(numbers), 1, 0.0)
     names = robot.parameter_names
