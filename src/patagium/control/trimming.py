@@ -375,7 +375,7 @@ class OrbitSearch:
         limits = PassiveLimits(self.map.robot, self.map.names)
         least, most = limits.ends(np.vstack([at.states, at.flown.ends[-1]]), at.period)
         each = zip(limits.dofs, least, most, strict=True)
-        told = (_crossed(self.map.robot, i, *swing) for i, *swing in each)
+        told = (_crossed(self.map.robot, i, low, high) for i, low, high in each)
         return next(filter(None, told), "")
 
     def excess(self, values: Array, beyond: float = _BEYOND) -> str:
