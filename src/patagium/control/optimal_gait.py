@@ -195,12 +195,9 @@ def optimize(
             robot, aero, gait, speed=speed, climb=climb, added_mass=added_mass, steps=steps,
             tolerable=tolerable,
         )  # fmt: skip
-        if isinstance(trimmed, Orbit):
-            start = trimmed
-        elif trimmed.beyond is None:
+        if isinstance(trimmed, NoOrbit) and trimmed.beyond is None:
             return trimmed
-        else:  # the search keeps the limits that it exceeds
-            start = trimmed.beyond
+        start = getattr(trimmed, "beyond", trimmed)  # the program keeps what that exceeds
     elif start.robot is not robot or gait is not None:
         raise ParameterError("start", "an orbit of this robot, and no gait in addition", start)
     elif (steps or start.steps, tolerable) != (start.steps, None):

@@ -385,8 +385,8 @@ class OrbitSearch:
         if not frequency > 0:
             return f"frequency would be {frequency:.3g} Hz"
         least, most = (-_peaks(-position)).tolist(), _peaks(position).tolist()
-        for i, *motion in zip(robot.actuated, least, most, strict=True):
-            if crossed := _crossed(robot, i, *motion, beyond):
+        for i, low, high in zip(robot.actuated, least, most, strict=True):
+            if crossed := _crossed(robot, i, low, high, beyond):
                 return crossed
         half = np.subtract(most, least) / 2 * np.copysign(1.0, amplitude)
         known = dict(zip(COMMANDS, (half, mean, lead), strict=True))
@@ -520,10 +520,7 @@ def trim(
         return _not_found(search, at, trouble)
     if tolerable:
         at = search.nearest(at, search.point(guess, family.neutral, conditions), conditions)
-    orbit = orbit_of(search, at, added_mass)
-    if trouble := search.strained(at):
-        return replace(_not_found(search, at, trouble), beyond=orbit)
-    return orbit
+    return _within_limits(search, at, orbit_of(search, at, added_mass))
 
 
 def _family(robot: Robot, gait: Gait, free: Sequence[str] | None, wanted: Conditions) -> GaitFamily:
@@ -699,6 +696,12 @@ def orbit_of(search: OrbitSearch, at: Point, added_mass: AddedMass | None) -> Or
         at.flown, search.map.names, search.steps, float(forward / period), float(end[z] / period),
         turned / period, at.residual, search.iterations,
     )  # fmt: skip
+
+
+def _within_limits(search: OrbitSearch, at: Point, orbit: Orbit) -> Orbit | NoOrbit:
+    """Orbit of a point, or none where a passive joint leaves its limits on it."""
+    trouble = search.strained(at)
+    return replace(_not_found(search, at, trouble), beyond=orbit) if trouble else orbit
 
 
 NEARBY = (

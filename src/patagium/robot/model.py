@@ -510,7 +510,7 @@ class Robot:
         return replace(changed, source=source)
 
     def refusal(self, name: str) -> str:
-        """What to write in place of a name that is no run-time parameter; "" where any other."""
+        """Words on what to write in place of a name that is no run-time parameter; or ""."""
         body = name.partition(".")[0]
         if any(one.flexible and one.name == body for one in self.bodies):
             told = f"a number of a piece, {body}_0, {body}_1 and so on, as {body} is flexible"
