@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
@@ -197,7 +197,7 @@ def optimize(
         )  # fmt: skip
         if isinstance(trimmed, NoOrbit) and trimmed.beyond is None:
             return trimmed
-        start = getattr(trimmed, "beyond", trimmed)  # the program keeps what that exceeds
+        start = cast(Orbit, getattr(trimmed, "beyond", trimmed))  # limits hold in the program
     elif start.robot is not robot or gait is not None:
         raise ParameterError("start", "an orbit of this robot, and no gait in addition", start)
     elif (steps or start.steps, tolerable) != (start.steps, None):
