@@ -171,13 +171,9 @@ def fluid_energy(robot: Robot, q: ca.SX, v: ca.SX, added: BodyAddedMass) -> ca.S
         v: Generalized velocities, (n,) [m/s, rad/s].
         added: Added mass of the bodies.
     """
-    if added.wind.shape[1] == 1:
-        energy = ca.dot(added.wind, fluid_momentum(robot, q, v, added))
-    else:
-        winds = added.winds(robot, q)
-        carried = _momenta(robot, q, v, added)
-        energy = sum((ca.dot(winds[body], linear) for body, _, linear, _ in carried), ca.SX(0))
-    for _, twist, linear, angular in _momenta(robot, q, v, added):
+    winds, energy = added.winds(robot, q), ca.SX(0)
+    for body, twist, linear, angular in _momenta(robot, q, v, added):
+        energy = energy + ca.dot(winds[body], linear)
         energy = energy + (ca.dot(linear, twist.linear) + ca.dot(angular, twist.angular)) / 2
     return energy
 

@@ -118,7 +118,7 @@ def parent_coordinates(robot: Robot) -> tuple[int, ...]:
 
 
 def vector(values: Any) -> ca.SX:
-    """Three numbers or symbols as a column, (3, 1)."""
+    """Numbers or symbols as a column, three as (3, 1)."""
     return ca.vertcat(*[ca.SX(value) for value in values])
 
 

@@ -73,7 +73,7 @@ def spring_force(robot: Robot, q: ca.SX) -> ca.SX:
 
 def _coupled(robot: Robot, factors: Sequence[Any], values: ca.SX) -> ca.SX:
     """Factors times values of the joints, with the couplings between them, (n, 1) [N, N m]."""
-    factor = ca.vertcat(*map(ca.SX, factors))
+    factor = vector(factors)
     force = factor * values
     for inner, outer, coupling in robot.couplings:
         between = coupling * factor[outer] * (values[outer] - values[inner])
@@ -84,8 +84,7 @@ def _coupled(robot: Robot, factors: Sequence[Any], values: ca.SX) -> ca.SX:
 
 def _deflection(robot: Robot, q: ca.SX) -> ca.SX:
     """Deflection of the springs of the joints, (n, 1) [m, rad]."""
-    at_rest = ca.vertcat(*map(ca.SX, robot.rest or (0,) * robot.dof))
-    return q[list(robot.coordinate_indices)] - at_rest
+    return q[list(robot.coordinate_indices)] - vector(robot.rest or (0,) * robot.dof)
 
 
 def bias(robot: Robot, q: ca.SX, v: ca.SX, added: BodyAddedMass | None = None) -> ca.SX:
@@ -120,8 +119,7 @@ def gravity_force(robot: Robot, q: ca.SX) -> ca.SX:
         robot: The machine.
         q: Generalized coordinates, (n_q,) [m, rad, 1].
     """
-    zero = ca.SX.zeros(robot.dof, 1)
-    return newton_euler(robot, q, zero, zero, ca.SX(robot.gravity)) + spring_force(robot, q)
+    return bias(robot, q, ca.SX.zeros(robot.dof, 1))
 
 
 def forward(
