@@ -80,15 +80,11 @@ class DenseNetwork(PerceptronNetwork):
         """Length of x, n_x."""
         return self.perceptron.widths[0]
 
-    @property
-    def output_names(self) -> tuple[str, ...]:
-        """Names of the components of y."""
-        return self._names
-
     def encode(self, x: Array) -> Encoding:
         """Features, (N, 1, n_f), and the output scales as a readout."""
         readout = np.broadcast_to(self._readout, (len(x), *self._readout.shape))
-        return Encoding(self._seen(x)[:, None, :], readout, self.offset)
+        seen = (x - self.input_center) / self.input_scale
+        return Encoding(seen[:, None, :], readout, self.offset)
 
     def compiled_encoder(self) -> tuple[int, Array] | None:
         """Address of the compiled encoder and its constants; None without a compiler."""
@@ -106,7 +102,7 @@ class DenseNetwork(PerceptronNetwork):
         return {
             "kind": self.kind,
             "inputs": self.inputs,
-            "hidden": list(self.perceptron.widths[1:-1]),
+            "hidden": list(self.hidden),
             "outputs": list(self._names),
             "activation": self.perceptron.activation,
             **{name: getattr(self, name).tolist() for name in SCALES},
@@ -127,10 +123,6 @@ class DenseNetwork(PerceptronNetwork):
         network = cls(**described(cls.kind, values, keys))
         network.inputs_jump = jumps
         return network
-
-    def _seen(self, x: Array) -> Array:
-        """Scaled inputs, (N, n_x)."""
-        return (x - self.input_center) / self.input_scale
 
 
 SCALES = ("input_center", "input_scale", "output_center", "output_scale")

@@ -71,6 +71,12 @@ class GreyBox(Network):
         start: Flow before the first sample and in gaps: as it was always there, or "still" as
             a simulated flight begins.
 
+    Attributes:
+        flight_terms: Whether x ends with the accelerations; whether y holds the force of added
+            mass.
+        measured_inputs: Length of [q, v] or [q, v, a].
+        own_prior: Standard deviations before any sample, 1 of each parameter, (n,) [1].
+
     Raises:
         ParameterError: If a name is unknown, a deviation not positive, or the added mass does not
             go with the model.
@@ -105,6 +111,12 @@ class GreyBox(Network):
         self.added_mass = added_mass
         self._start = start
         self.parameters = physical_parameters(estimate, numbers, robot)
+        carries = added_mass is not None
+        accelerates = carries or inertial([*estimate], robot)
+        own = robot if {*estimate} & {*robot.parameter_names} else None
+        self.flight_terms = FlightTerms(accelerates, carries, robot=own)
+        self.measured_inputs = robot.state_size + robot.dof * accelerates
+        self.own_prior = np.ones(self.size)
         self._names = robot.dof_names if measured is None else tuple(measured)
         self._rows = tuple(robot.index(name) for name in self._names)
         weight = 9.81 * float(robot.mass)
@@ -145,22 +157,9 @@ class GreyBox(Network):
         return self.measured_inputs + row_size(self._lags)
 
     @property
-    def measured_inputs(self) -> int:
-        """Length of [q, v] or [q, v, a]."""
-        robot = self.model.robot
-        return robot.state_size + robot.dof * self._needs_acceleration
-
-    @property
     def lag_equations(self) -> LagEquations | None:
         """Equations of the air's lags; None without."""
         return self._lags if self._lags.states else None
-
-    @property
-    def flight_terms(self) -> FlightTerms:
-        """Whether x ends with the accelerations; whether y holds the force of added mass."""
-        robot, added = self.model.robot, self.added_mass is not None
-        own = robot if {*self._estimate} & {*robot.parameter_names} else None
-        return FlightTerms(self._needs_acceleration, added, robot=own)
 
     @property
     def output_names(self) -> tuple[str, ...]:
@@ -171,11 +170,6 @@ class GreyBox(Network):
     def hidden(self) -> tuple[int, ...]:
         """No hidden layers."""
         return ()
-
-    @property
-    def own_prior(self) -> Array:
-        """Standard deviations before any sample, 1 of each parameter, (n,)."""
-        return np.ones(self.size)
 
     def initial(self, seed: int) -> Array:
         """Weights to start from, the parameters at their priors, (n,)."""
@@ -273,11 +267,6 @@ class GreyBox(Network):
     @property
     def _estimate(self) -> dict[str, float]:
         return {parameter.name: parameter.std for parameter in self.parameters}
-
-    @property
-    def _needs_acceleration(self) -> bool:
-        """Whether x ends with the accelerations."""
-        return self.added_mass is not None or inertial([*self._estimate], self.model.robot)
 
     def _memory_in(self, x: Array) -> MemoryState:
         """Lags of the air, their sensitivity and W_m in the inputs, x (N, n_x)."""

@@ -81,6 +81,8 @@ class LinearStripNetwork(WingNetwork):
             of each strip's force over that of each joint that it moves, or else of the upward
             force, (n_y, strips) [1, 1/m^2].
         scaled_prior: True: a stated `prior_std` is a factor on `own_prior`.
+        own_misfit: Error of this network that a filter assumes where no noise is stated.
+        flight_terms: Accelerations among the inputs, added mass in the outputs.
 
     Raises:
         ParameterError: If the robot has no strips, or a name is not one of its coordinates.
@@ -98,6 +100,8 @@ class LinearStripNetwork(WingNetwork):
     options = ("measured", "attached")
     scaled_prior = True
     one_by_one = True
+    own_misfit = Misfit()
+    flight_terms = FlightTerms(acceleration=True, added_mass=True)
 
     @checked
     def __init__(
@@ -136,9 +140,8 @@ class LinearStripNetwork(WingNetwork):
         self._encode = made["encode"]
         self.lag_equations: LagEquations | None = None
         if attached:
-            count, begin, step = len(robot.strips), made["begin"].address, made["step"].address
-            steps = compiled_steps(begin, step, self._parameters)
-            sizes = self.measured_inputs, count
+            steps = compiled_steps(made["begin"].address, made["step"].address, self._parameters)
+            sizes = self.measured_inputs, len(robot.strips)
             self.lag_equations = StripLags(made, self._parameters, *sizes, steps)
 
     def describe(self) -> dict[str, Any]:
@@ -171,11 +174,6 @@ class LinearStripNetwork(WingNetwork):
         return self.robot.state_size + self.robot.dof
 
     @property
-    def flight_terms(self) -> FlightTerms:
-        """Accelerations among the inputs, added mass in the outputs."""
-        return FlightTerms(acceleration=True, added_mass=True)
-
-    @property
     def own_prior(self) -> Array:
         """Standard deviation of each weight before any sample, (n,) [1]."""
         return self.prior(ATTACHED_STDS if self.attached else STDS)
@@ -188,11 +186,6 @@ class LinearStripNetwork(WingNetwork):
         """
         stds = np.repeat(corrections, CORRECTIONS)
         return self._placed(stds, [term.std for term in self.terms], NOTHING)
-
-    @property
-    def own_misfit(self) -> Misfit:
-        """Error of this network that a filter assumes where no noise is stated."""
-        return Misfit()
 
     def initial(self, seed: int) -> Array:
         """Weights that are expected, those of physics alone, whatever the seed, (n,)."""

@@ -69,10 +69,8 @@ class Perceptron:
     @property
     def fan_in(self) -> Array:
         """Fan-in of the neuron of each weight, 1 for a bias, (size,)."""
-        parts = []
-        for below, above in pairwise(self.widths):
-            parts += [np.full(below * above, float(below)), np.ones(above)]
-        return np.concatenate(parts)
+        layers = [((below, 1.0), (below * above, above)) for below, above in pairwise(self.widths)]
+        return np.concatenate([np.repeat(*layer) for layer in layers])
 
     @property
     def neurons(self) -> tuple[tuple[Indices, ...], ...]:
@@ -111,7 +109,7 @@ class Perceptron:
         Returns:
             (m, n_out), and (m, n_out, size).
         """
-        function, slope = ACTIVATIONS[self.activation][:2]
+        function, slope = ACTIVATIONS[self.activation]
         layers, inputs, sums = list(self.layers(weights)), [features], list[Array]()
         for matrix, bias in layers:
             sums.append(inputs[-1] @ matrix.T + bias)
@@ -157,6 +155,12 @@ class PerceptronNetwork(Network):
     perceptron: Perceptron
     items: int = 1
     offset: Array
+    _names: tuple[str, ...]
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the components of y."""
+        return self._names
 
     def compiled_encoder(self) -> tuple[int, Array] | None:
         """Address of a C function that encodes one sample, and its constants; None without.

@@ -25,7 +25,7 @@ from patagium.errors import ParameterError, ShapeError, positive
 from patagium.learning.models.network import FlightTerms
 from patagium.learning.models.perceptron import Perceptron
 from patagium.learning.models.wing import WingNetwork
-from patagium.native import load_functions
+from patagium.native import load_functions, named_function
 from patagium.robot.model import Robot
 
 Measured = Sequence[str] | ArrayLike | None
@@ -65,6 +65,11 @@ class StripNetwork(WingNetwork):
             input of the perceptron, as circulation by pitching needs.
         coefficient_scale: Size of coefficients to expect: what the perceptron takes as one.
 
+    Attributes:
+        measured: Coordinates whose force y is, or the matrix on strip forces, (n_y, 3 n_strips)
+            [unit of y / N].
+        flight_terms: Matrix from strip forces to y, where y is not the generalized force.
+
     Raises:
         ParameterError: If the robot has no strips, a name is not one of its coordinates,
             the matrix not finite, the scale not positive, the fraction not on the chord,
@@ -98,25 +103,17 @@ class StripNetwork(WingNetwork):
         self.robot, self.air = robot, replace(air or Air(), gust=None)
         self.items = len(robot.strips)
         self.perceptron = Perceptron((2 + rotation, *hidden, _COEFFICIENTS), activation)
-        self._names, self._matrix = _measurement(robot, measured)
+        self._names, matrix = _measurement(robot, measured)
+        self.measured = self._names if matrix is None else matrix
+        self.flight_terms = FlightTerms(strip_forces=matrix)
         self.offset = np.zeros(len(self._names))
         pressure = self.air.density * self.coefficient_scale
         self._parameters = np.array([*self.air.wind, pressure, *robot.parameters])
-        matrix = "" if self._matrix is None else repr(self._matrix.tolist())
-        options = f"{self._names} {matrix} {chord_fraction} {rotation}"
+        balance = "" if matrix is None else repr(matrix.tolist())
+        options = f"{self._names} {balance} {chord_fraction} {rotation}"
         key = f"strip network {options} {robot.structure}"
         label = f"strip network of {robot.name}"
         self._encode = load_functions(key, lambda: [self._function()], label=label)["encode"]
-
-    @property
-    def measured(self) -> tuple[str, ...] | Array:
-        """Coordinates whose force y is, or the matrix on strip forces, (n_y, 3 n_strips)."""
-        return self._names if self._matrix is None else self._matrix
-
-    @property
-    def flight_terms(self) -> FlightTerms:
-        """Matrix from strip forces to y, where y is not the generalized force."""
-        return FlightTerms(strip_forces=self._matrix)
 
     @checked
     def initial(self, seed: int) -> Array:
@@ -159,14 +156,15 @@ class StripNetwork(WingNetwork):
             force = pressure * strip.chord * strip.width * square / 2 * coefficients[:, number]
             loads.append(StripLoad(motion, force[0], force[1], ahead, ca.SX(0)))
         air = assemble(robot, q, loads, ca.SX(0, 1))
-        if self._matrix is None:
+        matrix = self.flight_terms.strip_forces
+        if matrix is None:
             y = ca.vertcat(*[air.generalized_force[robot.index(name)] for name in self._names])
         else:
-            y = ca.sparsify(ca.DM(self._matrix)) @ ca.vec(air.strip_force)
-        outputs = [ca.horzcat(*seen), ca.jacobian(y, ca.vec(coefficients))]
+            y = ca.sparsify(ca.DM(matrix)) @ ca.vec(air.strip_force)
+        readout = ca.jacobian(y, ca.vec(coefficients))
         parameters = ca.vertcat(wind, pressure, robot_parameters)
-        names_in, names_out = ["x", "network_parameters"], ["features", "readout"]
-        return ca.Function("encode", [x, parameters], outputs, names_in, names_out)
+        outputs = {"features": ca.horzcat(*seen), "readout": readout}
+        return named_function("encode", {"x": x, "network_parameters": parameters}, outputs)
 
 
 def direction_inputs(direction: ca.SX) -> ca.SX:

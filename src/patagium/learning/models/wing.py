@@ -45,7 +45,6 @@ class WingNetwork(PerceptronNetwork):
     one_by_one = False
     robot: Robot
     air: Air
-    _names: tuple[str, ...]
     _parameters: Array
     _encode: NativeFunction
 
@@ -55,11 +54,6 @@ class WingNetwork(PerceptronNetwork):
     def __reduce__(self) -> tuple[Any, ...]:
         names = ("robot", *self.shared, *self.options)
         return partial(type(self), **{name: getattr(self, name) for name in names}), ()
-
-    @property
-    def output_names(self) -> tuple[str, ...]:
-        """Names of the components of y."""
-        return self._names
 
     @property
     def activation(self) -> str:
