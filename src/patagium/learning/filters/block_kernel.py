@@ -119,7 +119,9 @@ class BlockKernel:
         self._predict, self._update = (
             _function(library, f"{name}_{verb}") for verb in ("predict", "update")
         )
-        self._library = library
+        if self._neurons:
+            self._pack = _function(library, "node_pack", 2)
+            self._unpack = _function(library, "node_unpack", 2)
         self.mean, self.prior = self._arrays["mean"], self._arrays["prior"]
         self._measured = self._arrays["measured"]
         self._results = self._arrays["predicted"], self._arrays["covariance"]
@@ -193,11 +195,10 @@ class BlockKernel:
         if self._neurons:
             self._struct.largest, self._struct.drifted = 0.0, 0
             flat = np.concatenate([np.asarray(part, float).ravel() for part in parts])
-            self._library.node_pack(ctypes.c_void_p(self._address), flat.ctypes.data_as(_DOUBLES))
+            self._pack(self._address, flat.ctypes.data)
             return
-        for number, first, panel in self._panels():
-            part = parts[number][first:, first : first + panel.shape[1]]
-            panel[: part.shape[0], : part.shape[1]] = part
+        for panel, part in self._panels(parts):
+            panel[:] = part
         longest = max(float(np.linalg.norm(part, axis=1).max()) for part in parts)
         self._struct.largest = longest
 
@@ -206,25 +207,26 @@ class BlockKernel:
         sizes = [len(block) for block in self._blocks]
         if self._neurons:
             flat = np.zeros(sum(size**2 for size in sizes))
-            self._library.node_unpack(ctypes.c_void_p(self._address), flat.ctypes.data_as(_DOUBLES))
+            self._unpack(self._address, flat.ctypes.data)
             ends = np.cumsum([size**2 for size in sizes])[:-1]
             each = zip(np.split(flat, ends), sizes, strict=True)
             return [part.reshape(size, size) for part, size in each]
         parts = [np.zeros((size, size)) for size in sizes]
-        for number, first, panel in self._panels():
-            part = parts[number][first:, first : first + panel.shape[1]]
-            part[:] = panel[: part.shape[0], : part.shape[1]]
+        for panel, part in self._panels(parts):
+            part[:] = panel
         return [symmetric(np.tril(part)) for part in parts] if self._covariance else parts
 
-    def _panels(self) -> Iterator[tuple[int, int, Array]]:
-        """Every panel: number of its block, its first column in it, its rows from there on."""
+    def _panels(self, parts: Parts) -> Iterator[tuple[Array, Array]]:
+        """Every panel of the memory, and the columns of a block's matrix that it holds."""
         width, start = 2 * self._lanes, 0
         entries = self._arrays["kept" if self._covariance else "root"]
-        for number, block in enumerate(self._blocks):
-            rows = rounded_up(len(block), width)
+        for whole in parts:
+            rows = rounded_up(len(whole), width)
             for first in range(0, rows, width):
                 end = start + (rows - first) * width
-                yield number, first, entries[start:end].reshape(-1, width)
+                part = whole[first:, first : first + width]
+                panel = entries[start:end].reshape(-1, width)
+                yield panel[: part.shape[0], : part.shape[1]], part
                 start = end
 
     def _fill(self, screening: int) -> None:
@@ -283,13 +285,10 @@ class BlockKernel:
         self._arrays["readout"][...] = encoding.readout.T
 
 
-_DOUBLES = ctypes.POINTER(ctypes.c_double)
-
-
-def _function(library: ctypes.CDLL, name: str) -> Any:
-    """Function of a kernel that takes the address of its memory and gives an outcome."""
+def _function(library: ctypes.CDLL, name: str, addresses: int = 1) -> Any:
+    """Function of a kernel that takes addresses, first that of its memory; gives an outcome."""
     function = getattr(library, name)
-    function.argtypes, function.restype = [ctypes.c_void_p], ctypes.c_int
+    function.argtypes, function.restype = [ctypes.c_void_p] * addresses, ctypes.c_int
     return function
 
 

@@ -25,7 +25,6 @@ from patagium.learning.filters.root import (
     lower_factor,
     measured_root,
     transformed_root,
-    with_noise,
 )
 from patagium.learning.filters.spread import Moments, moments_of
 from patagium.learning.filters.state import packed, symmetric, unpacked, vector
@@ -76,7 +75,7 @@ class BlockRoots:
         grown = [np.sqrt(growth) * root.astype(float) for root in roots]
         if noise is not None:
             each = zip(grown, self._blocks, strict=True)
-            grown = [with_noise(root, noise[block]) for root, block in each]
+            grown = [lower_factor(root @ root.T + np.diag(noise[block])) for root, block in each]
         return [np.ascontiguousarray(root, self._numbers.dtype) for root in grown]
 
     def moments(self, roots: Parts, look: Look) -> tuple[Moments, Array]:

@@ -1,4 +1,4 @@
-"""Square roots of dense covariances, S S' = P, after a measurement and after time has passed."""
+"""Square roots of dense covariances, S S' = P, and what a measurement makes of them."""
 
 from __future__ import annotations
 
@@ -106,18 +106,3 @@ def triangular(root: Array) -> Array:
     upper = np.asarray(np.linalg.qr(root.T, mode="r"))
     signs = np.where(np.diag(upper) < 0, -1.0, 1.0)
     return np.asarray(upper.T * signs)
-
-
-def with_noise(root: Array, noise: Array) -> Array:
-    """Square root of S S' + diag(noise), (n, n): of order n^3.
-
-    Args:
-        root: Any square root S of P, (n, n) [1].
-        noise: Variances added to the weights, (n,) [1].
-
-    Raises:
-        MatrixLost: If S S' is not finite or so far from definite that the sum is not.
-    """
-    covariance = root @ root.T
-    covariance[np.diag_indices_from(covariance)] += noise
-    return lower_factor(covariance)

@@ -212,7 +212,7 @@ class Screen:
         """
         usable, within, events = self.bounds.bounded(x, y, float(self.numbers[_STAMP]))
         for event, count in {**events, "bad_inputs": int(not usable)}.items():
-            self.counts[EVENTS.index(event)] += count
+            self.note(event, count)
         return within if usable else None
 
     def stamp(self, time: float | None) -> None:
@@ -254,9 +254,9 @@ class Screen:
         place = self.stated if self.share or self.misfit.floor else self.parts["noise"]
         return lent(place, place + variance)
 
-    def note(self, event: str) -> None:
-        """Count one more of an event."""
-        self.counts[EVENTS.index(event)] += 1
+    def note(self, event: str, count: int = 1) -> None:
+        """Count more of an event."""
+        self.counts[EVENTS.index(event)] += count
 
     def admit(self) -> Outcome:
         """Outcome of the time stamp in `numbers`: COMPLETED if it is later than the one before."""
