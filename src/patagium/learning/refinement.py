@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
 
 from patagium.arguments import checked
-from patagium.arrays import Array, find_gaps
+from patagium.arrays import Array, Bools, find_gaps
 from patagium.errors import FilterDiverged, Outcome, ParameterError
 from patagium.learning.filters.weight_covariance import block_covariance
 from patagium.learning.learners.filter_learner import FilterLearner
@@ -78,9 +78,9 @@ def refine(
     if isinstance(time, xr.Dataset | ForceSamples):
         table, noise = samples(time, network)[:3], stds(time, network)
     log = checked_samples(network, table, (), noise)
-    log = replace(log, gaps=find_gaps(log.time))
-    used = np.isin(np.arange(len(log.time)), used_samples(log.y, every, log.gaps))
-    log = replace(log, y=np.where(used[:, None], log.y, np.nan))
+    gaps = find_gaps(log.time)
+    used = np.isin(np.arange(len(log.time)), used_samples(log.y, every, gaps))
+    log = replace(log, gaps=gaps, y=np.where(used[:, None], log.y, np.nan))
     fit = _Fit(learner, log, *_prior(learner, before), learner.measurement_std**2)
     begins = [(one, _errors(fit, one)) for one in (learner.weights, fit.first)]
     weights, errors = min(begins, key=lambda begin: _cost(fit, *begin))  # a filter may diverge
@@ -123,6 +123,27 @@ class _Fit(NamedTuple):
     precision: Array
     variance: Array
 
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations of the measurements, the fit's and their own, (N, n_y) [y]."""
+        own = np.zeros(self.log.y.shape) if self.log.std is None else np.nan_to_num(self.log.std)
+        return np.hypot(np.sqrt(self.variance), own)
+
+    def raised(self, error: Array, std: Array) -> Array:
+        """Standard deviations, larger for outliers by the rule of the screening, (N,) [y].
+
+        A cost of c^2 (1 + 2 log(e / c)) beyond c has the slope of that.
+        """
+        screening = self.learner.settings.screening
+        limit = np.inf if screening is None else screening.outlier_std
+        return np.fmax(std, np.abs(error) / limit)
+
+    def rows(self, weights: Array) -> tuple[Array, Bools]:
+        """Inputs of the network, (N, n_x), and whether a sample is used, (N,)."""
+        log = self.log
+        rows = network_inputs(self.learner.network, weights, log.time, log.x, log.gaps)
+        return rows, np.isfinite(log.y).any(axis=1)
+
 
 def _prior(learner: FilterLearner, before: Model | None) -> tuple[Array, Array]:
     """Weights before a log, (n,), and the inverse of their covariance, (n, n)."""
@@ -145,38 +166,20 @@ def _moved(fit: _Fit, here: tuple[Array, Array], step: Array) -> tuple[tuple[Arr
     return here, False
 
 
-def _deviations(fit: _Fit) -> Array:
-    """Standard deviations of the measurements, the fit's and their own, (N, n_y) [y]."""
-    own = np.zeros(fit.log.y.shape) if fit.log.std is None else np.nan_to_num(fit.log.std)
-    return np.hypot(np.sqrt(fit.variance), own)
-
-
-def _raised(learner: FilterLearner, error: Array, std: Array) -> Array:
-    """Standard deviations, larger for outliers by the rule of the screening, (N,) [y].
-
-    A cost of c^2 (1 + 2 log(e / c)) beyond c has the slope of that.
-    """
-    screening = learner.settings.screening
-    limit = np.inf if screening is None else screening.outlier_std
-    return np.fmax(std, np.abs(error) / limit)
-
-
 def _errors(fit: _Fit, weights: Array) -> Array:
     """Errors of the used samples, (N, n_y) [y]; NaN where nothing was measured."""
-    network, log = fit.learner.network, fit.log
-    rows = network_inputs(network, weights, log.time, log.x, log.gaps)
-    used = np.isfinite(log.y).any(axis=1)
-    errors = np.full(log.y.shape, np.nan)
-    errors[used] = log.y[used] - network.evaluate(rows[used], weights)
+    y, (rows, used) = fit.log.y, fit.rows(weights)
+    errors = np.full(y.shape, np.nan)
+    errors[used] = y[used] - fit.learner.network.evaluate(rows[used], weights)
     return errors
 
 
 def _cost(fit: _Fit, weights: Array, errors: Array) -> float:
     """Squares of errors and of departures from the prior, in standard deviations."""
     seen, apart = np.isfinite(fit.log.y), weights - fit.first
-    error, std = errors[seen], _deviations(fit)[seen]
+    error, std = errors[seen], fit.deviations[seen]
     with np.errstate(invalid="ignore"):
-        raised = _raised(fit.learner, error, std)
+        raised = fit.raised(error, std)
         cost = ((error / raised) ** 2 * (1.0 + 2.0 * np.log(raised / std))).sum()
         cost += apart @ fit.precision @ apart
     return float(cost) if np.isfinite(cost) else float("inf")
@@ -190,8 +193,8 @@ def _noise(fit: _Fit, errors: Array, told: float) -> Array:
     """
     if fit.learner.settings.noise_estimation is None:
         return fit.variance
-    seen, std = np.isfinite(fit.log.y), _deviations(fit)
-    squares = (errors * std / _raised(fit.learner, errors, std)) ** 2
+    seen, std = np.isfinite(fit.log.y), fit.deviations
+    squares = (errors * std / fit.raised(errors, std)) ** 2
     squares *= seen.sum() / max(seen.sum() - told, 1.0)
     trust = np.where(seen, (fit.variance / std**2) ** 2, 0.0)
     with np.errstate(invalid="ignore"):  # of outputs that were never measured
@@ -204,7 +207,7 @@ def _noise(fit: _Fit, errors: Array, told: float) -> Array:
 def _words(fit: _Fit, errors: Array, *, anew: bool) -> str:
     """Description of the fit, with a warning of errors that correlate between used samples."""
     logs = "whole log that was learned" if anew else "last log and of what was learned before it"
-    scaled = errors / _raised(fit.learner, errors, _deviations(fit))
+    scaled = errors / fit.raised(errors, fit.deviations)
     scaled = scaled[np.isfinite(errors).any(axis=1)]
     power = np.fmax(np.nansum(scaled**2, axis=0), np.isfinite(scaled).sum(axis=0))
     color = np.nansum(scaled[1:] * scaled[:-1], axis=0) / np.fmax(power, 1.0)
@@ -215,14 +218,13 @@ def _words(fit: _Fit, errors: Array, *, anew: bool) -> str:
 
 def _slopes(fit: _Fit, weights: Array) -> tuple[Array, Array]:
     """Sums of H'e and of H'H over the used samples, in standard deviations of the measurement."""
-    (network, log), deviations = (fit.learner.network, fit.log), _deviations(fit)
-    rows = network_inputs(network, weights, log.time, log.x, log.gaps)
+    network, deviations, (rows, used) = fit.learner.network, fit.deviations, fit.rows(weights)
     gradient, information = np.zeros(len(weights)), np.zeros((len(weights), len(weights)))
-    for k in np.flatnonzero(np.isfinite(log.y).any(axis=1)).tolist():
+    for k in np.flatnonzero(used).tolist():
         value, slope = network.linearized(network.encode_one(rows[k]), weights)
-        seen = np.isfinite(log.y[k])
-        error = (log.y[k] - value)[seen]
-        std = _raised(fit.learner, error, deviations[k, seen])
+        seen = np.isfinite(fit.log.y[k])
+        error = (fit.log.y[k] - value)[seen]
+        std = fit.raised(error, deviations[k, seen])
         slope = slope[seen] / std[:, None]
         gradient += slope.T @ (error / std)
         information += slope.T @ slope
