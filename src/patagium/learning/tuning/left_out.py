@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -242,8 +243,8 @@ def _groups(scaled: Array) -> Indices | None:
         sizes = np.bincount(groups, minlength=wanted)
         if sizes.min() < max(2, LEAST_SHARE * count):
             continue
-        pairs = [(a, b) for a in range(wanted) for b in range(a)]
-        if all(_unlike(scaled[groups == a], scaled[groups == b]) for a, b in pairs):
+        parts = [scaled[groups == k] for k in range(wanted)]
+        if all(_unlike(*pair) for pair in combinations(parts, 2)):
             return groups
     return None
 

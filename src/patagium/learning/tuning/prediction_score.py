@@ -38,7 +38,7 @@ from patagium.errors import FilterDiverged, Outcome
 from patagium.learning.filters.root import MatrixLost
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.models.memory import network_inputs
-from patagium.learning.scores import INTERVAL, SILENT_RATIO, mean_heard
+from patagium.learning.scores import INTERVAL, ErrorSums, mean_heard
 from patagium.learning.stream import Samples, prequential
 from patagium.reading import json_ready
 
@@ -151,14 +151,11 @@ def moving(y: Array, scale: ArrayLike = 1.0) -> Bools:
         scale: Scale of each output, in which outputs are compared, (n_y,) or () [unit of y].
     """
     measured = np.isfinite(y)
-    truth = np.where(measured, y, 0.0)
-    count = np.maximum(measured.sum(axis=0), 1)
-    center = truth.sum(axis=0) / count
-    size = np.sqrt((truth**2).sum(axis=0) / count)
-    truth = np.where(measured, y - center, 0.0)
-    std = np.sqrt((truth**2).sum(axis=0) / count)
-    alive = std / scale > SILENT_RATIO * (size / scale).max(initial=0.0)
-    truth = truth / np.where(alive, std, 1.0)
+    sums = ErrorSums(y.shape[1], scale)
+    sums.add(y, y)
+    (count, center, square, *_), alive = sums.sums, ~sums.silent
+    std = np.sqrt(square / np.maximum(count, 1))
+    truth = np.where(measured, y - center, 0.0) / np.where(alive, std, 1.0)
     span = max(len(y) // SPANS, 2)
     share, mean, square = (
         uniform_filter1d(values, span, axis=0)
@@ -183,7 +180,7 @@ def judged_trial(
     prior = learner.weights
     known = score_predictions(learner, flown)
     known = replace(known, moved=float(np.linalg.norm(learner.weights - prior)))
-    parts: list[_Part] = []
+    parts: list[PredictionScore] = []
     for fold in folds:
         taught, reason = learner, known.reason
         if not (reason or fold.learned.all()):
@@ -194,30 +191,20 @@ def judged_trial(
             reason = parts[-1].reason
         if reason:
             return replace(known, reason=reason)
-    crps = float(np.mean([one.crps for one in parts]))
+    crps = float(np.mean([one.left_out_crps for one in parts]))
     elsewhere = all(fold.elsewhere for fold in folds)
     return replace(
         known,
         crps=(crps + known.crps_second_half) / 2 if elsewhere else crps,
         left_out_crps=crps,
-        left_out_error=sqrt(sum(one.error**2 for one in parts)) / len(parts),
-        left_out_nmse=max(one.nmse for one in parts),
-        left_out_coverage=float(np.mean([one.coverage for one in parts])),
+        left_out_error=sqrt(sum(one.left_out_error**2 for one in parts)) / len(parts),
+        left_out_nmse=max(one.left_out_nmse for one in parts),
+        left_out_coverage=float(np.mean([one.left_out_coverage for one in parts])),
     )
 
 
-class _Part(NamedTuple):
-    """Score of what was left out in one fold; see `PredictionScore`."""
-
-    crps: float = nan
-    error: float = nan
-    nmse: float = nan
-    coverage: float = nan
-    reason: str = ""
-
-
-def _frozen(learner: FilterLearner, prior: Array, fold: Fold) -> _Part:
-    """Score of predictions with weights that stay."""
+def _frozen(learner: FilterLearner, prior: Array, fold: Fold) -> PredictionScore:
+    """Score of what was left out in one fold, predicted with weights that stay."""
     flown, network = fold.flown, learner.network
     heard = flown.scored.any(axis=0)
     rows = thin(fold.judged[flown.scored[fold.judged].any(axis=1)], MOST_JUDGED)
@@ -229,7 +216,7 @@ def _frozen(learner: FilterLearner, prior: Array, fold: Fold) -> _Part:
     try:
         mean, covariance = learner.predict(x)
     except (FilterDiverged, MatrixLost) as problem:
-        return _Part(reason=f"{flown.name}: {problem}")
+        return PredictionScore(learner.count, reason=f"{flown.name}: {problem}")
     truth = np.where(flown.scored, flown.y, nan)[:, heard]
     spread = np.nanstd(truth, axis=0)
     counted = truth[rows] / spread
@@ -240,20 +227,21 @@ def _frozen(learner: FilterLearner, prior: Array, fold: Fold) -> _Part:
         nmse, zero, physics = (_mean(part**2) for part in (error, counted, at_prior))
     rival = ("the weights before any sample", physics) if physics < zero else ("zero", zero)
     if not (nmse <= rival[1] if fold.elsewhere else np.isfinite(nmse)):
-        return _Part(
+        return PredictionScore(
+            learner.count,
             reason=f"{flown.name}, left out: the mean square error, {nmse:.3g} times the "
-            f"variance, is larger than that of {rival[0]}, {rival[1]:.3g}"
+            f"variance, is larger than that of {rival[0]}, {rival[1]:.3g}",
         )
     crps = _crps(error, std)
     inside = np.abs(error) <= INTERVAL * std
     blocks = np.array([_mean(part) for part in np.array_split(crps, min(BLOCKS, len(crps)))])
     blocks = blocks[np.isfinite(blocks)]
-    whole = _mean(crps)
-    return _Part(
-        crps=whole,
-        error=float(blocks.std(ddof=1) / sqrt(len(blocks))) if len(blocks) > 1 else nan,
-        nmse=nmse,
-        coverage=float(inside[np.isfinite(error)].mean()),
+    return PredictionScore(
+        learner.count,
+        left_out_crps=_mean(crps),
+        left_out_error=float(blocks.std(ddof=1) / sqrt(len(blocks))) if len(blocks) > 1 else nan,
+        left_out_nmse=nmse,
+        left_out_coverage=float(inside[np.isfinite(error)].mean()),
     )
 
 

@@ -83,7 +83,7 @@ class LearnerSettings(BaseModel):
 
     @model_validator(mode="after")
     def _known(self) -> LearnerSettings:
-        known = {one.name: one.metadata["meaning"] for one in settings_of(self.kind)}
+        known = [one.name for one in settings_of(self.kind)]
         for name in self.values:
             check_names(name, [name], known, near=True)
         settings_from(self.kind, self.values)
