@@ -15,7 +15,14 @@ from patagium.learning.models.network import Network
 from patagium.learning.models.physical import Estimate
 from patagium.report import Table
 
-_FIELDS = ("value", "std", "prior", "prior_std")
+_FIELDS = {
+    "unit": "unit",
+    "value": "value",
+    "std": "standard deviation",
+    "prior": "prior",
+    "prior_std": "its standard deviation",
+}
+"""Columns of the table of parameters, by field of an `Estimate`."""
 
 
 @runtime_checkable
@@ -57,12 +64,11 @@ def parameter_scores(trained: Trained) -> dict[str, Any]:
         told["parameter_problem"] = str(refused)
     if not estimates:
         return told
-    fields = "unit", *_FIELDS
     if isinstance(trained, Model) and "parameter_fit" in trained.learner:
         told["parameter_fit"] = trained.learner["parameter_fit"]
     return told | {
         f"parameter_{field}": {found.name: getattr(found, field) for found in estimates}
-        for field in fields
+        for field in _FIELDS
     }
 
 
@@ -89,16 +95,9 @@ def parameter_table(scores: Mapping[str, Any]) -> Table | None:
     if "parameter_value" not in scores:
         return None
     rows = [
-        [name, *(scores[f"parameter_{field}"][name] for field in ("unit", *_FIELDS))]
+        [name, *(scores[f"parameter_{field}"][name] for field in _FIELDS)]
         for name in scores["parameter_value"]
     ]
-    columns = [
-        "parameter",
-        "unit",
-        "value",
-        "standard deviation",
-        "prior",
-        "its standard deviation",
-    ]
     found = scores.get("parameter_fit", "one pass, which may be far too sure of them")
-    return Table(columns, rows, f"Physical parameters, from {found}, and before any sample.")
+    words = f"Physical parameters, from {found}, and before any sample."
+    return Table(["parameter", *_FIELDS.values()], rows, words)

@@ -43,11 +43,9 @@ def network_for(
     Raises:
         LogError: If the log is too short to scale a column without a range.
     """
-    bounds = _bounds(table)
-    count = scaling_samples(table)
-    first = np.hstack([table.x, table.y])[:count]
-    for k in np.flatnonzero(np.isnan(bounds).any(axis=1)).tolist():
-        known = first[np.isfinite(first[:, k]), k]
+    bounds, count = _bounds(table), scaling_samples(table)
+    for k, (_, values) in _without_range(table).items():
+        known = values[:count][np.isfinite(values[:count])]
         low, high = (known.min(), known.max()) if len(known) else (-1.0, 1.0)
         if high - low <= 1e-9 * max(abs(low), abs(high)):  # it stood still
             low, high = low - 1.0, high + 1.0
@@ -97,20 +95,19 @@ def scaling_samples(table: LogTable) -> int:
     Raises:
         LogError: If it has no samples after them.
     """
-    names = np.array([*table.input_names, *table.output_names])
-    unknown = np.isnan(_bounds(table)).any(axis=1)
-    silent = names[unknown]
-    if not len(silent):
+    unknown = _without_range(table)
+    if not unknown:
         return 0
+    names, columns = zip(*unknown.values(), strict=True)
     second = int(np.searchsorted(table.time, table.time[0] + SCALING_TIME))
     count = max(second, SCALING_SAMPLES)
     if count >= len(table.time) - 1:
         raise LogError(
             f"{table.source}: expected more than the first {SCALING_TIME:g} s and "
-            f"{SCALING_SAMPLES} samples, which scale {', '.join(silent)}, found "
+            f"{SCALING_SAMPLES} samples, which scale {', '.join(names)}, found "
             f"{len(table.time)} samples; state a range in the mapping, such as `range: [-1, 1]`"
         )
-    rest = _rest(np.hstack([table.x, table.y])[:, unknown])
+    rest = _rest(np.column_stack(columns))
     moving = int(np.searchsorted(table.time, table.time[rest] + SCALING_TIME))
     return moving if rest > count and moving < len(table.time) / 2 else count
 
@@ -134,16 +131,15 @@ def range_words(table: LogTable, first: int) -> list[str]:
     """
     if not first:
         return []
-    own, found, values = network_for(table, ()), [], np.hstack([table.x, table.y])
+    own, found = network_for(table, ()), []
     center = np.append(own.input_center, own.output_center)
     scale = np.append(own.input_scale, own.output_scale)
-    names = (*table.input_names, *table.output_names)
-    for k in np.flatnonzero(np.isnan(_bounds(table)).any(axis=1)).tolist():
-        apart = np.append(values[np.isfinite(values[:, k]), k] - center[k], 0.0)
+    for k, (name, values) in _without_range(table).items():
+        apart = np.append(values[np.isfinite(values)] - center[k], 0.0)
         low, high = np.quantile(apart, (0.01, 0.99))
         far = high if high > -low else low
         if abs(far) > _FAR * scale[k]:
-            reach = f"{names[k]} goes to {center[k] + far:.3g}; the first {first} samples scale it"
+            reach = f"{name} goes to {center[k] + far:.3g}; the first {first} samples scale it"
             by = f"by {center[k]:.3g} +- {scale[k]:.3g}"
             found.append(f"Warning: {reach} {by}: state its `range` in the mapping.")
     return found
@@ -156,6 +152,13 @@ def _rest(values: Array) -> int:
     moved = np.abs(values - values[0]) > _MOVES * (high - low)
     begins = np.sort(moved.argmax(axis=0)[moved.any(axis=0)])
     return int(begins[(len(begins) - 1) // 2]) if len(begins) else 0
+
+
+def _without_range(table: LogTable) -> dict[int, tuple[str, Array]]:
+    """Name and values, (N,), of each column without a stated range, by its number."""
+    names, values = (*table.input_names, *table.output_names), np.hstack([table.x, table.y])
+    unknown = np.flatnonzero(np.isnan(_bounds(table)).any(axis=1)).tolist()
+    return {k: (names[k], values[:, k]) for k in unknown}
 
 
 def _bounds(table: LogTable) -> Array:
