@@ -29,13 +29,7 @@ from patagium.learning.learners.registry import load_learner
 from patagium.learning.models.memory import ModelMemory
 from patagium.learning.result import Identification
 from patagium.learning.scores import Scorer, persistence
-from patagium.learning.stream import (
-    BlockRun,
-    Samples,
-    forecast_scores,
-    forecasters,
-    used_samples,
-)
+from patagium.learning.stream import BlockRun, Samples, forecast_scores, forecasters, used_samples
 from patagium.learning.table_network import range_words, samples_that_scale
 from patagium.learning.verdict import Block, frozen_scores, with_verdict
 from patagium.sensing.logs.record import LogRecord

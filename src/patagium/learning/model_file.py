@@ -26,10 +26,7 @@ from patagium.arrays import Array, brief, real_array
 from patagium.errors import LogError, ParameterError, ShapeError, shown
 from patagium.learning.filters.misfit import widened
 from patagium.learning.filters.state import packed, symmetric, unpacked
-from patagium.learning.filters.weight_covariance import (
-    BlockCovariance,
-    block_covariance,
-)
+from patagium.learning.filters.weight_covariance import BlockCovariance, block_covariance
 from patagium.learning.learners.learner import Learner, as_input, row_by_row
 from patagium.learning.models.network import Network, center_of
 from patagium.learning.models.registry import network_from_description
@@ -270,13 +267,10 @@ def load_model(path: str | Path) -> Model:
     file = Path(path)
     kind = kind_of(file)
     if kind and not kind.startswith("a learned model"):
-        expected = "a model (.json) such as patagium identify writes"
-        raise LogError(file, expected, kind)
+        raise LogError(file, "a model (.json) such as patagium identify writes", kind)
     words = json_object(text_of(file, free_memory() // 8), str(file))
-    found = words.get("format")
-    if found != FORMAT:
-        found = shown(found)
-        raise LogError(file, f"a file of format {FORMAT!r}", found)
+    if words.get("format") != FORMAT:
+        raise LogError(file, f"a file of format {FORMAT!r}", shown(words.get("format")))
     with made_again(f"{file}: the model"):
         inputs, covariance = words["inputs"], words["covariance"]
         noise, usual = words["measurement_std"], words.get("usual_std")

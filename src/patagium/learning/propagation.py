@@ -69,8 +69,9 @@ class RobotMotion:
         self.passive = np.array(robot.passive)
         names = list(network.output_names)
         self._outputs = np.array([names.index(robot.dof_names[i]) for i in robot.passive])
+        self._moved = list(robot.actuated)
         self._joints = [robot.coordinate_indices[i] for i in robot.actuated]
-        self.beating = np.hstack([motion[0][:, self._joints], motion[1][:, list(robot.actuated)]])
+        self.beating = np.hstack([motion[0][:, self._joints], motion[1][:, self._moved]])
         if not np.ptp(self.beating, axis=0).any():
             self.beating = np.hstack(motion)
         self._all = Repetition(time, np.hstack(motion), period, self.beating)
@@ -91,10 +92,10 @@ class RobotMotion:
         q, v, a = q_path[0], v_path[0].copy(), a_path[0].copy()
         memory, count, found = model.fork(), len(ends), []
         for k, step in enumerate(np.diff(ends)):
-            at, joints = count + k, list(self._robot.actuated)
+            at = count + k
             state = q + step / 2 * self._rates(q, v), v.copy(), a_path[at].copy()
             state[0][self._joints] = q_path[at, self._joints]
-            state[1][joints] = v_path[at, joints]
+            state[1][self._moved] = v_path[at, self._moved]
             state[2][self.passive] = a[self.passive]
             time = float(self._time[last] + middles[k])
             w, row = self._mean_acceleration(state, step, (model, memory), time)
@@ -127,7 +128,7 @@ class RobotMotion:
         whole = self._all.path(*known) if period is None else self._all.repeated(*known, period)
         q, v, a = (np.array(part) for part in np.split(whole, self._sizes, axis=1))
         if period is None:
-            v[1:, list(self._robot.actuated)], a[1:] = 0.0, 0.0
+            v[1:, self._moved], a[1:] = 0.0, 0.0
         return [q, v, a]
 
     def _rates(self, q: Array, v: Array) -> Array:

@@ -54,9 +54,7 @@ def learner_from_description(description: Mapping[str, Any]) -> FilterLearner:
         ParameterError: If the network is missing, a kind or a setting is unknown, or a number
             out of its range.
     """
-    values = dict(description)
-    for name in ("kind", "found"):
-        values.pop(name, None)
+    values = {k: value for k, value in description.items() if k not in ("kind", "found")}
     learner = _of_kind(str(description.get("kind")))
     network, seed = values.pop("network", {}), values.pop("seed", 0)
     settings = FilterSettings.from_description(values)
