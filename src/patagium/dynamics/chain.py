@@ -15,7 +15,8 @@ import casadi as ca
 
 from patagium.robot.model import Axis, Body, Robot
 
-_X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+_AXES = _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+_TURNS = ((5, _Z), (4, _Y), (3, _X))
 
 
 @dataclass(frozen=True)
@@ -72,9 +73,9 @@ def chain_of(robot: Robot, body: Body) -> tuple[Step, ...]:
             for joint in body.joints
         )
     dofs, coordinates = body.floating_dofs, robot.floating_coordinates(body)
-    slides = [Step(False, (axis,), (dofs[k],), (coordinates[k],)) for k, axis in _SLIDES]
+    slides = [Step(False, (axis,), (dofs[k],), (coordinates[k],)) for k, axis in enumerate(_AXES)]
     if body.by_quaternion:
-        return (*slides, Step(True, (_X, _Y, _Z), dofs[3:], coordinates[3:]))
+        return (*slides, Step(True, _AXES, dofs[3:], coordinates[3:]))
     turns = [Step(True, (axis,), (dofs[k],), (coordinates[k],)) for k, axis in _TURNS]
     return (*slides, *turns)
 
@@ -94,14 +95,10 @@ class _JointAxes(Step):
 
 def steps_to(robot: Robot, body: Body) -> tuple[Step, ...]:
     """Steps from the parent's axes at the body's position to the body, in order."""
-    if body.orientation == (_X, _Y, _Z):
+    if body.orientation == _AXES:
         return chain_of(robot, body)
     matrix = ca.SX(ca.DM([list(row) for row in body.orientation]))
     return (_JointAxes(True, (), (), (), matrix), *chain_of(robot, body))
-
-
-_SLIDES = ((0, _X), (1, _Y), (2, _Z))
-_TURNS = ((5, _Z), (4, _Y), (3, _X))
 
 
 def parent_coordinates(robot: Robot) -> tuple[int, ...]:

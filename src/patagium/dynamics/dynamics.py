@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from patagium.arguments import checked
 from patagium.arrays import Array, real_array
 from patagium.dynamics import equations, kinematics
-from patagium.dynamics.kinematics import body_poses
 from patagium.errors import ShapeError
 from patagium.native import NativeFunction, load_functions, named_function
 from patagium.robot.model import Robot
@@ -388,7 +387,7 @@ class Poses:
 def _poses(robot: Robot) -> ca.Function:
     machine, parameters = robot.symbolic()
     q = ca.SX.sym("q", robot.coordinate_count)
-    poses = body_poses(machine, q)
+    poses = kinematics.body_poses(machine, q)
     position = ca.horzcat(*[pose.position for pose in poses])
     rotation = ca.horzcat(*[pose.rotation for pose in poses])
     outputs = {"position": position, "rotation": rotation}

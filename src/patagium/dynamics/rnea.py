@@ -98,8 +98,7 @@ def body_accelerations(
     ground = (ca.SX.zeros(3, 1), ca.SX.zeros(3, 1), ca.vertcat(0, 0, gravity))
     for body in robot.bodies:
         w, dw, acceleration = states[body.parent] if body.parent >= 0 else ground
-        if body.parent >= 0:
-            acceleration = acceleration + _field(w, dw) @ vector(body.position)
+        acceleration = acceleration + _field(w, dw) @ vector(body.position)
         for step in steps_to(robot, body):
             if step.turns:
                 turned = step.turn(q)
