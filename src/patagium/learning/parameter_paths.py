@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
-import numpy as np
 import xarray as xr
 
 from patagium.arrays import Array
@@ -76,15 +75,12 @@ def parameter_paths(estimates: Sequence[Sequence[Estimate]]) -> dict[str, xr.Dat
     """Parameters after each update, (update_time, parameter), in their units."""
     if not estimates or not estimates[0]:
         return {}
-    units = [found.unit for found in estimates[0]]
-    names = {"parameter": [found.name for found in estimates[0]]}
-    names |= {"parameter_unit": ("parameter", units)}  # type: ignore[dict-item]
-    dimensions = ("update_time", "parameter")
+    names, units = ([getattr(found, k) for found in estimates[0]] for k in ("name", "unit"))
     return {
         f"parameter_{field}": xr.DataArray(
-            np.array([[getattr(found, field) for found in step] for step in estimates]),
-            dims=dimensions,
-            coords=names,
+            [[getattr(found, field) for found in step] for step in estimates],
+            dims=("update_time", "parameter"),
+            coords={"parameter": names, "parameter_unit": ("parameter", units)},
         )
         for field in ("value", "std")
     }

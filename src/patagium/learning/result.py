@@ -131,8 +131,7 @@ def load_identification(path: str | Path) -> Identification:
     file = Path(path)
     record = loaded_dataset(file, LogError, "an identification")
     if "scores" not in record.attrs:
-        found = kind_of(file) or "a file without scores"
-        raise LogError(file, "an identification", found)
+        raise LogError(file, "an identification", kind_of(file) or "a file without scores")
     with made_again(f"{file}: the identification"):
         scores = json_object(record.attrs.pop("scores"), "scores")
         for by_output in (one for one in scores.values() if isinstance(one, dict)):

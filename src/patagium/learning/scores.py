@@ -23,8 +23,6 @@ SILENT_RATIO = 1e-9
 
 INTERVAL = 1.959963985
 """Half width of the 95 % interval of a normal distribution, in standard deviations."""
-
-
 NOMINAL = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 """Probabilities of the predicted intervals that are compared with the errors."""
 _REACH = np.append(ndtri((1 + np.array(NOMINAL)) / 2), np.inf)

@@ -199,8 +199,7 @@ class BlockKernel:
             return
         for panel, part in self._panels(parts):
             panel[:] = part
-        longest = max(float(np.linalg.norm(part, axis=1).max()) for part in parts)
-        self._struct.largest = longest
+        self._struct.largest = max(float(np.linalg.norm(part, axis=1).max()) for part in parts)
 
     def kept(self) -> list[Array]:
         """State after the last sample: of each block its root, lower triangular, or covariance."""

@@ -50,14 +50,12 @@ class WeightFilter:
     ) -> None:
         self.numbers, (self._structure, kernel) = numbers, parts
         self.screen = new_screen(numbers) if kernel is None else kernel.screen
-        self._kernel, self._mean, self._nis = kernel, np.zeros(len(mean)), float("nan")
-        self._prior = np.array(mean, float)
+        self._kernel, self._prior = kernel, np.array(mean, float)
         if kernel is not None:
             kernel.prior[:] = mean
-        self._before: Any = None
         self._noise = numbers.process_noise if numbers.has_process_noise else None
         start = np.sqrt(numbers.prior_variance) if std is None else std
-        self._place(np.array(mean, float), float("nan"), self._structure.start(start))
+        self._place(self._prior.copy(), float("nan"), self._structure.start(start))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restored, (self.numbers, self._prior, self.state(), dict(self.screen.arrays))
@@ -183,7 +181,7 @@ class WeightFilter:
 
     def _place(self, mean: Array, nis: float, kept: Any) -> None:
         """Go on from mean, NIS and the state of the covariance structure."""
-        self._before = None
+        self._before: Any = None
         if self._kernel is None:
             self._mean, self._nis, self._kept = mean, nis, kept
         else:

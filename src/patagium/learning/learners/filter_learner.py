@@ -376,7 +376,7 @@ class FilterLearner(Learner):
         ends, took = real_array("outcomes", outcomes), real_array("nanoseconds", nanoseconds)
         if ends.ndim != 1 or took.shape != ends.shape:
             raise ShapeError("nanoseconds", (ends.size,), took.shape)
-        screen, compiled, learned = self._filter.screen, self.compiled, ends == Outcome.COMPLETED
+        screen, compiled, learned = self._screen, self.compiled, ends == Outcome.COMPLETED
         for duration in took[learned].astype(np.int64).tolist():
             self._stopwatch.add(duration)
         for done in learned[ends < Outcome.BAD_INPUT].tolist():

@@ -354,7 +354,6 @@ class GreyBox(Network):
         model, robot = self.model, self.model.robot
         n = robot.dof
         n_q = robot.coordinate_count
-        first = len(robot.parameter_names)
         machine, symbols = robot.symbolic()
         before, symbols_before = robot.symbolic()
         of_air = ca.SX.sym("c", len(model.parameter_names))
@@ -379,7 +378,8 @@ class GreyBox(Network):
         if memory.rate.numel() != model.state_size:
             raise ParameterError("model", "one whose memory follows something", model.name)
         numbers = ca.vertcat(symbols, of_air, wind, factors)
-        known = ca.vertcat(symbols_before, ca.SX.sym("others", len(self._places) - first))
+        others = ca.SX.sym("others", len(self._places) - len(robot.parameter_names))
+        known = ca.vertcat(symbols_before, others)
         results = [y[list(self._rows)], memory.rate, memory.target]
         return ca.Function("physics", [x, z, numbers, known], list(map(ca.densify, results)))
 

@@ -130,8 +130,7 @@ class LinearStripNetwork(WingNetwork):
         self.output_scale = np.sqrt(squares.sum(axis=1))
         self.output_scale[self.output_scale == 0] = 1.0
         self._parameters = np.array([*self.air.wind, self.air.density, *robot.parameters])
-        chains = strip_chains(robot) if attached else ""
-        sides = *sides_of(robot), chains
+        sides = *sides_of(robot), strip_chains(robot) if attached else ""
         made = load_functions(
             f"linear strip network {self._names} {self.surfaces} {sides} {robot.structure}",
             lambda: _functions(robot, rows, attached),

@@ -26,6 +26,7 @@ from patagium.arrays import Array, Indices
 from patagium.errors import Outcome, ShapeError
 from patagium.learning.models.network import Network
 from patagium.native import load_kernel
+from patagium.native.function import as_c
 
 LONGEST_STEP = 0.01
 """A step up to this is bridged, [s]: short against a wingbeat and the lags of its air, ..."""
@@ -405,8 +406,7 @@ def _advanced_in_c(
     steps = np.diff(time, prepend=last)
     rows = np.empty((len(x), lags.states))
     arrays = np.ascontiguousarray(x[:, : lags.measured]), anew, steps, rows
-    pointers = (ctypes.c_void_p(array.ctypes.data) for array in arrays)
-    lags.compiled.kernel.memory_block(ctypes.byref(block), ctypes.c_int64(len(x)), *pointers)
+    lags.compiled.kernel.memory_block(ctypes.byref(block), *as_c(len(x), *arrays))
     return rows, block.taken(float(time[-1]))
 
 
