@@ -304,13 +304,15 @@ class ModelMemory:
         self.resets = int(state.get(f"{_PREFIX}resets", 0))
         if f"{_PREFIX}0_state" not in state or self._lags is None:
             return
-        *arrays, time = (np.array(state[f"{_PREFIX}0_{f}"], float) for f in MemoryState._fields)
+        names = MemoryState._fields[:4]
+        z, slopes, weights, driver = (np.array(state[f"{_PREFIX}0_{f}"], float) for f in names)
+        found = MemoryState(z, slopes, weights, driver, float(state[f"{_PREFIX}0_time"]))
         (states, drivers), n_m = self._lags.carried, self._lags.parameters
         shapes = (states,), (states, n_m), (n_m,), (drivers,)
-        for array, shape in zip(arrays, shapes, strict=True):
+        for array, shape in zip(found[:4], shapes, strict=True):
             if array.shape != shape:
                 raise ShapeError("memory", shape, array.shape)
-        self.last = MemoryState(*arrays, time=float(time))
+        self.last = found
 
     def compiled(self, x: Array) -> CompiledLags | None:
         """The memory as C code moves it between two calls; None without a compiler.
