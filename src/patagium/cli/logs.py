@@ -12,6 +12,8 @@ from patagium.errors import ParameterError, command
 from patagium.netcdf_file import kind_of
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from patagium.sensing.logs.record import LogRecord
 
 
@@ -42,6 +44,15 @@ def tell_warnings(file: Path, findings: Sequence[Mapping[str, Any]]) -> None:
         tell(f"  {one['where']}: {one['kind']}: {one['text']}")
 
 
+def loaded(file: Path) -> xr.Dataset:
+    """Record of a stream, motion, or else a simulated flight."""
+    from patagium.sensing.logs.record import LOADED, load_log
+    from patagium.simulation import load_flight
+
+    logged = kind_of(file).startswith(LOADED)
+    return load_log(file) if logged else load_flight(flight_file(file))
+
+
 def flight_or_table(file: Path, mapping: Path | None, *, blocks: bool = False) -> tuple[Any, Any]:
     """Flight or table in a file.
 
@@ -59,17 +70,13 @@ def flight_or_table(file: Path, mapping: Path | None, *, blocks: bool = False) -
     """
     from patagium.cli.inspect import show_findings
     from patagium.learning.long_log import LONG
-    from patagium.sensing import load_log
     from patagium.sensing.logs.importing.import_log import opened_log
-    from patagium.sensing.logs.record import LOADED
-    from patagium.simulation import load_flight
 
     record = record_of(file, mapping)
     if record is None and file.suffix.lower() == ".nc":
         if mapping is not None:
             raise ParameterError("--mapping", "a table (.csv, .parquet) to go with it", str(file))
-        logged = kind_of(file).startswith(LOADED)
-        return load_log(file) if logged else load_flight(flight_file(file)), None
+        return loaded(file), None
     if record is None:
         if mapping is None:
             meaning = command(MEANING, no_robot(file))

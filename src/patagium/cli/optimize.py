@@ -9,6 +9,7 @@ import typer
 
 from patagium.cli import options
 from patagium.cli.estimates import AirOption, orbit_air, refuse_missing, tell_unseen
+from patagium.cli.options import option_in
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import Numbers, numbers, progress_bar, say_json, show_table, tell
 from patagium.errors import ParameterError, PatagiumError
@@ -31,7 +32,7 @@ PANELS = {"Air and flight": "climb aero polar inflow density", "Files": "output 
 def optimize(
     robot: options.RobotArgument,
     speed: options.SpeedOption = None,
-    climb: Annotated[float, options.option_in("m/s", "Mean speed upward, in m/s.")] = 0.0,
+    climb: Annotated[float, option_in("m/s", "Mean speed upward, in m/s.")] = 0.0,
     goal: Annotated[
         Literal["power", "range", "speed"],
         typer.Option(help="Least mean power, least energy a meter, or greatest speed."),

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from patagium.cli.words import Vector, quantity, vector
+from patagium.limits import TURN
 
 OUTPUT = ("--output", "--out", "-o")
 """Words of the option for the file that a verb writes."""
@@ -18,9 +19,14 @@ def output_file(text: str, *words: str, callback: Any = None) -> Any:
     return typer.Option(*words, writable=True, callback=callback, help=text)
 
 
-def option_in(unit: str, text: str, noun: str = "") -> Any:
-    """Option of a quantity in a unit, with its help; the noun is for messages, as of `quantity`."""
-    return typer.Option(parser=quantity(unit, noun), help=text)
+def option_in(unit: str, text: str, noun: str = "", most: float = TURN) -> Any:
+    """Option of a quantity in a unit, with its help; noun and most are those of `quantity`."""
+    return typer.Option(parser=quantity(unit, noun, most), help=text)
+
+
+def vector_in(unit: str, text: str) -> Any:
+    """Option of a vector in a unit, with its help."""
+    return typer.Option(parser=vector(unit), help=text)
 
 
 FlightArgument = Annotated[Path, typer.Argument(help="Flight that patagium simulate wrote (.nc).")]
@@ -65,8 +71,7 @@ DensityOption = Annotated[
     option_in("kg/m^3", "Density of the air, in kg/m^3; 1.225, or that of a learned model."),
 ]
 WindOption = Annotated[
-    Vector | None,
-    typer.Option(parser=vector("m/s"), help="Steady wind in world axes, in m/s: -3,0,0."),
+    Vector | None, vector_in("m/s", "Steady wind in world axes, in m/s: -3,0,0.")
 ]
 PolarOption = Annotated[
     list[str] | None,

@@ -14,6 +14,7 @@ from patagium.cli import options
 from patagium.cli.estimates import AirOption, chosen_air
 from patagium.cli.learner_options import LearnerChoice, with_learner_options
 from patagium.cli.mounting import MountKind, lengths, mount_from
+from patagium.cli.options import option_in, vector_in
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import (
     FLIGHT,
@@ -22,10 +23,8 @@ from patagium.cli.words import (
     existing,
     named_quantities,
     progress_bar,
-    quantity,
     say_next,
     tell,
-    vector,
 )
 from patagium.errors import ParameterError, command
 from patagium.limits import SWING, TILT
@@ -36,12 +35,6 @@ if TYPE_CHECKING:
     from patagium.robot import Robot
     from patagium.simulation.gait_models import Gait
 
-
-_ANGLE = {"parser": quantity("rad", most=SWING)}
-_TILT = {"parser": quantity("rad", most=TILT)}
-_PLACE = {"parser": vector("m")}
-_TURN = {"parser": vector("rad")}
-_WAY = {"parser": vector("")}
 
 EXAMPLES = (
     "patagium simulate aerobat",
@@ -71,9 +64,7 @@ def simulate(
     duration: options.DurationOption = None,
     time_step: Annotated[
         float | None,
-        options.option_in(
-            "s", "Fixed step of the RK4, in s; by default a 400th of a wingbeat or shorter."
-        ),
+        option_in("s", "Fixed step of the RK4, in s; by default a 400th of a wingbeat or shorter."),
     ] = None,
     gait: Annotated[
         str | None,
@@ -84,18 +75,18 @@ def simulate(
     ] = None,
     frequency: Annotated[
         float | None,
-        options.option_in(
+        option_in(
             "Hz", "Wing beats a second, in Hz; a table needs it whose last row is not its first."
         ),
     ] = None,
     plunge: Annotated[
-        float | None, typer.Option(**_ANGLE, help="Amplitude of plunge, in rad.")
+        float | None, option_in("rad", "Amplitude of plunge, in rad.", most=SWING)
     ] = None,
     elbow: Annotated[
-        float | None, typer.Option(**_ANGLE, help="Amplitude of the elbows, in rad.")
+        float | None, option_in("rad", "Amplitude of the elbows, in rad.", most=SWING)
     ] = None,
     feather: Annotated[
-        float | None, typer.Option(**_ANGLE, help="Amplitude of feathering, in rad.")
+        float | None, option_in("rad", "Amplitude of feathering, in rad.", most=SWING)
     ] = None,
     amplitude: Annotated[
         list[str] | None,
@@ -118,15 +109,13 @@ def simulate(
     wind: options.WindOption = None,
     ground: Annotated[
         float | None,
-        options.option_in(
+        option_in(
             "m", "Height of the ground, world z, in m; without it there is none.", "a height"
         ),
     ] = None,
-    speed: Annotated[
-        float | None, options.option_in("m/s", "Initial speed forward, in m/s.")
-    ] = None,
+    speed: Annotated[float | None, option_in("m/s", "Initial speed forward, in m/s.")] = None,
     pitch: Annotated[
-        float | None, typer.Option(**_TILT, help="Initial pitch, positive nose down, in rad.")
+        float | None, option_in("rad", "Initial pitch, positive nose down, in rad.", most=TILT)
     ] = None,
     attitude: Annotated[
         Literal["euler", "quaternion"] | None,
@@ -142,8 +131,7 @@ def simulate(
         ),
     ] = None,
     path_center: Annotated[
-        Vector | None,
-        typer.Option(**_PLACE, help="Center of the path (start of a line), in m: 0.6,0,0.2."),
+        Vector | None, vector_in("m", "Center of the path (start of a line), in m: 0.6,0,0.2.")
     ] = None,
     path_size: Annotated[
         Numbers | None,
@@ -153,20 +141,20 @@ def simulate(
         ),
     ] = None,
     path_speed: Annotated[
-        float | None, options.option_in("m/s", "Greatest speed on the path, in m/s.")
+        float | None, option_in("m/s", "Greatest speed on the path, in m/s.")
     ] = None,
     path_frequency: Annotated[
-        float | None, options.option_in("Hz", "Frequency of the path, in Hz.")
+        float | None, option_in("Hz", "Frequency of the path, in Hz.")
     ] = None,
     path_along: Annotated[
         Vector | None,
-        typer.Option(**_WAY, help="Direction of an eight's length, or normal of a circle: 0,1,0."),
+        vector_in("", "Direction of an eight's length, or normal of a circle: 0,1,0."),
     ] = None,
     path_across: Annotated[
-        Vector | None, typer.Option(**_WAY, help="Direction of an eight's width: 0,0,1.")
+        Vector | None, vector_in("", "Direction of an eight's width: 0,0,1.")
     ] = None,
     path_attitude: Annotated[
-        Vector | None, typer.Option(**_TURN, help="Roll,pitch,yaw on the path, in rad: 0,0,90 deg.")
+        Vector | None, vector_in("rad", "Roll,pitch,yaw on the path, in rad: 0,0,90 deg.")
     ] = None,
     path_amplitude: Annotated[
         list[str] | None,
@@ -179,10 +167,10 @@ def simulate(
         str | None, typer.Option(help="Body of the arm that holds the robot; by default tool.")
     ] = None,
     arm_turn: Annotated[
-        Vector | None, typer.Option(**_TURN, help="Roll,pitch,yaw of the robot on the arm, in rad.")
+        Vector | None, vector_in("rad", "Roll,pitch,yaw of the robot on the arm, in rad.")
     ] = None,
     arm_shift: Annotated[
-        Vector | None, typer.Option(**_PLACE, help="Position of the robot on the arm, in m.")
+        Vector | None, vector_in("m", "Position of the robot on the arm, in m.")
     ] = None,
     load_cell: Annotated[
         list[str] | None,

@@ -16,6 +16,7 @@ from patagium.cli.estimates import (
     refuse_missing,
     tell_unseen,
 )
+from patagium.cli.options import option_in
 from patagium.cli.outputs import Outputs
 from patagium.cli.words import (
     for_person,
@@ -52,11 +53,11 @@ def trim(
     speed: options.SpeedOption = None,
     climb: Annotated[
         float | None,
-        options.option_in("m/s", "Mean speed upward, in m/s; 0 by default, free in a glide."),
+        option_in("m/s", "Mean speed upward, in m/s; 0 by default, free in a glide."),
     ] = None,
     turn_rate: Annotated[
         float,
-        options.option_in("rad/s", "Mean rate of the heading, positive to the left, in rad/s."),
+        option_in("rad/s", "Mean rate of the heading, positive to the left, in rad/s."),
     ] = 0.0,
     free: Annotated[
         list[str] | None,

@@ -118,12 +118,8 @@ def view(
 
 def _flight(file: Path) -> xr.Dataset:
     """Flight to show: a simulated one, an imported one, a record of a stream, or a motion."""
-    from patagium.cli.logs import record_of
-    from patagium.netcdf_file import kind_of
-    from patagium.sensing import load_log
-    from patagium.sensing.logs.record import LOADED
+    from patagium.cli.logs import loaded, record_of
     from patagium.sensing.sensors.sense import is_sensor_log
-    from patagium.simulation import load_flight
 
     record = record_of(flight_file(file), None)
     if record is not None:
@@ -131,6 +127,6 @@ def _flight(file: Path) -> xr.Dataset:
             if record.is_flight:
                 return record.flight()
     elif not is_sensor_log(file):
-        return (load_log if kind_of(file).startswith(LOADED) else load_flight)(file)
+        return loaded(file)
     motion = command("patagium motion {} --robot ROBOT", file)
     raise LogError(file, f"a motion, which `{motion}` finds", "sensors alone")
