@@ -395,19 +395,15 @@ _BY_TYPE = (
     ("JointState", "vel", "rad/s"),
     ("JointState", "", "N m"),
 )
-_BY_PATH = (
-    ("orientation", "1"),
-    ("rotation", "1"),
-    ("linear_acceleration", "m/s^2"),
-    ("angular_velocity", "rad/s"),
-    ("position.", "m"),
-    ("translation.", "m"),
-    ("point.", "m"),
-    ("linear.", "m/s"),
-    ("angular.", "rad/s"),
-    ("force.", "N"),
-    ("torque.", "N m"),
-)
+_BY_PATH = {
+    "1": ("orientation", "rotation"),
+    "m/s^2": ("linear_acceleration",),
+    "rad/s": ("angular_velocity", "angular."),
+    "m": ("position.", "translation.", "point."),
+    "m/s": ("linear.",),
+    "N": ("force.",),
+    "N m": ("torque.",),
+}
 _SHARED = ("geometry_msgs", "nav_msgs", "sensor_msgs", "tf2_msgs", "tf")
 
 
@@ -427,7 +423,8 @@ def unit_in_message(kind: str, path: str) -> str:
         if name == own and path.startswith(start):
             return unit
     words = path if "." in path else ""
-    unit = next((unit for part, unit in _BY_PATH if part in words), "")
+    told = (unit for unit, parts in _BY_PATH.items() if any(part in words for part in parts))
+    unit = next(told, "")
     return f"{unit}^2" if unit and name.startswith("Accel") else unit
 
 
@@ -621,13 +618,13 @@ class McapFile(_Recording):
 
     def __init__(self, paths: list[Path]) -> None:
         super().__init__(*paths)
-        self._parts, self._types = paths, MessageTypes(ros2=True)
-        self._old_types = MessageTypes(ros2=False)
+        self._parts = paths
+        self._types = {"cdr": MessageTypes(ros2=True), "ros1": MessageTypes(ros2=False)}
         self._decoders: dict[tuple[Any, ...], Decoder] = {}
         self._cut: set[Path] = set()
         with reading(self.path, self.format):
             self.topics = self._look()
-        for types in (self._types, self._old_types):
+        for types in self._types.values():
             for kind, named in sorted(types.borrowed.items()):
                 self.notes.append(f"no definition of {kind} in the file: that of {named} is used")
 
@@ -729,10 +726,10 @@ class McapFile(_Recording):
             return json.loads
         if encoding == "protobuf" and schema is not None:
             return _protobuf(schema)
-        if encoding in ("cdr", "ros1") and schema is not None:
-            types = self._types if encoding == "cdr" else self._old_types
+        if encoding in self._types and schema is not None:
             language = "idl" if schema.encoding == "ros2idl" else "msg"
-            return types.decoder(schema.name, schema.data.decode("utf-8", "replace"), language)
+            definition = schema.data.decode("utf-8", "replace")
+            return self._types[encoding].decoder(schema.name, definition, language)
         raise LogError(f"expected messages of ROS, JSON or Protobuf, found {encoding!r}")
 
 

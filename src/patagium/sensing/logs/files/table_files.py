@@ -56,8 +56,7 @@ TIME_NAME = re.compile(
 )
 _UNITS = {"millis": "ms", "us": "µs", "usec": "µs", "micros": "µs"}
 _OF_DAY = re.compile(
-    r"(?:^|\s)(?P<hour>\d{1,2}):(?P<minute>\d\d):(?P<second>\d\d(?:[.,]\d+)?)"
-    r"(?:\s*(?P<half>[AaPp])[Mm])?\s*$"
+    r"(?:^|\s)(?P<clock>\d{1,2}:\d\d:\d\d(?:[.,]\d+)?)(?:\s*(?P<half>[AaPp])[Mm])?\s*$"
 )
 _SPAN = re.compile(r"(?i)(^|[^a-z])(delay|latency|lag|dt|period|duration|interval)([^a-z]|$)")
 _SECONDS = re.compile(r"(?i)(?:secs?|seconds)$")
@@ -827,11 +826,9 @@ def _calendar(column: Any) -> Any:
     if 2 * stamps.notna().sum() > len(stamps) or not len(stamps):
         return stamps.dt.tz_localize(None)
     part = column.astype(str).str.extract(_OF_DAY)
-    hour = pd.to_numeric(part["hour"]) % np.where(part["half"].isna(), 24, 12)
-    hour += 12 * part["half"].str.lower().eq("p")
-    second = pd.to_numeric(part["second"].str.replace(",", "."))
-    seconds = 3600 * hour + 60 * pd.to_numeric(part["minute"]) + second
-    return pd.to_datetime((1e9 * seconds).round().astype("Int64"), unit="ns")
+    time, half = pd.to_timedelta(part["clock"].str.replace(",", ".")), part["half"].str.lower()
+    time %= pd.to_timedelta(np.where(half.isna(), 24, 12), unit="h")
+    return pd.Timestamp(0) + time + pd.to_timedelta(12 * half.eq("p"), unit="h")
 
 
 def _comma_decimal(rows: Sequence[Sequence[str]]) -> bool:
