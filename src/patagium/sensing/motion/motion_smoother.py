@@ -459,19 +459,14 @@ class MotionFit:
         mean[self.open], known[self.open] = 0.0, 0.0
         count = np.maximum(known.sum(axis=0), 1e-9)
         ratio = (mean / drive[:, :n]).sum(axis=0) / count
-        least = np.maximum(_LEAST_KNOWN, _LIKE_OTHERS * self._most_known(count)) / count
+        most, body = count.copy(), list(chain(*self._body))
+        most[body] = count[body].max(initial=0.0)  # of all columns of the body
+        least = np.maximum(_LEAST_KNOWN, _LIKE_OTHERS * most) / count
         ratio = np.maximum(np.clip(ratio, 1e-3, 1e3), np.minimum(least, 1.5) ** self.order)
         self._learn_liveliness(mean / drive[:, :n] / ratio, known)
         ratio = ratio ** (_HASTE * pace)
         self.density = self.density * ratio
         return float(np.abs(np.log(ratio)).max()) / (2 * self.order)
-
-    def _most_known(self, count: Array) -> Array:
-        """Largest number of well-determined parameters among the columns of a body, (n,)."""
-        found = count.copy()
-        whole = list(chain(*self._body))
-        found[whole] = count[whole].max(initial=0.0)
-        return found
 
     def _learn_liveliness(self, share: Array, known: Array) -> None:
         """Update how lively each stretch of time is, relative to the whole."""

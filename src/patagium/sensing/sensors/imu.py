@@ -87,7 +87,10 @@ class Imu(FramedSensor):
         """Bias and noise of the specific force, then of the angular rate; see `Sensor.errors`."""
         found = []
         for part in ("accelerometer", "gyroscope"):
-            found.append(self._bias(part, count, rng))
+            start = getattr(self, f"{part}_bias") * rng.standard_normal(3)
+            steps = rng.standard_normal((count, 3)) * getattr(self, f"{part}_walk")
+            steps[:1] = 0.0
+            found.append(start + np.cumsum(steps / np.sqrt(self.rate), axis=0))
             found.append(getattr(self, f"{part}_std") * rng.standard_normal((count, 3)))
         return tuple(found)
 
@@ -104,10 +107,3 @@ class Imu(FramedSensor):
             measured[quantity] = signal(stepped(shown, getattr(self, f"{part}_step")))
             true[quantity], true[f"{part}_bias"] = signal(truth), signal(bias)
         return Reading(measured, true, {"axis": AXES})
-
-    def _bias(self, part: str, count: int, rng: np.random.Generator) -> Array:
-        start = getattr(self, f"{part}_bias") * rng.standard_normal(3)
-        steps = rng.standard_normal((count, 3)) * getattr(self, f"{part}_walk")
-        steps = steps / np.sqrt(self.rate)
-        steps[:1] = 0.0
-        return np.asarray(start + np.cumsum(steps, axis=0))
