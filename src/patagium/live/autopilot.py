@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -113,13 +114,11 @@ class Autopilot:
         self.sizes = n, outputs, commands
         own = [copy(part.filter).compiled for part in tracker.parts]
         filters = [one for one in own if one is not None]
-        self.places: dict[str, slice] = {}
-        end, widths = 1, []
-        for name, width in tracker.widths.items():
-            self.places[name] = slice(end, end := end + 1 + width)
-            widths.append(1 + width)
-        self.places["forces"] = slice(end, end := end + forces)
-        self._row, self._limits = np.full(end, np.nan), np.full(end, np.nan)
+        widths = [1 + width for width in tracker.widths.values()]
+        ends = np.cumsum([1, *widths, forces]).tolist()
+        named = zip((*tracker.widths, "forces"), pairwise(ends), strict=True)
+        self.places = {name: slice(*place) for name, place in named}
+        self._row, self._limits = np.full((2, ends[-1]), np.nan)
         for name, sensor in tracker.sensors.items():
             self._limits[self.places[name]][1:] = sensor.saturates
         self._tracks = (MOTION_TRACK.type * len(filters))()
@@ -136,7 +135,7 @@ class Autopilot:
             sensors=len(widths),
             tracks=len(filters),
             dof=n,
-            columns=end,
+            columns=ends[-1],
             record=3 * n + outputs + commands + 2,
             learned=outputs,
             forces=forces,

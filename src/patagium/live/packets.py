@@ -208,7 +208,7 @@ class _Run:
     session: float
     first: int
     expected: int
-    missing: OrderedDict[int, None] = field(default_factory=OrderedDict)  # the newest, in order
+    missing: OrderedDict[int, bool] = field(default_factory=OrderedDict)  # the newest, in order
 
     def distance(self, sequence: int) -> float:
         """Packets between a sequence and those that came; infinite out of reach."""
@@ -283,13 +283,11 @@ class DatagramPackets:
         old = min(len(rows), max(0, run.expected - sequence))
         self._intake.repeated += old
         skipped = range(run.expected, sequence)
-        run.missing.update(dict.fromkeys(skipped))
-        found = [one for one in range(sequence, sequence + old) if one in run.missing]
-        for one in found:
-            del run.missing[one]
+        run.missing.update(dict.fromkeys(skipped, True))
+        found = sum(run.missing.pop(one, False) for one in range(sequence, sequence + old))
         while len(run.missing) > REACH:
             run.missing.popitem(last=False)
-        self._intake.lost += len(skipped) - len(found)
+        self._intake.lost += len(skipped) - found
         self._intake.received += len(rows) - old
         run.expected = max(run.expected, sequence + len(rows))
         return rows[old:]

@@ -30,7 +30,7 @@ from patagium.netcdf_file import kind_of
 from patagium.reading import regular_file
 from patagium.robot import Robot
 from patagium.sensing.logs.record import LogRecord, is_log
-from patagium.sensing.sensors import SensorLog, load_sensor_log
+from patagium.sensing.sensors import load_sensor_log
 from patagium.sensing.sensors.sense import is_sensor_log
 
 _PIECE = 1 << 20
@@ -70,7 +70,7 @@ class PacketQueue:
         self._problem: Exception | None = None
         self._doubts: list[str] = []
         self._first = np.empty((0, columns))
-        self._look = 0 if robot is not None else _FIRST + 1
+        self._look = 0
         self._changed = threading.Condition()
 
     def describe(self, text: str) -> tuple[str, ...]:
@@ -130,9 +130,9 @@ class PacketQueue:
         """
         rows = self._oldest(most, patience)
         if self.motion is None:
-            if rows is not None and self._look <= _FIRST:  # compared every `_APART` packets
+            if not (rows is None or self._robot is None or self._look > _FIRST):
                 self._first = np.concatenate([self._first, rows])[:_FIRST]
-                if self._robot is not None and len(self._first) >= self._look:
+                if len(self._first) >= self._look:  # compared every `_APART` packets
                     found = packet_doubts(self._robot, self._first)
                     self._doubts += [f"Warning: {one}" for one in found]
                     self._look = _FIRST + 1 if found else len(self._first) + _APART
@@ -339,12 +339,6 @@ class LogSource:
             queue.put(rows, waits=True)
 
 
-def _raw_blocks(log: SensorLog) -> Iterator[Array]:
-    """Raw rows of a log of sensors, some at a time."""
-    rows = sensor_rows(log)
-    yield from (rows[begin : begin + _ROWS] for begin in range(0, len(rows), _ROWS))
-
-
 def _record_blocks(columns: Sequence[str], path: Path) -> Iterator[Array]:
     """Packets of a log that `patagium import` wrote, some at a time."""
     with LogRecord(path) as record:
@@ -387,7 +381,9 @@ def source_of(
         return LogSource(_record_blocks(columns, path))
     if is_sensor_log(path):
         log = load_sensor_log(path)
-        return LogSource(_raw_blocks(log), sensors_text(log))
+        rows = sensor_rows(log)
+        blocks = [rows[begin : begin + _ROWS] for begin in range(0, len(rows), _ROWS)]
+        return LogSource(blocks, sensors_text(log))
     refuse_other_kinds(path)
     return TextSource(columns, path, idle=idle)
 
