@@ -9,8 +9,9 @@ References:
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
-from math import factorial
+from math import perm
 
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
@@ -72,7 +73,7 @@ class Knots:
         powers = np.zeros((len(times), levels, SEEN))
         for level in range(levels):
             for p in range(level, SEEN):
-                factor = factorial(p) / factorial(p - level) / self.step**level
+                factor = perm(p, level) / self.step**level
                 powers[:, level, p] = factor * inside ** (p - level)
         return powers @ _pieces()
 
@@ -99,14 +100,14 @@ class Information:
     """
 
     def __init__(self, points: int, width: int) -> None:
-        self.points, self.width = points, width
+        self.width = width
         self.matrix = np.zeros((points * width, SEEN * width))
         self.gradient = np.zeros(points * width)
 
     @property
     def diagonal(self) -> Array:
         """Diagonal of the matrix by point and unknown, (points, width), a view."""
-        return self.matrix[:, -1].reshape(self.points, self.width)
+        return self.matrix[:, -1].reshape(-1, self.width)
 
     def add(self, span: Indices, rows: Array, residual: Array) -> None:
         """Add measurements of unit variance.
@@ -135,12 +136,8 @@ class Information:
             scale: Factor of each span and unknown, (spans, n).
             columns: The n unknowns.
         """
-        held = self.matrix.reshape(self.points, self.width, -1)
-        spans = len(scale)
-        for i in range(SEEN):
-            for j in range(i + 1):
-                offset = (j - i) * self.width + SEEN * self.width - 1
-                held[i : i + spans, columns, offset] += product[i, j] * scale
+        for i, j, entries in _entries(self.matrix, self.width):
+            entries[i : i + len(scale), columns] += product[i, j] * scale
 
     def solve(self) -> tuple[Array, BandedCovariance]:
         """Change of the control points, (points, width), and their covariance.
@@ -160,20 +157,19 @@ class Information:
                 Outcome.COVARIANCE_LOST,
             )
         change, inverse = found
-        return change.reshape(-1, self.width), BandedCovariance(self.points, self.width, inverse)
+        return change.reshape(-1, self.width), BandedCovariance(self.width, inverse)
 
 
 class BandedCovariance:
     """Covariance of the control points of a spline, within six points of each other.
 
     Args:
-        points: Number of control points.
         width: Number of unknowns of a control point.
         matrix: The covariance by rows, as that of `Information`, (points width, 6 width).
     """
 
-    def __init__(self, points: int, width: int, matrix: Array) -> None:
-        self.points, self.width, self.matrix = points, width, matrix
+    def __init__(self, width: int, matrix: Array) -> None:
+        self.width, self.matrix = width, matrix
 
     def variance(self, span: Indices, rows: Array) -> Array:
         """Variance of linear functions of the points, (N, k).
@@ -204,13 +200,18 @@ class BandedCovariance:
 
     def trace(self, product: Array, spans: int) -> Array:
         """Sum of the covariance of six points times a symmetric matrix (6, 6), (spans, width)."""
-        held = self.matrix.reshape(self.points, self.width, -1)
         found = np.zeros((spans, self.width))
-        for i in range(SEEN):
-            for j in range(i + 1):
-                offset = (j - i) * self.width + SEEN * self.width - 1
-                found += product[i, j] * (2 - (i == j)) * held[i : i + spans, :, offset]
+        for i, j, entries in _entries(self.matrix, self.width):
+            found += product[i, j] * (2 - (i == j)) * entries[i : i + spans]
         return found
+
+
+def _entries(matrix: Array, width: int) -> Iterator[tuple[int, int, Array]]:
+    """Places i, j of two points that a span sees, and views of their entries, (points, width)."""
+    held = matrix.reshape(-1, width, SEEN * width)
+    for i in range(SEEN):
+        for j in range(i + 1):
+            yield i, j, held[:, :, (SEEN + j - i) * width - 1]
 
 
 def banded_inverse(matrix: Array, vector: Array) -> tuple[Array, Array] | None:

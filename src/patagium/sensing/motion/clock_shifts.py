@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -316,6 +317,10 @@ def _alike(
     return sorted(s for s, value in found.items() if value < min(found.values()) + _ALIKE)
 
 
+_Found: TypeAlias = tuple[dict[str, float], dict[str, float]]
+"""Shifts of sensors by name, and their standard deviations [s]."""
+
+
 class _Search:
     """Search for the shifts by which inertial units are predicted best."""
 
@@ -333,9 +338,9 @@ class _Search:
         self.links = {unit.name: self._seen_by(unit) for unit in units}
         self.units = [unit for unit in units if self.links[unit.name]]
 
-    def run(self) -> list[tuple[dict[str, float], dict[str, float]]]:
+    def run(self) -> list[_Found]:
         """Shifts of each group of linked sensors, and their standard deviations [s]."""
-        groups: list[tuple[dict[str, float], dict[str, float]]] = []
+        groups: list[_Found] = []
         left, known = list(self.units), set[str]()
         while left:  # each unit after one that shares a sensor with it if possible
             unit = next((one for one in left if known & {*self.links[one.name]}), left[0])
@@ -357,9 +362,7 @@ class _Search:
         moving = unit.model.sees(self.robot)
         return [name for name, track in self.tracks.items() if moving & set(track.columns)]
 
-    def _fit(
-        self, unit: Stream, known: dict[str, float], free: list[str]
-    ) -> tuple[dict[str, float], dict[str, float]]:
+    def _fit(self, unit: Stream, known: dict[str, float], free: list[str]) -> _Found:
         """Shifts of the free sensors with the others fixed, and their standard deviations [s]."""
         unit = self._sampled(unit)
         step = self._step(unit, known | dict.fromkeys(free, 0.0))

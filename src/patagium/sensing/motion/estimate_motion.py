@@ -158,8 +158,7 @@ def fit_motion(robot: Robot, streams: Sequence[Stream], order: int, wanted: Arra
         LogError: If a coordinate is seen by no sensor.
         FilterDiverged: If the information about the motion is singular.
     """
-    columns = coupled(robot, streams)
-    base = floating_base(robot)
+    groups, base = groups_of(robot, streams), floating_base(robot)
     if base is not None and first_camera(streams) is None:
         silent = ", ".join(robot.dof_names[i] for i in (*base.place, *base.turn))
         raise LogError(
@@ -168,13 +167,11 @@ def fit_motion(robot: Robot, streams: Sequence[Stream], order: int, wanted: Arra
             "columns of position and attitude, which may be constant"
         )
     fitted = MotionFits(robot, [], [], [])
-    checked = [_checked(s, fitted) for s in streams]
-    camera, guess = first_camera(checked), first_motion(robot, checked)
-    groups = [columns] if columns else []
-    groups += [own for s in checked if (own := alone(s, columns))]
-    for group in groups:
-        linked = [s for s in checked if isinstance(s.model, EncoderModel) or group is columns]
-        found = [_samples(s, group, order) for s in linked]
+    checked = {s.name: _checked(s, fitted) for s in streams}
+    sound = [*checked.values()]
+    camera, guess = first_camera(sound), first_motion(robot, sound)
+    for group, seeing in groups:
+        found = [_samples(checked[s.name], group, order) for s in seeing]
         samples = [one for one in found if one is not None]
         fit = MotionFit(robot, group, samples, _extent(samples, wanted), order)
         if base is not None and base.turn[0] in group and camera is not None and not fit.biases:
@@ -242,14 +239,6 @@ def _extent(samples: Sequence[Samples], wanted: Array) -> tuple[float, float]:
     return begin, last if wanted[-1] <= last else min(float(wanted[-1]), last + 2 * step)
 
 
-def alone(stream: Stream, columns: Sequence[int]) -> list[int]:
-    """Coordinates that this encoder alone sees, not among `columns`."""
-    model = stream.model
-    if not isinstance(model, EncoderModel):
-        return []
-    return sorted(set(model.columns) - set(columns))
-
-
 def _samples(stream: Stream, group: Sequence[int], order: int) -> Samples | None:
     """Samples of a sensor for the fit of a group of coordinates; None if it sees none of them."""
     if not isinstance(stream.model, EncoderModel):
@@ -296,6 +285,18 @@ def coupled(robot: Robot, streams: Sequence[Stream]) -> list[int]:
         remedy = "an encoder, or in a mapping angles named after these joints, would"
         raise LogError("log", f"sensors that see {silent}", f"none; {remedy}")
     return sorted(set(range(robot.dof)) - alone)
+
+
+def groups_of(robot: Robot, streams: Sequence[Stream]) -> list[tuple[list[int], Sequence[Stream]]]:
+    """Coordinates that are estimated together, and the sensors that see them, group by group.
+
+    Raises:
+        LogError: If a coordinate is seen by no sensor.
+    """
+    linked = coupled(robot, streams)
+    encoders = [(s, s.model.columns) for s in streams if isinstance(s.model, EncoderModel)]
+    own = [(sorted({*columns}.difference(linked)), [s]) for s, columns in encoders]
+    return [group for group in ((linked, streams), *own) if group[0]]
 
 
 def initial_estimate(motion_filter: MotionFilter, streams: Sequence[Stream]) -> MotionEstimate:

@@ -26,8 +26,7 @@ from patagium.errors import LogError, ParameterError, check_names, positive
 from patagium.robot import Robot
 from patagium.sensing.motion.estimate_motion import (
     SmoothedMotion,
-    alone,
-    coupled,
+    groups_of,
     in_coordinates,
     initial_estimate,
 )
@@ -138,11 +137,10 @@ class MotionTracker:
         self.widths = {name: model.width for name, model in models.items()}
         self.shifts = dict(shifts or {})
         streams = [Stream(name, m, np.zeros(0), np.zeros((0, 0))) for name, m in models.items()]
-        linked = coupled(self.robot, streams)
-        groups = [(linked, models)]
-        groups += [(alone(one, linked), {one.name: models[one.name]}) for one in streams]
-        parts = [(group, drive[group], order, seeing) for group, seeing in groups if group]
-        self.parts = [_Part(self.robot, *part) for part in parts]
+        self.parts = [
+            _Part(self.robot, group, drive[group], order, {one.name: one.model for one in seeing})
+            for group, seeing in groups_of(self.robot, streams)
+        ]
 
     def __repr__(self) -> str:
         return f"<MotionTracker of {self.robot.name}: {', '.join(self.sensors)}>"

@@ -121,8 +121,8 @@ class EncoderModel(MeasurementModel):
         self._slope = np.zeros((len(self.columns), 1, robot.dof))
         self._slope[np.arange(len(self.columns)), 0, self.columns] = 1.0
         kinds = [("angle", "rad") if turns else ("travel", "m") for turns in self._turns]
-        self.variances: Array = np.array([max(sensor.sample_std, FLOOR[k]) for k, _ in kinds]) ** 2
-        self.parts: tuple[Part, ...] = tuple(Part(*k, len(list(g))) for k, g in groupby(kinds))
+        self.variances = np.array([max(sensor.sample_std, FLOOR[k]) for k, _ in kinds]) ** 2
+        self.parts = tuple(Part(*k, len(list(g))) for k, g in groupby(kinds))
 
     def rows(self, reading: xr.Dataset) -> Array:
         """Coordinates, (N, k) [m, rad]; angles without whole turns that an encoder jumps by."""
@@ -149,21 +149,17 @@ class ImuModel(MeasurementModel):
     biases = True
     width = 6
     channels = (("specific_force", 3), ("angular_rate", 3))
+    parts = (Part("specific force", "m/s^2", 3), Part("angular rate", "rad/s", 3))
 
     def __init__(self, sensor: Imu, robot: Robot) -> None:
         self.frame = FrameModel(robot, sensor)
         floors = np.repeat([FLOOR["specific force"], FLOOR["angular rate"]], 3)
         steps = np.repeat([sensor.accelerometer_step, sensor.gyroscope_step], 3)
         noise = np.concatenate([sensor.accelerometer_std, sensor.gyroscope_std])
-        self.variances: Array = np.maximum(np.hypot(noise, steps / np.sqrt(12)), floors) ** 2
-        self.bias_std: Array = np.maximum(
-            np.repeat([sensor.accelerometer_bias, sensor.gyroscope_bias], 3), floors
-        )
-        self.bias_walk: Array = np.repeat([sensor.accelerometer_walk, sensor.gyroscope_walk], 3)
-        self.parts: tuple[Part, ...] = (
-            Part("specific force", "m/s^2", 3),
-            Part("angular rate", "rad/s", 3),
-        )
+        self.variances = np.maximum(np.hypot(noise, steps / np.sqrt(12)), floors) ** 2
+        biases = np.repeat([sensor.accelerometer_bias, sensor.gyroscope_bias], 3)
+        self.bias_std = np.maximum(biases, floors)
+        self.bias_walk = np.repeat([sensor.accelerometer_walk, sensor.gyroscope_walk], 3)
 
     def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
         """Residuals of samples and their Jacobian; see `MeasurementModel`."""
@@ -181,13 +177,13 @@ class CaptureModel(MeasurementModel):
 
     width = 7
     channels = (("position", 3), ("quaternion", 4))
+    parts = (Part("position", "m", 3), Part("attitude", "rad", 3))
 
     def __init__(self, sensor: MotionCapture, robot: Robot) -> None:
         self.frame = FrameModel(robot, sensor)
         place = np.maximum(sensor.position_std, FLOOR["position"])
         turn = np.maximum(sensor.attitude_std, FLOOR["attitude"])
-        self.variances: Array = np.concatenate([place, turn]) ** 2
-        self.parts: tuple[Part, ...] = (Part("position", "m", 3), Part("attitude", "rad", 3))
+        self.variances = np.concatenate([place, turn]) ** 2
 
     def residuals(self, levels: Array, attitude: Rotation, rows: Array) -> tuple[Array, Array]:
         """Residuals of samples and their Jacobian; see `MeasurementModel`."""

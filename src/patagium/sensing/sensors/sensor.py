@@ -294,6 +294,6 @@ def saturation(name: str, count: int, total: int) -> str:
 
 def stepped(values: Array, step: Any) -> Array:
     """Values rounded to whole steps of a converter, or unchanged if the step is zero."""
-    width = np.broadcast_to(np.asarray(step, float), values.shape)
+    width = np.asarray(step, float)
     safe = np.where(width > 0, width, 1.0)
     return np.where(width > 0, np.round(values / safe) * safe, values)
