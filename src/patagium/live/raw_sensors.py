@@ -201,7 +201,7 @@ class MotionPackets:
         self._set: dict[str, float] = {}
         self._unheard: Counter[str] = Counter()
         self._last, self._silent = -np.inf, False
-        self._samples = {name: [0, 0] for name in self._sensors}
+        self._samples = {name: np.zeros(2, int) for name in self._sensors}  # bad, and all
         self._told: set[str] = set()
         self._shifts: dict[str, float] = {}
         self._settings: tuple[Array, dict[str, Array]] = np.empty(0), {}
@@ -280,8 +280,7 @@ class MotionPackets:
                 continue
             saturated = bool(self._sensors[name].saturated(values).any())
             self.counts["out_of_range"] += saturated
-            self._samples[name][0] += saturated
-            self._samples[name][1] += 1
+            self._samples[name] += saturated, 1
             if name in self._seeing:
                 self._waiting.append((stamp, name, values))
                 self._first.setdefault(name, stamp)

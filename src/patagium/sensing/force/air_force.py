@@ -100,14 +100,11 @@ def packet_columns(robot: Robot, carried: Sequence[str] = ()) -> tuple[Column, .
         robot: The machine that sends them.
         carried: Which k of `OPTIONAL_PARTS` the packet carries after u1.
     """
-    found = [Column("time", "s")]
-    for name, unit in zip(robot.coordinate_names, robot.coordinate_units, strict=True):
-        found.append(Column(f"q.{name}", unit))
-    both = robot.dof_units, robot.force_units
+    found, per = [Column("time", "s")], {"v": "/s", "a": "/s^2"}
+    found += map(Column, [f"q.{name}" for name in robot.coordinate_names], robot.coordinate_units)
     for part in (*PARTS[1:], *carried):
-        for name, length, force in zip(robot.dof_names, *both, strict=True):
-            units = {"v": f"{length}/s", "a": f"{length}/s^2"}
-            found.append(Column(f"{part}.{name}", units.get(part, force)))
+        units = [unit + per[part] for unit in robot.dof_units] if part in per else robot.force_units
+        found += map(Column, [f"{part}.{name}" for name in robot.dof_names], units)
     return tuple(found)
 
 

@@ -161,7 +161,8 @@ class Sensor:
         if factor < 0:
             raise ParameterError("factor", "zero or more", factor)
         errors = [entry.name for entry in fields(self) if entry.metadata in (_NOISE, _SIGNED)]
-        return replace(self, **{name: _times(getattr(self, name), factor) for name in errors})
+        known = {name: value for name in errors if (value := getattr(self, name)) is not None}
+        return replace(self, **{name: np.multiply(factor, k).tolist() for name, k in known.items()})
 
     def clock(self, begin: float, end: float) -> tuple[Array, Array]:
         """Stamps of all samples of a span of time, and their times by the world's clock.
@@ -225,14 +226,6 @@ class Sensor:
         """Description for a file, JSON-able: all fields but delay and clock."""
         known = {entry.name: getattr(self, entry.name) for entry in fields(self)}
         return {"kind": type(self).__name__} | {k: v for k, v in known.items() if k not in HIDDEN}
-
-
-def _times(value: Any, factor: float) -> Any:
-    if value is None:
-        return None
-    if isinstance(value, tuple):
-        return tuple(_times(part, factor) for part in value)
-    return factor * value
 
 
 @dataclass(frozen=True, kw_only=True)

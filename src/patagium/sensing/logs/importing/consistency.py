@@ -220,8 +220,8 @@ def _rate_findings(looked: _Stretches, items: Sequence[Quantity], robot: Robot) 
                 )
         for body in robot.floating_bodies.values():
             names = [robot.dof_names[k] for k in body.floating_dofs or ()]
-            parts = [lower] * 3 + [upper] * 3 + ["q"] * 3
-            labels = [".".join(one) for one in zip(parts, names[:3] + names, strict=True)]
+            labels = [f"{part}.{name}" for part in (lower, upper) for name in names[:3]]
+            labels += [f"q.{name}" for name in names[3:]]
             if held.keys() >= {*labels} and _along_body(looked, [held[one] for one in labels]):
                 wrong.append(f"{', '.join(labels[3:6])} (they are once turned from body to world)")
         if wrong:
