@@ -256,6 +256,8 @@ def test_wandering_is_said_in_own_units(grey):
         ({"added_mass.factor": 0.1}, {}, "added mass to go with it"),
         ({"density": 0.1}, {"start": "late"}, "start"),
         ({"density": 0.1}, {"measured": ["pitch"]}, "pitch"),
+        ({"density": 0.1}, {"measured": ["plunge", "plunge"]}, "measured: expected different"),
+        ({"density": 0.1}, {"measured": []}, "measured: expected different"),
     ],
 )
 def test_what_cannot_be_is_refused(robot, estimate, options, message):

@@ -166,6 +166,10 @@ def test_what_a_network_refuses(robot):
         pt.StripNetwork(robot, measured=("lift",))
     with pytest.raises(ShapeError, match="measured"):
         pt.StripNetwork(robot, measured=np.ones((2, 5)))
+    for kind in (pt.StripNetwork, pt.learning.LinearStripNetwork):
+        for names in (["z", "z"], []):
+            with pytest.raises(ParameterError, match="measured: expected different names"):
+                kind(robot, measured=names)
     with pytest.raises(ParameterError, match="chord_fraction"):
         pt.StripNetwork(robot, chord_fraction=1.5)
     with pytest.raises(ParameterError, match="coefficient_scale"):

@@ -41,6 +41,7 @@ from patagium.learning.models.physical import (
     numbers_of,
     physical_parameters,
 )
+from patagium.learning.models.wing import measured_names
 from patagium.native import NativeFunction, load_functions, named_function
 from patagium.robot.files import load_robot_text
 
@@ -78,8 +79,8 @@ class GreyBox(Network):
         own_prior: Standard deviations before any sample, 1 of each parameter, (n,) [1].
 
     Raises:
-        ParameterError: If a name is unknown, a deviation not positive, or the added mass does not
-            go with the model.
+        ParameterError: If a name is unknown or there twice, a deviation not positive, or the added
+            mass does not go with the model.
 
     References:
         Ljung (1999), System Identification, chapter 11 (recursive prediction errors).
@@ -117,7 +118,7 @@ class GreyBox(Network):
         self.flight_terms = FlightTerms(accelerates, carries, robot=own)
         self.measured_inputs = robot.state_size + robot.dof * accelerates
         self.own_prior = np.ones(self.size)
-        self._names = robot.dof_names if measured is None else tuple(measured)
+        self._names = measured_names(robot, measured)
         self._rows = tuple(robot.index(name) for name in self._names)
         weight = 9.81 * float(robot.mass)
         squares = strip_squares(robot)[list(self._rows), :, :3].sum(axis=(1, 2))

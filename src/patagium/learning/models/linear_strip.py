@@ -36,7 +36,7 @@ from patagium.learning.models.memory import LagEquations, compiled_steps, row_si
 from patagium.learning.models.network import Encoding, FlightTerms
 from patagium.learning.models.perceptron import Perceptron
 from patagium.learning.models.strip_lags import StripLags, lag_functions
-from patagium.learning.models.wing import WingNetwork
+from patagium.learning.models.wing import WingNetwork, measured_names
 from patagium.learning.settings import Misfit
 from patagium.native import load_functions, named_function
 from patagium.robot.model import Robot
@@ -85,7 +85,7 @@ class LinearStripNetwork(WingNetwork):
         flight_terms: Accelerations among the inputs, added mass in the outputs.
 
     Raises:
-        ParameterError: If the robot has no strips, or a name is not one of its coordinates.
+        ParameterError: If the robot has no strips, or a name is unknown or there twice.
 
     References:
         Dickinson, Lehmann & Sane (1999), Science 284 (blade elements); Theodorsen (1935), NACA
@@ -114,7 +114,7 @@ class LinearStripNetwork(WingNetwork):
         if not robot.strips:
             raise ParameterError("robot", "a robot with wings", robot.name)
         self.robot, self.air = robot, replace(air or Air(), gust=None)
-        self._names = self.measured = robot.dof_names if measured is None else tuple(measured)
+        self._names = self.measured = measured_names(robot, measured)
         rows = [robot.index(name) for name in self._names]
         self.surfaces = surfaces_of(robot)
         self.attached = attached

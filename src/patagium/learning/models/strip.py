@@ -24,7 +24,7 @@ from patagium.arrays import Array, real_array
 from patagium.errors import ParameterError, ShapeError, positive
 from patagium.learning.models.network import FlightTerms
 from patagium.learning.models.perceptron import Perceptron
-from patagium.learning.models.wing import WingNetwork
+from patagium.learning.models.wing import WingNetwork, measured_names
 from patagium.native import load_functions, named_function
 from patagium.robot.model import Robot
 
@@ -183,12 +183,8 @@ def _measurement(robot: Robot, measured: Measured) -> tuple[tuple[str, ...], Arr
     if measured is None:
         return robot.dof_names, None
     if isinstance(measured, Sequence) and all(isinstance(name, str) for name in measured):
-        names = (measured,) if isinstance(measured, str) else tuple(map(str, measured))
-        if not names or len(set(names)) != len(names):
-            raise ParameterError("measured", "different names of coordinates", measured)
-        for name in names:
-            robot.index(name)
-        return names, None
+        names = (measured,) if isinstance(measured, str) else measured
+        return measured_names(robot, names), None
     matrix = real_array("measured", measured)
     columns = 3 * len(robot.strips)
     if matrix.ndim != 2 or matrix.shape[1] != columns or not len(matrix):

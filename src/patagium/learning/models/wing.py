@@ -5,7 +5,7 @@ Neglected: gusts; density and steady wind are known.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, ClassVar, Self
 
@@ -14,6 +14,7 @@ import casadi as ca
 from patagium.aerodynamics.air import Air, air_from_description
 from patagium.aerodynamics.named_descriptions import plainly
 from patagium.arrays import Array
+from patagium.errors import ParameterError
 from patagium.learning.models.dense import described
 from patagium.learning.models.network import Encoding
 from patagium.learning.models.perceptron import PerceptronNetwork
@@ -106,3 +107,17 @@ class WingNetwork(PerceptronNetwork):
         """Address of the compiled encoder and its constants; None without a compiler."""
         address = self._encode.address
         return None if address is None else (address, self._parameters)
+
+
+def measured_names(robot: Robot, measured: Sequence[str] | None) -> tuple[str, ...]:
+    """Names of the coordinates whose force y is: those that are measured, or all.
+
+    Raises:
+        ParameterError: If there is none, one is there twice, or one is unknown.
+    """
+    names = robot.dof_names if measured is None else tuple(map(str, measured))
+    if not names or len({*names}) != len(names):
+        raise ParameterError("measured", "different names of coordinates", measured)
+    for name in names:
+        robot.index(name)
+    return names
