@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import patagium as pt
-from patagium.errors import ParameterError
+from patagium.errors import ParameterError, ShapeError
 from patagium.learning import load_model, model_of, network_from_description, save_model
 from patagium.learning.identify import compare
 from patagium.learning.model_file import Model
@@ -240,6 +240,25 @@ def test_wandering_is_said_in_own_units(grey):
     assert grey.stds({"section.lift_slope": 0.005}) == pytest.approx([0, 0, 0.01])
     with pytest.raises(ParameterError, match="wandering"):
         grey.stds({"section.profile_drag": 0.1})
+    for number in (-0.1, "0.1"):
+        with pytest.raises(ParameterError, match="wandering"):
+            grey.stds({"section.lift_slope": number})
+
+
+def test_weights_of_another_box_are_refused(grey, robot):
+    """Two weights of a box of three flew the third at its prior, and those of two named one."""
+    weights, variances = np.array([0.5, -0.3, 1.2]), np.array([0.1, 0.2, 0.3])
+    told = grey.estimates(weights, variances)
+    assert grey.estimates([*weights], [*variances]) == told and len(told) == 3
+    network = pt.learning.LinearStripNetwork(robot)
+    for wrong in (weights[:2], np.append(weights, 0.0), weights[None]):
+        for taker in (grey.estimates, grey.air_at, network.air_at):
+            with pytest.raises(ShapeError, match="weights: expected shape"):
+                taker(wrong)
+    with pytest.raises(ShapeError, match="variances: expected shape"):
+        grey.estimates(weights, np.diag(variances))
+    with pytest.raises(ParameterError, match="variances: expected zero or more"):
+        grey.estimates(weights, -variances)
 
 
 @pytest.mark.parametrize(

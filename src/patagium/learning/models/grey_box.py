@@ -26,7 +26,7 @@ from patagium.aerodynamics.description import aero_from_description
 from patagium.aerodynamics.indicial import Relaxation, lag_step
 from patagium.aerodynamics.model import Aerodynamics, checked_air
 from patagium.arguments import checked
-from patagium.arrays import Array, Indices
+from patagium.arrays import Array, Indices, real_array
 from patagium.dynamics.equations import damping_force, inverse, kirchhoff_force
 from patagium.errors import ParameterError, check_names
 from patagium.learning.models.dense import described
@@ -205,12 +205,21 @@ class GreyBox(Network):
 
         Args:
             weights: Weights, (n,) [1].
-            variances: Of the weights, (n,); None: not known.
+            variances: Of the weights, (n,) [1], the diagonal of their covariance; None: not known.
+
+        Raises:
+            ParameterError: If a number is no real one, or a variance is below zero.
+            ShapeError: If there are more weights or variances than parameters, or fewer.
         """
+        weights = real_array("weights", weights, (self.size,))
         spread = np.full(self.size, np.nan) if variances is None else variances
-        each = zip(self.parameters, weights.tolist(), spread.tolist(), strict=False)
+        spread = real_array("variances", spread, (self.size,))
+        if (spread < 0).any():
+            raise ParameterError("variances", "zero or more", spread.min())
+        each = zip(self.parameters, weights.tolist(), spread.tolist(), strict=True)
         return tuple(parameter.estimate(w, variance) for parameter, w, variance in each)
 
+    @checked
     def stds(self, wandering: Mapping[str, float]) -> Array:
         """A learner's process deviation from those of parameters in their own units, (n,).
 
@@ -218,9 +227,11 @@ class GreyBox(Network):
             wandering: By which each parameter wanders between two updates, by name; others stay.
 
         Raises:
-            ParameterError: If a name is not learned.
+            ParameterError: If a name is not learned, or a number is below zero.
         """
         check_names("wandering", wandering, [one.name for one in self.parameters])
+        if min(wandering.values(), default=0.0) < 0:
+            raise ParameterError("wandering", "zero or more", dict(wandering))
         return np.array([wandering.get(one.name, 0.0) / one.std for one in self.parameters])
 
     def air_at(self, weights: Array) -> tuple[Aerodynamics, AddedMass | None]:
@@ -231,6 +242,7 @@ class GreyBox(Network):
 
         Raises:
             ParameterError: If a parameter is no argument of the model.
+            ShapeError: If there are more weights than parameters, or fewer.
         """
         return changed_air(self.model, self.added_mass, self.estimates(weights))
 

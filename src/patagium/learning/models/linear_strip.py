@@ -28,7 +28,7 @@ from patagium.aerodynamics.linear_strips import (
     terms_of,
 )
 from patagium.arguments import checked
-from patagium.arrays import Array
+from patagium.arrays import Array, real_array
 from patagium.dynamics.chain import vector
 from patagium.dynamics.kinematics import add_wrench, generalized_force
 from patagium.errors import ParameterError
@@ -206,8 +206,9 @@ class LinearStripNetwork(WingNetwork):
 
         Raises:
             ParameterError: If a weight is not finite.
+            ShapeError: If there are more weights than the network has, or fewer.
         """
-        corrections, terms = self.split(ca.DM(weights))
+        corrections, terms = self.split(ca.DM(real_array("weights", weights, (self.size,))))
         named = zip((term.name for term in self.terms), terms.full()[:, 0].tolist(), strict=True)
         coefficients = corrections.full().ravel()
         free = replace(self.air, ground=None)
