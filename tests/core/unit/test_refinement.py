@@ -118,6 +118,25 @@ def test_logs_one_after_the_other_teach_as_much_as_both_at_once():
         refine(learner, TIME, x[60:], y[60:], before=replace(first, kept_covariance=None))
 
 
+def test_a_learner_goes_on_from_what_can_be_its_state_alone():
+    """NaN ended the next update as if the prior were wrong; of a larger P a part was taken."""
+    learner, weights, plain = pt.ExtendedLearner(pt.DenseNetwork(1, (), 1)), [0.5, -0.6], np.eye(2)
+    learner.go_on_from(weights, plain.tolist())
+    for wrong, name in (
+        (([np.nan, 0.2], plain), "weights: expected finite"),
+        ((weights[:1], plain), "weights: expected shape"),
+        ((weights, np.diag(plain)), "covariance: expected shape"),
+        ((weights, np.eye(3)), "covariance: expected shape"),
+        ((weights, -plain), "covariance: expected a symmetric and positive definite"),
+        ((weights, plain * np.nan), "covariance: expected finite"),
+        ((weights, plain + [[0, 0.9], [0, 0]]), "covariance: expected a symmetric and positive"),
+    ):
+        with pytest.raises((ParameterError, ShapeError), match=name):
+            learner.go_on_from(*wrong)
+        assert np.array_equal(learner.weights, weights)
+        assert np.allclose(learner.covariance, plain, atol=1e-15)  # rounding
+
+
 def test_found_noise_is_that_of_the_errors_that_remain():
     """Noise included errors of the first weights: deviations were 3 to 50 times too large."""
     network, noise, time = pt.DenseNetwork(3, (), 2), np.array([0.01, 0.3]), np.arange(100) * 0.01

@@ -38,7 +38,7 @@ from patagium.learning.learners.learner import (
 )
 from patagium.learning.learners.state_file import write_state
 from patagium.learning.models.memory import memory_of, network_inputs
-from patagium.learning.models.network import Network
+from patagium.learning.models.network import Network, center_of
 from patagium.learning.models.physical import own_prior
 from patagium.learning.settings import (
     FilterSettings,
@@ -462,9 +462,22 @@ class FilterLearner(Learner):
         Args:
             weights: W, (n,) [1].
             covariance: P, (n, n) [1], of which the blocks of the covariance structure are taken.
+
+        Raises:
+            ParameterError: If a number is not finite, or P not symmetric and positive definite.
+            ShapeError: If they are those of another number of weights.
         """
-        parts = [covariance[np.ix_(block, block)] for block in blocks_in(self._numbers)]
-        root = packed([lower_factor(part) for part in parts])
+        n, blocks = self._network.size, blocks_in(self._numbers)
+        weights = center_of("weights", real_array("weights", weights, (n,)), n)
+        entries = real_array("covariance", covariance, (n, n)).ravel()
+        covariance = center_of("covariance", entries, n * n).reshape(n, n)
+        try:
+            if not np.allclose(covariance, covariance.T, atol=1e-8 * np.abs(covariance).max()):
+                raise MatrixLost(Outcome.COVARIANCE_LOST)
+            root = packed([lower_factor(covariance[np.ix_(part, part)]) for part in blocks])
+        except MatrixLost:
+            expected = "a symmetric and positive definite matrix"
+            raise ParameterError("covariance", expected, "another") from None
         self._filter.resume({"mean": weights, "nis": np.array(self.nis), "root": root})
 
     def state(self) -> dict[str, Any]:
