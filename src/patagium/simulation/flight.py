@@ -151,6 +151,7 @@ SINGLE = (
 """What files hold in single precision (relative error 6e-8): it follows from the rest, and neither
 learning nor an audit reads it."""
 
+_TIME = {"time": Quantity((), "s", "time")}
 _Q_WITH_QUATERNION = Quantity(("coordinate",), "m, rad or 1", "generalized coordinates")
 
 
@@ -336,10 +337,10 @@ def robot_of(flight: xr.Dataset, name: str = "flight", late: bool = False) -> Ro
 
 
 def check_labels(flight: xr.Dataset, robot: Robot, name: str = "flight") -> None:
-    """Refuse a record whose coordinates, strips or axes are not those of a robot, in order.
+    """Refuse a record with other coordinates, strips or axes than a robot's, or in other units.
 
     Args:
-        flight: The record; what it does not name is not checked.
+        flight: The record; labels and units that it does not state are not checked.
         robot: The machine.
         name: What to call it in errors.
 
@@ -358,6 +359,12 @@ def check_labels(flight: xr.Dataset, robot: Robot, name: str = "flight") -> None
             expected = f"expected {len(labels)} {'strips' if dim == 'strip' else 'coordinates'}"
             told = f"{len(found)}: {', '.join(found)} in place of {', '.join(labels)}"
             raise FlightError(f"{name}: {dim}: {expected} of robot {robot.name!r}, found {told}")
+    for quantity, kind in (_TIME | quantities(robot) | OPTIONAL).items():
+        held = flight.variables.get(quantity)
+        if held is not None and {*held.dims} == {"time", *kind.dims} and kind.units:
+            stated = held.attrs.get("units", kind.units)
+            if stated != kind.units:
+                raise FlightError(f"{name}: {quantity}", f"[{kind.units}]", f"[{stated}]")
 
 
 def aero_of(flight: xr.Dataset) -> Aerodynamics:

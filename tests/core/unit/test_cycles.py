@@ -52,6 +52,33 @@ def test_a_load_cell_reads_the_air_and_the_rate_of_the_wings_momentum(held: xr.D
     )
 
 
+@pytest.mark.parametrize(
+    ("quantity", "units", "factor"),
+    [("u1", "mN or mN m", 1e3), ("q", "m or deg", np.degrees(1.0)), ("time", "ms", 1e3)],
+)
+def test_a_flight_that_states_other_units_is_refused(
+    held: xr.Dataset, quantity: str, units: str, factor: float
+) -> None:
+    """Mean power was 1000 times too large, and numbers were learned of such forces."""
+    stated = (held[quantity] * factor).assign_attrs(units=units)
+    other = (
+        held.assign_coords(time=stated) if quantity == "time" else held.assign({quantity: stated})
+    )
+    sensors = [pt.sensors.presets.as5600()]
+    for use in (
+        pt.cycle_statistics,
+        pt.identify,
+        pt.training_data,
+        lambda flight: pt.sense(flight, sensors),
+        lambda flight: pt.sensor_log(flight[["q", "v", "a", "u1"]]),
+    ):
+        with pytest.raises(FlightError, match=rf"{quantity}: expected \[.*found \[{units}\]"):
+            use(other)
+    silent = other.copy()
+    silent[quantity].attrs.pop("units")
+    pt.training_data(silent)  # of what does not say so, arithmetic drops the units
+
+
 def test_cycles_of_a_settled_wing_repeat(held: xr.Dataset) -> None:
     statistics = pt.cycle_statistics(held, skip=2)
     assert statistics.attrs["cycles"] == BEATS - 2
