@@ -97,6 +97,7 @@ class Model:
         """
         return None if self.kept_covariance is None else self.kept_covariance.dense()
 
+    @checked
     def air(
         self, robot: Robot | None = None, air: Air | None = None
     ) -> tuple[Aerodynamics, AddedMass | None]:
@@ -138,6 +139,7 @@ class Model:
         check_added_mass(machine, model, added)
         return model, added
 
+    @checked
     def draw(self, seed: int, robot: Robot | None = None, air: Air | None = None) -> Model:
         """Model with weights drawn from what the samples left open: normal, about its own.
 

@@ -21,6 +21,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from patagium.arguments import checked
 from patagium.arrays import Array, brief, real_array, thin
 from patagium.dynamics.equations import damping_force, inverse
 from patagium.dynamics.kinematics import body_poses, body_velocities
@@ -377,6 +378,7 @@ class CarriedGait:
         }
 
 
+@checked
 def carried_gait(robot: Robot, plan: ArmPlan, gait: Gait) -> CarriedGait:
     """Gait of a composed robot (`Robot.mounted_on`): its arm follows a plan.
 

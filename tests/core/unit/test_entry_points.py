@@ -26,6 +26,11 @@ def _history(**given: Any) -> Any:
     return air.section_history(**{"model": pt.QuasiSteady, **plain, **given})
 
 
+def _learned_air(**given: Any) -> Any:
+    learner = pt.ExtendedLearner(pt.GreyBox(pt.QuasiSteady(ROBOT), {"density": 0.1}))
+    return learning.model_of(learner).air(**given)
+
+
 def _sections() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     table = dict(zip(("angle", "lift", "drag"), ROWS, strict=True))
     lags = {name: (0.1, 0.3) for name in ("rate", "lift", "circulation")}
@@ -68,6 +73,10 @@ def _others() -> list[tuple[str, Callable[..., Any], dict[str, Any]]]:
         ("attitude", ROBOT.with_attitude, {}),
         ("values", ROBOT.with_parameters, {}),
         ("name", ROBOT.joints_named, {}),
+        ("robot", _learned_air, {}),
+        ("air", _learned_air, {}),
+        ("seed", learning.model_of(LEARNER).draw, {}),
+        ("plan", pt.gaits.carried_gait, {"robot": ROBOT, "gait": pt.gaits.cruise(ROBOT)}),
         ("x", ROBOT.coordinates, {}),
         ("x", ROBOT.velocities, {}),
         ("seed", LEARNER.network.initial, {}),

@@ -189,6 +189,20 @@ def test_lost_frames_come_in_runs(flight: xr.Dataset) -> None:
     assert lost.sum() / starts / 200.0 == pytest.approx(0.05, rel=0.15)
 
 
+def test_the_log_of_a_flight_is_that_of_its_motion_and_forces(flight: xr.Dataset) -> None:
+    """Points of strips, (time, strip, axis), were taken for positions of a body."""
+    log, small = pt.sensor_log(flight), pt.sensor_log(flight[["q", "v", "a", "u1"]])
+    assert list(log) == list(small)
+    assert all(log[name].identical(small[name]) for name in log)
+
+
+def test_a_sensor_log_is_asked_for_its_sensors(flight: xr.Dataset) -> None:
+    """`in` and `list` asked for a sensor named 0."""
+    log = pt.sense(flight, [pt.sensors.presets.as5600()])
+    assert "as5600" in log and "Imu" not in log
+    assert list(log) == ["as5600"] and len(log) == 1
+
+
 def test_a_load_cell_feels_what_holds_the_robot_at_its_own_place() -> None:
     flight = at_rest(1.0, (0.0, 0.0, np.pi / 2))  # yaw: the body's x points along the world's y
     cell = S.LoadCell(body="body", rate=100.0, position=(0.1, 0.0, 0.0))

@@ -231,6 +231,8 @@ def _by_coordinate(table: xr.Dataset, robot: Robot) -> xr.Dataset:
 
 def _place(found: _Found, name: str, values: xr.DataArray, body: str | None) -> None:
     """Put a quantity with what measured it; one that tells nothing of motion is left out."""
+    if values.ndim > 2:  # of strips
+        return
     unit = str(values.attrs.get("units", ""))
     numbers = np.asarray(values.transpose("time", ...).values, float)
     where, dim = body or body_in(name, found.robot), values.dims[-1]

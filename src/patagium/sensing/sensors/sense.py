@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -69,6 +69,14 @@ class SensorLog:
         if not (isinstance(name, str) and name in self.readings):
             raise ParameterError("sensor", f"one of {', '.join(self.readings)}", name)
         return self.readings[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of the sensors."""
+        return iter(self.readings)
+
+    def __len__(self) -> int:
+        """Number of sensors."""
+        return len(self.readings)
 
     def samples(self) -> list[tuple[str, float, Array]]:
         """Name, stamp [s] and values of samples in order, as `MotionTracker.push` takes them."""
