@@ -15,6 +15,7 @@ import xarray as xr
 from patagium.aerodynamics import Air
 from patagium.arguments import checked
 from patagium.arrays import Array, Bools, usual_step
+from patagium.errors import LogError
 from patagium.learning.learners.extended import ExtendedLearner
 from patagium.learning.learners.filter_learner import FilterLearner
 from patagium.learning.learners.learner import Learner
@@ -79,12 +80,20 @@ def _physics_error(network: LinearStripNetwork, log: xr.Dataset | ForceSamples) 
 
     Without added mass where a simulation says that it had none. Where no gait is known it is the
     error of the first second in which joints move; nan where no output moves.
+
+    Raises:
+        LogError: If a wingbeat of the gait is shorter than the step of the samples.
     """
     period, carried = None, True
     if isinstance(log, xr.Dataset):
         carried = "air" in log.attrs or added_mass_of(log) is not None  # no simulation has "air"
         if period := gait_period(log):
-            log = log.isel(time=log["time"].values <= log["time"].values[0] + period)
+            stamps = log["time"].values
+            beat = stamps <= stamps[0] + period
+            if beat.sum() < min(2, len(stamps)):
+                found = f"a step of {stamps[1] - stamps[0]:g} s; is it in s?"
+                raise LogError("time", f"samples within a wingbeat of {period:g} s", found)
+            log = log.isel(time=beat)
     time, x, y, _ = samples(log, network)
     first, weights = first_motion(network.robot, time, x, period), network.physics(carried)
     seen = network_inputs(network, weights, time[first], x[first])

@@ -583,11 +583,21 @@ class Robot:
         return {name: (side, image) for side, (name, image) in both}
 
     def side(self, name: str) -> int:
-        """Side of a degree of freedom: 1 left, -1 right, 0 without a mirror image."""
+        """Side of a degree of freedom: 1 left, -1 right, 0 without a mirror image.
+
+        Raises:
+            ParameterError: If there is none of that name.
+        """
+        self.index(name)
         return self._images.get(name, (0, name))[0]
 
     def twin(self, name: str) -> str:
-        """Degree of freedom of the other side, `right_plunge` for `left_plunge`, or the same."""
+        """Degree of freedom of the other side, `right_plunge` for `left_plunge`, or the same.
+
+        Raises:
+            ParameterError: If there is none of that name.
+        """
+        self.index(name)
         return self._images.get(name, (0, name))[1]
 
     @cached_property
@@ -626,8 +636,14 @@ class Robot:
         return kind, self.joints_named(joint) if kind in COMMANDS else ()
 
     def paired(self, name: str) -> str:
-        """Command of both sides: `plunge_offset` for `left_plunge_offset`."""
+        """Command of both sides: `plunge_offset` for `left_plunge_offset`.
+
+        Raises:
+            ParameterError: If no joint answers it.
+        """
         kind, joints = self.command(name)
+        if not joints:
+            raise ParameterError("command", "one that a joint answers", name)
         groups = (group for group, own in self.joint_groups.items() if {*joints} <= {*own})
         return name if kind == name else f"{next(groups)}_{kind}"
 

@@ -139,6 +139,15 @@ def test_a_motion_without_accelerations_is_refused_in_words() -> None:
         learner.predict([q, v])
 
 
+def test_a_step_longer_than_a_wingbeat_is_told_by_its_time(flight: xr.Dataset) -> None:
+    """A flight in ms had one sample in its first wingbeat and was asked to be longer."""
+    late = flight.assign_coords(time=flight["time"].values * 1e3)
+    with pytest.raises(
+        pt.errors.LogError, match=r"time: .* wingbeat of 0.2 s, found a step of 1 s"
+    ):
+        default_learner(late)
+
+
 def test_the_first_wingbeat_says_whether_flow_is_attached(
     flight: xr.Dataset, tmp_path: Path
 ) -> None:

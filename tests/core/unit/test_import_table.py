@@ -119,6 +119,8 @@ def test_an_imported_log_is_a_table_without_its_mapping(tmp_path: Path) -> None:
     assert table.input_names == direct.input_names and table.source == str(found)
     with pytest.raises(ParameterError, match="mapping"):
         read_table(path)
+    with pytest.raises(LogError, match=r"none.csv: .*no such file"):
+        read_table(tmp_path / "none.csv")
     with pytest.raises(FlightError, match="read_table"):
         pt.identify(pt.load_log(found))
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patagium.errors import RobotFileError
+from patagium.errors import ParameterError, RobotFileError
 from patagium.robot import load_robot, load_robot_text, preset_names, preset_text
 from patagium.robot.planform import wing_span
 
@@ -82,6 +82,21 @@ def test_aerobat_has_five_strips_a_side_on_the_plates():
     span = [s.quarter_chord[1] for s in left]
     assert span == pytest.approx([0.012, 0.036, 0.060, 0.084, 0.108], rel=1e-14)
     assert all(s.quarter_chord[0] == pytest.approx(0.025, rel=1e-14) for s in left)
+
+
+def test_names_of_no_joint_have_no_side_and_no_pair():
+    """`paired` answered plunge_plunge for left_plunge, and `side` 0 for Left_plunge."""
+    robot = load_robot("aerobat")
+    assert (robot.side("left_plunge"), robot.twin("left_plunge")) == (1, "right_plunge")
+    assert (robot.side("pitch"), robot.twin("pitch")) == (0, "pitch")
+    assert robot.paired("left_plunge_offset") == "plunge_offset"
+    assert robot.paired("frequency") == "frequency"
+    for asked in (robot.side, robot.twin):
+        with pytest.raises(ParameterError, match="coordinate: .*left_plunge"):
+            asked("Left_plunge")
+    for name in ("left_plunge", "Left_plunge", "left_plung_offset"):
+        with pytest.raises(ParameterError, match="command: expected one that a joint answers"):
+            robot.paired(name)
 
 
 def test_published_inertia_is_that_of_the_reference_vectors():

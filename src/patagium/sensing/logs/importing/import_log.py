@@ -368,7 +368,7 @@ def opened_log(
     Raises:
         ParameterError: If a mapping is missing.
     """
-    if mapping is None and not is_log(path):
+    if mapping is None and Path(path).exists() and not is_log(path):
         raise ParameterError("mapping", "one, or its file, for such a log", None)
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "log.nc"
