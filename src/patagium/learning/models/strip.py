@@ -183,7 +183,7 @@ def _measurement(robot: Robot, measured: Measured) -> tuple[tuple[str, ...], Arr
     if measured is None:
         return robot.dof_names, None
     if isinstance(measured, Sequence) and all(isinstance(name, str) for name in measured):
-        names = (measured,) if isinstance(measured, str) else measured
+        names = (measured,) if isinstance(measured, str) else tuple(map(str, measured))
         return measured_names(robot, names), None
     matrix = real_array("measured", measured)
     columns = 3 * len(robot.strips)

@@ -115,7 +115,7 @@ def measured_names(robot: Robot, measured: Sequence[str] | None) -> tuple[str, .
     Raises:
         ParameterError: If there is none, one is there twice, or one is unknown.
     """
-    names = robot.dof_names if measured is None else tuple(map(str, measured))
+    names = robot.dof_names if measured is None else tuple(measured)
     if not names or len({*names}) != len(names):
         raise ParameterError("measured", "different names of coordinates", measured)
     for name in names:
